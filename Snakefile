@@ -1,0 +1,35 @@
+# From recordings to every table, figure and FMU of the thesis, in the thesis's order.
+#
+#   snakemake --cores 2                                                     the default study
+#   snakemake --cores 2 --configfile config/studies/<study>.yaml            another laboratory
+#   snakemake --cores 2 stability --configfile config/subjects/<name>.yaml  one person alone
+#   snakemake --cores 2 table_3_1                                           one artefact
+
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+configfile: "config/config.yaml"
+configfile: "config/twin.yaml"
+
+
+include: "workflow/rules/common.smk"
+
+
+pathvars:
+    results=f"results/{STUDY}",
+    logs=f"results/{STUDY}/logs",
+    benchmarks=f"results/{STUDY}/benchmarks",
+
+
+include: "workflow/rules/twin.smk"
+include: "workflow/rules/surgeon.smk"
+include: "workflow/rules/signals.smk"
+include: "workflow/rules/tissue.smk"
+include: "workflow/rules/runtime.smk"
+include: "workflow/rules/survey.smk"
+include: "workflow/rules/lifting.smk"
+include: "workflow/rules/stability.smk"
+include: "workflow/rules/claims.smk"
+include: "workflow/rules/targets.smk"

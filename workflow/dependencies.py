@@ -1,0 +1,69 @@
+"""Which source files of the library a script uses, found from its import statements.
+
+Snakemake re-runs a rule when one of its input files changes, but it does not see imports. Every rule therefore
+declares the files returned here as inputs.
+"""
+
+from __future__ import annotations
+
+import ast
+from functools import cache
+from pathlib import Path
+
+WORKFLOW = Path(__file__).resolve().parent
+PACKAGE = "lumbar"
+_DATA_ENDINGS = {".c", ".h", ".json", ".csv", ".yaml", ".in"}
+
+
+@cache
+def _module_file(name: str) -> Path | None:
+    path = WORKFLOW.joinpath(*name.split("."))
+    if (path / "__init__.py").is_file():
+        return path / "__init__.py"
+    return path.with_suffix(".py") if path.with_suffix(".py").is_file() else None
+
+
+@cache
+def _imported(path: Path) -> frozenset[Path]:
+    """Library files that one source file imports, at any depth of its functions, with their packages."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module)
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    files = set()
+    for name in names:
+        parts = name.split(".")
+        if parts[0] == PACKAGE:
+            files.update(_module_file(".".join(parts[:count])) for count in range(1, len(parts) + 1))
+        elif len(parts) == 1 and (WORKFLOW / "scripts" / f"{name}.py").is_file():
+            files.add(WORKFLOW / "scripts" / f"{name}.py")
+    return frozenset(file for file in files if file is not None)
+
+
+def library_sources(script: str) -> list[str]:
+    """Return every library file that a script imports, directly or through others.
+
+    Parameters
+    ----------
+    script : str
+        File name in ``workflow/scripts``.
+
+    Returns
+    -------
+    list of str
+        Sorted absolute paths. Data files (C sources, tables) that lie in a package beside an imported module
+        count too.
+    """
+    pending = [WORKFLOW / "scripts" / script]
+    seen: set[Path] = set()
+    while pending:
+        for file in _imported(pending.pop()):
+            if file not in seen:
+                seen.add(file)
+                pending.append(file)
+    for folder in {file.parent for file in seen if PACKAGE in file.parts}:
+        seen.update(file for file in folder.iterdir() if file.suffix in _DATA_ENDINGS)
+    return sorted(str(file) for file in seen)

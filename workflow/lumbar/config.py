@@ -1,0 +1,284 @@
+"""The study: its configuration checked as a whole, and the places its files come from.
+
+Everything a workflow or the command line needs to know of a configuration is asked here, so that a wrong key is
+found before anything runs and all wrong keys are found at once.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lumbar.errors import InputError, Problems
+from lumbar.tables import SYNTHETIC_TWIN
+
+TWIN = "twin"
+CHAPTERS = ("surgeon", "signals", "tissue", "runtime", "survey", "lifting", "stability", "claims")
+NEEDS = {"signals": ["surgeon"], "runtime": ["tissue"], "stability": ["lifting"]}
+"""Chapters that build on another one of the same study."""
+RECORDED = ("surgeon", "tissue", "survey", "lifting")
+"""Chapters that read recordings."""
+
+
+@dataclass(frozen=True)
+class Artefact:
+    """One table, figure or file of the thesis: a row of ``config/artefacts.tsv``.
+
+    Attributes
+    ----------
+    id : str
+        Name of its target, e.g. ``"table_3_1"``.
+    rule : str
+        Rule that makes it.
+    path : str
+        Below the study's results; ``{csv,tex,html}`` stands for each of these, ``{lift}`` for every lift.
+    chapter : str
+        One of `CHAPTERS`.
+    """
+
+    id: str
+    rule: str
+    path: str
+    chapter: str
+
+    def paths(self, lifts: Iterable[str] = ()) -> list[str]:
+        """Every file of the artefact, below the study's results."""
+        patterns = [self.path.replace("{lift}", lift) for lift in lifts] if "{lift}" in self.path else [self.path]
+        return [path for pattern in patterns for path in _expand_braces(pattern)]
+
+
+def _expand_braces(pattern: str) -> list[str]:
+    before, opening, rest = pattern.partition("{")
+    if not opening:
+        return [pattern]
+    choices, _, after = rest.partition("}")
+    return [before + choice + tail for choice in choices.split(",") for tail in _expand_braces(after)]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A checked configuration.
+
+    Attributes
+    ----------
+    name : str
+        Name of the results folder: the study's, or the subject's where one person runs alone.
+    config : dict
+        The merged configuration.
+    subjects : dict of str to dict
+        Subject files by name, in the study's order.
+    artefacts : list of Artefact
+        Those of the study's chapters.
+    """
+
+    name: str
+    config: dict[str, Any]
+    subjects: dict[str, dict]
+    artefacts: list[Artefact]
+    data_root: Path | None
+    lifts: dict[str, dict] = field(default_factory=dict)
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the data are made by the twin."""
+        return self.config["data"] == TWIN
+
+    @property
+    def data_label(self) -> str:
+        """The words that say, on every table and figure, where the data come from."""
+        return SYNTHETIC_TWIN if self.synthetic else self.config["data_source"]["name"]
+
+    def recording(self, path: str) -> str:
+        """Path of a recording named in the configuration, relative to the working directory where it is made."""
+        if self.synthetic:
+            return f"results/{self.name}/twin/{path}"
+        return str(self.data_root / path)
+
+    def has(self, chapter: str) -> bool:
+        """Whether the study includes a chapter."""
+        return chapter in self.config["chapters"]
+
+
+def load_study(config: dict, root: Path) -> Study:
+    """Check a merged configuration and return the study it describes.
+
+    Parameters
+    ----------
+    config : dict
+        Defaults with study and subject files laid over them.
+    root : Path
+        Folder of the project: schemas and subject files lie below it.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        With every wrong key, value, missing file or contradiction found.
+    """
+    problems = Problems("configuration")
+    _check_schema(config, root, problems)
+    problems.raise_if_any()
+    subjects = _load_subjects(config, root, problems)
+    chapters = config["chapters"]
+    for chapter in chapters:
+        missing = [needed for needed in NEEDS.get(chapter, []) if needed not in chapters]
+        if missing:
+            problems.add("chapters", f"{chapter} without {', '.join(missing)}", "it builds on it: add it")
+    problems.raise_if_any()
+    name = config["subject"]["name"] if "subject" in config else config["study"]
+    lifts = {
+        f"{subject}_{trial['box_mass_kg']:g}kg": {"subject": subject, **trial}
+        for subject, content in subjects.items()
+        for trial in content["trials"]
+    }
+    study = Study(
+        name=name,
+        config=config,
+        subjects=subjects,
+        artefacts=[row for row in read_artefacts(root / "config" / "artefacts.tsv") if row.chapter in chapters],
+        data_root=_data_root(config, root, problems),
+        lifts=lifts if "lifting" in chapters else {},
+    )
+    _check_records(study, problems)
+    problems.raise_if_any()
+    return study
+
+
+def read_artefacts(path: Path) -> list[Artefact]:
+    """Read the sheet of artefacts (tab-separated: id, rule, path, chapter)."""
+    with path.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream, delimiter="\t"))
+    problems = Problems(str(path))
+    for line, row in enumerate(rows, start=2):
+        if row["chapter"] not in CHAPTERS:
+            problems.add(f"line {line}", f"chapter {row['chapter']!r}", f"allowed: {', '.join(CHAPTERS)}")
+    problems.raise_if_any()
+    return [Artefact(row["id"], row["rule"], row["path"], row["chapter"]) for row in rows]
+
+
+def _schemas(root: Path):
+    """Registry of all schemas in ``workflow/schemas``, and the validator of the whole configuration."""
+    import yaml
+    from jsonschema import Draft202012Validator
+    from referencing import Registry, Resource
+
+    folder = root / "workflow" / "schemas"
+    contents = {path.name: yaml.safe_load(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.yaml"))}
+    registry = Registry().with_resources(
+        (name, Resource.from_contents({"$schema": "https://json-schema.org/draft/2020-12/schema", **content}))
+        for name, content in contents.items()
+    )
+    return lambda name: Draft202012Validator(contents[name], registry=registry)
+
+
+def _check_schema(content: dict, root: Path, problems: Problems, schema: str = "config.schema.yaml") -> None:
+    from jsonschema.exceptions import best_match
+
+    for error in sorted(_schemas(root)(schema).iter_errors(content), key=lambda item: list(map(str, item.path))):
+        if error.validator in ("anyOf", "oneOf") and error.context:
+            error = best_match([error])
+        key = ".".join(map(str, error.absolute_path)) or "top level"
+        allowed = error.schema.get("description", "") if isinstance(error.schema, dict) else ""
+        if error.validator == "additionalProperties":
+            known = ", ".join(error.schema.get("properties", {}))
+            problems.add(key, error.message.split(" (")[0], f"allowed keys: {known}. {error.message}")
+        else:
+            problems.add(key, error.message, allowed)
+
+
+def _load_subjects(config: dict, root: Path, problems: Problems) -> dict[str, dict]:
+    import yaml
+
+    if "lifting" not in config["chapters"]:
+        return {}
+    if "subject" in config:
+        return {config["subject"]["name"]: config["subject"]}
+    subjects = {}
+    for name in config["lifting"]["subjects"]:
+        path = root / "config" / "subjects" / f"{name}.yaml"
+        if not path.is_file():
+            known = ", ".join(sorted(item.stem for item in path.parent.glob("*.yaml")))
+            problems.add("lifting.subjects", f"no file config/subjects/{name}.yaml", f"there are: {known}")
+            continue
+        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        own = Problems(f"config/subjects/{name}.yaml")
+        _check_schema(content, root, own, "subject.schema.yaml")
+        if not own.entries and content["subject"]["name"] != name:
+            own.add("subject.name", repr(content["subject"]["name"]), f"the file is named {name}.yaml")
+        problems.extend(own)
+        if not own.entries:
+            subjects[name] = content["subject"]
+    return subjects
+
+
+def _data_root(config: dict, root: Path, problems: Problems) -> Path | None:
+    if config["data"] == TWIN:
+        return None
+    named = os.environ.get("LUMBAR_DATA") or config["data_root"]
+    source = config["data_source"]
+    if source is None:
+        problems.add("data_source", "missing", "recordings need name, licence and where to obtain them")
+    if named is None:
+        problems.add("data_root", "not set", "set it in the study's YAML or in the environment variable LUMBAR_DATA")
+        return None
+    folder = Path(named).expanduser()
+    folder = folder if folder.is_absolute() else root / folder
+    if not folder.is_dir() and source is not None:
+        problems.add(
+            "data_root",
+            f"the folder {folder} does not exist",
+            f"it should hold: {source['name']} (licence: {source['licence']}); obtain it from {source['obtain']}, "
+            "then set data_root in the study's YAML or the environment variable LUMBAR_DATA",
+        )
+        return None
+    return folder.resolve()
+
+
+def recordings_of(study: Study) -> dict[str, list[str]]:
+    """File names of the recordings each chapter reads, as the configuration gives them."""
+    config = study.config
+    files = {
+        "surgeon": [record["file"] for record in config["surgeon"]["records"]],
+        "tissue": [record["file"] for record in config["tissue"]["records"]],
+        "survey": [config["survey"]["file"]],
+        "lifting": [trial[key] for trial in study.lifts.values() for key in ("markers", "hip_moment") if key in trial],
+    }
+    return {chapter: names for chapter, names in files.items() if study.has(chapter)}
+
+
+def _check_records(study: Study, problems: Problems) -> None:
+    """Check names, references between keys and, for recordings, that every file is there and inside the root."""
+    config = study.config
+    if study.has("tissue"):
+        names = [record["name"] for record in config["tissue"]["records"]]
+        for name in config["tissue"]["training"]:
+            if name not in names:
+                problems.add("tissue.training", f"{name!r} is no record", f"records: {', '.join(names)}")
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            problems.add("tissue.records", f"{name!r} stands twice", "names of records must differ")
+        trained_on = config["runtime"]["trained_on"]
+        if study.has("runtime") and trained_on not in config["tissue"]["training"]:
+            problems.add("runtime.trained_on", f"{trained_on!r} is not trained on", "take one of tissue.training")
+    for chapter, files in recordings_of(study).items():
+        for name in files:
+            path = Path(name)
+            if path.is_absolute() or ".." in path.parts:
+                problems.add(chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'")
+            elif study.data_root is not None:
+                found = (study.data_root / path).resolve()
+                if not found.is_relative_to(study.data_root):
+                    problems.add(chapter, f"{name} leads out of data_root", "copy the file there")
+                elif not found.is_file():
+                    source = study.config["data_source"]
+                    problems.add(
+                        chapter,
+                        f"{name} is not in {study.data_root}",
+                        f"it comes with {source['name']} (licence: {source['licence']}): {source['obtain']}",
+                    )

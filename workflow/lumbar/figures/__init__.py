@@ -1,0 +1,1 @@
+"""Pictures of results: the top of the library, drawn from plain data."""

@@ -1,0 +1,108 @@
+"""One look for all figures: sizes, colours per model and per lifter, saving as SVG and PDF.
+
+Colours are those of Okabe and Ito (Color Universal Design, 2008), picked so that their lightness differs: with the
+line styles and markers given here every figure can be read in grey.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+import matplotlib.pyplot as plt
+
+from lumbar.files import replacing
+
+SINGLE_COLUMN = 3.5
+"""Width of a journal's column in inches."""
+DOUBLE_COLUMN = 7.2
+"""Width of a journal's page in inches."""
+
+MEASURED = "#000000"
+MODELS = {
+    "IL": {"color": "#999999", "linestyle": (0, (1, 1)), "marker": "x", "hatch": ".."},
+    "MW": {"color": "#E69F00", "linestyle": (0, (4, 1.5)), "marker": "s", "hatch": "//"},
+    "Maxwell": {"color": "#CC79A7", "linestyle": (0, (6, 1.5, 1, 1.5)), "marker": "D", "hatch": "--"},
+    "KB": {"color": "#0072B2", "linestyle": "-", "marker": "o", "hatch": ""},
+    "HO": {"color": "#D55E00", "linestyle": (0, (2, 1)), "marker": "^", "hatch": "xx"},
+    "LE": {"color": "#56B4E9", "linestyle": (0, (1, 2)), "marker": "+", "hatch": "||"},
+    "KV": {"color": "#009E73", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "marker": "v", "hatch": "\\\\"},
+}
+"""Colour, line style, marker and hatch of every model, the same in all figures."""
+LIFTERS = {
+    "expert": {"color": "#0072B2", "linestyle": "-", "marker": "o"},
+    "novice": {"color": "#D55E00", "linestyle": (0, (4, 1.5)), "marker": "s"},
+}
+"""Colour, line style and marker of the two lifters."""
+SEGMENTS = {"thorax": "#0072B2", "abdomen": "#E69F00", "pelvis": "#009E73"}
+"""Colour of the three trunk segments."""
+SERIES = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
+"""Colours for anything else, in the order in which they are used."""
+
+_SETTINGS = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.labelsize": 8,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.5,
+    "svg.hashsalt": "lumbar",
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
+    "figure.constrained_layout.use": True,
+}
+_NO_DATE = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
+
+
+def new_figure(width: float = DOUBLE_COLUMN, height: float = 3.0, **subplots):
+    """Return ``figure, axes`` of `matplotlib.pyplot.subplots` in the house's style.
+
+    Parameters
+    ----------
+    width, height : float
+        Size in inches.
+    **subplots
+        Passed on to `matplotlib.pyplot.subplots`, e.g. ``nrows=2, sharex=True``.
+    """
+    mpl.rcParams.update(_SETTINGS)
+    return plt.subplots(figsize=(width, height), **subplots)
+
+
+def label_panels(axes) -> None:
+    """Write (a), (b), … at the upper left of each axes, in order."""
+    for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", axes, strict=False):
+        axis.set_title(f"({letter})", loc="left", fontweight="bold")
+
+
+def save(figure, stem: str | os.PathLike, data: str) -> None:
+    """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run, and close the figure.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The finished figure.
+    stem : path
+        Path without ending.
+    data : str
+        Where the data come from, e.g. ``"synthetic twin"``: stands at the foot of the picture. Empty only for
+        drawings that show no data.
+    """
+    stem = Path(stem)
+    if data:
+        figure.supxlabel(f"Data: {data}", x=0.995, ha="right", fontsize=6, color="#555555")
+    for ending, metadata in _NO_DATE.items():
+        with replacing(stem.with_name(f"{stem.name}.{ending}")) as temporary:
+            figure.savefig(temporary, metadata=metadata)
+    plt.close(figure)

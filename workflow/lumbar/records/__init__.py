@@ -1,0 +1,1 @@
+"""Recordings as validated tables with units, whatever the file format."""

@@ -1,0 +1,192 @@
+"""Reading column files (CSV, TXT, MAT; gzip too) through a layout: which column is what, in which unit and scale.
+
+A layout is plain data from a study's YAML::
+
+    format: text            # text or mat
+    delimiter: ","          # one character, or "whitespace"
+    header: true            # a line of column names before the data
+    comment: "%"            # lines that start with it are skipped
+    decimal: "."
+    columns:
+      time:   {column: time_s, quantity: time, unit: s}
+      input:  {column: 2, quantity: angle, unit: rad, scale: 7.6699e-4, offset: 0}
+      output: {column: force_N, quantity: force, unit: N}
+
+``column`` is a name from the header or a number counted from 1. Values become ``raw * scale + offset`` in ``unit``.
+"""
+
+from __future__ import annotations
+
+import gzip
+import os
+from pathlib import Path
+
+import numpy as np
+
+from lumbar.errors import InputError, Problems
+from lumbar.records.record import Channel, Record, check_record
+
+TIME = "time"
+
+
+def read_record(
+    path: str | os.PathLike,
+    layout: dict,
+    name: str | None = None,
+    period: float | None = None,
+    rate: float | None = None,
+) -> Record:
+    """Read one file into a validated record.
+
+    Parameters
+    ----------
+    path : path
+        Text file (``.gz`` is unpacked) or MATLAB file.
+    layout : dict
+        See the module's description.
+    name : str, optional
+        Name of the record; default the file's stem.
+    period : float, optional
+        Period of the excitation in seconds.
+    rate : float, optional
+        Resample to this rate in hertz, with an anti-aliasing filter. Default: leave as recorded.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    InputError
+        With file, line or column, what was found and what is allowed; all problems of a file at once.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    raw = _read_mat(path, layout) if layout.get("format", "text") == "mat" else _read_text(path, layout)
+    scaled = {
+        role: raw[role] * float(column.get("scale", 1.0)) + float(column.get("offset", 0.0))
+        for role, column in layout["columns"].items()
+    }
+    channels = {
+        role: Channel(scaled[role], column.get("quantity", role), column.get("unit", ""))
+        for role, column in layout["columns"].items()
+        if role != TIME
+    }
+    time_unit = layout["columns"][TIME].get("unit", "s")
+    if time_unit not in _SECONDS:
+        raise InputError(f"{path}: time is in {time_unit!r}; allowed are {', '.join(_SECONDS)}")
+    record = Record(
+        name=name or path.name.split(".")[0],
+        time=scaled[TIME] * _SECONDS[time_unit],
+        channels=channels,
+        source=str(path),
+        period=period,
+    )
+    check_record(record)
+    if rate is not None:
+        from lumbar.records.resampling import resample
+
+        record = resample(record, rate)
+    return record
+
+
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
+
+
+def _lines(path: Path):
+    opened = gzip.open(path, "rt", encoding="utf-8-sig") if path.suffix == ".gz" else path.open(encoding="utf-8-sig")
+    with opened as stream:
+        try:
+            yield from enumerate(stream, start=1)
+        except (UnicodeDecodeError, gzip.BadGzipFile, EOFError) as error:
+            raise InputError(f"{path}: not a readable text file ({error})") from error
+
+
+def _read_text(path: Path, layout: dict) -> dict[str, np.ndarray]:
+    delimiter = layout.get("delimiter", ",")
+    separator = None if delimiter == "whitespace" else delimiter
+    comment = layout.get("comment")
+    decimal = layout.get("decimal", ".")
+    positions: dict[str, int] | None = None
+    problems = Problems(str(path))
+    rows: list[list[float]] = []
+    for number, line in _lines(path):
+        text = line.strip()
+        if not text or (comment and text.startswith(comment)):
+            continue
+        cells = [cell.strip() for cell in text.split(separator)]
+        if positions is None:
+            header = cells if layout.get("header", True) else None
+            positions = _positions(path, layout["columns"], header)
+            if header is not None:
+                continue
+        rows.append(_numbers(cells, positions, number, decimal, problems))
+        if len(problems.entries) >= 20:
+            problems.add("", "reading stopped after 20 problems")
+            break
+    problems.raise_if_any()
+    if positions is None or not rows:
+        raise InputError(f"{path}: no data rows")
+    table = np.array(rows)
+    return dict(zip(positions, table.T, strict=True))
+
+
+def _positions(path: Path, columns: dict, header: list[str] | None) -> dict[str, int]:
+    """Zero-based position of each role's column."""
+    problems = Problems(str(path))
+    positions = {}
+    for role, column in columns.items():
+        wanted = column["column"]
+        if isinstance(wanted, int):
+            positions[role] = wanted - 1
+        elif header is None:
+            problems.add(role, f"column {wanted!r} is a name, but the layout has no header", "give its number")
+        elif wanted in header:
+            positions[role] = header.index(wanted)
+        else:
+            problems.add(role, f"no column {wanted!r}", f"the header has {', '.join(header)}")
+    problems.raise_if_any()
+    return positions
+
+
+def _numbers(
+    cells: list[str], positions: dict[str, int], line: int, decimal: str, problems: Problems
+) -> list[float]:
+    values = []
+    for role, position in positions.items():
+        if position >= len(cells):
+            problems.add(f"line {line}", f"{len(cells)} columns", f"{role} is column {position + 1}")
+            values.append(np.nan)
+            continue
+        text = cells[position] if decimal == "." else cells[position].replace(decimal, ".")
+        try:
+            values.append(float(text))
+        except ValueError:
+            problems.add(f"line {line}", f"{role} is {cells[position]!r}", "a number is needed")
+            values.append(np.nan)
+    return values
+
+
+def _read_mat(path: Path, layout: dict) -> dict[str, np.ndarray]:
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path, squeeze_me=True)
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise InputError(f"{path}: not a MATLAB file of version 4 to 7.2 ({error})") from error
+    problems = Problems(str(path))
+    values = {}
+    names = [name for name in content if not name.startswith("__")]
+    for role, column in layout["columns"].items():
+        found = content.get(str(column["column"]))
+        if found is None:
+            problems.add(role, f"no variable {column['column']!r}", f"the file has {', '.join(names)}")
+        elif np.ndim(found) != 1 or np.asarray(found).dtype.kind not in "fiu":
+            problems.add(role, f"{column['column']} is not a vector of real numbers")
+        else:
+            values[role] = np.asarray(found, dtype=float)
+    if len({len(value) for value in values.values()}) > 1:
+        problems.add("", "variables of different lengths", "time, input and output need one value per sample")
+    problems.raise_if_any()
+    return values

@@ -1,0 +1,150 @@
+"""The validated record that every analysis works on: evenly sampled channels with units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.errors import Problems
+
+CLOCK_TOLERANCE = 0.25
+"""How far a sample may lie from an even clock, as a share of the sampling interval."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One measured quantity.
+
+    Attributes
+    ----------
+    values : numpy.ndarray of float, shape (samples,)
+    quantity : str
+        What was measured, e.g. ``"position"``.
+    unit : str
+        Unit of the values, e.g. ``"mm"``.
+    """
+
+    values: np.ndarray
+    quantity: str
+    unit: str
+
+    @property
+    def label(self) -> str:
+        """Axis label: quantity and unit."""
+        return f"{self.quantity.capitalize()} ({self.unit})" if self.unit else self.quantity.capitalize()
+
+
+@dataclass(frozen=True)
+class Record:
+    """Channels that share one evenly sampled clock.
+
+    Attributes
+    ----------
+    name : str
+        Name of the record within its study, e.g. ``"multisine"``.
+    time : numpy.ndarray of float, shape (samples,)
+        Seconds.
+    channels : dict of str to Channel
+        By role: ``"input"`` and ``"output"`` for a tissue test, ``"position"`` for surgeon motion,
+        ``"angle"`` and ``"moment"`` for a joint.
+    source : str
+        File it was read from, for messages.
+    period : float or None
+        Period of a periodic excitation in seconds, where it is known.
+    """
+
+    name: str
+    time: np.ndarray
+    channels: dict[str, Channel]
+    source: str = ""
+    period: float | None = None
+
+    def __getitem__(self, role: str) -> np.ndarray:
+        """Values of the channel with this role."""
+        return self.channels[role].values
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def sampling_time(self) -> float:
+        """Sampling interval in seconds."""
+        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+    @property
+    def duration(self) -> float:
+        """Samples times sampling interval, in seconds."""
+        return self.sampling_time * len(self.time)
+
+    def between(self, start: float, stop: float) -> Record:
+        """Return the part with ``start <= time < stop`` (seconds)."""
+        keep = (self.time >= start - 1e-9) & (self.time < stop - 1e-9)
+        channels = {role: replace(channel, values=channel.values[keep]) for role, channel in self.channels.items()}
+        return replace(self, time=self.time[keep], channels=channels)
+
+
+def check_record(record: Record, minimum_samples: int = 8) -> Record:
+    """Return `record` when it can be analysed, else raise with all reasons.
+
+    Raises
+    ------
+    InputError
+        Too few samples, a value that is not finite, time that does not increase or is not even, a constant channel.
+        Line numbers count the data rows of the file from 1.
+    """
+    problems = Problems(record.source or record.name)
+    if len(record.time) < minimum_samples:
+        problems.add("", f"{len(record.time)} samples", f"at least {minimum_samples} are needed")
+        problems.raise_if_any()
+    for name, values in {"time": record.time, **{r: c.values for r, c in record.channels.items()}}.items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
+            problems.add(f"data row {bad[0] + 1}{more}", f"{name} is {values[bad[0]]}", "every value must be a finite number")
+        elif name != "time" and np.ptp(values) == 0:
+            problems.add(name, f"constant ({values[0]:g})", "a channel that does not move cannot be analysed")
+    problems.raise_if_any()
+    _check_clock(record, problems)
+    problems.raise_if_any()
+    return record
+
+
+def _check_clock(record: Record, problems: Problems) -> None:
+    steps = np.diff(record.time)
+    backward = np.flatnonzero(steps <= 0)
+    if backward.size:
+        row = backward[0] + 2
+        problems.add(f"data row {row}", f"time {record.time[row - 1]:g} s after {record.time[row - 2]:g} s", "time must increase")
+        return
+    step = np.median(steps)
+    # A clock written with few digits steps unevenly by its rounding; what counts is how far a sample lies from
+    # where an even clock would have put it.
+    even = record.time[0] + record.sampling_time * np.arange(len(record.time))
+    uneven = np.flatnonzero(np.abs(record.time - even)[1:] > CLOCK_TOLERANCE * step)
+    if uneven.size:
+        row = int(np.abs(steps - step).argmax()) + 2
+        problems.add(
+            f"data row {row}",
+            f"step of {steps[row - 2]:g} s where the median step is {step:g} s",
+            "records are sampled evenly: resample the recording or cut it before the gap",
+        )
+
+
+def same_units(records: list[Record]) -> None:
+    """Raise unless all records agree in quantity and unit of every channel.
+
+    Raises
+    ------
+    InputError
+        Naming the first record that differs, with both units.
+    """
+    first = records[0]
+    problems = Problems("records")
+    for record in records[1:]:
+        for role, channel in record.channels.items():
+            other = first.channels.get(role)
+            if other is None or (other.quantity, other.unit) != (channel.quantity, channel.unit):
+                found = f"{role} in {channel.unit}" + (f", but in {other.unit} in {first.name}" if other else "")
+                problems.add(record.name, found, "all records of a set need the same channels and units")
+    problems.raise_if_any()

@@ -1,0 +1,1 @@
+"""Export of identified models to the haptic runtime as FMUs."""

@@ -1,0 +1,1 @@
+"""Surgeon motion (Welch) and excitation signals."""

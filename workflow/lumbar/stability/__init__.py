@@ -1,0 +1,1 @@
+"""Basins of attraction: Riccati equation, funnels and their certificates."""

@@ -1,0 +1,178 @@
+"""Publishing a table as CSV, LaTeX and HTML, with the definition of every column."""
+
+from __future__ import annotations
+
+import html
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.errors import NumericalError
+from lumbar.files import write_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SYNTHETIC_TWIN = "synthetic twin"
+"""The words that stand on everything made from synthetic data."""
+
+_TEX_ESCAPES = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "&": r"\&",
+        "%": r"\%",
+        "$": r"\$",
+        "#": r"\#",
+        "_": r"\_",
+        "{": r"\{",
+        "}": r"\}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+    }
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table as it is published.
+
+    Attributes
+    ----------
+    title : str
+        One sentence that says what the table shows.
+    frame : pandas.DataFrame
+        The values; column names as in the CSV file. Empty cells are ``None`` or NaN only in the
+        columns named in `may_be_empty`.
+    definitions : dict of str to str
+        Definition of each column: formula or rule, scaling and unit.
+    notes : tuple of str
+        Remarks shown below the table.
+    data : str
+        Where the data come from, e.g. ``"synthetic twin"``; shown in every format.
+    decimals : dict of str to int
+        Digits after the point in LaTeX and HTML (default: four significant digits).
+    may_be_empty : frozenset of str
+        Columns in which a cell may be empty ("not applicable").
+    """
+
+    title: str
+    frame: pd.DataFrame
+    definitions: dict[str, str]
+    data: str
+    notes: tuple[str, ...] = ()
+    decimals: dict[str, int] = field(default_factory=dict)
+    may_be_empty: frozenset[str] = frozenset()
+
+    def __post_init__(self):
+        undefined = [column for column in self.frame.columns if column not in self.definitions]
+        if undefined:
+            raise ValueError(f"columns without a definition: {undefined}")
+        for column in self.frame.columns:
+            empty = self.frame[column].isna()
+            if empty.any() and column not in self.may_be_empty:
+                raise NumericalError(f"{self.title}: no value in column {column}, row {int(empty.argmax()) + 1}")
+
+    def write(self, stem: str | os.PathLike) -> None:
+        """Write ``stem.csv``, ``stem.tex`` and ``stem.html``.
+
+        The CSV file has a last column ``data`` that says where the data come from; the LaTeX and HTML files
+        carry title, definitions and notes.
+        """
+        stem = Path(stem)
+        frame = self.frame.assign(data=self.data)
+        write_text(stem.with_name(stem.name + ".csv"), frame.to_csv(index=False, lineterminator="\n"))
+        write_text(stem.with_name(stem.name + ".tex"), self.to_latex())
+        write_text(stem.with_name(stem.name + ".html"), self.to_html())
+
+    def cell(self, column: str, value) -> str:
+        """Format one cell for print: missing as an en dash, floats rounded."""
+        if value is None or value != value:
+            return "–"
+        if isinstance(value, float):
+            return f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}"
+        return str(value)
+
+    def _rows(self):
+        for record in self.frame.itertuples(index=False):
+            yield [self.cell(column, value) for column, value in zip(self.frame.columns, record, strict=True)]
+
+    def to_latex(self) -> str:
+        """Return a ``booktabs`` table environment."""
+        columns = [str(column).translate(_TEX_ESCAPES) for column in self.frame.columns]
+        numeric = [self.frame[column].dtype.kind in "fi" for column in self.frame.columns]
+        body = [" & ".join(cell.translate(_TEX_ESCAPES) for cell in row) + r" \\" for row in self._rows()]
+        remarks = [f"{name}: {text}" for name, text in self.definitions.items() if name in self.frame.columns]
+        notes = " ".join(f"{text.rstrip('.')}." for text in (*self.notes, *remarks)).translate(_TEX_ESCAPES)
+        caption = f"{self.title} Data: {self.data}.".translate(_TEX_ESCAPES)
+        lines = [
+            r"% needs \usepackage{booktabs}",
+            r"\begin{table}",
+            rf"\caption{{{caption}}}",
+            rf"\begin{{tabular}}{{{''.join('r' if flag else 'l' for flag in numeric)}}}",
+            r"\toprule",
+            " & ".join(columns) + r" \\",
+            r"\midrule",
+            *body,
+            r"\bottomrule",
+            r"\end{tabular}",
+            r"\par\footnotesize " + notes,
+            r"\end{table}",
+        ]
+        return "\n".join(lines) + "\n"
+
+    def to_html(self) -> str:
+        """Return a page of its own: no script, no outside resource."""
+        head = "".join(f"<th>{html.escape(str(column))}</th>" for column in self.frame.columns)
+        body = "\n".join(
+            "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in self._rows()
+        )
+        definitions = "\n".join(
+            f"<dt>{html.escape(name)}</dt><dd>{html.escape(text)}</dd>"
+            for name, text in self.definitions.items()
+            if name in self.frame.columns
+        )
+        notes = "\n".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
+        return _PAGE.format(
+            title=html.escape(self.title),
+            data=html.escape(self.data),
+            head=head,
+            body=body,
+            notes=notes,
+            definitions=definitions,
+        )
+
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<title>{title}</title>
+<style>
+body {{ font-family: "DejaVu Sans", Arial, sans-serif; margin: 2em; color: #111; }}
+table {{ border-collapse: collapse; font-variant-numeric: tabular-nums; }}
+th, td {{ padding: 0.25em 0.8em; text-align: right; }}
+th:first-child, td:first-child, th:nth-child(2), td:nth-child(2) {{ text-align: left; }}
+thead tr {{ border-top: 2px solid #111; border-bottom: 1px solid #111; }}
+tbody tr:last-child {{ border-bottom: 2px solid #111; }}
+dt {{ font-weight: bold; margin-top: 0.4em; }}
+.data {{ font-weight: bold; }}
+</style>
+</head>
+<body>
+<h1>{title}</h1>
+<p class="data">Data: {data}</p>
+<table>
+<thead><tr>{head}</tr></thead>
+<tbody>
+{body}
+</tbody>
+</table>
+{notes}
+<h2>Definitions</h2>
+<dl>
+{definitions}
+</dl>
+</body>
+</html>
+"""

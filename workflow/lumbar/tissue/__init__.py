@@ -1,0 +1,1 @@
+"""Viscoelastic models of soft tissue, their identification and their error metrics."""

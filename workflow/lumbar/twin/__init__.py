@@ -1,0 +1,1 @@
+"""Synthetic recordings in the formats a laboratory would bring."""

@@ -1,0 +1,43 @@
+# What all rules share: the validated study, where its recordings lie, and what a script depends on.
+
+import os
+import sys
+from pathlib import Path
+
+WORKFLOW = Path(workflow.basedir) / "workflow"
+sys.path.insert(0, str(WORKFLOW))
+
+from dependencies import library_sources
+from lumbar.config import load_study
+from lumbar.errors import LumbarError
+
+# Jobs inherit these: the library without installation, and one thread per job so that results are the same
+# bytes for any number of cores.
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(WORKFLOW), os.environ.get("PYTHONPATH")]))
+os.environ["SOURCE_DATE_EPOCH"] = "0"
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+try:
+    study = load_study(config, root=Path(workflow.basedir))
+except LumbarError as error:
+    raise WorkflowError(str(error)) from None
+
+STUDY = study.name
+ARTEFACTS = study.artefacts
+DATA = study.data_label
+CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
+
+
+def recording(path):
+    """Path of a recording: made by the twin, or below the study's data root."""
+    return study.recording(path)
+
+
+def caption(name):
+    """Caption file of an artefact in the report."""
+    return str(WORKFLOW / "report" / f"{name}.rst")
+
+
+wildcard_constraints:
+    lift="|".join(study.lifts) or "none",
