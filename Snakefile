@@ -23,6 +23,7 @@ pathvars:
     benchmarks=f"results/{STUDY}/benchmarks",
 
 
+include: "workflow/rules/records.smk"
 include: "workflow/rules/twin.smk"
 include: "workflow/rules/surgeon.smk"
 include: "workflow/rules/signals.smk"
@@ -33,3 +34,9 @@ include: "workflow/rules/lifting.smk"
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/claims.smk"
 include: "workflow/rules/targets.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        made(ARTEFACTS),

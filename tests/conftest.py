@@ -23,3 +23,14 @@ def shared() -> Path:
     if not (folder / "real").is_dir():
         pytest.skip(f"no recordings for tests in {folder} (set LUMBAR_SHARED)")
     return folder
+
+
+@pytest.fixture(scope="session")
+def default_run(tmp_path_factory):
+    """Folder of a project copy in which the default study was run with two cores, and what was printed."""
+    from running import copy_project, snakemake
+
+    folder = copy_project(tmp_path_factory.mktemp("default"))
+    run = snakemake(folder, "--cores", "2")
+    assert run.status == 0, run.text[-6000:]
+    return folder, run

@@ -1,7 +1,7 @@
 """The study: its configuration checked as a whole, and the places its files come from.
 
-Everything a workflow or the command line needs to know of a configuration is asked here, so that a wrong key is
-found before anything runs and all wrong keys are found at once.
+Everything a workflow or the command line needs to know of a configuration is asked here, so that a wrong key
+is found before anything runs and all wrong keys are found at once.
 """
 
 from __future__ import annotations
@@ -9,11 +9,12 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lumbar.errors import InputError, Problems
+from lumbar.errors import Problems
 from lumbar.tables import SYNTHETIC_TWIN
 
 TWIN = "twin"
@@ -35,7 +36,8 @@ class Artefact:
     rule : str
         Rule that makes it.
     path : str
-        Below the study's results; ``{csv,tex,html}`` stands for each of these, ``{lift}`` for every lift.
+        Below the study's results; ``{csv,tex,html}`` stands for each of these, ``{lift}`` for every lift,
+        ``{model}`` for every exported model.
     chapter : str
         One of `CHAPTERS`.
     """
@@ -45,9 +47,15 @@ class Artefact:
     path: str
     chapter: str
 
+    def for_models(self, models: Iterable[str]) -> Artefact:
+        """Return the artefact with ``{model}`` standing for each exported model."""
+        return replace(self, path=self.path.replace("{model}", "{" + ",".join(models) + "}"))
+
     def paths(self, lifts: Iterable[str] = ()) -> list[str]:
         """Every file of the artefact, below the study's results."""
-        patterns = [self.path.replace("{lift}", lift) for lift in lifts] if "{lift}" in self.path else [self.path]
+        patterns = [self.path]
+        if "{lift}" in self.path:
+            patterns = [self.path.replace("{lift}", lift) for lift in lifts]
         return [path for pattern in patterns for path in _expand_braces(pattern)]
 
 
@@ -93,7 +101,7 @@ class Study:
         return SYNTHETIC_TWIN if self.synthetic else self.config["data_source"]["name"]
 
     def recording(self, path: str) -> str:
-        """Path of a recording named in the configuration, relative to the working directory where it is made."""
+        """Path of a recording named in the configuration; relative to the working directory if made here."""
         if self.synthetic:
             return f"results/{self.name}/twin/{path}"
         return str(self.data_root / path)
@@ -138,11 +146,14 @@ def load_study(config: dict, root: Path) -> Study:
         for subject, content in subjects.items()
         for trial in content["trials"]
     }
+    artefacts = read_artefacts(root / "config" / "artefacts.tsv")
     study = Study(
         name=name,
         config=config,
         subjects=subjects,
-        artefacts=[row for row in read_artefacts(root / "config" / "artefacts.tsv") if row.chapter in chapters],
+        artefacts=[
+            row.for_models(config["runtime"]["models"]) for row in artefacts if row.chapter in chapters
+        ],
         data_root=_data_root(config, root, problems),
         lifts=lifts if "lifting" in chapters else {},
     )
@@ -159,10 +170,13 @@ def read_artefacts(path: Path) -> list[Artefact]:
     for line, row in enumerate(rows, start=2):
         if row["chapter"] not in CHAPTERS:
             problems.add(f"line {line}", f"chapter {row['chapter']!r}", f"allowed: {', '.join(CHAPTERS)}")
+        if row["id"] in (earlier["id"] for earlier in rows[: line - 2]):
+            problems.add(f"line {line}", f"{row['id']!r} stands twice", "ids are names of targets")
     problems.raise_if_any()
     return [Artefact(row["id"], row["rule"], row["path"], row["chapter"]) for row in rows]
 
 
+@cache
 def _schemas(root: Path):
     """Registry of all schemas in ``workflow/schemas``, and the validator of the whole configuration."""
     import yaml
@@ -170,7 +184,9 @@ def _schemas(root: Path):
     from referencing import Registry, Resource
 
     folder = root / "workflow" / "schemas"
-    contents = {path.name: yaml.safe_load(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.yaml"))}
+    contents = {
+        path.name: yaml.safe_load(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.yaml"))
+    }
     registry = Registry().with_resources(
         (name, Resource.from_contents({"$schema": "https://json-schema.org/draft/2020-12/schema", **content}))
         for name, content in contents.items()
@@ -181,7 +197,8 @@ def _schemas(root: Path):
 def _check_schema(content: dict, root: Path, problems: Problems, schema: str = "config.schema.yaml") -> None:
     from jsonschema.exceptions import best_match
 
-    for error in sorted(_schemas(root)(schema).iter_errors(content), key=lambda item: list(map(str, item.path))):
+    errors = _schemas(root)(schema).iter_errors(content)
+    for error in sorted(errors, key=lambda item: list(map(str, item.path))):
         if error.validator in ("anyOf", "oneOf") and error.context:
             error = best_match([error])
         key = ".".join(map(str, error.absolute_path)) or "top level"
@@ -191,6 +208,31 @@ def _check_schema(content: dict, root: Path, problems: Problems, schema: str = "
             problems.add(key, error.message.split(" (")[0], f"allowed keys: {known}. {error.message}")
         else:
             problems.add(key, error.message, allowed)
+
+
+def check_sections(content: dict, sections: Iterable[str], root: Path) -> None:
+    """Check some sections of a configuration against their schemas.
+
+    Parameters
+    ----------
+    content : dict
+        By section; a section's schema is ``workflow/schemas/<section>.schema.yaml``.
+    sections : iterable of str
+        Those to check.
+    root : Path
+        Folder of the project.
+
+    Raises
+    ------
+    InputError
+        With every wrong key and value.
+    """
+    problems = Problems("configuration")
+    for section in sections:
+        own = Problems(section)
+        _check_schema(content[section], root, own, f"{section}.schema.yaml")
+        problems.extend(own)
+    problems.raise_if_any()
 
 
 def _load_subjects(config: dict, root: Path, problems: Problems) -> dict[str, dict]:
@@ -225,17 +267,21 @@ def _data_root(config: dict, root: Path, problems: Problems) -> Path | None:
     source = config["data_source"]
     if source is None:
         problems.add("data_source", "missing", "recordings need name, licence and where to obtain them")
+        return None
     if named is None:
-        problems.add("data_root", "not set", "set it in the study's YAML or in the environment variable LUMBAR_DATA")
+        problems.add(
+            "data_root", "not set", "set it in the study's YAML or in the environment variable LUMBAR_DATA"
+        )
         return None
     folder = Path(named).expanduser()
     folder = folder if folder.is_absolute() else root / folder
-    if not folder.is_dir() and source is not None:
+    if not folder.is_dir():
         problems.add(
             "data_root",
             f"the folder {folder} does not exist",
-            f"it should hold: {source['name']} (licence: {source['licence']}); obtain it from {source['obtain']}, "
-            "then set data_root in the study's YAML or the environment variable LUMBAR_DATA",
+            f"it should hold: {source['name']} (licence: {source['licence']}); obtain it from "
+            f"{source['obtain']}, then set data_root in the study's YAML or the environment variable "
+            "LUMBAR_DATA",
         )
         return None
     return folder.resolve()
@@ -248,13 +294,91 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
         "surgeon": [record["file"] for record in config["surgeon"]["records"]],
         "tissue": [record["file"] for record in config["tissue"]["records"]],
         "survey": [config["survey"]["file"]],
-        "lifting": [trial[key] for trial in study.lifts.values() for key in ("markers", "hip_moment") if key in trial],
+        "lifting": [
+            trial[key] for trial in study.lifts.values() for key in ("markers", "hip_moment") if key in trial
+        ],
     }
     return {chapter: names for chapter, names in files.items() if study.has(chapter)}
 
 
+def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
+    """How every recording of these chapters is read, for `lumbar.records.checking.check_recordings`.
+
+    Holds what reading needs and nothing else of the configuration, so that a subject's mass or an analysis
+    setting does not call for reading again.
+
+    Returns
+    -------
+    list of dict
+        ``chapter``, ``set``, ``reader``, ``path`` and ``layout`` of each file, and ``name``, ``period_s`` and
+        ``rate_Hz`` of column files where the configuration gives them.
+    """
+    plan = []
+    for chapter in chapters:
+        settings = study.config[chapter]
+        if chapter == "lifting":
+            plan += _lift_readings(study)
+        elif chapter == "survey":
+            path = study.recording(settings["file"])
+            plan.append({"chapter": chapter, "reader": "ratings", "path": path, "layout": settings["layout"]})
+        else:
+            plan += [_column_reading(study, chapter, record) for record in settings["records"]]
+    return plan
+
+
+def _column_reading(study: Study, chapter: str, record: dict) -> dict:
+    settings = study.config[chapter]
+    reading = {
+        "chapter": chapter,
+        "set": chapter,
+        "reader": "columns",
+        "path": study.recording(record["file"]),
+        "layout": settings["layout"],
+        "name": record["name"],
+        "period_s": record.get("period_s"),
+        "rate_Hz": settings.get("rate_Hz"),
+    }
+    return {key: value for key, value in reading.items() if value is not None}
+
+
+def _lift_readings(study: Study) -> list[dict]:
+    settings = study.config["lifting"]
+    markers = {"chapter": "lifting", "reader": "markers", "layout": settings["markers"]}
+    moments = {"chapter": "lifting", "set": "hip moments", "reader": "columns"}
+    plan = []
+    for lift, trial in study.lifts.items():
+        plan.append({**markers, "path": study.recording(trial["markers"])})
+        if "hip_moment" in trial:
+            path, layout = study.recording(trial["hip_moment"]), settings["moment_layout"]
+            plan.append({**moments, "path": path, "layout": layout, "name": f"hip moment of {lift}"})
+    return plan
+
+
+def _check_survey(survey: dict, problems: Problems) -> None:
+    """Check what one key of the survey says about another."""
+    models = [model["name"] for model in survey["layout"]["models"]]
+    if survey["baseline"] not in models:
+        known = ", ".join(models)
+        problems.add("survey.baseline", f"{survey['baseline']!r} is not rated", f"models: {known}")
+    points, labels = survey["layout"]["scale_points"], len(survey["scale_labels"])
+    if labels != points:
+        problems.add("survey.scale_labels", f"{labels} names", f"survey.layout.scale_points is {points}")
+
+
+def _check_tissue(tissue: dict, problems: Problems) -> None:
+    """Check what one key of the tissue tests says about another."""
+    ridge, (start, stop) = tissue["ridge"], tissue["segment_s"]
+    if ridge["alpha_min"] >= ridge["alpha_max"]:
+        found = f"{ridge['alpha_min']:g} is not below alpha_max {ridge['alpha_max']:g}"
+        problems.add("tissue.ridge.alpha_min", found, "the progression runs from the smaller to the larger")
+    if start >= stop:
+        problems.add("tissue.segment_s", f"[{start:g}, {stop:g}]", "start before end")
+    if tissue["search"]["selection"] == "test" and len(tissue["records"]) < 2:
+        problems.add("tissue.search.selection", "'test' with a single record", "use training")
+
+
 def _check_records(study: Study, problems: Problems) -> None:
-    """Check names, references between keys and, for recordings, that every file is there and inside the root."""
+    """Check names, references between keys and that every given recording is there and inside the root."""
     config = study.config
     if study.has("tissue"):
         names = [record["name"] for record in config["tissue"]["records"]]
@@ -265,12 +389,19 @@ def _check_records(study: Study, problems: Problems) -> None:
             problems.add("tissue.records", f"{name!r} stands twice", "names of records must differ")
         trained_on = config["runtime"]["trained_on"]
         if study.has("runtime") and trained_on not in config["tissue"]["training"]:
-            problems.add("runtime.trained_on", f"{trained_on!r} is not trained on", "take one of tissue.training")
+            problems.add(
+                "runtime.trained_on", f"{trained_on!r} is not trained on", "take one of tissue.training"
+            )
+        _check_tissue(config["tissue"], problems)
+    if study.has("survey"):
+        _check_survey(config["survey"], problems)
     for chapter, files in recordings_of(study).items():
         for name in files:
             path = Path(name)
             if path.is_absolute() or ".." in path.parts:
-                problems.add(chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'")
+                problems.add(
+                    chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'"
+                )
             elif study.data_root is not None:
                 found = (study.data_root / path).resolve()
                 if not found.is_relative_to(study.data_root):

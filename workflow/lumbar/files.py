@@ -65,8 +65,23 @@ def write_json(path: str | os.PathLike, value) -> None:
 
 
 def read_json(path: str | os.PathLike):
-    """Read a JSON file; a broken one is an `InputError` with its line."""
+    """Read a JSON file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is not valid JSON (with the line) or not UTF-8. NaN and Infinity are
+        not JSON.
+    """
+
+    def refuse(constant: str):
+        raise InputError(f"{path}: holds {constant}, which is not valid JSON")
+
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
+        return json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=refuse)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text ({error})") from error
     except json.JSONDecodeError as error:
         raise InputError(f"{path}, line {error.lineno}: not valid JSON ({error.msg})") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +30,8 @@ _TEX_ESCAPES = str.maketrans(
         "}": r"\}",
         "~": r"\textasciitilde{}",
         "^": r"\textasciicircum{}",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
     }
 )
 
@@ -71,7 +74,11 @@ class Table:
         for column in self.frame.columns:
             empty = self.frame[column].isna()
             if empty.any() and column not in self.may_be_empty:
-                raise NumericalError(f"{self.title}: no value in column {column}, row {int(empty.argmax()) + 1}")
+                row = int(empty.argmax()) + 1
+                raise NumericalError(f"{self.title}: no value in column {column}, row {row}")
+            for row, value in enumerate(self.frame[column], start=1):
+                if isinstance(value, float) and math.isinf(value):
+                    raise NumericalError(f"{self.title}: {value} in column {column}, row {row}")
 
     def write(self, stem: str | os.PathLike) -> None:
         """Write ``stem.csv``, ``stem.tex`` and ``stem.html``.
@@ -106,7 +113,7 @@ class Table:
         notes = " ".join(f"{text.rstrip('.')}." for text in (*self.notes, *remarks)).translate(_TEX_ESCAPES)
         caption = f"{self.title} Data: {self.data}.".translate(_TEX_ESCAPES)
         lines = [
-            r"% needs \usepackage{booktabs}",
+            r"% needs \usepackage{booktabs}; compile with LuaLaTeX or XeLaTeX, which know the Greek letters",
             r"\begin{table}",
             rf"\caption{{{caption}}}",
             rf"\begin{{tabular}}{{{''.join('r' if flag else 'l' for flag in numeric)}}}",
@@ -125,7 +132,8 @@ class Table:
         """Return a page of its own: no script, no outside resource."""
         head = "".join(f"<th>{html.escape(str(column))}</th>" for column in self.frame.columns)
         body = "\n".join(
-            "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in self._rows()
+            "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>"
+            for row in self._rows()
         )
         definitions = "\n".join(
             f"<dt>{html.escape(name)}</dt><dd>{html.escape(text)}</dd>"

@@ -1,1 +1,104 @@
-# claims
+# Chapter 8, claims: what the thesis says against what this run shows; the workflow's own picture; the run's settings.
+
+
+rule run_config:
+    output:
+        config="<results>/run_config.yaml",
+        environment="<results>/run_environment.json",
+    params:
+        config=config,
+        subjects=study.subjects,
+        data=DATA,
+    log:
+        "<logs>/run_config.log",
+    benchmark:
+        "<benchmarks>/run_config.tsv"
+    conda:
+        CONDA
+    message:
+        "Settings, seeds and versions of this run"
+    script:
+        "../scripts/run_config.py"
+
+
+# Checks of the recordings stand in the band of the recordings; target rules are not drawn.
+CHAPTER_OF_FILE = {f"{chapter}.smk": chapter for chapter in CATEGORIES} | {"records.smk": "twin"}
+
+
+rule workflow_figure:
+    input:
+        config="<results>/run_config.yaml",
+        rules=[str(Path(workflow.basedir) / "Snakefile"), *sorted(map(str, WORKFLOW.glob("rules/*.smk")))],
+        sources=library_sources("workflow_figure.py"),
+    output:
+        svg=report(
+            "<results>/figures/workflow.svg",
+            caption=caption("workflow"),
+            category=CATEGORIES["claims"],
+            labels={"artefact": "Figures 1.1 and 3.1: the workflow"},
+        ),
+        pdf="<results>/figures/workflow.pdf",
+    params:
+        snakefile=str(Path(workflow.basedir) / "Snakefile"),
+        chapters=CATEGORIES,
+        chapter_of=lambda wildcards: {
+            rule.name: CHAPTER_OF_FILE[Path(str(rule.snakefile)).name]
+            for rule in workflow.rules
+            if Path(str(rule.snakefile)).name in CHAPTER_OF_FILE
+        },
+    log:
+        "<logs>/workflow_figure.log",
+    benchmark:
+        "<benchmarks>/workflow_figure.tsv"
+    conda:
+        CONDA
+    message:
+        "Figures 1.1 and 3.1: the workflow, drawn from its own graph"
+    script:
+        "../scripts/workflow_figure.py"
+
+
+# What the claims are judged on, by the chapter that makes it. A study without a chapter has no such result, and its
+# claims are said to be untestable.
+EVIDENCE = {
+    "bandwidth": ("surgeon", "surgeon/bandwidth.json"),
+    "multisine": ("signals", "signals/multisine.json"),
+    "table_3_1": ("tissue", "tables/table_3_1.csv"),
+    "models": ("tissue", "tissue/models.json"),
+    "survey": ("survey", "survey/survey.json"),
+    "table_3_2": ("survey", "tables/table_3_2.csv"),
+    "table_4_1": ("stability", "tables/table_4_1.csv"),
+    "boa": ("stability", "stability/boa.csv"),
+}
+EVIDENCE = {name: path for name, (chapter, path) in EVIDENCE.items() if study.has(chapter)}
+
+
+rule examine_claims:
+    input:
+        published=[f"resources/thesis/{name}.csv" for name in ("table_3_1", "table_3_2", "table_4_1")],
+        results=[f"<results>/{path}" for path in EVIDENCE.values()],
+        sources=library_sources("claims.py"),
+    output:
+        claims="<results>/claims.csv",
+        csv="<results>/tables/claims.csv",
+        tex="<results>/tables/claims.tex",
+        html=report(
+            "<results>/tables/claims.html",
+            caption=caption("claims"),
+            category=CATEGORIES["claims"],
+            labels={"artefact": "Claims of the thesis"},
+        ),
+    params:
+        names=list(EVIDENCE),
+        synthetic=study.synthetic,
+        data=DATA,
+    log:
+        "<logs>/examine_claims.log",
+    benchmark:
+        "<benchmarks>/examine_claims.tsv"
+    conda:
+        CONDA
+    message:
+        "Claims: the thesis's values against this run's"
+    script:
+        "../scripts/claims.py"

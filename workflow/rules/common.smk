@@ -8,6 +8,7 @@ WORKFLOW = Path(workflow.basedir) / "workflow"
 sys.path.insert(0, str(WORKFLOW))
 
 from dependencies import library_sources
+from timings import summary
 from lumbar.config import load_study
 from lumbar.errors import LumbarError
 
@@ -26,12 +27,28 @@ except LumbarError as error:
 STUDY = study.name
 ARTEFACTS = study.artefacts
 DATA = study.data_label
+CATEGORIES = {
+    "twin": "0 Recordings",
+    "surgeon": "1 Surgeon motion",
+    "signals": "2 Signal design",
+    "tissue": "3 System identification",
+    "runtime": "4 Haptic runtime",
+    "survey": "5 Survey",
+    "lifting": "6 Lifting",
+    "stability": "7 Basins of attraction",
+    "claims": "8 Claims",
+}
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 
 
 def recording(path):
     """Path of a recording: made by the twin, or below the study's data root."""
     return study.recording(path)
+
+
+def made(artefacts):
+    """Files of these artefacts."""
+    return [f"<results>/{path}" for artefact in artefacts for path in artefact.paths(study.lifts)]
 
 
 def caption(name):

@@ -1,1 +1,91 @@
-# lifting
+# From filtered markers to the pendulums of the deposit: per lift its gaps, events, centres of mass and
+# pendulum states; one job for all figures.
+
+
+def subject_of(lift):
+    """The subject's file without its trials: another trial of the person does not change this lift."""
+    return {
+        key: value for key, value in study.subjects[study.lifts[lift]["subject"]].items() if key != "trials"
+    }
+
+
+rule lift:
+    input:
+        markers=lambda wildcards: recording(study.lifts[wildcards.lift]["markers"]),
+        checked="<results>/checked/lifting.json",
+        sources=library_sources("lift.py"),
+    output:
+        centres="<results>/lifting/{lift}/com.csv",
+        states="<results>/lifting/{lift}/pendulum.csv",
+        summary="<results>/lifting/{lift}/pendulum.json",
+        events="<results>/lifting/{lift}/events.json",
+        gaps="<results>/lifting/{lift}/gaps.csv",
+        motion="<results>/lifting/{lift}/motion.csv",
+        landmarks="<results>/lifting/{lift}/landmarks.csv",
+    log:
+        "<logs>/lift/{lift}.log",
+    benchmark:
+        "<benchmarks>/lift/{lift}.tsv"
+    conda:
+        CONDA
+    params:
+        lift="{lift}",
+        subject=lambda wildcards: subject_of(wildcards.lift),
+        trial=lambda wildcards: study.lifts[wildcards.lift],
+        settings={
+            key: value
+            for key, value in config["lifting"].items()
+            if key not in ("subjects", "moment_layout")
+        },
+        data=DATA,
+    message:
+        "{wildcards.lift}: events, centres of mass, pendulum states"
+    script:
+        "../scripts/lift.py"
+
+
+if study.has("lifting"):
+
+    rule lifting_figures:
+        input:
+            centres=[f"<results>/lifting/{lift}/com.csv" for lift in study.lifts],
+            states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
+            summary=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
+            events=[f"<results>/lifting/{lift}/events.json" for lift in study.lifts],
+            motion=[f"<results>/lifting/{lift}/motion.csv" for lift in study.lifts],
+            landmarks=[f"<results>/lifting/{lift}/landmarks.csv" for lift in study.lifts],
+            sources=library_sources("lifting_figures.py"),
+        output:
+            events_svg=report(
+                [f"<results>/figures/lifting_events_{lift}.svg" for lift in study.lifts],
+                caption=caption("lifting_events"),
+                category=CATEGORIES["lifting"],
+                labels={"artefact": "Events of a lift"},
+            ),
+            events_pdf=[f"<results>/figures/lifting_events_{lift}.pdf" for lift in study.lifts],
+            figure_4_1_svg=report(
+                "<results>/figures/figure_4_1.svg",
+                caption=caption("figure_4_1"),
+                category=CATEGORIES["lifting"],
+                labels={"artefact": "Figure 4.1"},
+            ),
+            figure_4_1_pdf="<results>/figures/figure_4_1.pdf",
+            figure_4_2_svg=report(
+                "<results>/figures/figure_4_2.svg",
+                caption=caption("figure_4_2"),
+                category=CATEGORIES["lifting"],
+                labels={"artefact": "Figure 4.2"},
+            ),
+            figure_4_2_pdf="<results>/figures/figure_4_2.pdf",
+        log:
+            "<logs>/lifting_figures.log",
+        benchmark:
+            "<benchmarks>/lifting_figures.tsv"
+        conda:
+            CONDA
+        params:
+            data=DATA,
+        message:
+            "Figures 4.1 and 4.2, events of every lift"
+        script:
+            "../scripts/lifting_figures.py"

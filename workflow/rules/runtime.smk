@@ -1,1 +1,65 @@
-# runtime
+# Haptic runtime: the identified models as FMUs for FMI 2.0 and 3.0 (eqs 3.17 and 3.18, moving average on the position).
+# In: tissue/models.json. Out: fmu/<model>_fmi{2,3}.fmu, their checks and the forces they give to one push.
+
+FMUS = [
+    f"<results>/fmu/{model}_fmi{version}.fmu" for model in config["runtime"]["models"] for version in (2, 3)
+]
+
+
+rule export_fmus:
+    input:
+        models="<results>/tissue/models.json",
+        sources=library_sources("export_fmus.py"),
+    output:
+        fmus=FMUS,
+    log:
+        "<logs>/export_fmus.log",
+    benchmark:
+        "<benchmarks>/export_fmus.tsv"
+    conda:
+        CONDA
+    params:
+        settings=config["runtime"],
+        data=DATA,
+    message:
+        "FMUs of the identified models"
+    script:
+        "../scripts/export_fmus.py"
+
+
+rule check_fmus:
+    input:
+        fmus=FMUS,
+        models="<results>/tissue/models.json",
+        sources=library_sources("check_fmus.py"),
+    output:
+        checks="<results>/runtime/fmu_check.csv",
+        table_csv="<results>/tables/fmu_check.csv",
+        table_tex="<results>/tables/fmu_check.tex",
+        table_html=report(
+            "<results>/tables/fmu_check.html",
+            caption=caption("fmu_check"),
+            category=CATEGORIES["runtime"],
+            labels={"artefact": "Checks of the FMUs"},
+        ),
+        figure_svg=report(
+            "<results>/figures/fmu_force.svg",
+            caption=caption("fmu_force"),
+            category=CATEGORIES["runtime"],
+            labels={"artefact": "Forces of the FMUs"},
+        ),
+        figure_pdf="<results>/figures/fmu_force.pdf",
+    log:
+        "<logs>/check_fmus.log",
+    benchmark:
+        "<benchmarks>/check_fmus.tsv"
+    conda:
+        CONDA
+    params:
+        settings=config["runtime"],
+        seed=config["seed"],
+        data=DATA,
+    message:
+        "Checks of the FMUs against the identified transfer functions"
+    script:
+        "../scripts/check_fmus.py"

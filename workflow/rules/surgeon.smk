@@ -1,1 +1,32 @@
-# surgeon
+# Motion of the surgeons' tool: power spectral densities of all trials, bandwidth by two rules with intervals.
+
+
+rule surgeon_motion:
+    input:
+        records=[recording(record["file"]) for record in config["surgeon"]["records"]],
+        checked="<results>/checked/surgeon.json",
+        sources=library_sources("surgeon_motion.py"),
+    output:
+        bandwidth="<results>/surgeon/bandwidth.json",
+        psd="<results>/surgeon/psd.csv",
+        svg=report(
+            "<results>/figures/surgeon_psd.svg",
+            caption=caption("surgeon_psd"),
+            category=CATEGORIES["surgeon"],
+            labels={"artefact": "Spectra of the surgeons' motion"},
+        ),
+        pdf="<results>/figures/surgeon_psd.pdf",
+    log:
+        "<logs>/surgeon_motion.log",
+    benchmark:
+        "<benchmarks>/surgeon_motion.tsv"
+    conda:
+        CONDA
+    params:
+        settings=config["surgeon"],
+        seed=config["seed"],
+        data=DATA,
+    message:
+        "Bandwidth of the surgeons' motion"
+    script:
+        "../scripts/surgeon_motion.py"

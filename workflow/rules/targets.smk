@@ -1,11 +1,4 @@
-# Named targets: one per chapter, one per artefact, and all of them.
-
-
-rule all:
-    default_target: True
-    input:
-        [f"<results>/{path}" for artefact in ARTEFACTS for path in artefact.paths(study.lifts)],
-        "<results>/run_config.yaml",
+# Named targets: one per chapter and one per artefact.
 
 
 for chapter in study.config["chapters"]:
@@ -14,7 +7,7 @@ for chapter in study.config["chapters"]:
         name:
             chapter
         input:
-            [f"<results>/{path}" for artefact in ARTEFACTS if artefact.chapter == chapter for path in artefact.paths(study.lifts)],
+            made([artefact for artefact in ARTEFACTS if artefact.chapter == chapter]),
 
 
 for artefact in ARTEFACTS:
@@ -23,4 +16,9 @@ for artefact in ARTEFACTS:
         name:
             artefact.id
         input:
-            [f"<results>/{path}" for path in artefact.paths(study.lifts)],
+            made([artefact]),
+
+
+onsuccess:
+    print(summary(Path("results") / STUDY / "benchmarks"))
+    print(f"Results of the study {STUDY!r} ({DATA}): results/{STUDY}")

@@ -1,1 +1,88 @@
 # twin
+
+
+rule twin_survey:
+    input:
+        answers=str(Path(workflow.basedir) / "resources" / "survey" / "survey_reconstructed.csv"),
+        sources=library_sources("twin_survey.py"),
+    output:
+        answers=f"<results>/twin/{config['survey']['file']}",
+    log:
+        "<logs>/twin_survey.log",
+    benchmark:
+        "<benchmarks>/twin_survey.tsv"
+    conda:
+        CONDA
+    message:
+        "Survey answers that fit the published margins"
+    script:
+        "../scripts/twin_survey.py"
+
+
+rule twin_surgeon:
+    input:
+        sources=library_sources("twin_surgeon.py"),
+    output:
+        recordings=[f"<results>/twin/{record['file']}" for record in config["surgeon"]["records"]],
+    log:
+        "<logs>/twin_surgeon.log",
+    benchmark:
+        "<benchmarks>/twin_surgeon.tsv"
+    conda:
+        CONDA
+    params:
+        records=[{key: record[key] for key in ("name", "surgeon")} for record in config["surgeon"]["records"]],
+        settings=config["twin"]["surgeon"],
+        seed=config["twin"]["seed"],
+    message:
+        "Synthetic motion of the surgeons' tool"
+    script:
+        "../scripts/twin_surgeon.py"
+
+
+if study.synthetic and study.has("lifting"):
+
+    rule twin_lifting:
+        input:
+            sources=library_sources("twin_lifting.py"),
+        output:
+            markers=[recording(trial["markers"]) for trial in study.lifts.values()],
+            hip_moment=[
+                recording(trial["hip_moment"]) for trial in study.lifts.values() if "hip_moment" in trial
+            ],
+        log:
+            "<logs>/twin_lifting.log",
+        benchmark:
+            "<benchmarks>/twin_lifting.tsv"
+        conda:
+            CONDA
+        params:
+            settings=config["twin"]["lifting"],
+            lifts=list(study.lifts),
+            with_moment=[lift for lift, trial in study.lifts.items() if "hip_moment" in trial],
+            seed=config["twin"]["seed"],
+        message:
+            "Synthetic lifts: marker files and hip moments"
+        script:
+            "../scripts/twin_lifting.py"
+
+
+rule twin_tissue:
+    input:
+        signals=expand("<results>/signals/{name}.csv", name=["multisine", "noise", "chirp"]),
+        sources=library_sources("twin_tissue.py"),
+    output:
+        recordings=expand("<results>/twin/tissue/{name}.csv", name=["multisine", "noise", "chirp"]),
+    log:
+        "<logs>/twin_tissue.log",
+    benchmark:
+        "<benchmarks>/twin_tissue.tsv"
+    conda:
+        CONDA
+    params:
+        tissue=config["twin"]["tissue"],
+        seed=config["twin"]["seed"],
+    message:
+        "Synthetic tissue tests: the excitation signals played on a hardening Kelvin–Boltzmann tissue"
+    script:
+        "../scripts/twin_tissue.py"

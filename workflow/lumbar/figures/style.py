@@ -63,7 +63,10 @@ _SETTINGS = {
     "pdf.fonttype": 42,
     "figure.constrained_layout.use": True,
 }
-_NO_DATE = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
+_METADATA = {
+    "svg": lambda words: {"Date": None, "Description": words},
+    "pdf": lambda words: {"CreationDate": None, "ModDate": None, "Subject": words},
+}
 
 
 def new_figure(width: float = DOUBLE_COLUMN, height: float = 3.0, **subplots):
@@ -96,13 +99,14 @@ def save(figure, stem: str | os.PathLike, data: str) -> None:
     stem : path
         Path without ending.
     data : str
-        Where the data come from, e.g. ``"synthetic twin"``: stands at the foot of the picture. Empty only for
-        drawings that show no data.
+        Where the data come from, e.g. ``"synthetic twin"``: stands at the foot of the picture and in the file's
+        metadata. Empty only for drawings that show no data.
     """
     stem = Path(stem)
+    words = f"Data: {data}" if data else "Drawing without data"
     if data:
-        figure.supxlabel(f"Data: {data}", x=0.995, ha="right", fontsize=6, color="#555555")
-    for ending, metadata in _NO_DATE.items():
+        figure.supxlabel(words, x=0.995, ha="right", fontsize=6, color="#555555")
+    for ending, metadata in _METADATA.items():
         with replacing(stem.with_name(f"{stem.name}.{ending}")) as temporary:
-            figure.savefig(temporary, metadata=metadata)
+            figure.savefig(temporary, metadata=metadata(words))
     plt.close(figure)

@@ -1,4 +1,4 @@
-"""Reading column files (CSV, TXT, MAT; gzip too) through a layout: which column is what, in which unit and scale.
+"""Reading column files (CSV, TXT, MAT; gzip too) through a layout: which column is what, in which unit.
 
 A layout is plain data from a study's YAML::
 
@@ -12,13 +12,16 @@ A layout is plain data from a study's YAML::
       input:  {column: 2, quantity: angle, unit: rad, scale: 7.6699e-4, offset: 0}
       output: {column: force_N, quantity: force, unit: N}
 
-``column`` is a name from the header or a number counted from 1. Values become ``raw * scale + offset`` in ``unit``.
+``column`` is a name from the header or a number counted from 1. Values become ``raw * scale + offset`` in
+``unit``.
 """
 
 from __future__ import annotations
 
+import csv
 import gzip
 import os
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +80,7 @@ def read_record(
     if time_unit not in _SECONDS:
         raise InputError(f"{path}: time is in {time_unit!r}; allowed are {', '.join(_SECONDS)}")
     record = Record(
-        name=name or path.name.split(".")[0],
+        name=name or Path(path.name.removesuffix(".gz")).stem,
         time=scaled[TIME] * _SECONDS[time_unit],
         channels=channels,
         source=str(path),
@@ -95,11 +98,11 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
 
 
 def _lines(path: Path):
-    opened = gzip.open(path, "rt", encoding="utf-8-sig") if path.suffix == ".gz" else path.open(encoding="utf-8-sig")
-    with opened as stream:
+    opener = gzip.open if path.suffix == ".gz" else open
+    with opener(path, "rt", encoding="utf-8-sig") as stream:
         try:
             yield from enumerate(stream, start=1)
-        except (UnicodeDecodeError, gzip.BadGzipFile, EOFError) as error:
+        except (UnicodeDecodeError, gzip.BadGzipFile, zlib.error, EOFError) as error:
             raise InputError(f"{path}: not a readable text file ({error})") from error
 
 
@@ -110,18 +113,30 @@ def _read_text(path: Path, layout: dict) -> dict[str, np.ndarray]:
     decimal = layout.get("decimal", ".")
     positions: dict[str, int] | None = None
     problems = Problems(str(path))
+    if decimal == separator:
+        raise InputError(f"{path}: the layout has {decimal!r} both as delimiter and as decimal mark")
+    by_name = any(isinstance(column["column"], str) for column in layout["columns"].values())
+    width: int | None = None
     rows: list[list[float]] = []
     for number, line in _lines(path):
         text = line.strip()
         if not text or (comment and text.startswith(comment)):
             continue
-        cells = [cell.strip() for cell in text.split(separator)]
+        cells = _split(line, separator)
         if positions is None:
             header = cells if layout.get("header", True) else None
             positions = _positions(path, layout["columns"], header)
             if header is not None:
+                width = len(header) if by_name else None
                 continue
-        rows.append(_numbers(cells, positions, number, decimal, problems))
+        width = width or len(cells)
+        if len(cells) != width:
+            # A decimal comma or a missing cell would shift all columns after it.
+            problems.add(
+                f"line {number}", f"{len(cells)} cells", f"{width} are expected: check delimiter and decimal"
+            )
+        else:
+            rows.append(_numbers(cells, positions, number, decimal, problems))
         if len(problems.entries) >= 20:
             problems.add("", "reading stopped after 20 problems")
             break
@@ -130,6 +145,13 @@ def _read_text(path: Path, layout: dict) -> dict[str, np.ndarray]:
         raise InputError(f"{path}: no data rows")
     table = np.array(rows)
     return dict(zip(positions, table.T, strict=True))
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    """Cells of one line; quotes protect separators, and empty cells at the end keep their place."""
+    if separator is None:
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line.rstrip("\r\n")], delimiter=separator))]
 
 
 def _positions(path: Path, columns: dict, header: list[str] | None) -> dict[str, int]:
@@ -141,7 +163,9 @@ def _positions(path: Path, columns: dict, header: list[str] | None) -> dict[str,
         if isinstance(wanted, int):
             positions[role] = wanted - 1
         elif header is None:
-            problems.add(role, f"column {wanted!r} is a name, but the layout has no header", "give its number")
+            problems.add(
+                role, f"column {wanted!r} is a name, but the layout has no header", "give its number"
+            )
         elif wanted in header:
             positions[role] = header.index(wanted)
         else:
@@ -173,7 +197,7 @@ def _read_mat(path: Path, layout: dict) -> dict[str, np.ndarray]:
 
     try:
         content = loadmat(path, squeeze_me=True)
-    except (ValueError, NotImplementedError, OSError) as error:
+    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
         raise InputError(f"{path}: not a MATLAB file of version 4 to 7.2 ({error})") from error
     problems = Problems(str(path))
     values = {}

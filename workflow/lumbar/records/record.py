@@ -80,7 +80,9 @@ class Record:
     def between(self, start: float, stop: float) -> Record:
         """Return the part with ``start <= time < stop`` (seconds)."""
         keep = (self.time >= start - 1e-9) & (self.time < stop - 1e-9)
-        channels = {role: replace(channel, values=channel.values[keep]) for role, channel in self.channels.items()}
+        channels = {
+            role: replace(channel, values=channel.values[keep]) for role, channel in self.channels.items()
+        }
         return replace(self, time=self.time[keep], channels=channels)
 
 
@@ -90,8 +92,8 @@ def check_record(record: Record, minimum_samples: int = 8) -> Record:
     Raises
     ------
     InputError
-        Too few samples, a value that is not finite, time that does not increase or is not even, a constant channel.
-        Line numbers count the data rows of the file from 1.
+        Too few samples, a value that is not finite, time that does not increase or is not even, a constant
+        channel. Line numbers count the data rows of the file from 1.
     """
     problems = Problems(record.source or record.name)
     if len(record.time) < minimum_samples:
@@ -101,7 +103,11 @@ def check_record(record: Record, minimum_samples: int = 8) -> Record:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
-            problems.add(f"data row {bad[0] + 1}{more}", f"{name} is {values[bad[0]]}", "every value must be a finite number")
+            problems.add(
+                f"data row {bad[0] + 1}{more}",
+                f"{name} is {values[bad[0]]}",
+                "every value must be a finite number",
+            )
         elif name != "time" and np.ptp(values) == 0:
             problems.add(name, f"constant ({values[0]:g})", "a channel that does not move cannot be analysed")
     problems.raise_if_any()
@@ -115,11 +121,15 @@ def _check_clock(record: Record, problems: Problems) -> None:
     backward = np.flatnonzero(steps <= 0)
     if backward.size:
         row = backward[0] + 2
-        problems.add(f"data row {row}", f"time {record.time[row - 1]:g} s after {record.time[row - 2]:g} s", "time must increase")
+        problems.add(
+            f"data row {row}",
+            f"time {record.time[row - 1]:g} s after {record.time[row - 2]:g} s",
+            "time must increase",
+        )
         return
     step = np.median(steps)
-    # A clock written with few digits steps unevenly by its rounding; what counts is how far a sample lies from
-    # where an even clock would have put it.
+    # A clock written with few digits steps unevenly by its rounding; what counts is how far a sample lies
+    # from where an even clock would have put it.
     even = record.time[0] + record.sampling_time * np.arange(len(record.time))
     uneven = np.flatnonzero(np.abs(record.time - even)[1:] > CLOCK_TOLERANCE * step)
     if uneven.size:
@@ -131,6 +141,10 @@ def _check_clock(record: Record, problems: Problems) -> None:
         )
 
 
+def _quantities(record: Record) -> dict[str, str]:
+    return {role: f"{channel.quantity} in {channel.unit}" for role, channel in record.channels.items()}
+
+
 def same_units(records: list[Record]) -> None:
     """Raise unless all records agree in quantity and unit of every channel.
 
@@ -139,12 +153,16 @@ def same_units(records: list[Record]) -> None:
     InputError
         Naming the first record that differs, with both units.
     """
-    first = records[0]
     problems = Problems("records")
+    expected = _quantities(records[0]) if records else {}
     for record in records[1:]:
-        for role, channel in record.channels.items():
-            other = first.channels.get(role)
-            if other is None or (other.quantity, other.unit) != (channel.quantity, channel.unit):
-                found = f"{role} in {channel.unit}" + (f", but in {other.unit} in {first.name}" if other else "")
-                problems.add(record.name, found, "all records of a set need the same channels and units")
+        found = _quantities(record)
+        for role in sorted(expected.keys() | found.keys()):
+            if found.get(role) != expected.get(role):
+                problems.add(
+                    record.name,
+                    f"{role} is {found.get(role, 'missing')}, but {expected.get(role, 'missing')} in "
+                    f"{records[0].name}",
+                    "all records of a set need the same channels and units",
+                )
     problems.raise_if_any()

@@ -14,9 +14,9 @@ from lumbar.records.record import Record
 def resample(record: Record, rate: float) -> Record:
     """Return `record` at `rate` hertz.
 
-    A polyphase FIR filter (Kaiser window, zero phase, `scipy.signal.resample_poly`) removes what lies above the
-    lower of the two Nyquist frequencies. The signal is continued by its end values, so that an offset makes no
-    transient.
+    A polyphase FIR filter (Kaiser window, zero phase, `scipy.signal.resample_poly`) removes what lies above
+    the lower of the two Nyquist frequencies. The signal is continued by its end values, so that an offset
+    makes no transient.
 
     Raises
     ------
@@ -28,7 +28,9 @@ def resample(record: Record, rate: float) -> Record:
     recorded = 1.0 / record.sampling_time
     ratio = Fraction(rate / recorded).limit_denominator(1000)
     if ratio <= 0 or abs(float(ratio) * recorded / rate - 1) > 1e-4:
-        raise InputError(f"{record.source}: cannot resample {recorded:g} Hz to {rate:g} Hz; choose a simpler ratio")
+        raise InputError(
+            f"{record.source}: cannot resample {recorded:g} Hz to {rate:g} Hz; choose a simpler ratio"
+        )
     if ratio == 1:
         return record
     channels = {

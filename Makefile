@@ -1,0 +1,68 @@
+# make                 set up .venv and run the default study
+# make test            set up .venv and run the tests
+# make STUDY=davinci_tool results    run another study of config/studies
+# make help            all targets
+
+PYTHON ?= python3
+CORES ?= 2
+STUDY ?= thesis
+VENV := .venv
+PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
+CONFIGFILE := $(if $(filter-out thesis,$(STUDY)),--configfile config/studies/$(STUDY).yaml)
+export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
+
+.PHONY: results test report check-results update-reference benchmark lint format lock docs clean help environment
+
+results: environment ## every table, figure and FMU of the study (default target)
+	snakemake --cores $(CORES) $(CONFIGFILE)
+
+environment: $(VENV)/installed ## .venv from the lock
+
+$(VENV)/installed: envs/build-lock.txt envs/lock.txt pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13) and "lumbar needs Python 3.11, 3.12 or 3.13, found " + sys.version.split()[0] + "; set PYTHON=python3.12 or so")'
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) install --quiet --require-hashes -r envs/build-lock.txt
+	$(PIP) install --quiet --require-hashes --no-build-isolation -r envs/lock.txt
+	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+test: environment ## the tests
+	python -m pytest
+
+report: results ## results/<study>/report.html: one page, works offline
+	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/report.html
+
+check-results: environment ## regenerate the default study and compare it with tests/reference
+	snakemake --cores $(CORES) --forceall
+	python tests/reference/check_results.py
+
+update-reference: results ## take the default study's numbers as the new reference
+	python tests/reference/check_results.py --update
+
+benchmark: environment ## timings and memory, printed
+	python tests/benchmark/run.py
+
+lint: environment ## what the continuous integration checks before the tests
+	ruff check .
+	ruff format --check .
+	snakefmt --check Snakefile workflow/rules
+	snakemake --lint
+
+format: environment ## put the sources into the house's format
+	ruff check --fix .
+	ruff format .
+	snakefmt Snakefile workflow/rules
+
+docs: environment ## renew the reference of all configuration keys
+	python -m lumbar.config_reference config/README.md
+
+lock: ## renew envs/ from pyproject.toml (needs uv)
+	uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \
+		--generate-hashes --no-emit-index-url --no-header --no-annotate --upgrade --quiet -o envs/lock.txt
+	$(PYTHON) envs/derive.py
+
+clean: ## remove results and caches, keep .venv
+	rm -rf results .snakemake
+
+help: ## this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 20

@@ -1,0 +1,202 @@
+"""The default study as a whole: complete, labelled, repeatable, and re-run only where something changed."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from running import copy_project, snakemake
+
+pytestmark = pytest.mark.end_to_end
+
+# Wall-clock readings differ between runs; everything else is compared byte for byte.
+VOLATILE = ("logs", "benchmarks")
+
+
+def results(folder: Path, study: str = "thesis") -> Path:
+    return folder / "results" / study
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.relative_to(folder).parts[0] not in VOLATILE
+    }
+
+
+def expected_artefacts(folder: Path) -> list[Path]:
+    from lumbar.config import load_study
+
+    run = json.loads((results(folder) / "run_environment.json").read_text(encoding="utf-8"))
+    assert run["versions"]["python"]
+    import yaml
+
+    config = yaml.safe_load((results(folder) / "run_config.yaml").read_text(encoding="utf-8"))
+    study = load_study(config, root=folder)
+    return [results(folder) / path for artefact in study.artefacts for path in artefact.paths(study.lifts)]
+
+
+def test_every_artefact_is_there(default_run):
+    folder, _ = default_run
+    paths = expected_artefacts(folder)
+    assert len(paths) > 50
+    missing = [str(path) for path in paths if not path.is_file() or path.stat().st_size == 0]
+    assert not missing
+
+
+@pytest.mark.parametrize("name", ["table_3_1", "table_3_2", "table_4_1"])
+def test_tables_have_the_published_headers(default_run, project, name):
+    folder, _ = default_run
+    with (project / "resources" / "thesis" / f"{name}.csv").open(encoding="utf-8") as stream:
+        published = next(csv.reader(stream))
+    assert set(published) <= set(pd.read_csv(results(folder) / "tables" / f"{name}.csv").columns)
+
+
+def test_everything_made_from_data_says_synthetic_twin(default_run):
+    folder, _ = default_run
+    drawings = {"figure_2_4", "figure_3_2", "workflow"}
+    unlabelled = []
+    for path in sorted((results(folder) / "tables").iterdir()) + sorted((results(folder) / "figures").glob("*.svg")):
+        text = path.read_text(encoding="utf-8")
+        if path.stem not in drawings | {"table_2_1"} and "synthetic twin" not in text:
+            unlabelled.append(path.name)
+    assert not unlabelled
+
+
+def test_no_table_holds_a_number_that_is_not_finite(default_run):
+    folder, _ = default_run
+    for path in results(folder).rglob("*.csv"):
+        text = path.read_text(encoding="utf-8").lower()
+        assert not re.search(r"(^|,)-?(nan|inf)(,|$)", text, flags=re.M), path
+
+
+def test_a_second_run_has_nothing_to_do(default_run):
+    folder, _ = default_run
+    assert "Nothing to be done" in snakemake(folder, "--cores", "1", "--dry-run").text
+
+
+def test_one_core_gives_the_same_bytes_as_two(default_run, tmp_path_factory):
+    folder, _ = default_run
+    other = copy_project(tmp_path_factory.mktemp("one_core"))
+    run = snakemake(other, "--cores", "1")
+    assert run.status == 0, run.text[-6000:]
+    first, second = digests(results(folder)), digests(results(other))
+    assert len(first) > 80
+    assert {name for name in first | second if first.get(name) != second.get(name)} == set()
+
+
+def change_mass(folder: Path, subject: str) -> None:
+    path = folder / "config" / "subjects" / f"{subject}.yaml"
+    text = path.read_text(encoding="utf-8")
+    changed = re.sub(r"(?m)^(  mass_kg: )([\d.]+)", lambda match: f"{match[1]}{float(match[2]) + 6}", text)
+    assert changed != text
+    path.write_text(changed, encoding="utf-8")
+
+
+def test_a_subjects_mass_reruns_only_what_depends_on_it(default_run):
+    folder, _ = default_run
+    path = folder / "config" / "subjects" / "expert.yaml"
+    before = path.read_text(encoding="utf-8")
+    change_mass(folder, "expert")
+    try:
+        run = snakemake(folder, "--cores", "1", "--dry-run")
+    finally:
+        path.write_text(before, encoding="utf-8")
+    assert run.status == 0, run.text[-3000:]
+    planned = set(re.findall(r"lift=(\w+)", run.text))
+    assert planned == {"expert_23kg", "expert_15kg"}
+    rules = set(run.jobs)
+    assert {"table_4_1", "examine_claims"} <= rules
+    assert not {rule for rule in rules if rule.startswith(("twin", "table_3", "identify", "export", "survey", "check"))}
+
+
+@pytest.mark.parametrize(
+    ("module", "rerun", "untouched"),
+    [
+        ("survey/published.py", "table_3_2", "table_3_1"),
+        ("stability/riccati.py", "table_4_1", "table_3_2"),
+    ],
+)
+def test_editing_a_library_module_reruns_what_uses_it(default_run, module, rerun, untouched):
+    folder, _ = default_run
+    path = folder / "workflow" / "lumbar" / module
+    before = path.read_text(encoding="utf-8")
+    path.write_text(before + "\n# a change\n", encoding="utf-8")
+    try:
+        run = snakemake(folder, "--cores", "1", "--dry-run", rerun, untouched)
+    finally:
+        path.write_text(before, encoding="utf-8")
+    assert run.status == 0, run.text[-3000:]
+    assert rerun in run.jobs
+    assert untouched not in run.jobs
+
+
+@pytest.fixture(scope="module")
+def varied_run(tmp_path_factory):
+    """Another seed of the twin and another mass of the expert."""
+    folder = copy_project(tmp_path_factory.mktemp("varied"))
+    twin = folder / "config" / "twin.yaml"
+    text = twin.read_text(encoding="utf-8")
+    twin.write_text(re.sub(r"(?m)^(  seed: )\d+", r"\g<1>4711", text), encoding="utf-8")
+    change_mass(folder, "expert")
+    run = snakemake(folder, "--cores", "2", "table_2_1", "table_3_1", "table_3_2", "table_4_1", "stability")
+    assert run.status == 0, run.text[-6000:]
+    return folder
+
+
+@pytest.mark.parametrize("name", ["table_2_1", "table_3_2"])
+def test_what_does_not_depend_on_seed_and_mass_stays(default_run, varied_run, name):
+    first, second = (results(folder) / "tables" / f"{name}.csv" for folder in (default_run[0], varied_run))
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_another_seed_moves_table_3_1_but_not_its_order(default_run, varied_run):
+    frames = [pd.read_csv(results(folder) / "tables" / "table_3_1.csv") for folder in (default_run[0], varied_run)]
+    wide = []
+    for frame in frames:
+        arx = frame[(frame.estimator == "arx") & frame.model.isin(["MW", "KB", "HO"])]
+        wide.append(arx.pivot(index="trained_on", columns="model", values="vaf_percent"))
+    assert (wide[0] != wide[1]).all(axis=None)
+    for table in wide:
+        assert (table.MW < table.KB - 30).all()
+        assert (table.KB < table.HO).all()
+
+
+def test_another_mass_moves_that_persons_basins(default_run, varied_run):
+    frames = [pd.read_csv(results(folder) / "stability" / "boa.csv") for folder in (default_run[0], varied_run)]
+    keys = ["subject", "box_mass_kg", "com", "plane", "method", "sign"]
+    masses = [frame.set_index(keys).sort_index() for frame in frames]
+    assert masses[0].index.equals(masses[1].index)
+    moved = (masses[0].mean_area - masses[1].mean_area).abs() / masses[0].mean_area
+    assert (moved.loc["expert"] > 1e-4).all()
+
+
+def test_only_the_mass_changed_leaves_the_other_person_alone(default_run, tmp_path):
+    folder, _ = default_run
+    other = tmp_path / "copy"
+    shutil.copytree(folder, other)
+    change_mass(other, "expert")
+    run = snakemake(other, "--cores", "2", "table_4_1")
+    assert run.status == 0, run.text[-6000:]
+    frames = [pd.read_csv(results(place) / "stability" / "boa.csv") for place in (folder, other)]
+    novice = [frame[frame.subject == "novice"].reset_index(drop=True) for frame in frames]
+    expert = [frame[frame.subject == "expert"].reset_index(drop=True) for frame in frames]
+    pd.testing.assert_frame_equal(novice[0], novice[1], check_exact=True)
+    assert (expert[0].mean_area != expert[1].mean_area).all()
+
+
+def test_report_is_one_page_without_outside_resources(default_run):
+    folder, _ = default_run
+    page = results(folder) / "report.html"
+    run = snakemake(folder, "--cores", "1", "--report", str(page))
+    assert run.status == 0, run.text[-3000:]
+    text = page.read_text(encoding="utf-8")
+    assert "Table 3.1" in text
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=[\"']https?://", text)

@@ -1,0 +1,58 @@
+"""The two studies of real recordings run to their end, and say what is missing where the recordings are absent."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+from running import copy_project, snakemake
+
+pytestmark = pytest.mark.end_to_end
+
+FOLDERS = {"davinci_tool": "davinci_tool_friction", "box_transfer": "lifting/s2m_box_transfer"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return copy_project(tmp_path_factory.mktemp("real"))
+
+
+def run_study(folder, shared, study):
+    run = snakemake(
+        folder,
+        *("--cores", "2", "--configfile", f"config/studies/{study}.yaml"),
+        env={"LUMBAR_DATA": str(shared / "real" / FOLDERS[study])},
+    )
+    assert run.status == 0, run.text[-6000:]
+    return folder / "results" / study
+
+
+@pytest.mark.parametrize("study", FOLDERS)
+def test_absent_recordings_are_named_with_source_and_licence(folder, study, tmp_path):
+    run = snakemake(
+        folder,
+        *("--cores", "1", "--configfile", f"config/studies/{study}.yaml"),
+        env={"LUMBAR_DATA": str(tmp_path / "nowhere")},
+    )
+    assert run.status != 0
+    assert "licence" in run.text
+    assert "obtain" in run.text
+    assert "Traceback" not in run.text
+    assert not (folder / "results" / study).exists()
+
+
+def test_davinci_tool(folder, shared):
+    results = run_study(folder, shared, "davinci_tool")
+    table = pd.read_csv(results / "tables" / "table_3_1.csv")
+    assert not table["data"].str.contains("synthetic").any()
+    assert {"MW", "Maxwell", "KB", "HO"} <= set(table.model)
+    assert list((results / "fmu").glob("*_fmi3.fmu"))
+
+
+def test_box_transfer(folder, shared):
+    results = run_study(folder, shared, "box_transfer")
+    areas = pd.read_csv(results / "stability" / "boa.csv")
+    assert set(areas.com) == {"thorax", "abdomen", "pelvis"}
+    assert (areas.mean_area > 0).all()
+    table = pd.read_csv(results / "tables" / "table_4_1.csv")
+    assert table.lateral_bending_percent.isna().all()
+    assert table.status.str.contains("not testable").all()

@@ -1,0 +1,54 @@
+"""Running the workflow in a copy of the project, for tests."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+PROJECT = Path(__file__).resolve().parent.parent
+PARTS = ("Snakefile", "config", "workflow", "resources", "envs")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one call of Snakemake said."""
+
+    status: int
+    text: str
+
+    @property
+    def jobs(self) -> dict[str, int]:
+        """Number of jobs per rule from the table of jobs that Snakemake prints."""
+        table = re.search(r"^job +count\n[- ]+\n(.*?)\n\n", self.text, flags=re.M | re.S)
+        rows = table[1].splitlines() if table else []
+        counts = {row.split()[0]: int(row.split()[1]) for row in rows}
+        counts.pop("total", None)
+        return counts
+
+
+def copy_project(folder: Path) -> Path:
+    """Copy what the workflow needs into `folder`, without results."""
+    folder.mkdir(parents=True, exist_ok=True)
+    ignore = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    for part in PARTS:
+        source = PROJECT / part
+        if source.is_dir():
+            shutil.copytree(source, folder / part, ignore=ignore)
+        else:
+            shutil.copy2(source, folder / part)
+    return folder
+
+
+def snakemake(folder: Path, *arguments: str, env: dict[str, str] | None = None) -> Run:
+    """Call Snakemake in a project folder and return its status and output."""
+    command = [sys.executable, "-m", "snakemake", "--nocolor", *arguments]
+    environment = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LUMBAR_DATA")}
+    done = subprocess.run(
+        command, cwd=folder, env=environment | (env or {}), capture_output=True, text=True, check=False
+    )
+    return Run(done.returncode, done.stdout + done.stderr)

@@ -1,0 +1,81 @@
+"""Fixtures of the FMU tests: FMUs are built once for all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from runtime_models import SETTINGS, TARGET, entry, models_json
+
+
+@pytest.fixture(scope="session")
+def zig_cache(project):
+    """Return the cache that the workflow uses too; a cold one costs seconds and has a test of its own."""
+    return project / ".snakemake" / "zig-cache"
+
+
+@pytest.fixture(scope="session")
+def fmu_models():
+    """Return models for export."""
+    from lumbar.runtime.export_model import select_models
+
+    return select_models(models_json(), SETTINGS)
+
+
+@pytest.fixture(scope="session")
+def fmu_folder(fmu_models, zig_cache, tmp_path_factory):
+    """Return a folder with the FMUs of the shared models and of one with an awkward name."""
+    from lumbar.runtime.export_model import select_models
+    from lumbar.runtime.package import export_fmus
+
+    fmu_folder = tmp_path_factory.mktemp("fmu")
+    export_fmus(fmu_models, fmu_folder, "synthetic twin", TARGET, zig_cache)
+    awkward = models_json(entry("KB+coulomb_friction", [1.9, -1.2], [1.0, -0.45]))
+    chosen = select_models(awkward, {**SETTINGS, "models": ["KB+coulomb_friction"], "moving_average": 1})
+    export_fmus(chosen, fmu_folder, "A & B <lab>", TARGET, zig_cache)
+    return fmu_folder
+
+
+@pytest.fixture
+def fmu_instance(fmu_folder, tmp_path):
+    """Return a function that instantiates an FMU; all instances are freed at the end."""
+    import fmpy
+    from fmpy.fmi2 import FMU2Slave
+    from fmpy.fmi3 import FMU3Slave
+
+    made = []
+
+    def instantiate(name: str, version: int, event_mode: bool = False, early_return: bool = False):
+        path = fmu_folder / f"{name}_fmi{version}.fmu"
+        unzipped = tmp_path / path.stem
+        if not unzipped.exists():
+            fmpy.extract(str(path), str(unzipped))
+        description = fmpy.read_model_description(str(unzipped))
+        common = {
+            "guid": description.guid,
+            "unzipDirectory": str(unzipped),
+            "modelIdentifier": description.coSimulation.modelIdentifier,
+            "instanceName": f"instance {len(made)}",
+        }
+        if version == 2:
+            slave = FMU2Slave(**common)
+            slave.instantiate()
+            slave.setupExperiment(startTime=0.0)
+            slave.enterInitializationMode()
+        else:
+            slave = FMU3Slave(**common)
+            slave.instantiate(
+                eventModeUsed=event_mode, earlyReturnAllowed=early_return, logMessage=lambda *_: None
+            )
+            slave.enterInitializationMode(startTime=0.0)
+        made.append(slave)
+        return slave
+
+    yield instantiate
+    for slave in made:
+        slave.freeInstance()
+
+
+@pytest.fixture(scope="session")
+def fmu_positions():
+    """Return positions of a random walk in mm."""
+    return np.cumsum(np.random.default_rng(7).standard_normal(200)) * 0.2

@@ -1,0 +1,355 @@
+"""C3D: real awkward and broken files, and files built byte by byte from the C3D user guide."""
+
+import struct
+
+import c3d
+import ezc3d
+import numpy as np
+import pytest
+from c3d_builder import DEC, INTEL, MIPS, build_c3d
+from lumbar.errors import InputError
+from lumbar.records.c3d_file import read_c3d
+from lumbar.records.markers import read_markers
+
+LABELS = ["C7", "SACR", "LTOE"]
+ENCODINGS = ("01_intel_int", "02_intel_float", "03_dec_int", "04_dec_float", "05_mips_int", "06_mips_float")
+
+
+@pytest.fixture
+def points():
+    generator = np.random.default_rng(5)
+    return np.cumsum(generator.normal(0, 3, (40, 3, 3)), axis=0) + np.array([300, -200, 900])
+
+
+def write(tmp_path, content, name="trial.c3d"):
+    path = tmp_path / name
+    path.write_bytes(content)
+    return path
+
+
+def stacked(file):
+    return np.stack(list(file.positions.values()), axis=1)
+
+
+def decode(path, data_start, n_frames, n_points, n_analog):
+    """Coordinates of a little-endian float file straight from its bytes."""
+    words = 4 * n_points + n_analog
+    raw = np.frombuffer(path.read_bytes(), "<f4", n_frames * words, data_start).reshape(n_frames, words)
+    quads = raw[:, : 4 * n_points].reshape(n_frames, n_points, 4).astype(float)
+    quads[quads[..., 3] < 0] = np.nan
+    return quads[..., :3]
+
+
+# Real files: every row of the table in their README
+# -------------------------------------------------------------
+
+
+def test_same_recording_in_every_encoding(shared):
+    files = [read_c3d(shared / "real" / "c3d_edge" / f"{name}.c3d") for name in ENCODINGS]
+    first = stacked(files[0])
+    assert first.shape == (450, 26, 3)
+    for file in files[1:]:
+        assert list(file.positions) == list(files[0].positions)
+        other = stacked(file)
+        np.testing.assert_array_equal(np.isnan(other), np.isnan(first))
+        assert np.nanmax(np.abs(other - first)) <= 1e-4  # mm
+    assert np.isnan(first[..., 0]).mean() == pytest.approx(0.0193, abs=1e-4)
+
+
+def test_float_encoding_against_its_own_bytes(shared):
+    path = shared / "real" / "c3d_edge" / "02_intel_float.c3d"
+    np.testing.assert_allclose(stacked(read_c3d(path)), decode(path, 10 * 512, 450, 26, 64), rtol=1e-6)
+
+
+def test_parameter_section_in_another_block(shared):
+    edge = shared / "real" / "c3d_edge"
+    moved, usual = read_c3d(edge / "09_param_block_variant_C.c3d"), read_c3d(edge / "01_intel_int.c3d")
+    np.testing.assert_array_equal(stacked(moved), stacked(usual))
+
+
+def test_subject_prefix_is_stripped_and_gaps_are_reported(shared):
+    path = shared / "real" / "c3d_edge" / "07_subject_labels.c3d"
+    recording = read_markers(path)
+    assert {"C7", "SACR", "LASI"} <= set(recording.positions)
+    assert not any(":" in label for label in [*recording.positions, *recording.dropped])
+    # 52 % of all samples are invalid: points never seen are left out, the rest has gaps.
+    everything = ezc3d.c3d(str(path))["data"]["meta_points"]["residuals"][0] < 0
+    assert everything.mean() == pytest.approx(0.52, abs=0.005)
+    never = sum(reason == "never seen" for reason in recording.dropped.values())
+    assert never == 34
+    assert recording.missing_share > 0.2
+
+
+def test_model_outputs_are_not_markers(shared):
+    recording = read_markers(shared / "real" / "c3d_edge" / "10_plugin_outputs.c3d")
+    expected = {"RKNE", "RTOE", "RTIB", "RASI", "RTHI", "RHEE", "LKNE", "RANK", "RCLA"}
+    expected |= {"LTHI", "LASI", "C7", "LTOE", "LANK", "SACR", "LHEE", "LCLA", "LTIB"}
+    assert set(recording.positions) == expected
+    assert recording.dropped["LHipAngles"] == "joint angle, not a position"
+    assert recording.dropped["LGroundReactionForce"] == "force, not a position"
+    assert recording.dropped["RKneeMoment"] == "moment, not a position"
+    assert recording.dropped["LAnklePower"] == "power, not a position"
+
+
+def test_coordinates_without_a_described_analog_part(shared):
+    path = shared / "real" / "c3d_edge" / "29_type1_forceplate.c3d"
+    file = read_c3d(path)
+    np.testing.assert_allclose(stacked(file), decode(path, 7 * 512, 296, 28, 6), rtol=1e-6)
+    # What this guards against: ezc3d alone returns other coordinates and no error.
+    naive = ezc3d.c3d(str(path))["data"]["points"][:3].transpose(2, 1, 0)
+    assert not np.allclose(naive[1:], stacked(file)[1:], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "c3d_edge/01_intel_int",
+        "c3d_edge/03_dec_int",
+        "c3d_edge/07_subject_labels",
+        "lifting/athlete_floor_pickup_squats/squat",
+        "lifting/athlete_static_full_spine/c3dfile1",
+        "lifting/ktk_pig_com_oracle/gait",
+        "lifting/qualisys_ior_gait/Qualisys",
+        "lifting/s2m_box_transfer/Vicon",
+    ],
+)
+def test_same_coordinates_as_ezc3d(shared, name):
+    path = shared / "real" / f"{name}.c3d"
+    content = ezc3d.c3d(str(path))
+    labels = content["parameters"]["POINT"]["LABELS"]["value"]
+    reference = content["data"]["points"][:3]
+    file = read_c3d(path)
+    for label, values in file.positions.items():
+        expected = reference[:, labels.index(label)].T
+        largest = np.nanmax(np.abs(expected))
+        np.testing.assert_allclose(values, expected, rtol=0, atol=1e-6 * largest, equal_nan=True)
+    assert file.rate == content["parameters"]["POINT"]["RATE"]["value"][0]
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("08_mac_old_orthotrak", "scale factor: 0.0551136 in the header, 0.0215412 in POINT:SCALE"),
+        ("11_dance_no_analog", "499 in the header, 500 in POINT:FRAMES"),
+        ("12_bad_parameter_section", "parameter LABELS would end at byte"),
+        ("13_phasespace", "POINT:USED: missing"),
+        ("15_zero_bytes", "0 bytes"),
+        ("16_tiny_cube", "1 frame; a trajectory needs at least 2"),
+        ("18_bad_parameter_offset", "parameter LABELS at byte 745 points to byte 1169"),
+        ("90_derived_truncated_data", "450 frames of 336 bytes are announced, but the file holds 163"),
+        ("91_derived_truncated_params", "700 bytes"),
+        ("92_derived_text_renamed", "not a C3D file"),
+    ],
+)
+def test_broken_files_are_refused(shared, name, said):
+    path = shared / "real" / "c3d_edge" / f"{name}.c3d"
+    with pytest.raises(InputError) as caught:
+        read_markers(path)
+    assert said in str(caught.value)
+    assert path.name in str(caught.value)
+
+
+def test_static_pose_of_one_frame_on_request(shared):
+    recording = read_markers(shared / "real" / "c3d_edge" / "16_tiny_cube.c3d", minimum_frames=1)
+    assert len(recording) == 1
+    assert len(recording.positions) == 14
+
+
+# Built files
+
+
+@pytest.mark.parametrize("processor", [INTEL, DEC, MIPS])
+@pytest.mark.parametrize("scale", [-1.0, 0.05])
+@pytest.mark.parametrize("channels", [0, 3])
+def test_built_file(tmp_path, points, processor, scale, channels):
+    residuals = np.zeros(points.shape[:2])
+    residuals[4:7, 1] = -1
+    analog = np.random.default_rng(1).integers(-900, 900, (40, 5 * channels)) if channels else None
+    content = build_c3d(
+        points,
+        LABELS,
+        processor=processor,
+        scale=scale,
+        residuals=residuals,
+        analog=analog,
+        analog_per_frame=5 if channels else 1,
+    )
+    file = read_c3d(write(tmp_path, content))
+    expected = points.copy()
+    expected[4:7, 1] = np.nan
+    np.testing.assert_allclose(stacked(file), expected, atol=1e-4 if scale < 0 else 0.026, rtol=0)
+    assert (file.rate, file.unit, list(file.positions)) == (100.0, "mm", LABELS)
+
+
+def test_round_trip_with_ezc3d(tmp_path, points):
+    written = ezc3d.c3d()
+    written["parameters"]["POINT"]["RATE"]["value"] = [120.0]
+    written["parameters"]["POINT"]["LABELS"]["value"] = LABELS
+    written["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    quads = np.ones((4, 3, 40))
+    quads[:3] = points.transpose(2, 1, 0)
+    quads[:3, 1, 10:13] = np.nan
+    written["data"]["points"] = quads
+    written.write(str(tmp_path / "trial.c3d"))
+    recording = read_markers(tmp_path / "trial.c3d")
+    assert recording.rate == 120
+    np.testing.assert_allclose(recording["C7"], points[:, 0] / 1000, atol=1e-7)
+    assert np.flatnonzero(np.isnan(recording["SACR"][:, 0])).tolist() == [10, 11, 12]
+
+
+@pytest.mark.filterwarnings("ignore:No analog data:UserWarning")
+def test_round_trip_with_the_c3d_package(tmp_path, points):
+    writer = c3d.Writer(point_rate=50.0, analog_rate=0.0, point_scale=-1.0)
+    writer.set_point_labels(LABELS)
+    quads = np.zeros((40, 3, 5), np.float32)
+    quads[..., :3] = points
+    writer.add_frames([(frame, np.zeros((0, 1), np.float32)) for frame in quads])
+    with (tmp_path / "trial.c3d").open("wb") as stream:
+        writer.write(stream)
+    file = read_c3d(tmp_path / "trial.c3d")
+    assert file.rate == 50
+    np.testing.assert_allclose(stacked(file), points, atol=1e-4)
+
+
+def test_clock_starts_at_the_systems_first_frame(tmp_path, points):
+    file = read_c3d(write(tmp_path, build_c3d(points, LABELS, first_frame=705, rate=200.0)))
+    np.testing.assert_allclose(file.time, (704 + np.arange(40)) / 200, rtol=0, atol=1e-12)
+
+
+def test_more_frames_than_the_header_can_count(tmp_path):
+    n_frames = 65700
+    points = np.ones((n_frames, 1, 3), np.float32)
+    points[:, 0, 0] = np.arange(n_frames)
+    file = read_c3d(write(tmp_path, build_c3d(points, ["C7"], trial=True, long_frames=True)))
+    np.testing.assert_array_equal(file.positions["C7"], points[:, 0])
+
+
+def test_frame_numbers_beyond_what_the_header_can_hold(tmp_path, points):
+    file = read_c3d(write(tmp_path, build_c3d(points, LABELS, first_frame=65510, trial=True)))
+    np.testing.assert_allclose(stacked(file), points, rtol=1e-6)
+    np.testing.assert_allclose(file.time, (65509 + np.arange(40)) / 100)
+    # Without the first and last frame in TRIAL the c3d package stops at 65535, which must not pass for all.
+    with pytest.raises(InputError, match=r"\(26, 3\) frames and points were read; \(40, 3\) are announced"):
+        read_c3d(write(tmp_path, build_c3d(points, LABELS, first_frame=65510, long_frames=True)))
+
+
+def test_more_frames_than_anything_in_the_file_can_count(tmp_path):
+    content = build_c3d(np.ones((65600, 1, 3), np.float32), ["C7"])
+    with pytest.raises(InputError, match="65535 frames or more"):
+        read_c3d(write(tmp_path, content))
+
+
+def test_more_labels_than_one_list_can_hold(tmp_path):
+    labels = [f"M{number:03d}" for number in range(300)]
+    points = np.random.default_rng(2).normal(0, 500, (6, 300, 3))
+    file = read_c3d(write(tmp_path, build_c3d(points, labels)))
+    assert list(file.positions) == labels
+    np.testing.assert_allclose(file.positions["M299"], points[:, 299], rtol=1e-6)
+
+
+def test_zero_and_infinite_samples_are_missing(tmp_path, points):
+    points[3, 0] = 0
+    points[5, 1] = np.inf
+    file = read_c3d(write(tmp_path, build_c3d(points, LABELS)))
+    assert np.flatnonzero(np.isnan(file.positions["C7"]).all(axis=1)).tolist() == [3]
+    assert np.flatnonzero(np.isnan(file.positions["SACR"]).all(axis=1)).tolist() == [5]
+
+
+def test_points_listed_as_angles_are_dropped_whatever_their_name(tmp_path, points):
+    # Groups come in pairs, the list's name and the name of one entry; only the first names a list.
+    extra = {
+        "POINT:TYPE_GROUPS": ["TILTS", "TILT"],
+        "POINT:TILTS": ["LTOE"],
+        "POINT:TILT": ["C7"],
+        "POINT:ANGLES": ["SACR"],
+    }
+    file = read_c3d(write(tmp_path, build_c3d(points, LABELS, extra=extra)))
+    assert list(file.positions) == ["C7"]
+    assert file.dropped == {
+        "SACR": "joint angle, not a position",
+        "LTOE": "listed under POINT:TILTS, not a position",
+    }
+
+
+def test_points_without_or_with_equal_labels_are_said(tmp_path):
+    points = np.random.default_rng(3).normal(0, 500, (6, 5, 3))
+    file = read_c3d(write(tmp_path, build_c3d(points, ["C7", "A", "A", "*17"])))
+    assert list(file.positions) == ["C7"]
+    assert file.dropped == {
+        "A": "label used for 2 points",
+        "*17": "trajectory without a label",
+        "point 5": "trajectory without a label",
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"replace": {"POINT:USED": [4]}}, "number of points: 3 in the header, 4 in POINT:USED"),
+        ({"replace": {"POINT:RATE": [50.0]}}, "rate: 100 in the header, 50 in POINT:RATE"),
+        ({"replace": {"POINT:DATA_START": [9]}}, "data block"),
+        ({"replace": {"ANALOG:USED": [3]}}, "analog samples per frame: 0 in the header, 3 in"),
+        (
+            {"extra": {"POINT:LONG_FRAMES": [41.0]}},
+            "40 in the header, 40 in POINT:FRAMES, 41 in POINT:LONG_FRAMES",
+        ),
+        ({"replace": {"POINT:FRAMES": [39]}}, "40 in the header, 39 in POINT:FRAMES"),
+        ({"omit": ["POINT:LABELS"]}, "POINT:LABELS: missing"),
+        ({"rate": 0.0}, "both must be positive"),
+        ({"rate": np.nan}, "POINT:RATE: [nan]; finite numbers must stand there"),
+        ({"extra": {"POINT:FRAMES": ["many"]}}, "POINT:FRAMES: ['many']; finite numbers must stand there"),
+        ({"extra": {"POINT:LABELS": [1.0, 2.0]}}, "POINT:LABELS: [1.0, 2.0]; text must stand there"),
+    ],
+)
+def test_contradictions_are_refused(tmp_path, points, change, said):
+    with pytest.raises(InputError) as caught:
+        read_c3d(write(tmp_path, build_c3d(points, LABELS, **change)))
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("missing_bytes", [1, 48, 1900])
+def test_every_missing_byte_is_noticed(tmp_path, points, missing_bytes):
+    content = build_c3d(points, LABELS)
+    with pytest.raises(InputError, match="40 frames of 48 bytes are announced"):
+        read_c3d(write(tmp_path, content[:-missing_bytes]))
+
+
+def test_group_numbers_with_a_hole(tmp_path, points):
+    """Legal by the user guide, and fatal to readers that keep groups in an array by number."""
+    content = bytearray(build_c3d(points, LABELS, extra={"SUBJECTS:MASS": [70.0]}))
+    group = content.index(b"SUBJECTS") - 1
+    member = content.index(b"MASS") - 1
+    assert struct.unpack("b", content[group : group + 1])[0] == -content[member]
+    content[group : group + 1] = struct.pack("b", -90)
+    content[member] = 90
+    np.testing.assert_allclose(stacked(read_c3d(write(tmp_path, bytes(content)))), points, rtol=1e-6)
+
+
+def test_reader_that_disagrees_with_the_bytes_is_refused(tmp_path, points, monkeypatch):
+    path = write(tmp_path, build_c3d(points, LABELS))
+    original = c3d.Reader.read_frames
+
+    def shifted(self, copy=True):
+        for number, values, analog in original(self, copy=copy):
+            yield number, np.roll(values, number, axis=0), analog
+
+    monkeypatch.setattr(c3d.Reader, "read_frames", shifted)
+    with pytest.raises(InputError, match="other coordinates than the file holds"):
+        read_c3d(path)
+
+
+def test_corrupt_bytes_end_in_a_recording_or_an_input_error(tmp_path, points):
+    """One corrupt byte anywhere before the data, one file for each of many."""
+    content = build_c3d(points, LABELS, analog=np.zeros((40, 4)), analog_per_frame=2)
+    generator = np.random.default_rng(11)
+    outcomes = set()
+    for trial in range(150):
+        corrupt = bytearray(content)
+        corrupt[int(generator.integers(0, 1024))] = int(generator.integers(256))
+        path = write(tmp_path, bytes(corrupt), f"{trial}.c3d")
+        try:
+            read_c3d(path)
+            outcomes.add("read")
+        except InputError:
+            outcomes.add("refused")
+    assert outcomes == {"read", "refused"}

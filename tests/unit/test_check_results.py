@@ -1,0 +1,74 @@
+"""The comparison with the reference says what moved, by how much, and whether that is allowed."""
+
+from __future__ import annotations
+
+import runpy
+import shutil
+
+import pandas as pd
+import pytest
+import yaml
+
+
+@pytest.fixture(scope="module")
+def check(project):
+    return runpy.run_path(str(project / "tests" / "reference" / "check_results.py"))
+
+
+@pytest.fixture
+def folders(tmp_path):
+    reference, results = tmp_path / "reference", tmp_path / "results"
+    (results / "tables").mkdir(parents=True)
+    reference.mkdir()
+    frame = pd.DataFrame({"model": ["KB", "HO"], "vaf": [80.0, 82.0], "note": ["a", "b"]})
+    frame.to_csv(reference / "t.csv", index=False)
+    frame.to_csv(results / "tables" / "t.csv", index=False)
+    settings = {"tables/t.csv": {"keys": ["model"], "absolute": {"default": 0.5}}}
+    (reference / "tolerances.yaml").write_text(yaml.safe_dump(settings), encoding="utf-8")
+    return reference, results
+
+
+def call(check, folders, *more):
+    return check["main"](["--reference", str(folders[0]), "--results", str(folders[1]), *more])
+
+
+def move(folders, column, value):
+    path = folders[1] / "tables" / "t.csv"
+    frame = pd.read_csv(path)
+    frame.loc[0, column] = value
+    frame.to_csv(path, index=False)
+
+
+def test_equal_tables_pass(check, folders, capsys):
+    assert call(check, folders) == 0
+    assert "0 moved more than allowed" in capsys.readouterr().out
+
+
+def test_a_small_movement_is_said_and_allowed(check, folders, capsys):
+    move(folders, "vaf", 80.3)
+    assert call(check, folders) == 0
+    assert "allowed: tables/t.csv [KB] vaf: 80.0 -> 80.3 (moved by +0.3, tolerance 0.5)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("column", "value"), [("vaf", 81.0), ("vaf", None), ("note", "c")])
+def test_a_large_movement_fails(check, folders, capsys, column, value):
+    move(folders, column, value)
+    assert call(check, folders) == 1
+    assert "NOT ALLOWED: tables/t.csv [KB]" in capsys.readouterr().out
+
+
+def test_missing_table_and_row_fail(check, folders, capsys):
+    path = folders[1] / "tables" / "t.csv"
+    pd.read_csv(path).iloc[:1].to_csv(path, index=False)
+    assert call(check, folders) == 1
+    assert "[HO]" in capsys.readouterr().out
+    path.unlink()
+    assert call(check, folders) == 1
+    assert "missing" in capsys.readouterr().out
+
+
+def test_update_takes_the_present_numbers(check, folders):
+    move(folders, "vaf", 99.0)
+    assert call(check, folders, "--update") == 0
+    shutil.copy(folders[1] / "tables" / "t.csv", folders[1] / "copy.csv")
+    assert call(check, folders) == 0

@@ -1,0 +1,247 @@
+"""The ``lumbar`` command on files and folders: results, messages, exit status, start-up."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import zlib
+
+import numpy as np
+import pytest
+import yaml
+from lumbar import cli
+from lumbar.cli.command import COMMANDS
+
+
+@pytest.fixture
+def run(capsys):
+    """Call the command; return its exit status, standard output and standard error."""
+
+    def call(*arguments):
+        try:
+            status = cli.main([str(argument) for argument in arguments])
+        except SystemExit as end:
+            status = end.code
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def tissue(tmp_path_factory):
+    """Make tests of a known Kelvin-Boltzmann tissue, simulated exactly at 100 Hz."""
+    from scipy.signal import lfilter
+
+    folder = tmp_path_factory.mktemp("tests")
+    random = np.random.default_rng(3)
+    for name, seconds in (("long", 40), ("short", 12)):
+        time = np.arange(seconds * 100) / 100
+        position = np.cumsum(random.normal(size=len(time)))
+        position = lfilter(*_low_pass(), position - position.mean())
+        force = lfilter([1.9, -1.2], [1, -0.45], position) + random.normal(scale=0.01, size=len(time))
+        rows = np.column_stack([time, position, force])
+        np.savetxt(
+            folder / f"{name}.csv", rows, "%.8f", ",", header="time_s,position_mm,force_N", comments=""
+        )
+    return folder
+
+
+def _low_pass():
+    from scipy.signal import butter
+
+    return butter(2, 0.2)
+
+
+def test_help_and_version(run):
+    status, out, _ = run("--help")
+    assert status == 0
+    assert all(name in out for name in COMMANDS)
+    for name in COMMANDS:
+        status, out, _ = run(name, "--help")
+        assert status == 0
+        assert f"lumbar {name}" in out.split("example:")[1]
+    status, out, _ = run("--version")
+    assert status == 0
+    assert out.startswith("lumbar 0")
+
+
+def test_a_wrong_command_line_ends_with_2(run):
+    status, _, err = run("nonsense")
+    assert status == 2
+    assert "nonsense" in err
+
+
+def test_starting_up_loads_no_heavy_package():
+    script = (
+        "import sys; from lumbar.cli.command import build_parser; build_parser();"
+        "print([n for n in ('numpy', 'pandas', 'scipy', 'matplotlib', 'yaml', 'fmpy') if n in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_check_describes_every_file_of_a_folder(run, tissue):
+    status, out, _ = run("check", tissue)
+    assert status == 0
+    assert out.splitlines() == [
+        f"tissue: {name}.csv: {samples} samples, 100 Hz, {samples // 100} s; "
+        "input: position in mm, output: force in N"
+        for name, samples in (("long", 4000), ("short", 1200))
+    ]
+
+
+def test_check_tells_the_problems_of_all_files_and_fails(run, tissue, tmp_path):
+    (tmp_path / "a.csv").write_text((tissue / "short.csv").read_text().replace("force_N", "force_lbf"))
+    (tmp_path / "b.csv").write_text("time_s,position_mm,force_N\n0,0,zero\n")
+    (tmp_path / "c.c3d").write_bytes(b"no markers")
+    status, out, err = run("check", tmp_path)
+    assert status == 1
+    assert out == ""
+    assert "3 problems" in err
+    assert "no column 'force_N'" in err
+    assert "line 2: output is 'zero'" in err
+    assert "c.c3d" in err
+    assert "Traceback" not in err
+
+
+def test_check_reads_surveys_and_other_layouts(run, project, tissue, tmp_path):
+    sheet = project / "resources" / "survey" / "survey_reconstructed.csv"
+    assert run("check", "--chapter", "survey", sheet)[1] == (
+        "survey: survey_reconstructed.csv: 45 participants rated IL, MW, KB, HO\n"
+    )
+    columns = {"input": {"column": "force_N", "unit": "kN", "scale": 0.001}}
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump({"tissue": {"layout": {"columns": columns}}}))
+    status, out, _ = run("check", tissue / "long.csv", "--config", tmp_path / "study.yaml")
+    assert status == 0
+    assert "input: input in kN" in out or "input: position in kN" in out
+
+
+def test_wrong_settings_are_named(run, tissue, tmp_path):
+    study = tmp_path / "study.yaml"
+    study.write_text("tissue: {rate_Hz: fast, colour: red}\n")
+    status, _, err = run("identify", tissue, "--output", tmp_path / "out", "--config", study)
+    assert status == 1
+    assert "tissue: rate_Hz: 'fast'" in err
+    assert "colour" in err
+    study.write_text("tissue: [")
+    assert "not valid YAML" in run("identify", tissue, "--output", tmp_path / "out", "--config", study)[2]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["identify", "bandwidth"])
+def test_folders_without_recordings(run, tmp_path, command):
+    status, _, err = run(command, tmp_path, "--output", tmp_path / "out")
+    assert status == 1
+    assert "no recordings" in err
+    assert "no such folder" in run(command, tmp_path / "absent", "--output", tmp_path / "out")[2]
+
+
+def test_bandwidth_finds_the_edge_of_a_known_spectrum(run, tmp_path):
+    # White noise cut off at 2 Hz: 95 % of the power lies below 1.9 Hz.
+    for trial in range(4):
+        samples = 8192
+        spectrum = np.zeros(samples // 2 + 1, dtype=complex)
+        frequency = np.fft.rfftfreq(samples, 0.01)
+        band = (frequency > 0) & (frequency < 2)
+        random = np.random.default_rng(trial)
+        spectrum[band] = random.normal(size=band.sum()) + 1j * random.normal(size=band.sum())
+        rows = np.column_stack([np.arange(samples) / 100, 100 * np.fft.irfft(spectrum)])
+        path = tmp_path / f"surgeon_{trial}_trial_1.csv"
+        np.savetxt(path, rows, "%.6f", ",", header="time_s,z_mm", comments="")
+    status, _, _ = run("bandwidth", tmp_path, "--output", tmp_path / "out")
+    assert status == 0
+    bandwidth = json.loads((tmp_path / "out" / "bandwidth.json").read_text())
+    assert bandwidth["position"]["power_share"]["value_Hz"] == pytest.approx(1.9, abs=0.1)
+    assert bandwidth["data"] == tmp_path.name
+    status, _, _ = run(
+        "signals", "--bandwidth", tmp_path / "out" / "bandwidth.json", "--output", tmp_path / "s"
+    )
+    assert status == 0
+    assert {"multisine.csv", "noise.csv", "chirp.csv"} <= {path.name for path in (tmp_path / "s").iterdir()}
+
+
+def test_signals_need_a_band_below_nyquist(run, tmp_path):
+    status, _, err = run("signals", "--band", 80, "--output", tmp_path)
+    assert status == 1
+    assert "below 50 Hz" in err
+
+
+def test_identify_recovers_a_known_tissue(run, tissue, tmp_path):
+    status, out, err = run("identify", tissue, "--output", tmp_path)
+    assert status == 0, err
+    assert "identified on long" in out
+    models = json.loads((tmp_path / "models.json").read_text())["models"]
+    kb = next(model for model in models if model["name"] == "KB" and model["estimator"] == "output_error")
+    assert kb["numerator"] == pytest.approx([1.9, -1.2], abs=0.02)
+    assert kb["denominator"] == pytest.approx([1, -0.45], abs=0.01)
+    status, _, err = run("identify", tissue, "--train", "middle", "--output", tmp_path)
+    assert status == 1
+    assert "there are long, short" in err
+
+
+def test_export_needs_models(run, tmp_path):
+    path = tmp_path / "models.json"
+    assert "no such file" in run("export", path, "--output", tmp_path)[2]
+    path.write_text('{"schema": "something/1"}')
+    status, _, err = run("export", path, "--output", tmp_path)
+    assert status == 1
+    assert "something/1" in err
+
+
+def test_survey_writes_tables_and_figures(run, project, tmp_path):
+    sheet = project / "resources" / "survey" / "survey_reconstructed.csv"
+    status, out, _ = run("survey", sheet, "--output", tmp_path)
+    assert status == 0
+    assert "kruskal_wallis: 29.29" in out
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {
+        "table_3_2.csv",
+        "survey_paired.html",
+        "survey_best_picks.tex",
+        "survey_likert.svg",
+        "survey.json",
+    } <= names
+    assert "reconstructed survey (not real answers)" in (tmp_path / "table_3_2.csv").read_text()
+
+
+def test_survey_does_not_call_real_answers_reconstructed(run, project, tmp_path):
+    sheet = project / "resources" / "survey" / "survey_reconstructed.csv"
+    real = tmp_path / "answers.csv"
+    real.write_text(sheet.read_text().replace("reconstructed_not_real", "laboratory"))
+    assert run("survey", real, "--output", tmp_path / "out")[0] == 0
+    table = (tmp_path / "out" / "table_3_2.html").read_text()
+    assert "Data: answers.csv" in table
+    assert "reconstructed" not in table
+
+
+def test_lift_and_basin_follow_each_other(run, project, tmp_path):
+    from lumbar.twin.lifting import write_lift
+
+    twin = yaml.safe_load((project / "config" / "twin.yaml").read_text(encoding="utf-8"))["twin"]
+    markers = tmp_path / "expert_23kg.c3d"
+    write_lift(twin["lifting"], "expert_23kg", [twin["seed"], zlib.crc32(b"expert_23kg")], markers, None)
+    subject = project / "config" / "subjects" / "expert.yaml"
+    output = tmp_path / "out"
+    status, out, err = run("lift", markers, "--subject", subject, "--box-mass", 23, "--output", output)
+    assert status == 0, err
+    assert "release: " in out
+    facts = json.loads((output / "pendulum.json").read_text())
+    assert facts["box_mass_kg"] == 23
+    status, out, err = run("basin", output / "pendulum.csv", "--output", output)
+    assert status == 0, err
+    assert (output / "boa.csv").read_text().count("\n") > 6
+    status, _, err = run(
+        "lift", markers, "--subject", tmp_path / "x.yaml", "--box-mass", 23, "--output", output
+    )
+    assert (status, "x.yaml: no such file" in err) == (1, True)
+    assert "--box-mass" in run("lift", markers, "--subject", subject, "--box-mass", -1, "--output", output)[2]
+
+
+def test_an_output_that_cannot_be_written(run, project, tmp_path):
+    (tmp_path / "file").write_text("x")
+    sheet = project / "resources" / "survey" / "survey_reconstructed.csv"
+    status, _, err = run("survey", sheet, "--output", tmp_path / "file")
+    assert status == 1
+    assert "Traceback" not in err

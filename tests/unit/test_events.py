@@ -1,0 +1,239 @@
+"""Events of a lift against movements whose events are known, and against recordings of people."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+from lumbar.errors import InputError
+from lumbar.lifting.events import find_events, phases
+from lumbar.lifting.filtering import filter_markers
+from lumbar.lifting.gaps import fill_gaps
+from lumbar.records.markers import MarkerRecording, read_markers
+
+RATE = 100.0
+TIME = np.arange(0, 8, 1 / RATE)
+TRUE = {"lift_off": 2.0, "toe_off": 3.2, "deposit_start": 5.0, "release": 6.5}
+
+
+@pytest.fixture(scope="module")
+def settings(project):
+    return yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["lifting"][
+        "events"
+    ]
+
+
+def ramp(start, stop):
+    share = np.clip((TIME - start) / (stop - start), 0, 1)
+    return share**2 * (3 - 2 * share)
+
+
+def scene(step=0.6, shuffle=0.0, hesitation=0.0, drop=0.25, leave=True, pause=False, seed=None):
+    """Box on the floor, lifted at 2 s, carried from 3.2 s, set down from 5.0 to 6.5 s; feet step at 3.2 s."""
+    zero = np.zeros_like(TIME)
+    height = (
+        0.3
+        + 0.7 * ramp(2.0, 3.1)
+        - drop * ramp(5.0, 6.5)
+        + hesitation * np.sin(2 * np.pi * 2 * TIME) * (ramp(5.0, 5.5) - ramp(5.8, 6.3))
+    )
+    carry = (ramp(3.1, 3.9) + ramp(3.95, 5.0)) / 2 if pause else ramp(3.1, 5.0)
+    forward = 0.4 + 0.9 * carry + 0.2 * ramp(5.0, 6.5)
+    box = np.stack([zero, forward, height], axis=1)
+    leaving = (ramp(6.6, 7.2) * leave)[:, None] * [0, -0.4, 0.1]
+    reaching = (1 - ramp(0.5, 1.8))[:, None] * [0, -0.3, 0.5]
+    toe = np.stack([zero, step * ramp(3.2, 3.6) + shuffle * ramp(0.6, 0.9), zero + 0.02], axis=1)
+    positions = {
+        "BOX_1": box + np.array([-0.2, 0, 0]),
+        "BOX_2": box + np.array([0.2, 0, 0]),
+        "L_WRIST": box + np.array([-0.2, -0.05, 0.05]) + leaving + reaching,
+        "R_WRIST": box + np.array([0.2, -0.05, 0.05]) + leaving + reaching,
+        "L_TOE": toe,
+        "R_TOE": np.tile([0.2, 0.0, 0.02], (len(TIME), 1)),
+    }
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        positions = {name: points + rng.normal(0, 5e-4, points.shape) for name, points in positions.items()}
+        return filter_markers(MarkerRecording("scene", TIME, RATE, positions, source="scene.c3d"), 6.0)
+    return MarkerRecording("scene", TIME, RATE, positions, source="scene.c3d")
+
+
+def without(recording, *prefixes):
+    kept = {name: points for name, points in recording.positions.items() if not name.startswith(prefixes)}
+    return MarkerRecording(recording.name, recording.time, recording.rate, kept, source=recording.source)
+
+
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+@pytest.mark.parametrize("shuffle", [0.0, 0.15])
+def test_known_events_are_found(settings, seed, shuffle):
+    events = find_events(scene(seed=seed, shuffle=shuffle), settings)
+    assert {event.method for event in events.values()} == {"detected"}
+    for name, true in TRUE.items():
+        assert events[name].time_s == pytest.approx(true, abs=0.05), name
+    assert "L_TOE" in events["toe_off"].how
+
+
+@pytest.mark.parametrize("lift", ["expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg"])
+@pytest.mark.parametrize("seed", [45, 7, 1000])
+def test_the_twins_events_are_found_within_50_ms(project, tmp_path, lift, seed):
+    from lumbar.twin.lifting import write_lift
+
+    config = yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["lifting"]
+    twin = yaml.safe_load((project / "config" / "twin.yaml").read_text(encoding="utf-8"))["twin"]["lifting"]
+    write_lift(twin, lift, [seed], tmp_path / "lift.c3d", None)
+    recording, _ = fill_gaps(read_markers(tmp_path / "lift.c3d", config["markers"]))
+    events = find_events(filter_markers(recording), config["events"])
+    for name, true in twin["lifts"][lift]["events_s"].items():
+        assert events[name].time_s == pytest.approx(true, abs=0.05), name
+
+
+@pytest.mark.parametrize("lift", ["expert_23kg", "novice_23kg"])
+def test_six_times_the_noise_moves_no_event_far(project, settings, tmp_path, lift):
+    from lumbar.twin.lifting import write_lift
+
+    config = yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["lifting"]
+    twin = yaml.safe_load((project / "config" / "twin.yaml").read_text(encoding="utf-8"))["twin"]["lifting"]
+    write_lift({**twin, "marker_noise_mm": 3.0}, lift, [9], tmp_path / "lift.c3d", None)
+    recording, _ = fill_gaps(read_markers(tmp_path / "lift.c3d", config["markers"]))
+    events = find_events(filter_markers(recording), settings)
+    for name, true in twin["lifts"][lift]["events_s"].items():
+        assert events[name].time_s == pytest.approx(true, abs=0.08), name
+
+
+def test_the_global_minimum_of_the_wrist_speed_is_not_taken(settings):
+    recording = scene(seed=5)
+    wrists = (recording["L_WRIST"] + recording["R_WRIST"]) / 2
+    speed = np.linalg.norm(np.gradient(wrists, 1 / RATE, axis=0), axis=1)
+    after = recording.time > 3.2
+    lowest = recording.time[after][speed[after].argmin()]
+    assert abs(lowest - 5.0) > 0.5
+    assert find_events(recording, settings)["deposit_start"].time_s == pytest.approx(5.0, abs=0.05)
+
+
+def test_a_pause_while_carrying_is_not_the_start(settings):
+    events = find_events(scene(pause=True), settings)
+    assert events["deposit_start"].time_s == pytest.approx(5.0, abs=0.05)
+
+
+def test_slowing_down_halfway_is_not_the_start(settings):
+    events = find_events(scene(hesitation=0.02), settings)
+    assert events["deposit_start"].time_s == pytest.approx(5.0, abs=0.05)
+
+
+def test_a_lift_without_a_step_has_no_toe_off(settings):
+    events = find_events(scene(step=0.0, shuffle=0.3), settings)
+    assert events["toe_off"].time_s is None
+    assert events["toe_off"].method == "absent"
+    assert "no toe-off" in events["toe_off"].how
+    labels = set(phases(TIME, events))
+    assert labels == {"before", "lift", "deposit", "after"}
+
+
+def test_a_recording_without_feet_says_so(settings):
+    events = find_events(without(scene(), "L_TOE", "R_TOE"), settings)
+    assert events["toe_off"].time_s is None
+    assert "no toe markers" in events["toe_off"].how
+
+
+def test_a_short_twitch_of_the_toe_is_no_toe_off(settings):
+    recording = scene(step=0.0)
+    # 0.5 m/s for 40 ms.
+    recording["L_TOE"][:, 1] += 0.02 * np.clip((TIME - 4.0) / 0.04, 0, 1)
+    assert find_events(recording, settings)["toe_off"].time_s is None
+    recording["L_TOE"][:, 1] += 0.06 * np.clip((TIME - 4.5) / 0.12, 0, 1)
+    assert find_events(recording, settings)["toe_off"].time_s == pytest.approx(4.5, abs=0.02)
+
+
+def test_phases_cover_the_recording_in_order(settings):
+    labels = phases(TIME, find_events(scene(), settings))
+    order = [label for index, label in enumerate(labels) if index == 0 or label != labels[index - 1]]
+    assert order == ["before", "lift", "carry", "deposit", "after"]
+
+
+def test_an_event_set_by_hand_replaces_the_detected_one(settings):
+    declared = {"deposit_start_s": 5.2, "reason": "hands regrip"}
+    event = find_events(scene(), settings, declared)["deposit_start"]
+    assert (event.time_s, event.method) == (5.2, "declared")
+    assert event.detected_s == pytest.approx(5.0, abs=0.05)
+    assert "hands regrip" in event.how
+
+
+def test_what_cannot_be_detected_can_be_declared(settings):
+    bare = without(scene(), "BOX")
+    with pytest.raises(InputError, match="no box markers, so lift_off cannot be detected; set lift_off_s"):
+        find_events(bare, settings)
+    events = find_events(bare, settings, {"lift_off_s": 2.0, "release_s": 6.5})
+    assert events["toe_off"].time_s == pytest.approx(3.2, abs=0.05)
+    assert events["deposit_start"].time_s == pytest.approx(5.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("declared", "words"),
+    [
+        ({"lift_off_s": 99.0, "release_s": 6.5}, "the recording runs from 0 to 7.99 s"),
+        ({"deposit_start_s": 7.0}, "release: 6.4.* is not after deposit_start at 7 s"),
+        ({"toe_off_s": 1.0}, "toe_off: 1 s is not after lift_off"),
+    ],
+)
+def test_events_out_of_order_are_refused(settings, declared, words):
+    with pytest.raises(InputError, match=words):
+        find_events(scene(), settings, declared)
+
+
+def test_a_box_that_is_not_set_down_is_no_deposit(settings):
+    with pytest.raises(InputError, match=r"the wrists descend by 0.0.* a deposit needs 0.05 m"):
+        find_events(scene(drop=0.02), settings)
+
+
+def test_a_box_that_never_moves_is_refused(settings):
+    recording = scene()
+    for name in ("BOX_1", "BOX_2"):
+        recording[name][:] = recording[name][0]
+    with pytest.raises(InputError, match="the box never moves"):
+        find_events(recording, settings)
+
+
+def test_a_box_that_moves_from_the_start_is_refused(settings):
+    late = scene()
+    keep = TIME >= 2.5
+    cut = {name: points[keep] for name, points in late.positions.items()}
+    with pytest.raises(InputError, match="moves from the first frame"):
+        find_events(MarkerRecording("cut", TIME[keep], RATE, cut, source="cut.c3d"), settings)
+
+
+def test_a_recording_that_ends_too_early_is_refused(settings):
+    late = scene(leave=False)
+    keep = TIME <= 6.0
+    cut = {name: points[keep] for name, points in late.positions.items()}
+    with pytest.raises(InputError, match="still moves when the recording ends"):
+        find_events(MarkerRecording("cut", TIME[keep], RATE, cut, source="cut.c3d"), settings)
+
+
+def test_feet_that_stay_give_no_toe_off_on_a_person(settings, shared):
+    """Floor pick-ups and squats, 21 s: the feet do not step (provenance file of the recording)."""
+    layout = {
+        "unit": "file",
+        "up": "+y",
+        "forward": "+z",
+        "check_axes": False,
+        "aliases": {"L_TOE": "LTOE", "R_TOE": "RTOE", "R_WRIST": "ROWR"},
+    }
+    file = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
+    recording, _ = fill_gaps(read_markers(file, layout), 0.2, "keep")
+    declared = {"lift_off_s": 1.0, "release_s": 20.5, "deposit_start_s": 19.0}
+    event = find_events(filter_markers(recording), settings, declared)["toe_off"]
+    assert event.time_s is None
+    assert "no toe-off" in event.how
+
+
+def test_a_person_sets_a_box_on_a_shelf(settings, shared, project):
+    """The box moves faster than 5 cm/s from 1.60 to 3.73 s (measured by others on raw data)."""
+    study = yaml.safe_load((project / "config" / "studies" / "box_transfer.yaml").read_text(encoding="utf-8"))
+    layout = {"unit": "file", "check_axes": True, "subject_prefix": "strip", **study["lifting"]["markers"]}
+    recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", layout)
+    recording, _ = fill_gaps(recording)
+    events = find_events(filter_markers(recording), {**settings, **study["lifting"]["events"]})
+    assert events["lift_off"].time_s == pytest.approx(1.60, abs=0.08)
+    assert events["release"].time_s == pytest.approx(3.73, abs=0.08)
+    assert events["toe_off"].time_s is None
+    assert 2.2 < events["deposit_start"].time_s < 2.7

@@ -1,0 +1,323 @@
+"""Marker recordings: units, axes, aliases and prefixes, and the real lifting files."""
+
+import numpy as np
+import pytest
+from c3d_builder import build_c3d
+from lumbar.errors import InputError
+from lumbar.records.marker_axes import rotation_to_standard
+from lumbar.records.markers import METRES, read_markers
+
+BODY = {  # metres; x right, y forward, z up
+    "C7": (0.0, 0.0, 1.45),
+    "SACRUM": (0.0, -0.08, 1.0),
+    "L_HIP": (-0.17, 0.0, 0.92),
+    "R_HIP": (0.17, 0.0, 0.92),
+    "L_HEEL": (-0.12, -0.08, 0.03),
+    "R_HEEL": (0.12, -0.08, 0.03),
+    "L_TOE": (-0.14, 0.14, 0.02),
+    "R_TOE": (0.14, 0.14, 0.02),
+}
+STANDARD = dict(zip(BODY, BODY, strict=True))
+
+
+def write(tmp_path, positions, axes=None, unit="mm", **options):
+    """Write `positions` (standard axes, metres) as C3D, in a file's axes given as rows of a rotation."""
+    rotation = np.eye(3) if axes is None else axes
+    points = np.stack([np.broadcast_to(value, (20, 3)) for value in positions.values()], axis=1)
+    sway = 0.003 * np.sin(np.linspace(0, 6, 20))[:, None, None]
+    stored = (points + sway) @ rotation / METRES[unit if unit in METRES else "mm"]
+    path = tmp_path / "trial.c3d"
+    path.write_bytes(build_c3d(stored, list(positions), unit=unit, **options))
+    return path
+
+
+# Units and axes
+
+
+@pytest.mark.parametrize("unit", ["m", "cm", "mm"])
+def test_unit_of_the_file(tmp_path, unit):
+    recording = read_markers(write(tmp_path, BODY, unit=unit))
+    np.testing.assert_allclose(recording["C7"].mean(axis=0)[2], 1.45, atol=0.003)
+
+
+@pytest.mark.parametrize(
+    ("stated", "declared", "said"),
+    [
+        ("mm", "m", "states 'mm' but markers.unit is 'm'"),
+        ("", "file", "states no unit"),
+        ("inch", "file", "states the unit 'inch'"),
+        ("mm", "inch", "markers.unit is 'inch'"),
+    ],
+)
+def test_units_that_do_not_fit(tmp_path, stated, declared, said):
+    path = write(tmp_path, BODY, unit=stated or " ")
+    with pytest.raises(InputError) as caught:
+        read_markers(path, {"unit": declared})
+    assert said in str(caught.value)
+
+
+def test_millimetres_called_metres_are_noticed(tmp_path):
+    path = write(tmp_path, {name: np.array(value) * 1000 for name, value in BODY.items()}, unit="m")
+    with pytest.raises(InputError, match="the markers lie"):
+        read_markers(path)
+
+
+AXES = ["+x", "-x", "+y", "-y", "+z", "-z"]
+PAIRS = [(up, forward) for up in AXES for forward in AXES if up[1] != forward[1]]
+
+
+@pytest.mark.parametrize(("up", "forward"), PAIRS)
+def test_every_orientation_of_a_file(tmp_path, up, forward):
+    rotation = rotation_to_standard(up, forward)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    path = write(tmp_path, BODY, axes=rotation)
+    recording = read_markers(path, {"up": up, "forward": forward, "aliases": STANDARD})
+    for name, position in BODY.items():
+        np.testing.assert_allclose(recording[name].mean(axis=0), position, atol=0.003)
+
+
+def test_axes_as_defined():
+    np.testing.assert_array_equal(rotation_to_standard("+z", "+y"), np.eye(3))
+    # OpenSim: y up, x forward, z to the right.
+    np.testing.assert_array_equal(rotation_to_standard("+y", "+x") @ [1, 2, 3], [3, 1, 2])
+
+
+@pytest.mark.parametrize(
+    ("up", "forward", "declared", "said"),
+    [
+        ("+y", "+x", {}, 'set up: "+y"'),
+        ("-z", "+y", {}, 'set up: "-z"'),
+        ("+z", "-y", {}, 'set forward: "-y"'),
+        ("+z", "+x", {}, 'set forward: "+x"'),
+        ("+z", "+y", {"up": "+z", "forward": "-z"}, "must be perpendicular"),
+        ("+z", "+y", {"up": "z"}, "markers.up is 'z'"),
+    ],
+)
+def test_axes_that_contradict_the_body(tmp_path, up, forward, declared, said):
+    path = write(tmp_path, BODY, axes=rotation_to_standard(up, forward))
+    with pytest.raises(InputError) as caught:
+        read_markers(path, {"aliases": STANDARD, **declared})
+    assert said in str(caught.value)
+    if not declared:
+        read_markers(path, {"aliases": STANDARD, "check_axes": False})
+
+
+@pytest.mark.parametrize(
+    ("degrees", "fits"), [(0, True), (40, True), (-40, True), (75, False), (-100, False)]
+)
+def test_person_who_does_not_face_quite_forward(tmp_path, degrees, fits):
+    turn = np.deg2rad(degrees)
+    about_up = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    path = write(tmp_path, {name: about_up @ value for name, value in BODY.items()})
+    if fits:
+        read_markers(path, {"aliases": STANDARD})
+    else:
+        with pytest.raises(InputError, match="the toes are ahead of the heels along"):
+            read_markers(path, {"aliases": STANDARD})
+
+
+def test_swapped_sides_are_noticed(tmp_path):
+    swapped = {name: name.replace("L_", "r_").replace("R_", "L_").replace("r_", "R_") for name in BODY}
+    path = write(tmp_path, BODY)
+    with pytest.raises(InputError, match="left and right labels are swapped"):
+        read_markers(path, {"aliases": swapped})
+
+
+def test_person_bent_to_the_floor_does_not_contradict_up(tmp_path):
+    bent = {**BODY, "C7": (0, 0.55, 0.75)}
+    read_markers(write(tmp_path, bent), {"aliases": STANDARD})
+
+
+# Aliases
+
+
+def read(tmp_path, aliases, positions=BODY, **layout):
+    return read_markers(write(tmp_path, positions), {"aliases": aliases, "check_axes": False, **layout})
+
+
+def test_alternatives_mean_share_and_offset(tmp_path):
+    aliases = {
+        "C7": ["CV7", "C7"],
+        "SACRUM": "SACRUM",
+        "T12": [{"between": ["C7", "SACRUM"], "share": 0.66}],
+        "L5": {"from": {"mean": ["L_HIP", "R_HIP"]}, "offset_m": [0, -0.05, 0.1]},
+    }
+    recording = read(tmp_path, aliases)
+    sway = recording["C7"] - BODY["C7"]
+    np.testing.assert_allclose(recording["T12"] - sway, np.tile([0, -0.0528, 1.153], (20, 1)), atol=1e-6)
+    np.testing.assert_allclose(recording["L5"] - sway, np.tile([0, -0.05, 1.02], (20, 1)), atol=1e-6)
+    assert recording.derived == {
+        "T12": "0.66 of the way from C7 to SACRUM",
+        "L5": "mean of L_HIP and R_HIP, moved by (0, -0.05, 0.1) m to the right, forward and up",
+    }
+    assert set(recording.unused) == {"L_HEEL", "R_HEEL", "L_TOE", "R_TOE"}
+
+
+def test_a_name_that_depends_on_a_derived_one_is_derived_too(tmp_path):
+    recording = read(tmp_path, {"L5": "MIDHIP", "MIDHIP": {"mean": ["L_HIP", "R_HIP"]}})
+    assert recording.derived == {"L5": "mean of L_HIP and R_HIP", "MIDHIP": "mean of L_HIP and R_HIP"}
+
+
+def test_parts_of_a_rule_are_what_the_table_calls_so(tmp_path):
+    """A file's L_HIP need not be the trochanter the table means by L_HIP."""
+    recording = read(tmp_path, {"L_HIP": "L_TOE", "MIDDLE": {"mean": ["L_HIP", "R_TOE"]}})
+    np.testing.assert_allclose(recording["MIDDLE"].mean(axis=0), [0, 0.14, 0.02], atol=0.003)
+
+
+def test_aliases_that_exchange_names_mean_the_labels_of_the_file(tmp_path):
+    recording = read(tmp_path, {"L_HIP": "R_HIP", "R_HIP": "L_HIP"})
+    np.testing.assert_allclose(recording["L_HIP"].mean(axis=0), BODY["R_HIP"], atol=0.003)
+
+
+def test_a_derived_marker_is_missing_where_a_part_is(tmp_path):
+    hidden = {**BODY, "L_HIP": np.tile(BODY["L_HIP"], (20, 1))}
+    hidden["L_HIP"][5:8] = np.nan
+    recording = read(tmp_path, {"PELVIS": {"mean": ["L_HIP", "R_HIP"]}}, hidden)
+    assert np.flatnonzero(np.isnan(recording["PELVIS"][:, 0])).tolist() == [5, 6, 7]
+
+
+def test_a_derived_marker_whose_parts_are_never_seen_together_is_absent(tmp_path):
+    hidden = {name: np.tile(BODY[name], (20, 1)) for name in ("L_HIP", "R_HIP", "C7")}
+    hidden["L_HIP"][:10] = np.nan
+    hidden["R_HIP"][10:] = np.nan
+    with pytest.raises(InputError, match="never seen: mean of L_HIP and R_HIP"):
+        read(tmp_path, {"PELVIS": {"mean": ["L_HIP", "R_HIP"]}}, hidden)
+
+
+def test_markers_that_are_not_in_the_file(tmp_path):
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, {"C7": "CV7", "L_TOE": ["LTOE", "LFM1"], "SACRUM": "SACRUM"})
+    text = str(caught.value)
+    assert "2 problems" not in text  # the labels of the file are listed as well
+    assert "markers.aliases.C7: no CV7 in the file; like it in the file: C7" in text
+    assert (
+        "markers.aliases.L_TOE: no LTOE in the file; no LFM1 in the file; like it in the file: L_TOE" in text
+    )
+    assert "markers of the file: C7, SACRUM, L_HIP" in text
+
+
+def test_markers_that_are_not_required_may_be_absent(tmp_path):
+    recording = read(tmp_path, {"C7": "C7", "T12": "T12"}, required=["C7"])
+    assert recording.absent == {"T12": "no T12 in the file"}
+    assert "T12" not in recording
+    with pytest.raises(InputError, match=r"no marker T12 \(no T12 in the file\)"):
+        recording["T12"]
+
+
+@pytest.mark.parametrize(
+    ("aliases", "said"),
+    [
+        ({"C7": 7}, "markers.aliases.C7 is 7; allowed are"),
+        ({"C7": {"median": ["A", "B"]}}, "allowed are a label"),
+        ({"C7": []}, "allowed are a label"),
+        ({"A": {"mean": ["B", "C7"]}, "B": {"mean": ["A", "C7"]}}, "no A in the file"),
+    ],
+)
+def test_aliases_that_mean_nothing(tmp_path, aliases, said):
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, aliases)
+    assert said in str(caught.value)
+
+
+def test_required_marker_without_an_alias(tmp_path):
+    with pytest.raises(InputError, match=r"markers\.required names T12"):
+        read(tmp_path, {"C7": "C7"}, required=["T12"])
+
+
+def test_angles_are_never_taken_for_markers(tmp_path):
+    with pytest.raises(InputError, match="LHipAngles is left out: joint angle"):
+        read(tmp_path, {"L_HIP": "LHipAngles"}, {**BODY, "LHipAngles": (0.1, 0.2, 0.3)})
+
+
+# Subjects
+
+
+TWO = {"A:C7": BODY["C7"], "A:TOE": BODY["L_TOE"], "B:C7": BODY["SACRUM"], "box:P1": BODY["R_TOE"]}
+
+
+def test_prefixes(tmp_path):
+    path = write(tmp_path, TWO)
+    assert list(read_markers(path, {"subject_prefix": "keep"}).positions) == list(TWO)
+    chosen = read_markers(path, {"subject_prefix": "A"})
+    assert list(chosen.positions) == ["C7", "TOE", "B:C7", "box:P1"]
+    with pytest.raises(InputError, match=r"C7 stands for several subjects; set .* one of A, B, box"):
+        read_markers(path)
+    with pytest.raises(InputError, match=r"no label has the prefix 'C:'; .* strip, keep, A, B, box"):
+        read_markers(path, {"subject_prefix": "C"})
+
+
+def test_centres_of_mass_of_two_subjects_are_not_mixed(tmp_path):
+    path = write(
+        tmp_path, {"A:C7": BODY["C7"], "A:CentreOfMass": BODY["L_HIP"], "B:CentreOfMass": BODY["R_HIP"]}
+    )
+    with pytest.raises(InputError, match="CentreOfMass is left out: computed for several subjects"):
+        read_markers(path, {"aliases": {"BODY_COM": "CentreOfMass"}})
+
+
+# Files
+
+
+def test_other_files(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_markers(tmp_path / "absent.c3d")
+    (tmp_path / "trial.csv").write_text("time_s\n0\n")
+    with pytest.raises(InputError, match=r"read from \.c3d and \.trc files, not '\.csv'"):
+        read_markers(tmp_path / "trial.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "frames", "rate", "markers", "missing_percent", "start_s"),
+    [  # from the README of each folder
+        ("athlete_floor_pickup_squats/squat.c3d", 2539, 120, 53, 1.73, 0),
+        ("athlete_static_full_spine/c3dfile1.c3d", 1095, 200, 70, 0, 0),
+        ("qualisys_ior_gait/Qualisys.c3d", 340, 200, 55, 0, 3.52),
+        ("s2m_box_transfer/Vicon.c3d", 580, 100, 51, 1.03, 0),
+        ("weird_squat_trc/markers_Squat2.trc", 460, 100, 61, 0.49, 0.01),
+        ("sts_trunk_flexion_trc/sts_perturbed_1.trc", 181, 100, 18, 0, 17.5),
+        ("sts_trunk_flexion_trc/sts_perturbed_5.trc", 251, 100, 18, 0, 130.7),
+        ("sts_trunk_flexion_trc/sts_unperturbed_2.trc", 231, 100, 18, 0, 8.1),
+    ],
+)
+def test_real_recordings(shared, name, frames, rate, markers, missing_percent, start_s):
+    recording = read_markers(shared / "real" / "lifting" / name)
+    assert (len(recording), recording.rate, len(recording.positions)) == (frames, rate, markers)
+    assert 100 * recording.missing_share == pytest.approx(missing_percent, abs=0.005)
+    assert recording.time[0] == pytest.approx(start_s)
+    assert np.diff(recording.time) == pytest.approx(1 / rate)
+
+
+def test_real_heights_of_the_spine(shared):
+    """Heights that the README of the static trial gives, in metres."""
+    path = shared / "real" / "lifting" / "athlete_static_full_spine" / "c3dfile1.c3d"
+    heights = {"C7": 1.351, "T6": 1.175, "SPINMOL": 1.119, "T12": 1.040, "SACROL": 0.920, "ASIS": 0.869}
+    aliases = {**dict(zip(heights, heights, strict=True)), "ASIS": {"mean": ["LASI", "RASI"]}}
+    recording = read_markers(path, {"aliases": aliases})
+    for marker, height in heights.items():
+        assert np.median(recording[marker][:, 2]) == pytest.approx(height, abs=0.001), marker
+
+
+def test_real_box_is_put_down_higher(shared):
+    aliases = {"BOX_1": "avant_droit", "C7": "T1", "SACRUM": {"mean": ["PSISr", "PSISl"]}}
+    layout = {"aliases": aliases, "up": "+z"}
+    box = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", layout)["BOX_1"][:, 2]
+    assert np.nanmedian(box[-50:]) - np.nanmedian(box[:50]) == pytest.approx(0.228, abs=0.01)
+
+
+def test_centre_of_mass_of_plug_in_gait_only_where_asked_for(shared):
+    path = shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d"
+    plain = read_markers(path)
+    assert "CentreOfMass" not in plain
+    assert plain.dropped["CentreOfMass"] == "computed centre of mass"
+    assert plain.dropped["PELO"] == "computed segment axis"
+    assert len(plain.positions) == 35
+    asked = read_markers(path, {"aliases": {"BODY_COM": "CentreOfMass", "C7": "C7"}})
+    assert asked.derived == {"BODY_COM": "CentreOfMass: computed centre of mass"}
+    above = asked["C7"] - asked["BODY_COM"]
+    assert 0.3 < np.nanmedian(above[:, 2]) < 0.6
+
+
+def test_wrong_up_axis_of_a_real_file(shared):
+    aliases = {"C7": "C7", "L_TOE": "LTOE", "R_TOE": "RTOE", "L_HEEL": "LHEL", "R_HEEL": "RHEL"}
+    path = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
+    with pytest.raises(InputError, match=r'set up: "\+y"'):
+        read_markers(path, {"aliases": aliases})

@@ -1,0 +1,229 @@
+"""Column files become validated records, or an error that says where and why."""
+
+from __future__ import annotations
+
+import gzip
+
+import numpy as np
+import pytest
+from lumbar.errors import InputError
+from lumbar.records.columns import read_record
+from lumbar.records.record import Channel, Record, check_record, same_units
+from lumbar.records.resampling import resample
+
+LAYOUT = {
+    "columns": {
+        "time": {"column": "t", "quantity": "time", "unit": "s"},
+        "input": {"column": "z", "quantity": "position", "unit": "mm"},
+        "output": {"column": "f", "quantity": "force", "unit": "N"},
+    }
+}
+TIME = np.arange(50) / 100
+
+
+def text_of(values, header="t,z,f", form="{:.6f},{:.6f},{:.6f}") -> str:
+    return "\n".join([header, *(form.format(*row) for row in values)]) + "\n"
+
+
+@pytest.fixture
+def values():
+    return np.column_stack([TIME, np.sin(20 * TIME), np.cos(20 * TIME)])
+
+
+def written(tmp_path, text, name="trial.csv"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_values_units_and_clock_are_read(tmp_path, values):
+    record = read_record(written(tmp_path, text_of(values)), LAYOUT, period=0.25)
+    assert record.name == "trial"
+    assert record["input"] == pytest.approx(values[:, 1], abs=1e-6)
+    assert record.channels["output"].label == "Force (N)"
+    assert record.sampling_time == pytest.approx(0.01)
+    assert record.duration == pytest.approx(0.5)
+    assert record.period == 0.25
+    part = record.between(0.1, 0.2)
+    assert len(part) == 10
+    assert part.time[0] == pytest.approx(0.1)
+
+
+def test_scale_offset_numbers_comments_and_decimal_comma(tmp_path, values):
+    text = text_of(1000 * values, header="% made up\n", form="{:.3f}\t{:.3f}\t{:.3f}").replace(".", ",")
+    layout = {
+        "delimiter": "\t",
+        "header": False,
+        "comment": "%",
+        "decimal": ",",
+        "columns": {
+            "time": {"column": 1, "unit": "ms"},
+            "input": {"column": 3, "unit": "mm", "scale": 0.001, "offset": 5},
+        },
+    }
+    record = read_record(written(tmp_path, text), layout)
+    assert record.time == pytest.approx(TIME, abs=1e-9)
+    assert record["input"] == pytest.approx(values[:, 2] + 5, abs=1e-6)
+
+
+def test_gzip_whitespace_and_byte_order_mark(tmp_path, values):
+    path = tmp_path / "run.2.txt.gz"
+    text = "﻿" + text_of(values, header="t z  f", form="  {:.6f}   {:.6f} {:.6f}")
+    path.write_bytes(gzip.compress(text.encode()))
+    record = read_record(path, LAYOUT | {"delimiter": "whitespace"})
+    assert record.name == "run.2"
+    assert record["output"] == pytest.approx(values[:, 2], abs=1e-6)
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(InputError, match="not a readable text file"):
+        read_record(path, LAYOUT | {"delimiter": "whitespace"})
+
+
+def test_matlab_files(tmp_path, values):
+    from scipy.io import savemat
+
+    path = tmp_path / "trial.mat"
+    savemat(path, {"t": values[:, 0], "z": values[:, [1]], "f": values[:, 2]})
+    record = read_record(path, LAYOUT | {"format": "mat"})
+    assert record["input"] == pytest.approx(values[:, 1])
+    savemat(path, {"t": values[:, 0], "z": values[:5, 1], "f": 1j * values[:, 2]})
+    with pytest.raises(InputError, match=r"(?s)not a vector of real numbers.*different lengths"):
+        read_record(path, LAYOUT | {"format": "mat"})
+    path.write_bytes(b"nonsense")
+    with pytest.raises(InputError, match="not a MATLAB file"):
+        read_record(path, LAYOUT | {"format": "mat"})
+
+
+def test_cells_that_are_no_numbers_are_all_named_by_line(tmp_path, values):
+    lines = text_of(values).splitlines()
+    lines[3] = "0.02,abc,1"
+    lines[7] = "0.06,,1"
+    with pytest.raises(InputError) as caught:
+        read_record(written(tmp_path, "\n".join(lines)), LAYOUT)
+    assert "2 problems" in str(caught.value)
+    assert "line 4: input is 'abc'" in str(caught.value)
+    assert "line 8: input is ''" in str(caught.value)
+
+
+def test_a_decimal_comma_cannot_shift_the_columns(tmp_path, values):
+    text = text_of(values, form="{:.3f};{:.3f};{:.3f}").replace(".", ",").replace(";", ",")
+    with pytest.raises(InputError, match="line 2: 6 cells; 3 are expected: check delimiter and decimal"):
+        read_record(written(tmp_path, text), LAYOUT)
+    with pytest.raises(InputError, match="both as delimiter and as decimal mark"):
+        read_record(written(tmp_path, text), LAYOUT | {"decimal": ","})
+
+
+def test_empty_first_cells_and_quoted_headers_keep_their_columns(tmp_path, values):
+    layout = LAYOUT | {"delimiter": "\t"}
+    text = text_of(values, header="\tt\tz\tf", form="\t{:.6f}\t{:.6f}\t{:.6f}")
+    assert read_record(written(tmp_path, text), layout)["output"] == pytest.approx(values[:, 2], abs=1e-6)
+    text = text_of(values, header='"t","z","f, raw"')
+    columns = LAYOUT["columns"] | {"output": {"column": "f, raw", "unit": "N"}}
+    record = read_record(written(tmp_path, text), {"columns": columns})
+    assert record["output"] == pytest.approx(values[:, 2], abs=1e-6)
+
+
+def test_a_hopeless_file_stops_after_some_problems(tmp_path):
+    text = "t,z,f\n" + "x,y\n" * 10_000
+    with pytest.raises(InputError, match="stopped after 20 problems"):
+        read_record(written(tmp_path, text), LAYOUT)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no data rows"),
+        ("t,z,f\n", "no data rows"),
+        ("t,z\n0,1\n", "output: no column 'f'; the header has t, z"),
+        ("t,z,f\n0,1,2\n", "1 samples; at least 8"),
+    ],
+)
+def test_files_without_the_data_needed(tmp_path, text, message):
+    with pytest.raises(InputError, match=message):
+        read_record(written(tmp_path, text), LAYOUT)
+
+
+def test_a_file_that_is_absent(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_record(tmp_path / "absent.csv", LAYOUT)
+
+
+def record_of(time, *channels, name="r") -> Record:
+    named = zip(("input", "output"), channels, strict=False)
+    return Record(name, np.asarray(time), {role: Channel(np.asarray(v), role, "mm") for role, v in named})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t, v: (t, np.where(np.arange(50) == 6, np.nan, v)), "data row 7.*input is nan"),
+        (lambda t, v: (t, np.full(50, 2.0)), "input: constant"),
+        (lambda t, v: (np.where(np.arange(50) == 9, 0.0, t), v), "data row 10: time 0 s after 0.08 s"),
+        (lambda t, v: (t + 0.01 * (np.arange(50) >= 20), v), "data row 21: step of 0.02 s"),
+        (lambda t, v: (t**1.2, v), "sampled evenly"),
+    ],
+)
+def test_records_that_cannot_be_analysed(change, message):
+    time, value = change(TIME, np.sin(TIME))
+    with pytest.raises(InputError, match=message):
+        check_record(record_of(time, value))
+
+
+def test_a_clock_written_with_few_digits_is_even():
+    time = np.round(np.arange(300) / 128, 3)
+    assert check_record(record_of(time, np.sin(time))).sampling_time == pytest.approx(1 / 128, rel=1e-3)
+
+
+def test_sets_share_quantities_and_units():
+    a, b = record_of(TIME, TIME, TIME, name="a"), record_of(TIME, TIME, TIME, name="b")
+    same_units([])
+    same_units([a, b])
+    b.channels["output"] = Channel(TIME, "output", "kN")
+    with pytest.raises(InputError, match="b: output is output in kN, but output in mm in a"):
+        same_units([a, b])
+    with pytest.raises(InputError, match="output is missing"):
+        same_units([a, record_of(TIME, TIME, name="b")])
+
+
+def test_resampling_keeps_what_lies_below_and_removes_what_lies_above():
+    time = np.arange(4000) / 1000
+    slow, fast = np.sin(2 * np.pi * 7 * time), np.sin(2 * np.pi * 180 * time)
+    record = record_of(time, slow + fast + 10)
+    result = resample(record, 200.0)
+    assert result.sampling_time == pytest.approx(1 / 200)
+    assert len(result) == 800
+    expected = np.sin(2 * np.pi * 7 * result.time) + 10
+    inner = slice(40, -40)
+    assert result["input"][inner] == pytest.approx(expected[inner], abs=0.01)
+    # Zeros beyond the ends would throw the offset's half, 5, into the first and last samples.
+    assert np.abs(result["input"] - expected).max() < 0.3
+    assert resample(record, 1000.0) is record
+    with pytest.raises(InputError, match="simpler ratio"):
+        resample(record, 0.3)
+
+
+def test_real_recordings_are_read(shared):
+    layout = {
+        "delimiter": ",",
+        "header": False,
+        "comment": "%",
+        "columns": {
+            "time": {"column": 1, "unit": "s"},
+            "input": {"column": 2, "quantity": "angle", "unit": "rad", "scale": 2 * np.pi / 8192},
+            "output": {"column": 3, "quantity": "moment", "unit": "N·m", "scale": 3.9811e-5},
+        },
+    }
+    record = read_record(
+        shared / "real/davinci_tool_friction/Tool_4_Maryland_L_4_03.TXT.gz", layout, rate=200
+    )
+    assert record.sampling_time == pytest.approx(0.005, rel=1e-3)
+    assert record.duration == pytest.approx(20, rel=0.1)
+    damper = {
+        "columns": {
+            "time": {"column": "time_s", "unit": "s"},
+            "input": {"column": "disp_in", "unit": "mm", "scale": 25.4},
+            "output": {"column": "force_kip", "unit": "kN", "scale": 4.4482216},
+        }
+    }
+    record = read_record(shared / "real/friction_damper/ds2_1Hz30lbtension1amplitude.csv.gz", damper)
+    assert 1 / record.sampling_time == pytest.approx(1024, rel=1e-3)
+    assert np.ptp(record["input"]) == pytest.approx(2 * 25.4, rel=0.1)

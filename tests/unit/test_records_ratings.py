@@ -1,0 +1,130 @@
+"""The participants' sheet: every problem of a file is found at once, with its line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from lumbar.errors import InputError
+from lumbar.records.ratings import read_ratings
+
+LAYOUT = {
+    "participant": "who",
+    "models": [{"name": name, "column": f"rating_{name}"} for name in ("IL", "KB", "HO")],
+    "scale_points": 5,
+    "best": "best",
+    "yes_no": ["clinician"],
+    "experience": "years",
+    "experience_levels": ["<5", ">=5"],
+    "source": None,
+}
+HEADER = "who,rating_IL,rating_KB,rating_HO,best,clinician,years"
+GOOD = ["a,1,2,3,KB,yes,<5", "b,5,4,4,HO,0,>=5", "c,2,2,2,IL,True,<5"]
+
+
+def written(tmp_path, *lines):
+    path = tmp_path / "survey.csv"
+    path.write_text("\n".join([HEADER, *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+def message_of(path, layout=LAYOUT) -> str:
+    with pytest.raises(InputError) as caught:
+        read_ratings(path, layout)
+    return str(caught.value)
+
+
+def test_answers_are_read_in_the_order_of_the_layout(tmp_path):
+    ratings = read_ratings(written(tmp_path, *GOOD), LAYOUT)
+    assert ratings.participants == ("a", "b", "c")
+    assert ratings.of("HO").tolist() == [3, 4, 2]
+    assert ratings.counts().tolist() == [[1, 1, 0, 0, 1], [0, 2, 0, 1, 0], [0, 1, 1, 1, 0]]
+    assert ratings.picks().tolist() == [1, 1, 1]
+    assert ratings.groups["clinician"].tolist() == [True, False, True]
+    assert ratings.experience == ("<5", ">=5", "<5")
+    assert np.issubdtype(ratings.scores.dtype, np.integer)
+
+
+def test_all_problems_are_found_at_once(tmp_path):
+    lines = [
+        "a,0,2.5,,KX,perhaps,10",
+        "",
+        "a,1,2,3,KB,1,<5",
+        "b,1,2,3",
+        ",1,2,3,KB,1,<5",
+        "d,1,2,six,IL,1,<5",
+    ]
+    message = message_of(written(tmp_path, *lines))
+    for entry in (
+        "line 2: rating_IL is '0'; allowed: 1, 2, 3, 4, 5",
+        "line 2: rating_KB is '2.5'",
+        "line 2: rating_HO is empty",
+        "line 2: best is 'KX'; allowed: IL, KB, HO",
+        "line 2: clinician is 'perhaps'",
+        "line 2: years is '10'; allowed: <5, >=5",
+        "line 4: who is 'a'; this participant stands in an earlier line too",
+        "line 5: 4 cells; the header has 7",
+        "line 6: who is empty; fill it in",
+        "line 7: rating_HO is 'six'",
+    ):
+        assert entry in message
+    assert "10 problems" in message
+
+
+def test_missing_columns_are_named_beside_wrong_cells(tmp_path):
+    path = tmp_path / "survey.csv"
+    path.write_text("who,rating_IL,best,years\na,9,IL,<5\nb,1,IL,<5\n")
+    message = message_of(path)
+    assert "no column 'rating_KB'" in message
+    assert "no column 'clinician'" in message
+    assert "line 2: rating_IL is '9'" in message
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "empty; a header with who"),
+        ((HEADER + "\n").encode(), "0 participants"),
+        ((HEADER + "\n" + GOOD[0] + "\n").encode(), "1 participants"),
+        (HEADER.replace("rating_KB", "rating_IL").encode() + b"\n", "stands twice"),
+        (HEADER.encode() + b'\n"a,1,2,3', "not a readable CSV file"),
+        (HEADER.encode() + b"\n\xff\xfe,1", "not a readable CSV file"),
+    ],
+)
+def test_files_that_are_no_answers(tmp_path, content, message):
+    path = tmp_path / "survey.csv"
+    path.write_bytes(content)
+    assert message in message_of(path)
+
+
+def test_an_absent_file(tmp_path):
+    assert "no such file" in message_of(tmp_path / "absent.csv")
+
+
+def test_contradictory_layouts(tmp_path):
+    path = written(tmp_path, *GOOD)
+    twice = LAYOUT | {"models": [LAYOUT["models"][0]] * 3}
+    assert "IL stands twice" in message_of(path, twice)
+    assert "column 'rating_IL' is used twice" in message_of(path, twice)
+    assert "experience_levels" in message_of(path, LAYOUT | {"experience_levels": []})
+
+
+def test_other_scales_delimiters_and_fewer_questions(tmp_path):
+    path = tmp_path / "survey.csv"
+    path.write_text("\ufeffwho;x;y;best\n1; 7 ;1;Y\n2;6;2;X\n", encoding="utf-8")
+    layout = {
+        "delimiter": ";",
+        "participant": "who",
+        "models": [{"name": "X", "column": "x"}, {"name": "Y", "column": "y"}],
+        "scale_points": 7,
+        "best": "best",
+    }
+    ratings = read_ratings(path, layout)
+    assert ratings.scores.tolist() == [[7, 1], [6, 2]]
+    assert ratings.groups == {}
+
+
+def test_a_large_sheet_with_many_wrong_cells(tmp_path):
+    lines = [f"p{number},1,2,{number % 7},KB,1,<5" for number in range(5000)]
+    message = message_of(written(tmp_path, *lines))
+    wrong = sum(number % 7 in (0, 6) for number in range(5000))
+    assert f"{wrong} problems" in message

@@ -1,0 +1,205 @@
+"""Values, states, errors and instances of finished FMUs, driven through fmpy."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import fmpy
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+from runtime_models import FORCE, FORCE_LIMIT, FORCE_OFFSET, GAIN, POSITION, POSITION_OFFSET, get, put
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_reset_repeats_bit_for_bit(version, fmu_instance, fmu_positions):
+    slave = fmu_instance("HO", version)
+
+    def run():
+        slave.exitInitializationMode()
+        forces = []
+        for k, position in enumerate(fmu_positions):
+            put(slave, POSITION, position)
+            slave.doStep(k * 0.01, 0.01)
+            forces.append(get(slave))
+        return forces
+
+    first = run()
+    put(slave, GAIN, 2.0)
+    slave.reset()
+    if version == 2:
+        slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+    else:
+        slave.enterInitializationMode(startTime=0.0)
+    assert run() == first
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_saved_state_continues_bit_for_bit(version, fmu_instance, fmu_positions):
+    slave, other = fmu_instance("HO", version), fmu_instance("HO", version)
+    slave.exitInitializationMode()
+    other.exitInitializationMode()
+    get_state, set_state, free_state, serialize, deserialize = (
+        getattr(slave, name)
+        for name in (
+            ("getFMUstate", "setFMUstate", "freeFMUstate", "serializeFMUstate", "deSerializeFMUstate")
+            if version == 2
+            else ("getFMUState", "setFMUState", "freeFMUState", "serializeFMUState", "deserializeFMUState")
+        )
+    )
+
+    def run(used, start, stop):
+        forces = []
+        for k in range(start, stop):
+            put(used, POSITION, fmu_positions[k])
+            used.doStep(k * 0.01, 0.01)
+            forces.append(get(used))
+        return forces
+
+    run(slave, 0, 80)
+    saved = get_state()
+    content = serialize(saved)
+    expected = run(slave, 80, 120)
+    set_state(saved)
+    assert run(slave, 80, 120) == expected
+    free_state(saved)
+    restored = deserialize(content)
+    set_state(restored)
+    assert serialize(restored) == content
+    assert run(slave, 80, 120) == expected
+    free_state(restored)
+    # The same bytes continue another instance.
+    foreign = other.deSerializeFMUstate(content) if version == 2 else other.deserializeFMUState(content)
+    (other.setFMUstate if version == 2 else other.setFMUState)(foreign)
+    assert run(other, 80, 120) == expected
+    (other.freeFMUstate if version == 2 else other.freeFMUState)(foreign)
+    for broken in (content[:-1], b"x" + content[1:], content[:9] + b"?" + content[10:], b""):
+        with pytest.raises(FMICallException):
+            deserialize(broken)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_instances_are_independent(version, fmu_instance):
+    one, two = fmu_instance("KB", version), fmu_instance("KB", version)
+    for slave, position in ((one, 1.0), (two, -2.0)):
+        put(slave, POSITION, position)
+        slave.exitInitializationMode()
+    for k in range(20):
+        one.doStep(k * 0.01, 0.01)
+        two.doStep(k * 0.01, 0.01)
+    assert get(two) == pytest.approx(-2.0 * get(one), rel=1e-14)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_input_that_is_not_finite_is_refused(version, value, fmu_instance):
+    slave, sound = fmu_instance("KB", version), fmu_instance("KB", version)
+    for used in (slave, sound):
+        put(used, POSITION, 1.5)
+        used.exitInitializationMode()
+    for k in range(30):
+        if k >= 10:
+            put(slave, POSITION, value)
+        slave.doStep(k * 0.01, 0.01)
+        sound.doStep(k * 0.01, 0.01)
+        assert get(slave) == get(sound)
+    assert get(slave, POSITION) == 1.5
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_overflow_keeps_the_last_finite_force(version, fmu_instance):
+    slave = fmu_instance("HO", version)
+    put(slave, POSITION, 1.0)
+    slave.exitInitializationMode()
+    slave.doStep(0.0, 0.01)
+    for k in range(1, 50):
+        put(slave, POSITION, 1.7e308)
+        slave.doStep(k * 0.01, 0.01)
+        assert abs(get(slave)) <= 15.0
+    for k in range(50, 4000):
+        put(slave, POSITION, -0.4)
+        slave.doStep(k * 0.01, 0.01)
+    assert get(slave) == pytest.approx(-0.3, abs=1e-9)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_limit_gain_and_offsets(version, fmu_instance):
+    slave = fmu_instance("KB", version)
+    put(slave, POSITION, 1.0)
+    plain = 1.9 / 3
+    assert get(slave) == pytest.approx(plain)
+    put(slave, GAIN, 2.0)
+    put(slave, FORCE_OFFSET, -0.5)
+    assert get(slave) == pytest.approx(2 * plain - 0.5)
+    put(slave, FORCE_LIMIT, 0.6)
+    assert get(slave) == 0.6
+    put(slave, POSITION, -1.0)
+    assert get(slave) == -0.6
+    put(slave, POSITION_OFFSET, -1.0)
+    assert get(slave) == -0.5
+    put(slave, POSITION, 1e300)
+    assert get(slave) == 0.6
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(
+    ("reference", "value"),
+    [
+        (GAIN, -0.1),
+        (GAIN, 10.1),
+        (GAIN, math.nan),
+        (FORCE_LIMIT, 15.1),
+        (FORCE_LIMIT, -1.0),
+        (FORCE_LIMIT, math.nan),
+        (FORCE_OFFSET, 15.1),
+        (POSITION_OFFSET, math.inf),
+        (FORCE, 1.0),
+        (99, 1.0),
+    ],
+)
+def test_values_out_of_range_are_errors_and_change_nothing(version, reference, value, fmu_instance):
+    slave = fmu_instance("KB", version)
+    put(slave, POSITION, 1.0)
+    before = [get(slave, known) for known in range(1, 7)]
+    with pytest.raises(FMICallException):
+        put(slave, reference, value)
+    assert [get(slave, known) for known in range(1, 7)] == before
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_wrong_steps_are_errors(version, fmu_instance):
+    slave = fmu_instance("KB", version)
+    with pytest.raises(FMICallException):
+        slave.doStep(0.0, 0.01)
+    slave.exitInitializationMode()
+    for start, step in ((0.0, 0.0), (0.0, -0.01), (0.0, math.nan), (0.5, 0.01), (0.0, math.inf)):
+        with pytest.raises(FMICallException):
+            slave.doStep(start, step)
+    slave.doStep(0.0, 0.01)
+    slave.terminate()
+    with pytest.raises(FMICallException):
+        slave.doStep(0.01, 0.01)
+
+
+def test_a_wrong_token_is_refused(fmu_folder, tmp_path):
+    for version, kind in ((2, FMU2Slave), (3, FMU3Slave)):
+        unzipped = tmp_path / str(version)
+        fmpy.extract(str(fmu_folder / f"KB_fmi{version}.fmu"), str(unzipped))
+        slave = kind(guid="other", unzipDirectory=str(unzipped), modelIdentifier="KB", instanceName="x")
+        with pytest.raises(Exception, match="instantiate"):
+            slave.instantiate()
+        slave.freeLibrary()
+
+
+def test_fmi2_warns_of_the_late_feedthrough(fmu_instance, capfd):
+    """The warning is for models with feed-through only: MW has none."""
+    for name, expected in (("KB", True), ("MW", False)):
+        fmu_instance(name, 2).exitInitializationMode()
+        assert ("one sample late" in capfd.readouterr().out) == expected

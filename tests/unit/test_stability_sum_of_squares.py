@@ -1,0 +1,150 @@
+"""Sum-of-squares certificates: against exact maxima, cvxpy and polynomials whose answer is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from lumbar.errors import NumericalError
+from lumbar.stability.bilinear_alternation import alternate
+from lumbar.stability.funnel import exact_funnels, regulate
+from lumbar.stability.invariance import boundary_growth, normal_form
+from lumbar.stability.simulation import attack
+from lumbar.stability.sum_of_squares import (
+    Certificate,
+    certified_funnels,
+    circle_map,
+    circle_maximum,
+    even_knots,
+    gram_map,
+    growth_polynomial,
+    monomials,
+)
+from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
+
+C = (np.sqrt(13) - 1) / 6
+"""Where c·s² − c²/2 has its maximum on the circle: the root of 1 − c − 3c²."""
+
+
+@pytest.fixture(scope="module", params=["hanging", "inverted"])
+def loops(request):
+    items = [minimum_jerk(), minimum_jerk(start=0.1, end=-0.1, mass=45.0, length=1.2)]
+    return regulate(pendulums_of(items, request.param), WEIGHTS)
+
+
+def polynomial(degree, **terms):
+    """Coefficients of a polynomial given by exponents, e.g. ``p20=1`` for z1²."""
+    index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
+    coefficients = np.zeros(len(index))
+    for name, value in terms.items():
+        coefficients[index[int(name[1]), int(name[2])]] = value
+    return coefficients
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+@pytest.mark.parametrize(
+    ("terms", "maximum"),
+    [
+        ({"p20": 3.0, "p02": -1.0}, 3.0),
+        ({"p11": 2.0}, 1.0),
+        ({"p22": 4.0}, 1.0),
+        ({"p40": 1.0, "p04": 1.0}, 1.0),
+        ({"p12": 1.0, "p20": -0.5}, C - C**3 - 0.5 * C**2),
+    ],
+)
+def test_certified_rate_is_the_maximum_on_the_circle(degree, terms, maximum):
+    coefficients = polynomial(degree, **terms)
+    rate, _ = Certificate(degree).solve(coefficients, "test")
+    assert rate == pytest.approx(circle_maximum(coefficients, degree + 1), abs=1e-6)
+    assert rate == pytest.approx(maximum, abs=1e-6)
+
+
+def test_certificate_against_cvxpy():
+    """The same programme written in cvxpy."""
+    import cvxpy as cp
+
+    generator = np.random.default_rng(7)
+    basis = monomials(2)
+    for _ in range(3):
+        coefficients = generator.normal(size=len(monomials(4)))
+        rate, multiplier, gram = cp.Variable(), cp.Variable(len(monomials(2))), cp.Variable((6, 6), PSD=True)
+        coefficient = dict.fromkeys(monomials(4), 0)
+        for row, (i, j) in enumerate(basis):
+            for column, (k, m) in enumerate(basis):
+                coefficient[i + k, j + m] += gram[row, column]
+        wanted = -coefficients - circle_map(3) @ multiplier
+        equations = [
+            coefficient[exponents] == wanted[position] + (rate if exponents == (0, 0) else 0)
+            for position, exponents in enumerate(monomials(4))
+        ]
+        problem = cp.Problem(cp.Minimize(rate), equations)
+        problem.solve(solver=cp.CLARABEL)
+        assert Certificate(3).solve(coefficients, "test")[0] == pytest.approx(problem.value, abs=1e-6)
+
+
+def test_maps_are_polynomial_identities():
+    generator = np.random.default_rng(3)
+    z1, z2 = generator.normal(size=2)
+    for degree in (3, 5):
+        values = np.array([z1**i * z2**j for i, j in monomials(degree + 1)])
+        basis = np.array([z1**i * z2**j for i, j in monomials((degree + 1) // 2)])
+        gram = generator.normal(size=(len(basis), len(basis)))
+        gram = gram + gram.T
+        upper = [(row, column) for column in range(len(basis)) for row in range(column + 1)]
+        scaled = [gram[row, column] * (1 if row == column else np.sqrt(2)) for row, column in upper]
+        assert values @ gram_map(degree) @ scaled == pytest.approx(basis @ gram @ basis)
+        multiplier = generator.normal(size=len(monomials(degree - 1)))
+        ring = sum(c * z1**i * z2**j for c, (i, j) in zip(multiplier, monomials(degree - 1), strict=True))
+        assert values @ circle_map(degree) @ multiplier == pytest.approx(ring * (1 - z1**2 - z2**2))
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+def test_taylor_polynomial_approaches_the_sine(loops, degree):
+    """The error of the maximum falls with ρ like the first term of the series left out."""
+    form = normal_form(loops.pendulums, WEIGHTS, loops.pendulums.angle[0], loops.cost[0])
+    errors = []
+    for level in (0.04, 0.01):
+        levels = np.full(2, level)
+        taylor = circle_maximum(growth_polynomial(form, levels, degree), degree + 1)
+        errors.append(np.abs(taylor - boundary_growth(form, levels)).max())
+    assert errors[0] < 0.05
+    # ρ is four times smaller: the term of order d + 1 in e, times z2/√ρ, falls by 2^d at least.
+    assert errors[1] < errors[0] / 2 ** (degree - 0.5) + 1e-7
+
+
+def test_certificates_agree_with_the_exact_engine(loops):
+    exact = exact_funnels(loops)
+    certified, agreement = certified_funnels(loops, exact, degree=5, knots=9)
+    assert agreement.margin_difference.max() < 2e-6
+    assert certified.level == pytest.approx(exact.level[:: (loops.knots - 1) // 8], rel=0.02)
+    assert attack(loops, exact, 500, [3]).exits.sum() == 0
+
+
+def test_even_knots():
+    assert even_knots(1000, 50).tolist() == list(range(0, 1000, 27))
+    assert even_knots(101, 51).tolist() == list(range(0, 101, 2))
+    assert even_knots(51, 2).tolist() == [0, 50]
+    assert len(even_knots(60, 50)) == 60
+
+
+def test_status_other_than_solved_is_no_result():
+    with pytest.raises(NumericalError, match="somebody: the sum-of-squares programme ended as"):
+        Certificate(3).solve(np.full(len(monomials(4)), np.nan), "somebody")
+
+
+def test_alternation_is_no_certificate(loops):
+    """The thesis's engine overstates the basin: its condition is violated and simulated starts leave."""
+    settings = {"degree": 3, "knots": 9, "initial_level": 1.0, "ratio": 0.8, "alternations": 2}
+    result = alternate(loops, **settings)
+    assert (result.violation_share > 0).any()
+    assert attack(loops, result.funnels, 500, [4]).exits.sum() > 0
+    assert (result.euler_error > 0).all() and (result.euler_error < 0.05).all()
+    # And it depends on its guess.
+    other = alternate(loops, **{**settings, "initial_level": 5.0})
+    assert np.abs(other.funnels.mean_area / result.funnels.mean_area - 1).max() > 0.05
+
+
+def test_steady_level_with_frozen_rate_meets_the_condition_of_step_one():
+    """With one alternation over a linear loop no decrease is needed: ρ̇ = 0 is above every V̇."""
+    loops = regulate(pendulums_of([minimum_jerk()], "hanging", gravity=0.0), WEIGHTS)
+    result = alternate(loops, degree=3, knots=5, initial_level=2.0, ratio=0.5, alternations=1)
+    assert (result.funnels.level >= 2.0 - 1e-6).all()

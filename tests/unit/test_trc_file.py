@@ -1,0 +1,135 @@
+"""TRC: irregular real files, and text built line by line."""
+
+import numpy as np
+import pytest
+from lumbar.errors import InputError
+from lumbar.records.markers import read_markers
+from lumbar.records.trc_file import read_trc
+
+
+def trc(tmp_path, rows=None, *, names="C7\t\t\tSACR\t\t\t", header=None, first="Frame#\tTime\t", axes=True):
+    """Write a TRC file of two markers; `rows` are the data lines."""
+    rows = rows if rows is not None else regular_rows(12)
+    keys = {"DataRate": "100.00", "CameraRate": "100.00", "NumFrames": str(len(rows)), "NumMarkers": "2"}
+    keys |= {"Units": "mm", **(header or {})}
+    lines = [
+        "PathFileType\t4\t(X/Y/Z)\tC:\\lift.trc",
+        "\t".join(keys),
+        "\t".join(keys.values()),
+        first + names,
+        "\t\tX1\tY1\tZ1\tX2\tY2\tZ2" if axes else "",
+        "",
+        *rows,
+    ]
+    path = tmp_path / "lift.trc"
+    path.write_bytes("\r\n".join(lines).encode("cp1252"))
+    return path
+
+
+def regular_rows(count, start=17.5, rate=100.0, digits=3):
+    return [
+        f"{6116 + frame}\t{start + frame / rate:.{digits}f}\t{frame}\t2\t1450\t4\t{-frame}\t1000"
+        for frame in range(count)
+    ]
+
+
+def test_values_clock_and_unit(tmp_path):
+    file = read_trc(trc(tmp_path))
+    np.testing.assert_array_equal(file.positions["C7"], [[frame, 2, 1450] for frame in range(12)])
+    np.testing.assert_array_equal(file.positions["SACR"], [[4, -frame, 1000] for frame in range(12)])
+    np.testing.assert_allclose(file.time, 17.5 + np.arange(12) / 100)
+    assert (file.rate, file.unit) == (100.0, "mm")
+
+
+@pytest.mark.parametrize(
+    "irregular",
+    [
+        {"names": "C7\t\tSACR"},
+        {"names": "\tC7\t\tSACR\t\t"},
+        {"first": "Frame#\tTimes\t"},
+        {"axes": False},
+        {"rows": ["\t" + row for row in regular_rows(12)]},
+        {"rows": [row + "\t\t" for row in regular_rows(12)]},
+        {"rows": ["", *regular_rows(12), "", ""], "header": {"NumFrames": "12"}},
+    ],
+)
+def test_irregular_files_read_alike(tmp_path, irregular):
+    (tmp_path / "regular").mkdir()
+    expected = read_trc(trc(tmp_path / "regular"))
+    file = read_trc(trc(tmp_path, **irregular))
+    assert list(file.positions) == ["C7", "SACR"]
+    for label, values in expected.positions.items():
+        np.testing.assert_array_equal(file.positions[label], values)
+
+
+def test_clock_printed_with_two_digits(tmp_path):
+    rows = regular_rows(300, rate=120.0, digits=2)
+    file = read_trc(trc(tmp_path, rows, header={"DataRate": "120"}))
+    np.testing.assert_allclose(file.time, 17.5 + np.arange(300) / 120)
+
+
+def test_missing_samples(tmp_path):
+    rows = regular_rows(6)
+    rows[2] = "6118\t17.520\t0\t0\t0\t4\t-2\t1000"
+    rows[3] = "6119\t17.530\t\t\t\t4\t-3\t1000"
+    rows[4] = "6120\t17.540\t4\t2\t1450\tNaN\tNaN\tNaN"
+    rows[5] = "6121\t17.550\t5\t2\t1450\t\t\t"
+    file = read_trc(trc(tmp_path, rows))
+    assert np.flatnonzero(np.isnan(file.positions["C7"]).all(axis=1)).tolist() == [2, 3]
+    assert np.flatnonzero(np.isnan(file.positions["SACR"]).all(axis=1)).tolist() == [4, 5]
+
+
+def changed(row, text):
+    rows = regular_rows(12)
+    rows[row] = text
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"header": {"NumFrames": "40"}}, "NumFrames: 40; the file holds 12 frames; it may be cut short"),
+        ({"header": {"NumMarkers": "3"}}, "NumMarkers: 3; line 4 names 2 markers"),
+        ({"header": {"DataRate": "60"}}, "the clock and the rate disagree, or frames are missing"),
+        ({"header": {"DataRate": "0"}}, "DataRate: 0; a positive number is needed"),
+        ({"header": {"DataRate": "fast"}}, "DataRate: 'fast'; a number is needed"),
+        ({"header": {"DataRate": "nan"}}, "DataRate: nan; a positive number is needed"),
+        ({"rows": changed(4, "6120\t17.54\t4\t2\t1450\t4")}, "line 11: 6 cells; 8 are needed for 2 markers"),
+        ({"rows": changed(4, "6120\t17.54\t4\tx\t1450\t4\t-4\t1000")}, "line 11: could not convert"),
+        ({"rows": changed(4, "6120\t\t4\t2\t1450\t4\t-4\t1000")}, "data row 5: no time"),
+        ({"rows": [*regular_rows(6), *regular_rows(6, start=17.6)]}, "frames are missing"),
+        ({"rows": [], "header": {"NumFrames": "1"}}, "no data rows"),
+        ({"first": "Time\tFrame\t"}, "line 4: starts with"),
+        ({"names": ""}, "line 4: no marker names"),
+    ],
+)
+def test_files_that_are_refused(tmp_path, options, said):
+    path = trc(tmp_path, **options)
+    with pytest.raises(InputError) as caught:
+        read_trc(path)
+    assert said in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"time,x\n0,1\n", b"PathFileType\t4\n", bytes(range(256)) * 20])
+def test_other_files_are_refused(tmp_path, content):
+    path = tmp_path / "lift.trc"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="not a TRC file"):
+        read_markers(path)
+
+
+def test_real_irregular_file_against_its_own_text(shared):
+    path = shared / "real" / "lifting" / "weird_squat_trc" / "markers_Squat2.trc"
+    file = read_trc(path)
+    lines = path.read_text().splitlines()
+    row = [float(cell) for cell in lines[6 + 99].split("\t") if cell.strip()]
+    values = np.array([points[99] for points in file.positions.values()]).ravel()
+    np.testing.assert_allclose(np.nan_to_num(values), row[2:])
+    zeros = sum(
+        cells[first : first + 3] == ["0", "0", "0"]
+        for cells in ([cell.strip() for cell in line.split("\t")] for line in lines[6:])
+        for first in range(2, len(cells), 3)
+    )
+    missing = sum(np.isnan(points[:, 0]).sum() for points in file.positions.values())
+    assert missing == zeros > 100

@@ -1,0 +1,65 @@
+"""The lock, the conda environment and the package description agree."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import tomllib
+
+import yaml
+
+
+def lock(project):
+    return (project / "envs" / "lock.txt").read_text(encoding="utf-8")
+
+
+def pins(project):
+    return dict(re.findall(r"^([A-Za-z0-9._-]+)==([^ ;\\]+)", lock(project), flags=re.M))
+
+
+def test_every_locked_version_has_hashes_and_no_address(project):
+    requirements = re.split(r"\n(?=[A-Za-z0-9])", lock(project).strip())
+    assert len(requirements) > 50
+    assert all("--hash=sha256:" in requirement for requirement in requirements)
+    assert "://" not in lock(project)
+
+
+def test_every_dependency_is_locked(project):
+    description = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = [*description["dependencies"], *description["optional-dependencies"]["develop"]]
+    names = {re.match(r"[A-Za-z0-9._-]+", requirement).group().lower() for requirement in wanted}
+    assert names <= set(pins(project))
+
+
+def test_conda_environment_has_the_same_pins(project):
+    environment = yaml.safe_load((project / "envs" / "lumbar.yaml").read_text(encoding="utf-8"))
+    listed = dict(
+        re.match(r"([A-Za-z0-9._-]+)==([^ ;]+)", entry).groups() for entry in environment["dependencies"][-1]["pip"]
+    )
+    listed["pip"] = next(
+        entry.split("=")[1] for entry in environment["dependencies"] if str(entry).startswith("pip=")
+    )
+    assert listed == pins(project)
+
+
+def test_derived_files_are_up_to_date(project):
+    derive = runpy.run_path(str(project / "envs" / "derive.py"))
+    assert derive["supported"](lock(project)) == lock(project)
+    assert derive["build_lock"](lock(project)) == (project / "envs" / "build-lock.txt").read_text(encoding="utf-8")
+    assert derive["conda_environment"](lock(project)) == (project / "envs" / "lumbar.yaml").read_text(encoding="utf-8")
+
+
+def test_key_reference_says_what_the_schemas_say(project):
+    from lumbar.config_reference import renewed
+
+    page = (project / "config" / "README.md").read_text(encoding="utf-8")
+    assert renewed(page, project) == page, "run: make docs"
+
+
+def test_every_key_of_the_schemas_is_described(project):
+    from lumbar.config_reference import keys
+
+    folder = project / "workflow" / "schemas"
+    schema = yaml.safe_load((folder / "config.schema.yaml").read_text(encoding="utf-8"))
+    undescribed = [key for key, _, _, meaning in keys(schema, {}, folder) if not meaning]
+    assert not undescribed

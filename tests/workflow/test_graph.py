@@ -1,0 +1,84 @@
+"""The workflow as a graph: targets, artefacts, house rules, format."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+
+import pytest
+from running import copy_project, snakemake
+
+pytestmark = pytest.mark.workflow
+
+CHAPTERS = ["surgeon", "signals", "tissue", "runtime", "survey", "lifting", "stability", "claims"]
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory):
+    return copy_project(tmp_path_factory.mktemp("fresh"))
+
+
+def artefacts(project):
+    with (project / "config" / "artefacts.tsv").open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream, delimiter="\t"))
+
+
+def test_every_rule_of_the_sheet_is_planned_in_a_full_run(fresh, project):
+    run = snakemake(fresh, "--dry-run", "--cores", "1")
+    assert run.status == 0, run.text[-3000:]
+    assert {row["rule"] for row in artefacts(project)} <= set(run.jobs)
+
+
+def test_sheet_names_each_artefact_of_the_thesis_once(project):
+    names = [row["id"] for row in artefacts(project)]
+    assert len(names) == len(set(names))
+    tables = {"table_2_1", "table_3_1", "table_3_2", "table_4_1"}
+    figures = {"figure_2_4", "figure_3_2", "figure_3_4", "figure_3_5", "figure_4_1", "figure_4_2", "figure_4_3"}
+    assert tables | figures | {"figure_4_4", "workflow", "claims_list"} <= set(names)
+
+
+def test_sheet_follows_the_chapters_in_order(project):
+    order = [CHAPTERS.index(row["chapter"]) for row in artefacts(project)]
+    assert order == sorted(order)
+
+
+@pytest.mark.parametrize("target", [*CHAPTERS, "table_3_1", "figure_4_4"])
+def test_chapters_and_artefacts_are_targets(fresh, target):
+    run = snakemake(fresh, "--dry-run", "--cores", "1", target)
+    assert run.status == 0, run.text[-3000:]
+    assert run.jobs[target] == 1
+
+
+def test_one_person_alone_runs_only_that_person(fresh):
+    run = snakemake(fresh, "--dry-run", "--cores", "1", "stability", "--configfile", "config/subjects/expert.yaml")
+    assert run.status == 0, run.text[-3000:]
+    assert "results/expert/" in run.text
+    assert "novice" not in run.text
+    assert "results/thesis/" not in run.text
+
+
+def test_lint_finds_nothing(fresh):
+    run = snakemake(fresh, "--lint")
+    assert "Congratulations" in run.text, run.text
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["ruff", "check", "."],
+        ["ruff", "format", "--check", "."],
+        ["snakefmt", "--check", "Snakefile", "workflow/rules"],
+    ],
+    ids=lambda command: " ".join(command[:2]),
+)
+def test_sources_are_in_the_house_format(project, command):
+    done = subprocess.run(
+        [sys.executable, "-m", *command], cwd=project, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_no_rule_uses_a_shell(project):
+    for path in (project / "workflow" / "rules").glob("*.smk"):
+        assert "shell:" not in path.read_text(encoding="utf-8"), f"{path.name}: configuration must not reach a shell"

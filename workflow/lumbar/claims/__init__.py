@@ -1,0 +1,1 @@
+"""The thesis's claims, one by one, against what a run shows."""

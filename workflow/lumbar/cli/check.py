@@ -1,0 +1,87 @@
+"""``lumbar check``: read recordings and describe them, or tell every problem."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lumbar.cli.settings import is_column_file, load_settings, new_command
+from lumbar.errors import InputError
+
+_MARKER_ENDINGS = (".c3d", ".trc")
+
+
+def add(commands) -> None:
+    """Add the command to the parser."""
+    parser = new_command(
+        commands,
+        "check",
+        "read recordings and describe them, or tell every problem of every file",
+        "lumbar check recordings/tissue\n  lumbar check --chapter survey survey.csv",
+    )
+    parser.add_argument("paths", type=Path, nargs="+", metavar="FILE|FOLDER")
+    parser.add_argument(
+        "--chapter",
+        choices=("surgeon", "tissue", "survey", "lifting"),
+        default="tissue",
+        help="whose layout column files have (default tissue; C3D and TRC files are always "
+        "markers of lifting)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options) -> None:
+    """Check the files and print one line for each."""
+    from lumbar.records.checking import check_recordings
+
+    sections = sorted({options.chapter, "lifting"})
+    settings = load_settings(options.config, *sections)
+    plan = [_reading(path, options.chapter, settings) for path in _files(options.paths)]
+    for chapter, recordings in check_recordings(plan).items():
+        for description in recordings:
+            print(f"{chapter}: {_line(description)}")
+
+
+def _files(paths: list[Path]) -> list[Path]:
+    files = []
+    for path in paths:
+        if path.is_dir():
+            found = [item for item in sorted(path.iterdir()) if is_column_file(item) or _is_marker_file(item)]
+            if not found:
+                raise InputError(f"{path}: no recordings in this folder")
+            files += found
+        else:
+            files.append(path)
+    return files
+
+
+def _is_marker_file(path: Path) -> bool:
+    return path.suffix.lower() in _MARKER_ENDINGS
+
+
+def _reading(path: Path, chapter: str, settings: dict) -> dict:
+    """Entry of the plan of `lumbar.records.checking.check_recordings`."""
+    if _is_marker_file(path):
+        layout = settings["lifting"]["markers"]
+        return {"chapter": "lifting", "reader": "markers", "path": str(path), "layout": layout}
+    if chapter == "survey":
+        return {
+            "chapter": chapter,
+            "reader": "ratings",
+            "path": str(path),
+            "layout": settings[chapter]["layout"],
+        }
+    layout = settings[chapter]["moment_layout" if chapter == "lifting" else "layout"]
+    return {"chapter": chapter, "set": chapter, "reader": "columns", "path": str(path), "layout": layout}
+
+
+def _line(description: dict) -> str:
+    if description["reader"] == "ratings":
+        models = ", ".join(description["models"])
+        return f"{description['file']}: {description['participants']} participants rated {models}"
+    clock = "{file}: {samples} samples, {rate_Hz:g} Hz, {duration_s:g} s".format(**description)
+    if description["reader"] == "markers":
+        return f"{clock}; markers {', '.join(description['markers'])}"
+    channels = description["channels"].items()
+    return f"{clock}; " + ", ".join(
+        f"{role}: {item['quantity']} in {item['unit']}" for role, item in channels
+    )

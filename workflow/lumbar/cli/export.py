@@ -1,0 +1,50 @@
+"""``lumbar export``: FMUs of identified models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lumbar.cli.settings import PROJECT, add_output, load_settings, new_command
+
+
+def add(commands) -> None:
+    """Add the command to the parser."""
+    parser = new_command(
+        commands,
+        "export",
+        "export identified models as FMUs for FMI 2.0 and 3.0",
+        "lumbar export out/models.json --output fmu --model KB --trained-on multisine",
+    )
+    parser.add_argument("models", type=Path, metavar="MODELS.json", help="from 'lumbar identify'")
+    parser.add_argument(
+        "--model",
+        action="append",
+        metavar="NAME",
+        help="model to export, may be repeated (default: runtime.models)",
+    )
+    parser.add_argument(
+        "--trained-on",
+        metavar="RECORD",
+        help="record the models were identified on (default: the file's only one)",
+    )
+    add_output(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options) -> None:
+    """Compile and pack the models."""
+    from lumbar.files import read_json
+    from lumbar.runtime.export_model import select_models
+    from lumbar.runtime.package import export_fmus
+
+    runtime = dict(load_settings(options.config, "runtime")["runtime"])
+    content = read_json(options.models)
+    trained_on = {model.get("trained_on") for model in content.get("models", [])} - {None}
+    if options.trained_on or len(trained_on) == 1:
+        runtime["trained_on"] = options.trained_on or trained_on.pop()
+    runtime["models"] = options.model or runtime["models"]
+    models = select_models(content, runtime)
+    data = content.get("data") or options.models.name
+    cache = PROJECT / runtime["compiler_cache"]
+    for path in export_fmus(models, options.output, data, runtime["targets"], cache):
+        print(path)

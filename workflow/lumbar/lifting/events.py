@@ -1,0 +1,329 @@
+"""Events of a lift: the box leaves its support, the first toe-off, the start of the deposit, the release.
+
+The lift ends with the first toe-off and the deposit starts at a minimum of the wrist's speed (thesis, section
+4.2.3.1). The global minimum would find rest, or the end of the placement; it is therefore a local one, the
+last before the wrists descend for good.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from lumbar.errors import InputError, Problems
+from lumbar.lifting.filtering import derivative
+from lumbar.lifting.gaps import runs
+from lumbar.records.markers import MarkerRecording
+
+EVENTS = ("lift_off", "toe_off", "deposit_start", "release")
+"""In the order in which they happen. There may be no toe-off: the lifter deposits without a step."""
+WRISTS = ("L_WRIST", "R_WRIST")
+TOES = ("L_TOE", "R_TOE")
+DESCENT_ONSET = 0.1
+"""The wrists descend for good once they have gone this share of the way down to the release."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """One event and how it was found.
+
+    Attributes
+    ----------
+    time_s : float or None
+        On the recording's clock; None for a toe-off that does not happen.
+    method : {"detected", "declared", "absent"}
+    how : str
+        The rule and the numbers behind it, for the reader.
+    detected_s : float or None
+        What detection says where the event is declared by hand; None where it finds nothing.
+    """
+
+    time_s: float | None
+    method: str
+    how: str
+    detected_s: float | None = None
+
+    def as_dict(self) -> dict:
+        """Plain data for JSON."""
+        return asdict(self)
+
+
+def speed(points: np.ndarray, rate: float) -> np.ndarray:
+    """Speed of filtered positions, shape (n,) in m/s; NaN where a sample is missing."""
+    return np.linalg.norm(derivative(points, rate), axis=1)
+
+
+def box_centre(recording: MarkerRecording) -> np.ndarray | None:
+    """Centre of the box markers that were seen throughout, shape (n, 3) in metres; None without box markers.
+
+    A marker that is missing for a while is left out altogether: it would shift the centre when it comes and
+    goes.
+
+    Raises
+    ------
+    InputError
+        If there are box markers, but none was seen throughout.
+    """
+    names = [name for name in recording.positions if name.startswith("BOX_")]
+    complete = [recording[name] for name in names if np.isfinite(recording[name]).all()]
+    if names and not complete:
+        raise InputError(
+            f"{recording.source}: every box marker ({', '.join(names)}) has gaps longer than "
+            "lifting.gaps.maximum_s; "
+            "raise it, or leave out of lifting.markers.aliases what cannot be used"
+        )
+    return np.mean(complete, axis=0) if complete else None
+
+
+def wrist_centre(recording: MarkerRecording) -> np.ndarray | None:
+    """Mean of the wrists in the recording, shape (n, 3) in metres; None without wrists."""
+    present = [recording[name] for name in WRISTS if name in recording]
+    return np.mean(present, axis=0) if present else None
+
+
+def find_events(recording: MarkerRecording, settings: dict, declared: dict | None = None) -> dict[str, Event]:
+    """Find the events of a lift; those declared by hand replace detected ones.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered.
+    settings : dict
+        Thresholds: section ``lifting.events``.
+    declared : dict, optional
+        ``events`` of the trial in the subject's file: ``<event>_s`` and ``reason``.
+
+    Returns
+    -------
+    dict of str to Event
+        By the names in `EVENTS`.
+
+    Raises
+    ------
+    InputError
+        If an event can neither be detected nor is declared, or if events are out of order.
+    """
+    declared = declared or {}
+    _check_order(recording, {name: declared[f"{name}_s"] for name in EVENTS if f"{name}_s" in declared})
+    found: dict[str, Event] = {}
+    finders = {
+        "lift_off": lambda: _lift_off(recording, settings),
+        "release": lambda: _release(recording, settings, found["lift_off"].time_s),
+        "toe_off": lambda: _toe_off(recording, settings, found["lift_off"].time_s, found["release"].time_s),
+        "deposit_start": lambda: _deposit_start(
+            recording, settings, found["toe_off"].time_s or found["lift_off"].time_s, found["release"].time_s
+        ),
+    }
+    for name, finder in finders.items():
+        if f"{name}_s" in declared:
+            found[name] = _declared(name, declared, finder)
+        else:
+            found[name] = finder()
+    _check_order(recording, {name: found[name].time_s for name in EVENTS if found[name].time_s is not None})
+    return {name: found[name] for name in EVENTS}
+
+
+def _declared(name: str, declared: dict, finder) -> Event:
+    try:
+        detected = finder().time_s
+    except InputError:
+        detected = None
+    reason = declared.get("reason", "no reason given")
+    says = "detection finds none" if detected is None else f"detection says {detected:.2f} s"
+    return Event(
+        float(declared[f"{name}_s"]), "declared", f"set in the subject's file ({reason}); {says}", detected
+    )
+
+
+def _check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
+    problems = Problems(f"{recording.source}: events")
+    start, stop = float(recording.time[0]), float(recording.time[-1])
+    for name, time in times.items():
+        if not start <= time <= stop:
+            problems.add(name, f"{time:g} s", f"the recording runs from {start:g} to {stop:g} s")
+    pairs = list(times.items())
+    for (earlier, first), (later, second) in pairwise(pairs):
+        if second <= first:
+            problems.add(
+                later,
+                f"{second:g} s is not after {earlier} at {first:g} s",
+                "set events in the subject's file",
+            )
+    problems.raise_if_any()
+
+
+def _first_run(flags: np.ndarray, samples: int) -> int | None:
+    """Index at which `flags` first stays true for at least `samples` samples."""
+    return next((run.start for run in runs(flags) if run.stop - run.start >= samples), None)
+
+
+def _needed(recording: MarkerRecording, points: np.ndarray | None, what: str, event: str) -> np.ndarray:
+    if points is None:
+        raise InputError(
+            f"{recording.source}: no {what} markers, so {event} cannot be detected; set {event}_s in the "
+            "subject's file"
+        )
+    return points
+
+
+def _lift_off(recording: MarkerRecording, settings: dict) -> Event:
+    box = _needed(recording, box_centre(recording), "box", "lift_off")
+    threshold, lasting = settings["box_speed_m_s"], settings["box_sustained_s"]
+    moving = speed(box, recording.rate)
+    first = _first_run(moving > threshold, max(1, round(lasting * recording.rate)))
+    advice = "set lift_off_s in the subject's file"
+    if first is None:
+        raise InputError(
+            f"{recording.source}: the box never moves faster than {threshold:g} m/s for {lasting:g} s; "
+            + advice
+        )
+    if first == 0:
+        raise InputError(
+            f"{recording.source}: the box moves from the first frame, its lift-off is not there; {advice}"
+        )
+    rest = np.flatnonzero(moving[:first] <= settings["box_rest_m_s"])
+    onset = int(rest[-1]) + 1 if rest.size else first
+    how = (
+        f"last rest of the box (slower than {settings['box_rest_m_s']:g} m/s) before it first moves faster "
+        f"than {threshold:g} m/s for at least {lasting:g} s"
+    )
+    return Event(float(recording.time[onset]), "detected", how)
+
+
+def _release(recording: MarkerRecording, settings: dict, lift_off: float) -> Event:
+    time, threshold = recording.time, settings["box_speed_m_s"]
+    box = _needed(recording, box_centre(recording), "box", "release")
+    separation = _separation(recording, box, settings, lift_off)
+    end = len(time) - 1 if separation is None else separation
+    pace = speed(box, recording.rate)
+    moving = np.flatnonzero((pace > threshold) & (time >= lift_off) & (np.arange(len(time)) <= end))
+    if moving.size == 0:
+        raise InputError(f"{recording.source}: the box does not move after {lift_off:g} s; check lift_off_s")
+    parted = "" if separation is None else f"; the wrists part from it at {time[separation]:.2f} s"
+    if moving[-1] < end:
+        # Slow placing goes on below the threshold of movement; it ends at rest, or when the hands leave.
+        rest = np.flatnonzero(pace[moving[-1] : end + 1] <= settings["box_rest_m_s"])
+        stop = int(moving[-1] + rest[0]) if rest.size else end
+        how = f"the box comes to rest (slower than {settings['box_rest_m_s']:g} m/s){parted}"
+        return Event(float(time[stop]), "detected", how)
+    if separation is None:
+        raise InputError(
+            f"{recording.source}: the box still moves when the recording ends; set release_s in the "
+            "subject's file"
+        )
+    return Event(
+        float(time[separation]),
+        "detected",
+        f"the wrists part from the moving box by more than {settings['separation_m']:g} m",
+    )
+
+
+def _separation(recording: MarkerRecording, box: np.ndarray, settings: dict, lift_off: float) -> int | None:
+    """Index at which the wrists leave the box; None without wrists or if they stay."""
+    wrists = wrist_centre(recording)
+    if wrists is None:
+        return None
+    distance = np.linalg.norm(wrists - box, axis=1)
+    after = recording.time >= lift_off
+    grip = distance[after & (recording.time <= lift_off + settings["grip_s"])]
+    if not np.isfinite(grip).any():
+        raise InputError(
+            f"{recording.source}: the wrists are not seen within {settings['grip_s']:g} s of the lift-off, "
+            "so it is not known when they leave the box; set release_s in the subject's file"
+        )
+    held = np.nanmedian(grip)
+    apart = after & (distance > held + settings["separation_m"])
+    return _first_run(apart, max(1, round(settings["box_sustained_s"] * recording.rate)))
+
+
+def _toe_off(recording: MarkerRecording, settings: dict, lift_off: float, release: float) -> Event:
+    toes = [name for name in TOES if name in recording]
+    if not toes:
+        return Event(None, "absent", "no toe markers: the end of the lift is not known")
+    threshold, lasting = settings["toe_speed_m_s"], settings["toe_sustained_s"]
+    searched = (recording.time > lift_off) & (recording.time < release)
+    # 65 ms are 13 frames at 200 Hz, whatever the rounding of the product.
+    samples = max(1, int(np.ceil(lasting * recording.rate - 1e-9)))
+    starts, unseen = {}, []
+    for name in toes:
+        foot = speed(recording[name], recording.rate)
+        first = _first_run((foot > threshold) & searched, samples)
+        if first is not None:
+            starts[name] = float(recording.time[first])
+        if np.isnan(foot[searched]).any():
+            unseen.append(name)
+    rule = f"toe faster than {threshold:g} m/s for at least {lasting:g} s between lift-off and release"
+    gaps = f"; not seen all the time: {', '.join(unseen)}" if unseen else ""
+    if not starts:
+        return Event(None, "absent", f"no toe-off: no {rule} ({', '.join(toes)}){gaps}")
+    first_toe = min(starts, key=starts.__getitem__)
+    return Event(starts[first_toe], "detected", f"{first_toe} first: {rule}{gaps}")
+
+
+def _deposit_start(recording: MarkerRecording, settings: dict, start: float, release: float) -> Event:
+    from scipy.signal import find_peaks
+
+    wrists = _needed(recording, wrist_centre(recording), "wrist", "deposit_start")
+    advice = "set deposit_start_s in the subject's file"
+    searched = np.flatnonzero((recording.time > start) & (recording.time <= release))
+    if searched.size < 3:
+        raise InputError(
+            f"{recording.source}: no time between {start:g} s and the release at {release:g} s; {advice}"
+        )
+    slow = speed(wrists, recording.rate)[searched]
+    height = wrists[searched, 2]
+    if not (np.isfinite(slow).all() and np.isfinite(height).all()):
+        raise InputError(
+            f"{recording.source}: wrists not seen all the time between {start:g} and {release:g} s; {advice}"
+        )
+    top = int(height.argmax())
+    descent = float(height[top] - height[-1])
+    if descent < settings["descent_m"]:
+        raise InputError(
+            f"{recording.source}: the wrists descend by {descent:.3f} m before the release at "
+            f"{release:.2f} s, a deposit needs {settings['descent_m']:g} m (lifting.events.descent_m); "
+            + advice
+        )
+    onset = int(np.flatnonzero(height >= height[top] - DESCENT_ONSET * descent)[-1])
+    minima, _ = find_peaks(-slow, prominence=settings["prominence_m_s"])
+    minima = minima[minima <= onset]
+    if minima.size == 0:
+        raise InputError(
+            f"{recording.source}: the wrists do not slow down between {start:.2f} s and their descent at "
+            f"{recording.time[searched[onset]]:.2f} s; {advice}"
+        )
+    chosen = int(minima[-1])
+    how = (
+        f"last local minimum of the wrists' speed ({slow[chosen]:.3f} m/s) before they descend by "
+        f"{descent:.2f} m to the release"
+    )
+    return Event(float(recording.time[searched[chosen]]), "detected", how)
+
+
+def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
+    """Phase of every sample: before, lift, carry, deposit or after.
+
+    Without a toe-off the lift lasts until the start of the deposit and there is no carry.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+    events : dict of str to Event
+
+    Returns
+    -------
+    ndarray of str, shape (n,)
+    """
+    labels = np.full(len(time), "before", dtype="<U7")
+    for label, name in (
+        ("lift", "lift_off"),
+        ("carry", "toe_off"),
+        ("deposit", "deposit_start"),
+        ("after", "release"),
+    ):
+        at = events[name].time_s
+        if at is not None:
+            labels[time >= at if label != "after" else time > at] = label
+    return labels

@@ -1,0 +1,129 @@
+"""Reading every recording of a study before anything is computed from it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from lumbar.errors import InputError, Problems
+from lumbar.progress import track
+
+
+def check_recordings(plan: list[dict]) -> dict[str, list[dict]]:
+    """Read every recording and describe it.
+
+    Parameters
+    ----------
+    plan : list of dict
+        One entry per file: ``chapter``, ``set`` (files whose quantities and units must agree, or null),
+        ``reader`` (``columns``, ``markers`` or ``ratings``), ``path``, ``layout``, and for columns ``name``,
+        ``period_s`` and ``rate_Hz`` where they apply.
+
+    Returns
+    -------
+    dict of str to list of dict
+        By chapter, one description per file: name, sha256, size and what the reader found in it.
+
+    Raises
+    ------
+    InputError
+        With the problems of all files.
+    """
+    problems = Problems("recordings")
+    chapters: dict[str, list[dict]] = {}
+    sets: dict[str, list] = {}
+    for item in track(plan, "recordings checked"):
+        described = chapters.setdefault(item["chapter"], [])
+        try:
+            record, description = _READERS[item["reader"]](item)
+        except InputError as error:
+            problems.add("", str(error).replace("\n", "\n    "))
+            continue
+        described.append(
+            {
+                "file": Path(item["path"]).name,
+                "sha256": _sha256(item["path"]),
+                "reader": item["reader"],
+                **description,
+            }
+        )
+        if item.get("set"):
+            sets.setdefault(item["set"], []).append(record)
+    _check_sets(sets.values(), problems)
+    problems.raise_if_any()
+    return chapters
+
+
+def _check_sets(sets: Iterable[list], problems: Problems) -> None:
+    """Note the sets whose recordings do not share quantities and units."""
+    from lumbar.records.record import same_units
+
+    for records in sets:
+        try:
+            same_units(records)
+        except InputError as error:
+            problems.add("", str(error).replace("\n", "\n    "))
+
+
+def _sha256(path: str) -> str:
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _columns(item: dict) -> tuple[object, dict]:
+    from lumbar.records.columns import read_record
+
+    record = read_record(
+        item["path"],
+        item["layout"],
+        name=item.get("name"),
+        period=item.get("period_s"),
+        rate=item.get("rate_Hz"),
+    )
+    channels = {
+        role: {"quantity": channel.quantity, "unit": channel.unit}
+        for role, channel in record.channels.items()
+    }
+    return record, {
+        "name": record.name,
+        "samples": len(record),
+        "rate_Hz": round(1 / record.sampling_time, 9),
+        "duration_s": round(record.duration, 9),
+        "channels": channels,
+    }
+
+
+def _markers(item: dict) -> tuple[object, dict]:
+    from lumbar.records.markers import read_markers
+
+    recording = read_markers(item["path"], item["layout"])
+    return recording, {
+        "name": recording.name,
+        "samples": len(recording.time),
+        "rate_Hz": round(recording.rate, 9),
+        "duration_s": round(len(recording.time) / recording.rate, 9),
+        "unit": "m",
+        "markers": sorted(recording.positions),
+        "derived": dict(sorted(recording.derived.items())),
+        "absent": dict(sorted(recording.absent.items())),
+    }
+
+
+def _ratings(item: dict) -> tuple[object, dict]:
+    from lumbar.records.ratings import read_ratings
+
+    ratings = read_ratings(item["path"], item["layout"])
+    return ratings, {
+        "participants": len(ratings),
+        "models": list(ratings.models),
+        "scale_points": ratings.scale_points,
+        "sources": list(ratings.sources),
+    }
+
+
+_READERS: dict[str, Callable[[dict], tuple[object, dict]]] = {
+    "columns": _columns,
+    "markers": _markers,
+    "ratings": _ratings,
+}

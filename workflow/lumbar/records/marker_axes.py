@@ -1,0 +1,120 @@
+"""The axes of a marker file: turned to x lateral (right), y forward, z up, and compared with the body."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.errors import InputError, Problems
+
+_UPPER = ("C7", "T12", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER", "SACRUM", "L5", "L_HIP", "R_HIP")
+_FEET = ("L_ANKLE", "R_ANKLE", "L_HEEL", "R_HEEL", "L_TOE", "R_TOE")
+_TRUNK_TOP = ("C7", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER")
+_PELVIS = ("SACRUM", "L5", "L_HIP", "R_HIP")
+_SIDES = ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE")
+_CLEARLY = 2.0
+"""How much longer than along the declared axis a segment must be along another one to contradict it. A bent
+trunk or a turned foot stays below."""
+
+
+def axis_vector(axis: str, key: str) -> np.ndarray:
+    """Return the unit vector of a signed axis such as ``"+z"`` or ``"-x"``."""
+    if not isinstance(axis, str) or len(axis) != 2 or axis[0] not in "+-" or axis[1] not in "xyz":
+        raise InputError(f"markers.{key} is {axis!r}; allowed are +x, -x, +y, -y, +z and -z")
+    vector = np.zeros(3)
+    vector["xyz".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
+    return vector
+
+
+def rotation_to_standard(up: str, forward: str) -> np.ndarray:
+    """Rotation matrix, shape (3, 3), from a file's axes to x lateral (right), y forward, z up.
+
+    Parameters
+    ----------
+    up, forward : str
+        Signed axes of the file, e.g. ``"+y"`` and ``"+x"``.
+
+    Raises
+    ------
+    InputError
+        When an axis is not one of six, or both are along the same line.
+    """
+    up_vector, forward_vector = axis_vector(up, "up"), axis_vector(forward, "forward")
+    if up_vector @ forward_vector != 0:
+        raise InputError(f"markers.up is {up!r} and markers.forward {forward!r}; they must be perpendicular")
+    return np.array([np.cross(forward_vector, up_vector), forward_vector, up_vector])
+
+
+def check_axes(positions: dict[str, np.ndarray], layout: dict, source: str) -> None:
+    """Raise when the markers contradict the declared axes.
+
+    Three segments are compared, each the median over time, and only where the markers exist: feet to trunk
+    (or pelvis to shoulders) is up, heel to toe is forward, left to right is lateral.
+
+    Parameters
+    ----------
+    positions : dict of str to ndarray, shape (n_frames, 3)
+        Under standard names, turned by the declared axes.
+
+    Raises
+    ------
+    InputError
+        Naming the axis of the file along which the segment really lies.
+    """
+    problems = Problems(source)
+    rotation = rotation_to_standard(layout.get("up", "+z"), layout.get("forward", "+y"))
+    upward = _segment(positions, _FEET, _UPPER)
+    upward = _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
+    if upward is not None and _contradicts(upward, 2):
+        found = _file_axis(upward, rotation)
+        problems.add(
+            "markers.up", f"{layout.get('up', '+z')}, but the body stands along {found}", f'set up: "{found}"'
+        )
+        problems.raise_if_any()
+    heels, toes = ("L_HEEL", "R_HEEL"), ("L_TOE", "R_TOE")
+    feet = [_segment(positions, (heel,), (toe,)) for heel, toe in zip(heels, toes, strict=True)]
+    feet = [foot for foot in feet if foot is not None]
+    if feet:
+        facing = np.mean(feet, axis=0) * [1, 1, 0]
+        if _contradicts(facing, 1):
+            found = _file_axis(facing, rotation)
+            declared = layout.get("forward", "+y")
+            problems.add(
+                "markers.forward",
+                f"{declared}, but the toes are ahead of the heels along {found}",
+                f'set forward: "{found}" (or check_axes: false where the person turns)',
+            )
+            problems.raise_if_any()
+    across = [_segment(positions, (f"L_{part}",), (f"R_{part}",)) for part in _SIDES]
+    across = [width for width in across if width is not None]
+    if across and _contradicts(np.mean(across, axis=0) * [1, 1, 0], 0):
+        problems.add(
+            "markers",
+            "the right side of the body is not to the right of the left side",
+            "left and right labels are swapped, or forward is wrong (check_axes: false skips this check)",
+        )
+    problems.raise_if_any()
+
+
+def _segment(
+    positions: dict[str, np.ndarray], start: tuple[str, ...], end: tuple[str, ...]
+) -> np.ndarray | None:
+    """Median vector from the mean of `start` to the mean of `end` markers; None without them."""
+    ends = []
+    for names in (start, end):
+        present = [np.nanmedian(positions[name], axis=0) for name in names if name in positions]
+        if not present:
+            return None
+        ends.append(np.mean(present, axis=0))
+    return ends[1] - ends[0]
+
+
+def _contradicts(vector: np.ndarray, axis: int) -> bool:
+    """Whether `vector` clearly does not point along the positive `axis`."""
+    return bool(np.abs(vector).max() > _CLEARLY * vector[axis])
+
+
+def _file_axis(vector: np.ndarray, rotation: np.ndarray) -> str:
+    """Signed axis of the file along which a vector in standard axes mostly lies."""
+    in_file = rotation.T @ vector
+    largest = int(np.abs(in_file).argmax())
+    return f"{'+' if in_file[largest] > 0 else '-'}{'xyz'[largest]}"

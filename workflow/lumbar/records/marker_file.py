@@ -1,0 +1,55 @@
+"""What a marker file holds before its labels, unit and axes are translated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class MarkerFile:
+    """Trajectories as a file states them: its own labels, unit and axes.
+
+    Attributes
+    ----------
+    source : str
+        Path of the file, for messages.
+    time : ndarray, shape (n_frames,)
+        Seconds on the recording's own clock: the first frame need not be at 0.
+    rate : float
+        Frames per second.
+    unit : str
+        Unit of length the file states; empty where it states none.
+    positions : dict of str to ndarray, shape (n_frames, 3)
+        Measured markers by label; NaN in all three coordinates where a marker was not seen.
+    model_points : dict of str to ndarray, shape (n_frames, 3)
+        Points that a model computed and the file stores beside the markers (centre of mass, segment axes):
+        only read where an alias names them.
+    dropped : dict of str to str
+        Labels that are not measured markers, with the reason. Holds the labels of `model_points` too.
+    """
+
+    source: str
+    time: np.ndarray
+    rate: float
+    unit: str
+    positions: dict[str, np.ndarray]
+    model_points: dict[str, np.ndarray] = field(default_factory=dict)
+    dropped: dict[str, str] = field(default_factory=dict)
+
+
+def mark_missing(points: np.ndarray) -> np.ndarray:
+    """Return a copy with NaN in all coordinates of every missing sample.
+
+    A sample is missing where a coordinate is not finite, or where all three are exactly zero: systems write
+    the origin for a marker they did not see, and a real marker is never there to the last bit.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., 3)
+    """
+    points = np.array(points, dtype=float)
+    missing = ~np.isfinite(points).all(axis=-1) | (points == 0).all(axis=-1)
+    points[missing] = np.nan
+    return points

@@ -1,0 +1,208 @@
+"""Marker recordings: C3D and TRC files as positions in metres under standard names.
+
+Axes are those of the thesis's chapter 4: x lateral (to the right), y forward, z up; right-handed. The layout
+is plain data from a study's YAML::
+
+    unit: file                 # file, m, cm or mm
+    up: "+z"                   # axis of the file that points up
+    forward: "+y"              # axis of the file that points the way the person faces
+    subject_prefix: strip      # strip, keep, or the subject's name
+    aliases: {C7: [C7, CV7], L_WRIST: {mean: [LWRA, LWRB]}}
+    required: null             # names that must be found; null: every alias
+    check_axes: true           # compare the axes with head-to-feet, heel-to-toe and left-to-right
+
+`lumbar.records.marker_aliases` explains the aliases. Standard names are C7, T12, L5 (the spine at L4/L5),
+MANUBRIUM, XIPHOID, SACRUM; SHOULDER, HIP (greater trochanter), WRIST, ANKLE, HEEL and TOE with L_ or R_
+before them; BOX_1, BOX_2 and so on for markers on the box.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from lumbar.errors import InputError
+from lumbar.records.marker_file import MarkerFile
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+_UNIT_NAMES = {
+    "m": "m",
+    "meter": "m",
+    "meters": "m",
+    "metres": "m",
+    "cm": "cm",
+    "mm": "mm",
+    "millimeters": "mm",
+}
+SPREAD_M = (0.02, 50.0)
+"""Plausible size of the cloud of all markers over a recording, in metres: a wrong unit lies far outside."""
+
+
+@dataclass(frozen=True)
+class MarkerRecording:
+    """Marker trajectories of one person.
+
+    Attributes
+    ----------
+    name : str
+    time : ndarray, shape (n_frames,)
+        Seconds on the recording's own clock; evenly spaced.
+    rate : float
+        Frames per second.
+    positions : dict of str to ndarray, shape (n_frames, 3)
+        Metres; columns x lateral (right), y forward, z up. NaN where a marker was not seen.
+    source : str
+        File it was read from, for messages.
+    dropped : dict of str to str
+        File labels left out, with the reason (angles, forces, computed points, never seen, label used twice).
+    derived : dict of str to str
+        Markers the file does not hold, with the geometric rule they were computed by.
+    absent : dict of str to str
+        Aliases that are not required and were not found, with the reason.
+    unused : tuple of str
+        Markers of the file that no alias names.
+    """
+
+    name: str
+    time: np.ndarray
+    rate: float
+    positions: dict[str, np.ndarray]
+    source: str = ""
+    dropped: dict[str, str] = field(default_factory=dict)
+    derived: dict[str, str] = field(default_factory=dict)
+    absent: dict[str, str] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
+
+    def __getitem__(self, marker: str) -> np.ndarray:
+        """Positions of one marker, shape (n_frames, 3), in metres."""
+        if marker not in self.positions:
+            reason = self.absent.get(marker, "no alias of that name")
+            raise InputError(f"{self.source or self.name}: no marker {marker} ({reason})")
+        return self.positions[marker]
+
+    def __contains__(self, marker: str) -> bool:
+        return marker in self.positions
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def missing_share(self) -> float:
+        """Share of samples in which a marker was not seen, over all markers."""
+        return float(np.mean([np.isnan(points[:, 0]).mean() for points in self.positions.values()]))
+
+
+def read_markers(
+    path: str | os.PathLike, layout: dict | None = None, name: str | None = None, minimum_frames: int = 2
+) -> MarkerRecording:
+    """Read a C3D or TRC file.
+
+    Parameters
+    ----------
+    path : path
+        The suffix decides: ``.c3d`` or ``.trc``.
+    layout : dict, optional
+        See the module's description. Without aliases every marker keeps its label.
+    name : str, optional
+        Name of the recording; default the file's stem.
+    minimum_frames : int
+        1 accepts a static pose of one frame; a trajectory needs at least 2.
+
+    Returns
+    -------
+    MarkerRecording
+
+    Raises
+    ------
+    InputError
+        A file that is broken, cut short or contradicts itself; a unit, prefix, marker or axis that does not
+        fit.
+    """
+    from lumbar.records.marker_aliases import resolve_aliases, select_subject
+    from lumbar.records.marker_axes import check_axes, rotation_to_standard
+
+    layout = layout or {}
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    file = select_subject(_read_file(path), layout.get("subject_prefix", "strip"))
+    if len(file.time) < minimum_frames:
+        raise InputError(
+            f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
+            f"a trajectory needs at least {minimum_frames}"
+        )
+    matrix = _metres_per_unit(file, layout.get("unit", "file")) * rotation_to_standard(
+        layout.get("up", "+z"), layout.get("forward", "+y")
+    )
+    points = {label: values @ matrix.T for label, values in file.positions.items()}
+    model_points = {label: values @ matrix.T for label, values in file.model_points.items()}
+    _check_spread(points, file)
+    resolved = resolve_aliases(
+        layout.get("aliases") or {}, points, model_points, file.dropped, file.source, layout.get("required")
+    )
+    if layout.get("check_axes", True):
+        check_axes(resolved.positions, layout, file.source)
+    return MarkerRecording(
+        name=name or path.stem,
+        time=file.time,
+        rate=file.rate,
+        positions=resolved.positions,
+        source=file.source,
+        dropped=file.dropped,
+        derived=resolved.derived,
+        absent=resolved.absent,
+        unused=resolved.unused,
+    )
+
+
+def _read_file(path: Path) -> MarkerFile:
+    suffix = path.suffix.lower()
+    if suffix == ".c3d":
+        from lumbar.records.c3d_file import read_c3d
+
+        return read_c3d(path)
+    if suffix == ".trc":
+        from lumbar.records.trc_file import read_trc
+
+        return read_trc(path)
+    raise InputError(
+        f"{path}: markers are read from .c3d and .trc files, not {suffix or 'a file without suffix'!r}"
+    )
+
+
+def _metres_per_unit(file: MarkerFile, declared: str) -> float:
+    """Factor to metres; a declared unit must not contradict the one the file states."""
+    stated = _UNIT_NAMES.get(file.unit.strip().lower())
+    if declared != "file" and declared not in METRES:
+        raise InputError(f"markers.unit is {declared!r}; allowed are file, {', '.join(METRES)}")
+    if declared == "file":
+        if stated is None:
+            found = f"states the unit {file.unit!r}" if file.unit.strip() else "states no unit"
+            raise InputError(f"{file.source}: the file {found}; set markers.unit to {', '.join(METRES)}")
+        return METRES[stated]
+    if stated is not None and stated != declared:
+        raise InputError(
+            f"{file.source}: the file states {file.unit!r} but markers.unit is {declared!r}; "
+            "set markers.unit to file"
+        )
+    return METRES[declared]
+
+
+def _check_spread(points: dict[str, np.ndarray], file: MarkerFile) -> None:
+    """Raise when the markers fill a space no person at work fills: the unit is wrong."""
+    if not points:
+        raise InputError(
+            f"{file.source}: no marker was ever seen; left out: {', '.join(file.dropped) or 'nothing'}"
+        )
+    if len(points) < 2:
+        return
+    centres = np.array([np.nanmedian(values, axis=0) for values in points.values()])
+    spread = float(np.ptp(centres, axis=0).max())
+    if not SPREAD_M[0] <= spread <= SPREAD_M[1]:
+        raise InputError(
+            f"{file.source}: the markers lie {spread:.3g} m apart, outside {SPREAD_M[0]:g} to "
+            f"{SPREAD_M[1]:g} m; the file states the unit {file.unit or 'nothing'!r}: set markers.unit"
+        )

@@ -1,0 +1,263 @@
+"""Reading the answers of a survey: one row per participant, with declared columns, checked as a whole.
+
+A layout is plain data from a study's YAML::
+
+    delimiter: ","
+    participant: participant            # column that names the participant
+    models:                             # rating questions, in the order of the tables
+      - {name: IL, column: IL}
+      - {name: MW, column: MW}
+    scale_points: 5                     # ratings are 1, 2, ..., scale_points
+    best: best                          # column that holds the name of the model picked as the best
+    yes_no: [clinician, palpation]      # columns that describe the participants
+    experience: experience              # column of a single choice, or null
+    experience_levels: ["<5", "5-20", ">20"]
+    source: source                      # column that says where an answer comes from, or null
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lumbar.errors import InputError, Problems
+
+NOT_REAL = "reconstructed_not_real"
+"""Value of the source column that marks answers nobody gave."""
+_YES = ("1", "yes", "true")
+_NO = ("0", "no", "false")
+
+
+@dataclass(frozen=True)
+class Ratings:
+    """Answers of all participants.
+
+    Attributes
+    ----------
+    participants : tuple of str
+        Names or codes, in the order of the file.
+    models : tuple of str
+        Rated models, in the order of the tables.
+    scores : numpy.ndarray of int, shape (participants, models)
+        Ratings from 1 to `scale_points`.
+    scale_points : int
+        Number of points of the Likert scale.
+    best : tuple of str
+        The model that each participant picked as the best.
+    groups : dict of str to numpy.ndarray of bool, shape (participants,)
+        Answers to the yes/no questions.
+    experience : tuple of str
+        Level of each participant; empty where it was not asked.
+    experience_levels : tuple of str
+        All levels that could be chosen, in order.
+    sources : tuple of str
+        Distinct values of the source column, sorted; empty where there is none.
+    """
+
+    participants: tuple[str, ...]
+    models: tuple[str, ...]
+    scores: np.ndarray
+    scale_points: int
+    best: tuple[str, ...]
+    groups: dict[str, np.ndarray]
+    experience: tuple[str, ...] = ()
+    experience_levels: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.participants)
+
+    def of(self, model: str) -> np.ndarray:
+        """All ratings of one model, shape (participants,)."""
+        return self.scores[:, self.models.index(model)]
+
+    def counts(self) -> np.ndarray:
+        """How often each rating was given: shape (models, scale_points)."""
+        points = np.arange(1, self.scale_points + 1)
+        return (self.scores.T[:, :, None] == points).sum(axis=1)
+
+    def picks(self) -> np.ndarray:
+        """How often each model was picked as the best: shape (models,)."""
+        return np.array([self.best.count(model) for model in self.models])
+
+    def label(self, data: str, not_real: str) -> str:
+        """Words that say, on every table and figure, where the answers come from.
+
+        Parameters
+        ----------
+        data : str
+            Label of the study's data, e.g. ``"synthetic twin"``.
+        not_real : str
+            Words put before it where the file marks answers as `NOT_REAL`.
+        """
+        return f"{not_real}, {data}" if NOT_REAL in self.sources else data
+
+
+def read_ratings(path: str | os.PathLike, layout: dict) -> Ratings:
+    """Read a participants' sheet.
+
+    Parameters
+    ----------
+    path : path
+        Text file with a header.
+    layout : dict
+        See the module's description.
+
+    Returns
+    -------
+    Ratings
+
+    Raises
+    ------
+    InputError
+        With the line and column of every problem of the file: a missing column, an empty cell, a rating that
+        is no whole number of the scale, an unknown model or level, a participant who stands twice, a line of
+        another length, fewer than two participants.
+    """
+    path = Path(path)
+    _check_layout(layout)
+    columns, rows = _read_rows(path, layout)
+    problems = Problems(str(path))
+    missing = [column for column in columns if column not in rows[0]]
+    for column in missing:
+        problems.add("header", f"no column {column!r}", f"there are: {', '.join(rows[0])}")
+    lines = _cells(rows, problems)
+    if lines:
+        _validate(lines, [column for column in columns if column not in missing], layout, problems)
+    problems.raise_if_any()
+    if len(lines) < 2:
+        raise InputError(f"{path}: {len(lines)} participants; statistics need at least 2")
+    return _ratings(list(lines.values()), layout)
+
+
+def _check_layout(layout: dict) -> None:
+    """Contradictions inside the layout that a schema cannot see."""
+    problems = Problems("survey.layout")
+    names = [model["name"] for model in layout["models"]]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        problems.add("models", f"{name} stands twice", "each model has one column")
+    columns = _columns(layout)
+    for column in sorted({column for column in columns if columns.count(column) > 1}):
+        problems.add("", f"column {column!r} is used twice", "each answer has a column of its own")
+    if layout.get("experience") and not layout.get("experience_levels"):
+        problems.add("experience_levels", "missing", "list the levels that could be chosen")
+    problems.raise_if_any()
+
+
+def _columns(layout: dict) -> list[str]:
+    optional = [layout.get("experience"), layout.get("source")]
+    return [
+        layout["participant"],
+        *(model["column"] for model in layout["models"]),
+        layout["best"],
+        *layout.get("yes_no", []),
+        *(column for column in optional if column),
+    ]
+
+
+def _read_rows(path: Path, layout: dict) -> tuple[list[str], dict[int, list[str]]]:
+    """Return the declared columns, and the cells of each line that is not blank; the header has key 0."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    rows: dict[int, list[str]] = {}
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, delimiter=layout.get("delimiter", ","), strict=True)
+            for cells in reader:
+                stripped = [cell.strip() for cell in cells]
+                if any(stripped):
+                    rows[reader.line_num if rows else 0] = stripped
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: not a readable CSV file ({error}); save it as UTF-8 text") from error
+    if not rows:
+        raise InputError(f"{path}: empty; a header with {', '.join(_columns(layout))} is needed")
+    doubled = sorted({name for name in rows[0] if rows[0].count(name) > 1})
+    if doubled:
+        raise InputError(
+            f"{path}, header: {', '.join(map(repr, doubled))} stands twice; name columns differently"
+        )
+    return _columns(layout), rows
+
+
+def _cells(rows: dict[int, list[str]], problems: Problems) -> dict[int, dict[str, str]]:
+    """Cells by line and column; a line of another length than the header is a problem."""
+    header = rows[0]
+    lines = {}
+    for line, cells in rows.items():
+        if line == 0:
+            continue
+        if len(cells) == len(header):
+            lines[line] = dict(zip(header, cells, strict=True))
+        else:
+            problems.add(f"line {line}", f"{len(cells)} cells", f"the header has {len(header)}")
+    return lines
+
+
+def _allowed(layout: dict, columns: list[str]) -> dict[str, tuple[str, ...]]:
+    """Values that may stand in each column."""
+    models = tuple(model["name"] for model in layout["models"])
+    points = tuple(str(point) for point in range(1, layout["scale_points"] + 1))
+    allowed = {model["column"]: points for model in layout["models"]}
+    allowed[layout["best"]] = models
+    allowed.update(dict.fromkeys(layout.get("yes_no", []), (*_YES, *_NO)))
+    if layout.get("experience"):
+        allowed[layout["experience"]] = tuple(layout["experience_levels"])
+    return {column: values for column, values in allowed.items() if column in columns}
+
+
+def _validate(lines: dict[int, dict[str, str]], columns: list[str], layout: dict, problems: Problems) -> None:
+    """Check all cells at once and note every one that is wrong."""
+    import pandas as pd
+    import pandera.pandas as pa
+
+    allowed = _allowed(layout, columns)
+    checks = {column: pa.Column(str, pa.Check.isin(values)) for column, values in allowed.items()}
+    for column in columns:
+        checks.setdefault(column, pa.Column(str, pa.Check.str_length(min_value=1)))
+    participant = layout["participant"]
+    if participant in columns:
+        checks[participant] = pa.Column(
+            str, pa.Check.str_length(min_value=1), unique=True, report_duplicates="exclude_first"
+        )
+    frame = pd.DataFrame.from_dict(lines, orient="index", columns=columns, dtype=str)
+    for column in layout.get("yes_no", []):
+        if column in columns:
+            frame[column] = frame[column].str.lower()
+    try:
+        pa.DataFrameSchema(checks).validate(frame, lazy=True)
+    except pa.errors.SchemaErrors as error:
+        cases = error.failure_cases.sort_values(["index", "column"], kind="stable")
+        for case in cases.itertuples():
+            found = (
+                f"{case.column} is {case.failure_case!r}" if case.failure_case else f"{case.column} is empty"
+            )
+            if case.check == "field_uniqueness" and case.failure_case:
+                problems.add(f"line {case.index}", found, "this participant stands in an earlier line too")
+            elif case.check != "field_uniqueness":
+                needed = allowed.get(case.column)
+                problems.add(
+                    f"line {case.index}", found, f"allowed: {', '.join(needed)}" if needed else "fill it in"
+                )
+
+
+def _ratings(rows: list[dict[str, str]], layout: dict) -> Ratings:
+    """Build the record from rows that have passed every check."""
+    experience, source = layout.get("experience"), layout.get("source")
+    return Ratings(
+        participants=tuple(row[layout["participant"]] for row in rows),
+        models=tuple(model["name"] for model in layout["models"]),
+        scores=np.array([[int(row[model["column"]]) for model in layout["models"]] for row in rows]),
+        scale_points=layout["scale_points"],
+        best=tuple(row[layout["best"]] for row in rows),
+        groups={
+            column: np.array([row[column].lower() in _YES for row in rows])
+            for column in layout.get("yes_no", [])
+        },
+        experience=tuple(row[experience] for row in rows) if experience else (),
+        experience_levels=tuple(layout["experience_levels"]) if experience else (),
+        sources=tuple(sorted({row[source] for row in rows})) if source else (),
+    )

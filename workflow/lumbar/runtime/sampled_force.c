@@ -1,0 +1,163 @@
+#include "sampled_force.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Communication points are sums of many steps: they miss a sample instant by rounding. An instant counts as reached
+ * within this share of the sampling time. */
+#define INSTANT_TOLERANCE 1e-3
+
+/* Numbers below this are flushed to zero: products of them would be denormal, and slow, long before they mattered. */
+#define NEGLIGIBLE 1e-200
+
+static const char MAGIC[8] = "lumbar1";
+
+static double sample_instant(const force_state *state, int64_t sample) {
+    return state->start_time + (double)sample * MODEL.sampling_time;
+}
+
+static double tolerance(void) { return INSTANT_TOLERANCE * MODEL.sampling_time; }
+
+static double flushed(double value) { return fabs(value) < NEGLIGIBLE ? 0.0 : value; }
+
+void force_reset(force_state *state, bool event_mode) {
+    memset(state, 0, sizeof *state);
+    state->input = MODEL.input_offset;
+    state->input_offset = MODEL.input_offset;
+    state->output_offset = MODEL.output_offset;
+    state->output_limit = MODEL.output_limit;
+    state->gain = 1.0;
+    state->mode = MODE_INSTANTIATED;
+    state->event_mode = event_mode;
+}
+
+void force_start(force_state *state, double start_time) {
+    state->start_time = start_time;
+    state->time = start_time;
+    state->next_sample = 0;
+    state->pending = 1;
+    state->input_set = 1;
+}
+
+/* Mean of the newest input and those of the samples before it, as a deviation from rest. */
+static double averaged_input(const force_state *state) {
+    double sum = state->input - state->input_offset;
+    for (int i = 0; i < MODEL.window - 1; ++i) sum += state->window[i];
+    return flushed(sum / MODEL.window);
+}
+
+/* Model output at this moment. A pending sample is evaluated lazily, with the input set for it; where none was set
+ * yet, the feed-through is that of the sample before. */
+static double model_output_now(const force_state *state) {
+    if (!state->pending || (state->event_mode && state->mode == MODE_STEP)) return state->held_output;
+    double u = state->input_set || state->mode != MODE_STEP ? averaged_input(state) : state->held_input;
+    double y = model_output(state->x, u);
+    return isfinite(y) ? y : state->held_output;
+}
+
+value_status force_get(const force_state *state, uint32_t reference, double *value) {
+    switch (reference) {
+        case VR_TIME: *value = state->time; return VALUE_OK;
+        case VR_INPUT: *value = state->input; return VALUE_OK;
+        case VR_GAIN: *value = state->gain; return VALUE_OK;
+        case VR_OUTPUT_OFFSET: *value = state->output_offset; return VALUE_OK;
+        case VR_OUTPUT_LIMIT: *value = state->output_limit; return VALUE_OK;
+        case VR_INPUT_OFFSET: *value = state->input_offset; return VALUE_OK;
+        case VR_OUTPUT: {
+            double force = state->gain * model_output_now(state) + state->output_offset;
+            *value = fmax(-state->output_limit, fmin(state->output_limit, force));
+            return VALUE_OK;
+        }
+        default: return VALUE_UNKNOWN;
+    }
+}
+
+static value_status set_within(double *target, double value, double low, double high) {
+    if (!(value >= low && value <= high)) return VALUE_OUT_OF_RANGE;
+    *target = value;
+    return VALUE_OK;
+}
+
+value_status force_set(force_state *state, uint32_t reference, double value) {
+    switch (reference) {
+        case VR_INPUT:
+            if (!isfinite(value)) return VALUE_NOT_FINITE;
+            state->input = value;
+            state->input_set = 1;
+            return VALUE_OK;
+        case VR_INPUT_OFFSET:
+            if (!isfinite(value)) return VALUE_OUT_OF_RANGE;
+            state->input_offset = value;
+            return VALUE_OK;
+        case VR_GAIN: return set_within(&state->gain, value, 0.0, MODEL.gain_limit);
+        case VR_OUTPUT_LIMIT: return set_within(&state->output_limit, value, 0.0, MODEL.output_limit);
+        case VR_OUTPUT_OFFSET:
+            return set_within(&state->output_offset, value, -MODEL.output_limit, MODEL.output_limit);
+        case VR_TIME:
+        case VR_OUTPUT: return VALUE_NOT_SETTABLE;
+        default: return VALUE_UNKNOWN;
+    }
+}
+
+step_status force_take_sample(force_state *state) {
+    if (!state->pending) return STEP_OK;
+    double u = averaged_input(state);
+    double y = model_output(state->x, u);
+    double next[MODEL_MAX_STATES];
+    memcpy(next, state->x, sizeof next);
+    model_step(next, u);
+    bool finite = isfinite(u) && isfinite(y);
+    for (int i = 0; i < MODEL.states; ++i) {
+        finite = finite && isfinite(next[i]);
+        next[i] = flushed(next[i]);
+    }
+    state->pending = 0;
+    state->input_set = 0;
+    ++state->next_sample;
+    if (!finite) return STEP_NOT_FINITE;
+    memcpy(state->x, next, sizeof next);
+    for (int i = MODEL.window - 1; i > 0; --i) state->window[i] = state->window[i - 1];
+    state->window[0] = state->input - state->input_offset;
+    state->held_input = u;
+    state->held_output = y;
+    return STEP_OK;
+}
+
+step_status force_advance(force_state *state, double from, double step, bool stop_at_sample) {
+    double end = from + step;
+    if (!(step > 0.0) || !isfinite(end) || fabs(from - state->time) > tolerance()) return STEP_WRONG_TIME;
+    step_status status = STEP_OK;
+    for (;;) {
+        if (force_take_sample(state) != STEP_OK) status = STEP_NOT_FINITE;
+        double instant = sample_instant(state, state->next_sample);
+        if (instant > end + tolerance()) break;
+        state->pending = 1;
+        state->input_set = 0; /* what was set before the instant is not its input */
+        if (instant >= end - tolerance()) break;
+        if (stop_at_sample) {
+            state->time = instant;
+            return status;
+        }
+    }
+    state->time = end;
+    return status;
+}
+
+double force_next_event(const force_state *state) {
+    return sample_instant(state, state->next_sample + (state->pending ? 1 : 0));
+}
+
+size_t force_serialized_size(void) { return sizeof MAGIC + strlen(MODEL.token) + sizeof(force_state); }
+
+void force_serialize(const force_state *state, uint8_t bytes[]) {
+    memcpy(bytes, MAGIC, sizeof MAGIC);
+    memcpy(bytes + sizeof MAGIC, MODEL.token, strlen(MODEL.token));
+    memcpy(bytes + sizeof MAGIC + strlen(MODEL.token), state, sizeof *state);
+}
+
+bool force_deserialize(force_state *state, const uint8_t bytes[], size_t size) {
+    if (size != force_serialized_size() || memcmp(bytes, MAGIC, sizeof MAGIC) != 0) return false;
+    if (memcmp(bytes + sizeof MAGIC, MODEL.token, strlen(MODEL.token)) != 0) return false;
+    memcpy(state, bytes + sizeof MAGIC + strlen(MODEL.token), sizeof *state);
+    return true;
+}

@@ -1,0 +1,69 @@
+/* A model played in time: sampling, moving average, limits. Knows neither an FMI version nor a model's equations.
+ *
+ * Sample k is due at start_time + k * sampling_time. It is *pending* from the moment time reaches that instant until
+ * the input of the instant is known for certain; only then is it *taken*: the input enters the moving average, the
+ * output is held until the next sample, the state moves on.
+ */
+#ifndef LUMBAR_SAMPLED_FORCE_H
+#define LUMBAR_SAMPLED_FORCE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "model.h"
+
+/* Value references, the same in both FMI versions (time exists in FMI 3.0 alone). */
+enum { VR_TIME, VR_INPUT, VR_OUTPUT, VR_GAIN, VR_OUTPUT_OFFSET, VR_OUTPUT_LIMIT, VR_INPUT_OFFSET };
+
+typedef enum { MODE_INSTANTIATED, MODE_INITIALIZATION, MODE_STEP, MODE_EVENT, MODE_TERMINATED } fmu_mode;
+
+/* Everything a simulation depends on, without pointers: saving it saves the simulation. */
+typedef struct {
+    double x[MODEL_MAX_STATES];
+    double window[MODEL_MAX_WINDOW]; /* inputs of earlier samples, newest first, as deviations from rest */
+    double input;                    /* last finite value set */
+    double gain;
+    double output_offset;
+    double output_limit;
+    double input_offset;
+    double held_input;               /* averaged input of the last sample taken */
+    double held_output;              /* model output of the last sample taken */
+    double start_time;
+    double time;
+    int64_t next_sample;
+    int32_t mode;                    /* fmu_mode */
+    int32_t event_mode;              /* 1: samples are taken in FMI 3.0's Event Mode */
+    int32_t pending;                 /* 1: next_sample is due now */
+    int32_t input_set;               /* 1: the input was set since the sample became pending */
+} force_state;
+
+typedef enum { VALUE_OK, VALUE_NOT_FINITE, VALUE_OUT_OF_RANGE, VALUE_NOT_SETTABLE, VALUE_UNKNOWN } value_status;
+
+typedef enum { STEP_OK, STEP_NOT_FINITE, STEP_WRONG_TIME } step_status;
+
+/* Bring the state to that of a new instance. */
+void force_reset(force_state *state, bool event_mode);
+
+/* Begin at start_time with the first sample pending. */
+void force_start(force_state *state, double start_time);
+
+value_status force_get(const force_state *state, uint32_t reference, double *value);
+value_status force_set(force_state *state, uint32_t reference, double value);
+
+/* Take the pending sample, if there is one. STEP_NOT_FINITE: state and held output stay as they were. */
+step_status force_take_sample(force_state *state);
+
+/* Move from `from` by `step` seconds, taking every sample passed with the input as it stands. With
+ * `stop_at_sample` time ends at the first sample instant reached. */
+step_status force_advance(force_state *state, double from, double step, bool stop_at_sample);
+
+/* Instant of the next sample that is not yet pending or taken. */
+double force_next_event(const force_state *state);
+
+/* States as bytes: magic, size and token come first, so that foreign bytes are refused. */
+size_t force_serialized_size(void);
+void force_serialize(const force_state *state, uint8_t bytes[]);
+bool force_deserialize(force_state *state, const uint8_t bytes[], size_t size);
+
+#endif

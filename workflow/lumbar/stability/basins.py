@@ -1,0 +1,222 @@
+"""All basins of one lift: three engines, both signs of gravity, and what was checked of each.
+
+Settings are the section ``stability`` of a study's configuration.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.stability.bilinear_alternation import Alternation, alternate
+from lumbar.stability.funnel import ClosedLoops, Funnels, exact_funnels, reachable_area, regulate
+from lumbar.stability.pendulum import SIGNS, feedforward_torque, gather
+from lumbar.stability.riccati import Weights, check_weights
+from lumbar.stability.simulation import attack
+from lumbar.stability.sum_of_squares import Agreement, certified_funnels
+from lumbar.stability.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMNS = {
+    "subject": "who lifted",
+    "experience": "experience of the lifter",
+    "box_mass_kg": "mass of the box",
+    "com": "centre of mass taken for the pendulum's",
+    "plane": "plane onto which the trajectory is projected: lateral bending (xz) or flexion/extension (yz)",
+    "method": "engine: exact (largest V̇ on the boundary with the true sine), sum_of_squares (certificates of "
+    "the sine's Taylor polynomial at some knots), thesis (ρ̇ frozen: no certificate, goal set free)",
+    "sign": "sign of gravity in equation 4.1: hanging (as published) or inverted",
+    "pivot": "point about which the pendulum turns",
+    "duration_s": "duration T of the trajectory",
+    "mass_kg": "mass m of the pendulum",
+    "length_m": "mean length ℓ of the pendulum",
+    "peak_torque_N_m": "largest |u0| of the feedforward",
+    "mean_area": "average cross-section (1/T)∫πρ/√det S dt in rad²/s",
+    "initial_area": "cross-section at t = 0 in rad²/s",
+    "minimum_area": "smallest cross-section in rad²/s",
+    "final_area": "cross-section at T in rad²/s: the goal set",
+    "liouville_area": "area in rad²/s of all states at t = 0 that reach the goal set of the configuration, "
+    "A_goal·exp∫(b + K2)/I dt: no basin of that goal is larger",
+    "simulated_starts": "simulated starts, half on the boundary at t = 0, half inside",
+    "exits": "starts that left the basin",
+    "exits_high": "upper end of the exact 95 % interval of the share that leaves",
+    "control_exits": "exits from a basin made too large on purpose (positive control: must not be 0)",
+    "sos_margin_difference": "largest difference in 1/s of certified rate and maximum of the same Taylor "
+    "polynomial",
+    "sos_taylor_difference": "largest difference in 1/s of certified rate and maximum with the true sine",
+    "violation_share": "share of the knots at which ρ̇ is below the largest V̇ on the boundary (true sine)",
+    "unsolved_share": "share of the thesis's programmes without multiplier or maximum",
+    "euler_error": "relative error of the initial ellipse's area by Euler integration of equation 4.2",
+}
+"""Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method."""
+
+DTYPES = {"control_exits": "Int64"}
+"""Types that pandas cannot tell from a ``boa.csv``: counts with empty cells."""
+
+
+@dataclass(frozen=True)
+class LiftBasins:
+    """Basins of one lift.
+
+    Attributes
+    ----------
+    summary : pandas.DataFrame
+        One row per COM, plane, method and sign; columns `COLUMNS`.
+    funnels : pandas.DataFrame
+        The exact funnels with the study's sign, knot by knot.
+    """
+
+    summary: pd.DataFrame
+    funnels: pd.DataFrame
+
+
+def weights_of(settings: dict) -> Weights:
+    """Return the regulator's weights of the configuration, checked."""
+    regulator = settings["regulator"]
+    return check_weights(regulator["state_weight"], regulator["control_weight"], regulator["terminal_weight"])
+
+
+def close_loops(trajectories: list[Trajectory], sign: str, settings: dict) -> ClosedLoops:
+    """Put the trajectories under the regulator of the configuration."""
+    pendulum = settings["pendulum"]
+    damping = [pendulum["damping_N_m_s"]] * len(trajectories)
+    pendulums = gather(
+        trajectories, [sign] * len(trajectories), damping, pendulum["gravity_m_s2"], settings["knots"]
+    )
+    return regulate(pendulums, weights_of(settings))
+
+
+def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) -> LiftBasins:
+    """Compute and check every basin of one lift.
+
+    Parameters
+    ----------
+    trajectories : list of Trajectory
+        Of one subject and box.
+    settings : dict
+        Section ``stability`` of the configuration.
+    seed : int
+        Of the simulated starts.
+
+    Returns
+    -------
+    LiftBasins
+
+    Raises
+    ------
+    NumericalError
+        An engine without a publishable result; names subject, COM and plane.
+    """
+    import pandas as pd
+
+    published = settings["pendulum"]["sign"]
+    rows: list[dict] = []
+    for sign in sorted(SIGNS, key=lambda name: name != published):
+        loops = close_loops(trajectories, sign, settings)
+        exact = exact_funnels(loops, settings["goal_level"])
+        rows += _rows(trajectories, loops, exact, settings, seed, sign)
+        if sign == published:
+            frame = _funnel_frame(trajectories, loops, exact, settings)
+            if settings["sum_of_squares"]:
+                certified, agreement = certified_funnels(loops, exact, **settings["sum_of_squares"])
+                rows += _rows(trajectories, loops, certified, settings, seed, sign, agreement)
+            if settings["thesis_method"]:
+                alternation = alternate(loops, **settings["thesis_method"])
+                rows += _rows(trajectories, loops, alternation.funnels, settings, seed, sign, alternation)
+    summary = pd.DataFrame(rows, columns=list(COLUMNS)).astype(DTYPES)
+    return LiftBasins(summary, frame)
+
+
+def _rows(
+    trajectories: list[Trajectory],
+    loops: ClosedLoops,
+    funnels: Funnels,
+    settings: dict,
+    seed: int,
+    sign: str,
+    check: Agreement | Alternation | None = None,
+) -> list[dict]:
+    """One row of the summary per trajectory."""
+    first = trajectories[0]
+    stream = [seed, zlib.crc32(f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}".encode())]
+    starts = settings["attack"]["starts"]
+    attacked = attack(loops, funnels, starts, stream)
+    columns = {
+        "mean_area": funnels.mean_area,
+        "initial_area": funnels.initial_area,
+        "minimum_area": funnels.minimum_area,
+        "final_area": funnels.area[-1],
+        "liouville_area": reachable_area(loops, settings["goal_level"]),
+        "exits": attacked.exits,
+        "exits_high": attacked.share_high,
+    }
+    if isinstance(check, Agreement):
+        columns["sos_margin_difference"] = check.margin_difference
+        columns["sos_taylor_difference"] = check.taylor_difference
+    elif isinstance(check, Alternation):
+        columns["violation_share"] = check.violation_share
+        columns["unsolved_share"] = check.unsolved_share
+        columns["euler_error"] = check.euler_error
+    else:
+        overstated = exact_funnels(loops, settings["goal_level"], settings["attack"]["control_overstated"])
+        columns["control_exits"] = attack(loops, overstated, starts, stream).exits
+    pendulum = settings["pendulum"]
+    return [
+        {
+            **_identity(item),
+            "method": funnels.method,
+            "sign": sign,
+            "peak_torque_N_m": float(np.abs(_torque(item, sign, pendulum)).max()),
+            "simulated_starts": starts,
+            **{name: values[index].item() for name, values in columns.items()},
+        }
+        for index, item in enumerate(trajectories)
+    ]
+
+
+def _identity(item: Trajectory) -> dict:
+    names = ("subject", "experience", "box_mass_kg", "com", "plane", "pivot", "mass_kg", "length_m")
+    return {**{name: getattr(item, name) for name in names}, "duration_s": item.duration}
+
+
+def _torque(item: Trajectory, sign: str, pendulum: dict) -> np.ndarray:
+    return feedforward_torque(item, sign, pendulum["damping_N_m_s"], pendulum["gravity_m_s2"])
+
+
+def _funnel_frame(
+    trajectories: list[Trajectory], loops: ClosedLoops, funnels: Funnels, settings: dict
+) -> pd.DataFrame:
+    import pandas as pd
+    from scipy.interpolate import CubicSpline
+
+    phase = np.linspace(0.0, 1.0, len(funnels.level))
+    sign, area = settings["pendulum"]["sign"], funnels.area
+    frames = []
+    for index, item in enumerate(trajectories):
+        at_knots = CubicSpline(
+            (item.time - item.time[0]) / item.duration,
+            np.stack([item.angular_velocity, _torque(item, sign, settings["pendulum"])], axis=1),
+        )(phase)
+        frames.append(
+            pd.DataFrame(
+                {
+                    "com": item.com,
+                    "plane": item.plane,
+                    "time_s": phase * item.duration,
+                    "rho": funnels.level[:, index],
+                    "s11": funnels.cost[:, index, 0],
+                    "s12": funnels.cost[:, index, 1],
+                    "s22": funnels.cost[:, index, 2],
+                    "theta0_rad": loops.pendulums.angle[::2, index],
+                    "thetadot0_rad_s": at_knots[:, 0],
+                    "u0_N_m": at_knots[:, 1],
+                    "area_rad2_s": area[:, index],
+                }
+            )
+        )
+    return pd.concat(frames, ignore_index=True)

@@ -1,0 +1,178 @@
+"""Basins of attraction as funnels {x̄ᵀS(t)x̄ ≤ ρ(t)} around a trajectory, and the exact engine.
+
+With two states no semidefinite programme is needed. The largest invariant funnel of the given V that ends
+in the goal set solves, backward from ρ(T), the scalar equation
+
+    d ln ρ/dt = max over V = ρ of V̇/ρ
+
+with the true sine. The other engines (`sum_of_squares`, `bilinear_alternation`) return the same `Funnels`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.errors import NumericalError
+from lumbar.stability.invariance import LARGEST_SWING, boundary_growth, normal_axes, normal_form
+from lumbar.stability.pendulum import Pendulums
+from lumbar.stability.riccati import Weights, cost_to_go, determinant, gain
+
+
+@dataclass(frozen=True)
+class ClosedLoops:
+    """Pendulums under their finite-horizon regulator.
+
+    Attributes
+    ----------
+    pendulums : Pendulums
+    weights : Weights
+    cost : numpy.ndarray, shape (points, pendulums, 3)
+        S(t) at the knots and halfway between them.
+    """
+
+    pendulums: Pendulums
+    weights: Weights
+    cost: np.ndarray
+
+    @property
+    def knots(self) -> int:
+        """Number of knots: every other point of the grid."""
+        return (len(self.cost) + 1) // 2
+
+    @property
+    def step(self) -> np.ndarray:
+        """Seconds between knots, shape (pendulums,)."""
+        return self.pendulums.duration / (self.knots - 1)
+
+
+@dataclass(frozen=True)
+class Funnels:
+    """Basins of attraction of several pendulums at the same knots (each scaled to its own duration).
+
+    Attributes
+    ----------
+    method : str
+        Engine that computed them.
+    duration : numpy.ndarray, shape (pendulums,)
+        Seconds.
+    cost : numpy.ndarray, shape (knots, pendulums, 3)
+        S(t).
+    level : numpy.ndarray, shape (knots, pendulums)
+        ρ(t), dimensionless.
+    """
+
+    method: str
+    duration: np.ndarray
+    cost: np.ndarray
+    level: np.ndarray
+
+    @property
+    def area(self) -> np.ndarray:
+        """Cross-section πρ/√det S in rad²/s, shape (knots, pendulums)."""
+        return np.pi * self.level / np.sqrt(determinant(self.cost))
+
+    @property
+    def mean_area(self) -> np.ndarray:
+        """Average cross-section (1/T)∫πρ/√det S dt in rad²/s (Simpson's rule), shape (pendulums,)."""
+        from scipy.integrate import simpson
+
+        return simpson(self.area, x=np.linspace(0.0, 1.0, len(self.level)), axis=0)
+
+    @property
+    def initial_area(self) -> np.ndarray:
+        """Cross-section at t = 0 in rad²/s, shape (pendulums,)."""
+        return self.area[0]
+
+    @property
+    def minimum_area(self) -> np.ndarray:
+        """Smallest cross-section in rad²/s, shape (pendulums,)."""
+        return self.area.min(axis=0)
+
+
+def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
+    """Close the loop with the finite-horizon regulator (equations 4.2 and 4.4)."""
+    return ClosedLoops(pendulums, weights, cost_to_go(pendulums, weights))
+
+
+def exact_funnels(loops: ClosedLoops, goal_level: float = 1.0, overstated: float = 0.0) -> Funnels:
+    """Compute the largest invariant funnels of V = x̄ᵀSx̄ that end in {V ≤ `goal_level`}.
+
+    Adams–Bashforth's method of order 4 from knot to knot, started by Runge–Kutta steps: the equation for
+    ln ρ is not stiff, and each knot costs one search of the boundary.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    goal_level : float
+        ρ(T).
+    overstated : float
+        Share of |d ln ρ/dt| by which ρ falls too fast. Anything above 0 is wrong on purpose: the funnels
+        are too large and starts on their boundary leave, which is the positive control of
+        `simulation.attack`. (Scaling ρ itself would be no control: a linear loop's funnel stays
+        invariant.)
+
+    Returns
+    -------
+    Funnels
+
+    Raises
+    ------
+    NumericalError
+        A basin reaches further than `LARGEST_SWING` from its trajectory: its settings make no sense.
+    """
+    pendulums = loops.pendulums
+
+    def slope(point, log_level):
+        form = normal_form(pendulums, loops.weights, pendulums.angle[point], loops.cost[point])
+        growth = boundary_growth(form, np.exp(log_level))
+        return growth - overstated * np.abs(growth)
+
+    log_level = np.empty((loops.knots, len(pendulums.labels)))
+    log_level[-1] = np.log(goal_level)
+    step = loops.step
+    history: list[np.ndarray] = []
+    for knot in range(loops.knots - 1, 0, -1):
+        now, point = log_level[knot], 2 * knot
+        history = [slope(point, now), *history[:3]]
+        if len(history) < 4:
+            middle = slope(point - 1, now - 0.5 * step * history[0])
+            again = slope(point - 1, now - 0.5 * step * middle)
+            last = slope(point - 2, now - step * again)
+            mean = (history[0] + 2 * middle + 2 * again + last) / 6
+        else:
+            mean = (55 * history[0] - 59 * history[1] + 37 * history[2] - 9 * history[3]) / 24
+        log_level[knot - 1] = now - step * mean
+    level = np.exp(log_level)
+    swing = normal_axes(loops.cost[::2])[0] * np.sqrt(level)
+    lost = ~(swing < LARGEST_SWING)
+    if lost.any():
+        index = int(np.argwhere(lost)[-1][1])
+        raise NumericalError(
+            f"{pendulums.labels[index]}: the basin reaches {swing[:, index].max():.3g} rad from its "
+            f"trajectory; at most {LARGEST_SWING:g} rad are allowed: raise the regulator's control weight or "
+            "lower its state weight"
+        )
+    method = "exact" if overstated == 0.0 else f"exact, overstated by {overstated:g}"
+    return Funnels(method, pendulums.duration, loops.cost[::2], level)
+
+
+def reachable_area(loops: ClosedLoops, goal_level: float = 1.0) -> np.ndarray:
+    """Return the exact area of all states at t = 0 that reach the goal set, in rad²/s.
+
+    By Liouville's theorem an area in phase space shrinks at the rate (b + K2)/I, whatever the
+    nonlinearity: the area is that of the goal set times exp ∫(b + K2)/I dt. No funnel can be larger; how
+    much smaller it is says what the choice of V costs.
+
+    Returns
+    -------
+    numpy.ndarray, shape (pendulums,)
+    """
+    from scipy.integrate import simpson
+
+    pendulums = loops.pendulums
+    _, velocity_gain = gain(pendulums, loops.weights.control, loops.cost)
+    rate = (pendulums.damping + velocity_gain) / pendulums.inertia
+    exponent = pendulums.duration * simpson(rate, x=np.linspace(0.0, 1.0, len(rate)), axis=0)
+    return np.pi * goal_level / np.sqrt(determinant(loops.cost[-1])) * np.exp(exponent)

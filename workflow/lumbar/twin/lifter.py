@@ -1,0 +1,221 @@
+"""Movement of a synthetic person who lifts a box from a pallet, carries it and deposits it on a table.
+
+Axes: x to the right, y forward, z up; metres and seconds. The body is a chain of rigid segments from the
+feet up, moved by minimum-jerk transitions between postures; the events are where the movement is built
+around, so that they are known exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Heights of joints and landmarks and lengths of segments as shares of stature: ankle, hip, shoulder, arm and
+# widths after Drillis and Contini (1966); levels of the spine as on a person standing.
+ANKLE_HEIGHT, HIP_HEIGHT = 0.039, 0.530
+PELVIS_LENGTH, LUMBAR_LENGTH, THORAX_LENGTH = 0.070, 0.080, 0.165
+SHOULDER_HALF_WIDTH, HIP_HALF_WIDTH = 0.129, 0.0955
+ARM_LENGTH = 0.332
+FOOT_LENGTH = 0.152
+STANCE_HALF_WIDTH = 0.065
+PELVIS_SHARE, LUMBAR_SHARE = 0.45, 0.80
+"""How far pelvis and lumbar spine incline while the thorax inclines by 1."""
+CARRY_FLEXION = np.deg2rad(4.0)
+HIPS_AHEAD, HIPS_BACK = 0.05, 0.10
+"""Hips ahead of the ankles standing, and how far they move back per unit sine of the flexion, metres."""
+CARRY_REACH, CARRY_HEIGHT = 0.34, 0.565
+"""Box while it is carried: metres ahead of the hips, and height as a share of stature."""
+
+
+@dataclass(frozen=True)
+class Movement:
+    """True movement, without noise.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+    markers : dict of str to ndarray, shape (n, 3)
+        Metres, by standard names, ``BOX_1`` to ``BOX_8`` included.
+    hip_angle : ndarray, shape (n,)
+        Inclination of the line from mid-hip to the neck, radians forward from straight up.
+    """
+
+    time: np.ndarray
+    markers: dict[str, np.ndarray]
+    hip_angle: np.ndarray
+
+
+def minimum_jerk(time: np.ndarray, start: float, stop: float) -> np.ndarray:
+    """Go from 0 to 1 with least jerk (Flash and Hogan, 1985), at rest at both ends."""
+    share = np.clip((time - start) / (stop - start), 0.0, 1.0)
+    return share**3 * (10 - 15 * share + 6 * share**2)
+
+
+def breakaway(time: np.ndarray, start: float, stop: float) -> np.ndarray:
+    """Go from 0 to 1 with a step of acceleration at both ends: a box or a foot leaves its support at once."""
+    share = np.clip((time - start) / (stop - start), 0.0, 1.0)
+    return share**2 * (3 - 2 * share)
+
+
+def _pulse(time: np.ndarray, start: float, top: float, stop: float) -> np.ndarray:
+    return minimum_jerk(time, start, top) - minimum_jerk(time, top, stop)
+
+
+def _column(*values) -> np.ndarray:
+    return np.stack(np.broadcast_arrays(*values), axis=-1).astype(float)
+
+
+def simulate(time: np.ndarray, person: dict, lift: dict, workplace: dict) -> Movement:
+    """Move one person through one lift.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds.
+    person : dict
+        ``height_m``.
+    lift : dict
+        Postures and ``events_s`` of the lift (``twin.lifting.lifts``).
+    workplace : dict
+        Pallet, table, way between them and size of the box (``twin.lifting.workplace``).
+    """
+    height, events = person["height_m"], lift["events_s"]
+    lift_off, toe_off = events["lift_off"], events["toe_off"]
+    deposit, release = events["deposit_start"], events["release"]
+    upright_again = release + 1.4
+    feet = _feet(time, height, lift, workplace["walk_m"])
+    walked = workplace["walk_m"] * breakaway(time, toe_off - 0.05, deposit)
+    bending_down = minimum_jerk(time, 0.5, lift_off - 0.3)
+    straightening = minimum_jerk(time, lift_off, toe_off - 0.1)
+    depositing = minimum_jerk(time, deposit, release) - minimum_jerk(time, release + 0.1, upright_again)
+    stooping = bending_down - straightening
+    flexion = (
+        np.deg2rad(lift["lift_flexion_deg"]) * stooping
+        + CARRY_FLEXION * (straightening - minimum_jerk(time, release + 0.1, upright_again))
+        + np.deg2rad(lift["deposit_flexion_deg"]) * depositing
+        + _hesitation(time, lift)
+    )
+    side = _pulse(time, lift_off, (lift_off + toe_off) / 2, toe_off) + _pulse(
+        time, deposit, release - 0.25 * (release - deposit), upright_again
+    )
+    sway = lift["lateral_sway_m"] * side + 0.015 * np.sin(2 * np.pi * 0.9 * (time - toe_off)) * _pulse(
+        time, toe_off, (toe_off + deposit) / 2, deposit
+    )
+    mid_hip = _column(
+        sway,
+        walked + HIPS_AHEAD - HIPS_BACK * np.sin(flexion),
+        HIP_HEIGHT * height - lift["lift_squat_m"] * stooping - lift["deposit_squat_m"] * depositing,
+    )
+    trunk, neck = _trunk(mid_hip, flexion, np.deg2rad(lift["lateral_bending_deg"]) * side, height)
+    box = _box(time, events, height, workplace)
+    markers = {**trunk, **feet, **_wrists(time, events, trunk, box, height, workplace["box_width_m"])}
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    size = np.array([workplace["box_width_m"], workplace["box_depth_m"], workplace["box_height_m"]])
+    markers.update({f"BOX_{i}": box + corner * size for i, corner in enumerate(corners, start=1)})
+    line = neck - mid_hip
+    return Movement(time, markers, np.arctan2(line[:, 1], line[:, 2]))
+
+
+def _hesitation(time: np.ndarray, lift: dict) -> np.ndarray:
+    """Corrections of the trunk while the box is placed: many for a novice, few for an expert."""
+    start, stop = lift["events_s"]["deposit_start"], lift["events_s"]["release"]
+    swing = np.sin(2 * np.pi * lift["hesitation_Hz"] * (time - start))
+    return np.deg2rad(lift["hesitation_deg"]) * swing * _pulse(time, start, (start + stop) / 2, stop + 0.3)
+
+
+def _feet(time: np.ndarray, height: float, lift: dict, walk: float) -> dict[str, np.ndarray]:
+    """Ankle, heel and toe of both feet: the right foot leads with half the way, the left swings through."""
+    toe_off, deposit = lift["events_s"]["toe_off"], lift["events_s"]["deposit_start"]
+    step = (deposit - toe_off) / 3.2
+    swing = 0.75 * step
+    swings = {
+        "R": [(toe_off, 0.5 * walk), (toe_off + 2 * step, 0.5 * walk)],
+        "L": [(toe_off + step, walk)],
+    }
+    markers = {}
+    for side, sign in (("R", 1), ("L", -1)):
+        forward, raised = np.zeros_like(time), np.zeros_like(time)
+        for start, length in swings[side]:
+            moved = breakaway(time, start, start + swing)
+            forward = forward + length * moved
+            raised = raised + 0.07 * np.sin(np.pi * moved) ** 2
+        if lift["foot_adjustment"] and side == "L":
+            # A shuffle to the box before the lift: not the end of the lift.
+            forward = forward - 0.12 + 0.12 * breakaway(time, 0.3, 0.65)
+        ankle = _column(sign * STANCE_HALF_WIDTH * height, forward, ANKLE_HEIGHT * height + raised)
+        markers[f"{side}_ANKLE"] = ankle
+        markers[f"{side}_HEEL"] = ankle + np.array(
+            [0, -0.25 * FOOT_LENGTH * height, -0.6 * ANKLE_HEIGHT * height]
+        )
+        markers[f"{side}_TOE"] = ankle + np.array(
+            [0, 0.72 * FOOT_LENGTH * height, -0.6 * ANKLE_HEIGHT * height]
+        )
+    return markers
+
+
+def _axes(flexion: np.ndarray, bending: np.ndarray) -> np.ndarray:
+    """Axes (right, forward, up), as columns, of a segment inclined by `flexion` and bent by `bending`.
+
+    Returns shape (n, 3, 3): turned about the x axis first, then about the y axis.
+    """
+    sf, cf, sb, cb = np.sin(flexion), np.cos(flexion), np.sin(bending), np.cos(bending)
+    zero = np.zeros_like(flexion)
+    right = _column(cb, zero, -sb)
+    forward = _column(-sb * sf, cf, -cb * sf)
+    up = _column(sb * cf, sf, cb * cf)
+    return np.stack([right, forward, up], axis=-1)
+
+
+def _trunk(mid_hip, flexion, bending, height) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Markers of the trunk, and the point of its axis at the neck."""
+    pelvis = _axes(PELVIS_SHARE * flexion, 0.3 * bending)
+    lumbar = _axes(LUMBAR_SHARE * flexion, 0.7 * bending)
+    thorax = _axes(flexion, bending)
+    loin = mid_hip + PELVIS_LENGTH * height * pelvis[:, :, 2]
+    waist = loin + LUMBAR_LENGTH * height * lumbar[:, :, 2]
+    neck = waist + THORAX_LENGTH * height * thorax[:, :, 2]
+    shoulder = np.array([SHOULDER_HALF_WIDTH * height, 0.0, -0.02 * height])
+    hip = np.array([HIP_HALF_WIDTH * height, 0.0, 0.0])
+    mirror = np.array([-1.0, 1.0, 1.0])
+    markers = {
+        "C7": neck + thorax @ [0, -0.055, 0],
+        "T12": waist + lumbar @ [0, -0.085, 0],
+        "L5": loin + pelvis @ [0, -0.095, 0],
+        "SACRUM": loin + pelvis @ [0, -0.105, -0.03 * height],
+        "MANUBRIUM": neck + thorax @ [0, 0.07, -0.035 * height],
+        "XIPHOID": neck + thorax @ [0, 0.12, -0.145 * height],
+        "R_SHOULDER": neck + thorax @ shoulder,
+        "L_SHOULDER": neck + thorax @ (shoulder * mirror),
+        "R_HIP": mid_hip + pelvis @ hip,
+        "L_HIP": mid_hip + pelvis @ (hip * mirror),
+    }
+    return markers, neck
+
+
+def _box(time, events, height, workplace) -> np.ndarray:
+    """Centre of the box: on the pallet, held, carried, on the table."""
+    half = workplace["box_height_m"] / 2
+    pallet = np.array([0.0, workplace["pallet_distance_m"], workplace["pallet_height_m"] + half])
+    held = np.array([0.0, CARRY_REACH, CARRY_HEIGHT * height])
+    carried = held + np.array([0, workplace["walk_m"], 0])
+    table = np.array(
+        [0.0, workplace["walk_m"] + workplace["table_distance_m"], workplace["table_height_m"] + half]
+    )
+    lifted = breakaway(time, events["lift_off"], events["toe_off"] - 0.1)[:, None]
+    walked = breakaway(time, events["toe_off"] - 0.05, events["deposit_start"])[:, None]
+    placed = breakaway(time, events["deposit_start"], events["release"])[:, None]
+    return pallet + lifted * (held - pallet) + walked * (carried - held) + placed * (table - carried)
+
+
+def _wrists(time, events, trunk, box, height, width) -> dict[str, np.ndarray]:
+    """Wrists: hanging, at the handles from just before lift-off until the release, hanging again."""
+    reaching = minimum_jerk(time, 1.0, events["lift_off"] - 0.15)
+    leaving = minimum_jerk(time, events["release"], events["release"] + 0.9)
+    holding = (reaching - leaving)[:, None]
+    markers = {}
+    for side, sign in (("R", 1), ("L", -1)):
+        hanging = trunk[f"{side}_SHOULDER"] + np.array([0.03 * sign, 0.05, -0.97 * ARM_LENGTH * height])
+        handle = box + np.array([sign * width / 2, -0.06, 0.04])
+        markers[f"{side}_WRIST"] = hanging + holding * (handle - hanging)
+    return markers

@@ -1,0 +1,20 @@
+"""Basins of attraction of one lift."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Read the pendulum states, compute and check the basins, write areas and funnels."""
+    import pandas as pd
+    from lumbar.files import read_json, write_csv
+    from lumbar.stability.basins import basins_of_lift
+    from lumbar.stability.trajectory import trajectories_of_lift
+
+    mass = params.settings["pendulum"]["mass"]
+    trajectories = trajectories_of_lift(pd.read_csv(input.states), read_json(input.facts), mass)
+    basins = basins_of_lift(trajectories, params.settings, params.seed)
+    write_csv(output.boa, basins.summary)
+    write_csv(output.funnel, basins.funnels)
+
+
+run(main, snakemake)

@@ -1,0 +1,37 @@
+"""Checks of the FMUs, and the forces that they give to one push."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Validate and simulate every FMU; write the table of checks and the figure of forces."""
+    from pathlib import Path
+
+    from lumbar.figures.runtime import fmu_force_figure
+    from lumbar.figures.style import save
+    from lumbar.files import read_json, write_csv
+    from lumbar.runtime.check import check_fmus
+    from lumbar.runtime.check_table import check_table
+    from lumbar.runtime.export_model import select_models
+    from lumbar.runtime.push import push
+
+    models = select_models(read_json(input.models), params.settings)
+    folder = Path(input.fmus[0]).parent
+    table = check_table(
+        check_fmus(models, folder, params.settings["check_samples"], params.seed), params.data, params.seed
+    )
+    write_csv(output.checks, table.frame)
+    table.write(output.table_csv.removesuffix(".csv"))
+    played = push(models, folder)
+    figure = fmu_force_figure(
+        played.time,
+        played.inputs,
+        played.outputs,
+        played.most_delayed(),
+        models[0].input.label,
+        models[0].output.label,
+    )
+    save(figure, output.figure_svg.removesuffix(".svg"), params.data)
+
+
+run(main, snakemake)

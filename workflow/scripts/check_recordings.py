@@ -1,0 +1,19 @@
+"""Input check: every recording is read and described, or all problems are told and nothing is written."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Read the planned recordings and write one description per chapter."""
+    from pathlib import Path
+
+    from lumbar.files import write_json
+    from lumbar.records.checking import check_recordings
+
+    chapters = check_recordings(params.plan)
+    for path in output:
+        recordings = chapters[Path(path).stem]
+        write_json(path, {"schema": "lumbar.checked/1", "data": params.data, "recordings": recordings})
+
+
+run(main, snakemake)

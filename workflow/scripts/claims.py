@@ -1,0 +1,26 @@
+"""Every claim of the thesis against what this run shows."""
+
+from pathlib import Path
+
+from job import run
+
+
+def main(input, output, params):
+    """Read the published tables and this run's results, examine all claims, write them."""
+    import pandas as pd
+
+    from lumbar.claims.register import all_claims, examine_claims
+    from lumbar.claims.summary import summary_table
+    from lumbar.files import read_json, write_csv
+
+    published = {Path(path).stem: pd.read_csv(path) for path in input.published}
+    results = {
+        name: read_json(path) if path.endswith(".json") else pd.read_csv(path)
+        for name, path in zip(params.names, input.results, strict=True)
+    }
+    claims = examine_claims(all_claims(published, params.synthetic), results, params.synthetic, params.data)
+    write_csv(output.claims, claims)
+    summary_table(claims, params.data).write(output.csv.removesuffix(".csv"))
+
+
+run(main, snakemake)

@@ -1,0 +1,27 @@
+"""Excitation signals of the tissue tests: files for the testing machine, their properties, figure."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Design the signals from the surgeons' bandwidth, check them against the machine, write them."""
+    from lumbar.figures.signals import excitation_figure
+    from lumbar.figures.style import save
+    from lumbar.files import read_json, write_csv, write_json
+    from lumbar.signals.excitation import design_excitation, excited_band
+    from lumbar.signals.properties import machine_file, multisine_description, signal_properties
+
+    band = excited_band(read_json(input.bandwidth), params.settings)
+    excitation = design_excitation(band, params.settings, params.seed)
+    for signal in excitation.signals:
+        write_csv(output[signal.name], machine_file(signal))
+    write_json(
+        output.description, {**multisine_description(excitation, params.settings), "data": params.data}
+    )
+    table = signal_properties(excitation, params.data)
+    write_csv(output.properties, table.frame.assign(data=params.data))
+    table.write(output.csv.removesuffix(".csv"))
+    save(excitation_figure(excitation.signals, band), output.svg.removesuffix(".svg"), params.data)
+
+
+run(main, snakemake)

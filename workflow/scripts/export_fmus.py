@@ -1,0 +1,20 @@
+"""FMUs of the identified models, for FMI 2.0 and 3.0."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Read the models, compile and pack each."""
+    from pathlib import Path
+
+    from lumbar.files import read_json
+    from lumbar.runtime.export_model import select_models
+    from lumbar.runtime.package import export_fmus
+
+    settings = params.settings
+    models = select_models(read_json(input.models), settings)
+    folder = Path(output.fmus[0]).parent
+    export_fmus(models, folder, params.data, settings["targets"], Path(settings["compiler_cache"]))
+
+
+run(main, snakemake)

@@ -1,0 +1,38 @@
+"""Events of every lift, Figure 4.1 and Figure 4.2."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Draw from the files of the lifts."""
+    import pandas as pd
+    from lumbar.figures.lifting import events_figure, pendulum_figure, segments_figure
+    from lumbar.figures.style import save
+    from lumbar.files import read_json
+
+    lifts = [
+        {
+            "motion": pd.read_csv(motion),
+            "centres": pd.read_csv(centres),
+            "states": pd.read_csv(states),
+            "landmarks": pd.read_csv(landmarks),
+            "events": read_json(events)["events"],
+            "summary": read_json(summary),
+        }
+        for motion, centres, states, landmarks, events, summary in zip(
+            input.motion,
+            input.centres,
+            input.states,
+            input.landmarks,
+            input.events,
+            input.summary,
+            strict=True,
+        )
+    ]
+    for lift, svg in zip(lifts, output.events_svg, strict=True):
+        save(events_figure(lift), svg.removesuffix(".svg"), params.data)
+    save(pendulum_figure(lifts[0]), output.figure_4_1_svg.removesuffix(".svg"), params.data)
+    save(segments_figure(lifts[0]), output.figure_4_2_svg.removesuffix(".svg"), params.data)
+
+
+run(main, snakemake)

@@ -1,0 +1,18 @@
+"""The merged configuration of a run, and the versions it ran with."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Write the configuration so that it can be given back to the workflow, and the versions beside it."""
+    import yaml
+
+    from lumbar.environment import describe_environment
+    from lumbar.files import write_json, write_text
+
+    header = f"# Configuration of this run, defaults included. Data: {params.data}.\n"
+    write_text(output.config, header + yaml.safe_dump(params.config, sort_keys=False, allow_unicode=True))
+    write_json(output.environment, {"data": params.data, "subjects": params.subjects, **describe_environment()})
+
+
+run(main, snakemake)

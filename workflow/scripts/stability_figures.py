@@ -1,0 +1,19 @@
+"""Figures 4.3 and 4.4: basins of attraction around the trajectories of one lift."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Choose the lift shown, read its funnels, draw."""
+    import pandas as pd
+    from lumbar.figures.stability import figure_4_3, figure_4_4, shown_lift
+    from lumbar.figures.style import save
+    from lumbar.files import read_json
+
+    chosen = shown_lift([read_json(path) for path in input.facts])
+    funnels = pd.read_csv(input.funnels[chosen])
+    save(figure_4_3(funnels, params.goal_level), output.figure_4_3_svg.removesuffix(".svg"), params.data)
+    save(figure_4_4(funnels), output.figure_4_4_svg.removesuffix(".svg"), params.data)
+
+
+run(main, snakemake)

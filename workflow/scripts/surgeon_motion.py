@@ -1,0 +1,55 @@
+"""Bandwidth of the surgeons' tool motion: spectra, rules with intervals, figure."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Read the trials, analyse them, write spectra, bandwidths and the figure."""
+    from lumbar.figures.style import save
+    from lumbar.figures.surgeon import psd_figure
+    from lumbar.files import write_csv, write_json
+    from lumbar.records.columns import read_record
+    from lumbar.signals.surgeon_motion import (
+        BandwidthSettings,
+        motion_bandwidths,
+        motion_spectra,
+        spectra_table,
+    )
+    from lumbar.signals.welch import WelchSettings
+
+    settings = params.settings
+    records = [
+        read_record(path, settings["layout"], name=entry["name"], rate=settings["rate_Hz"])
+        for entry, path in zip(settings["records"], input.records, strict=True)
+    ]
+    welch, rules = settings["welch"], settings["bandwidth"]
+    spectra = motion_spectra(
+        records,
+        [entry["surgeon"] for entry in settings["records"]],
+        WelchSettings(welch["segment_s"], welch["overlap"], welch["window"], welch["detrend"]),
+    )
+    bandwidths = motion_bandwidths(
+        spectra,
+        BandwidthSettings(
+            rules["power_share"],
+            rules["level_dB"],
+            rules["maximum_Hz"],
+            rules["confidence"],
+            rules["resamples"],
+        ),
+        params.seed,
+    )
+    write_json(output.bandwidth, {**bandwidths, "welch": welch, "data": params.data})
+    write_csv(output.psd, spectra_table(spectra).assign(data=params.data))
+    figure = psd_figure(
+        spectra.frequency,
+        spectra.psd,
+        {quantity: spectra.pooled(quantity) for quantity in spectra.psd},
+        spectra.surgeons,
+        bandwidths,
+        settings["reference_Hz"],
+    )
+    save(figure, output.svg.removesuffix(".svg"), params.data)
+
+
+run(main, snakemake)

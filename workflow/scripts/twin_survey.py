@@ -1,0 +1,15 @@
+"""Survey of the twin: answers that fit the published margins, copied as they come with the project."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Copy the answers, whole or not at all."""
+    from pathlib import Path
+
+    from lumbar.files import write_text
+
+    write_text(output.answers, Path(input.answers).read_text(encoding="utf-8"))
+
+
+run(main, snakemake)

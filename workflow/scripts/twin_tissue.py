@@ -1,0 +1,14 @@
+"""Synthetic tissue tests: the testing machine plays every signal on the synthetic tissue."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Play each signal file and write what the machine records."""
+    from lumbar.twin.tissue import play
+
+    for number, (signal, recording) in enumerate(zip(input.signals, output.recordings, strict=True)):
+        play(signal, recording, params.tissue, params.seed, number)
+
+
+run(main, snakemake)

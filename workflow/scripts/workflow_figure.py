@@ -1,0 +1,24 @@
+"""Figures 1.1 and 3.1: the workflow drawn from the graph Snakemake itself gives."""
+
+import subprocess
+import sys
+
+from job import run
+
+
+def main(input, output, params):
+    """Ask Snakemake for the rule graph of this very configuration and draw it."""
+    from lumbar.errors import LumbarError
+    from lumbar.figures.style import save
+    from lumbar.figures.workflow import draw_workflow, parse_rule_graph
+
+    command = [sys.executable, "-m", "snakemake", "--snakefile", params.snakefile, "--configfile", input.config]
+    command += ["--rulegraph", "dot", "--forceall", "--nolock", "--quiet", "all"]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False)
+    if answer.returncode:
+        raise LumbarError(f"Snakemake could not draw its rule graph:\n{answer.stderr}")
+    figure = draw_workflow(parse_rule_graph(answer.stdout), params.chapter_of, params.chapters)
+    save(figure, output.svg.removesuffix(".svg"), data="")
+
+
+run(main, snakemake)
