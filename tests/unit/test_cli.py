@@ -229,7 +229,11 @@ def test_lift_and_basin_follow_each_other(run, project, tmp_path):
     assert "release: " in out
     facts = json.loads((output / "pendulum.json").read_text())
     assert facts["box_mass_kg"] == 23
-    status, out, err = run("basin", output / "pendulum.csv", "--output", output)
+    study = tmp_path / "fewer.yaml"
+    study.write_text(
+        "stability: {attack: {starts: 20}, sum_of_squares: {knots: 5}, thesis_method: {knots: 3}}\n"
+    )
+    status, out, err = run("basin", output / "pendulum.csv", "--output", output, "--config", study)
     assert status == 0, err
     assert (output / "boa.csv").read_text().count("\n") > 6
     status, _, err = run(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lumbar.errors import NumericalError
-from lumbar.stability.funnel import exact_funnels, reachable_area, regulate
+from lumbar.stability.funnel import exact_and_overstated_funnels, exact_funnels, reachable_area, regulate
 from lumbar.stability.invariance import boundary_growth, normal_axes, normal_form
 from lumbar.stability.riccati import Weights, cost_to_go, determinant, gain, riccati_rate
 from lumbar.stability.simulation import attack, quadratic_form, simulate, upper_share
@@ -124,8 +124,10 @@ def test_small_goal_sets_scale():
 def test_no_simulated_start_leaves_and_the_control_does(sign):
     items = [minimum_jerk(), minimum_jerk(start=0.1, end=-0.1, mass=18, length=0.95)]
     loops = loops_of(items, sign)
-    assert attack(loops, exact_funnels(loops), 2000, [1]).exits.tolist() == [0, 0]
-    assert (attack(loops, exact_funnels(loops, overstated=0.3), 2000, [1]).exits > 0).all()
+    exact, control = exact_and_overstated_funnels(loops, 1.0, 0.3)
+    assert exact.level == pytest.approx(exact_funnels(loops).level, rel=1e-12)
+    assert attack(loops, exact, 2000, [1]).exits.tolist() == [0, 0]
+    assert (attack(loops, control, 2000, [1]).exits > 0).all()
 
 
 def test_simulation_is_the_true_dynamics():

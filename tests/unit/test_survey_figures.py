@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -38,7 +40,7 @@ def test_neighbouring_points_are_told_apart_in_grey():
     for container in axes.containers:
         red, green, blue, _ = container[0].get_facecolor()
         looks.append((0.299 * red + 0.587 * green + 0.114 * blue, container[0].get_hatch()))
-    for (grey, hatch), (other_grey, other_hatch) in zip(looks, looks[1:], strict=False):
+    for (grey, hatch), (other_grey, other_hatch) in pairwise(looks):
         assert abs(grey - other_grey) > 0.1 or hatch != other_hatch
     # The two ends of the scale must not look alike either.
     assert looks[0][1] != looks[-1][1]

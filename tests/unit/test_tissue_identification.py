@@ -122,6 +122,16 @@ def test_physical_parameters_of_the_output_error_fit_hold_the_truth(identified):
     assert "eq. 3.3" in fit_of(identified[0], "MW", "arx")["physical_refused"]
 
 
+def test_bootstrap_and_covariance_agree_on_the_scale_of_uncertainty(identified):
+    """Both estimate the same spread where the noise is white; a factor of 2 is wide."""
+    for result in identified:
+        for estimator in ("arx", "output_error"):
+            fit = fit_of(result, "KB", estimator)
+            assert 0.5 < fit["mru_bootstrap_percent"] / fit["mru_percent"] < 2.0
+            for parameter in fit["physical"].values():
+                assert parameter["low"] < parameter["value"] < parameter["high"]
+
+
 def test_same_seed_same_result_and_another_seed_moves_only_the_bootstrap(records):
     first = identify(records[1], records[2:], SETTINGS, seed=1)
     assert json.dumps(first) == json.dumps(identify(records[1], records[2:], SETTINGS, seed=1))
@@ -282,6 +292,7 @@ def test_models_file_keeps_its_contract_and_simulates_the_same(identified, recor
     runs = simulate_models(document, records[0], ("MW", "KB"), "long", "arx")
     measured = records[0]["output"]
     error = (runs["KB"] - measured)[50:]
+    assert abs(error.mean()) < 0.05  # with the offsets of position (3 mm) and force (−2 N) in place
     expected = fit_of(identified[0], "KB", "arx")["vaf_percent"]
     assert 100 * (1 - error.var() / measured[50:].var()) == pytest.approx(expected, rel=1e-9)
     with pytest.raises(InputError, match="no model KV"):

@@ -116,6 +116,15 @@ def test_bootstrap_spread_is_the_standard_error_where_its_assumptions_hold():
     np.testing.assert_allclose(draws.mean(axis=0), np.linalg.lstsq(regressors, target)[0], atol=0.003)
 
 
+def test_bootstrap_of_a_ridge_solution_is_centred_on_it():
+    rng = np.random.default_rng(6)
+    regressors = rng.standard_normal((1000, 2))
+    target = regressors @ [1.0, -2.0] + 0.1 * rng.standard_normal(1000)
+    ridge = np.linalg.solve(regressors.T @ regressors + 30.0**2 * np.eye(2), regressors.T @ target)
+    draws = block_bootstrap(regressors, target, 10, 1000, rng, alpha=30.0)
+    np.testing.assert_allclose(draws.mean(axis=0), ridge, atol=0.02)
+
+
 def test_bootstrap_of_very_few_blocks_is_refused():
     with pytest.raises(InputError, match=r"make 4 blocks.*block_s"):
         block_bootstrap(np.ones((40, 1)), np.ones(40), 10, 100, np.random.default_rng(0))

@@ -6,50 +6,29 @@
 from lumbar.config import reading_plan, recordings_of
 
 RECORDED_CHAPTERS = sorted(recordings_of(study))
+CHECKS = {chapter: [chapter] for chapter in RECORDED_CHAPTERS} if study.synthetic else {"all": RECORDED_CHAPTERS}
 
 
-if study.synthetic:
+for group, checked in CHECKS.items():
 
-    rule check_recordings:
+    rule:
+        name:
+            f"check_{group}_recordings"
         input:
-            recordings=lambda wildcards: [item["path"] for item in reading_plan(study, [wildcards.chapter])],
+            recordings=[item["path"] for item in reading_plan(study, checked)],
             sources=library_sources("check_recordings.py"),
         output:
-            "<results>/checked/{chapter}.json",
+            [f"<results>/checked/{chapter}.json" for chapter in checked],
+        params:
+            plan=reading_plan(study, checked),
+            data=DATA,
         log:
-            "<logs>/check_recordings/{chapter}.log",
+            f"<logs>/check_{group}_recordings.log",
         benchmark:
-            "<benchmarks>/check_recordings/{chapter}.tsv"
-        wildcard_constraints:
-            chapter="|".join(RECORDED_CHAPTERS) or "none",
+            f"<benchmarks>/check_{group}_recordings.tsv"
         conda:
             CONDA
-        params:
-            plan=lambda wildcards: reading_plan(study, [wildcards.chapter]),
-            data=DATA,
         message:
-            "Recordings of chapter {wildcards.chapter}: read and checked"
-        script:
-            "../scripts/check_recordings.py"
-
-else:
-
-    rule check_recordings:
-        input:
-            recordings=[item["path"] for item in reading_plan(study, RECORDED_CHAPTERS)],
-            sources=library_sources("check_recordings.py"),
-        output:
-            [f"<results>/checked/{chapter}.json" for chapter in RECORDED_CHAPTERS],
-        log:
-            "<logs>/check_recordings.log",
-        benchmark:
-            "<benchmarks>/check_recordings.tsv"
-        conda:
-            CONDA
-        params:
-            plan=reading_plan(study, RECORDED_CHAPTERS),
-            data=DATA,
-        message:
-            "All recordings of the study: read and checked"
+            f"Recordings ({', '.join(checked)}): read and checked"
         script:
             "../scripts/check_recordings.py"

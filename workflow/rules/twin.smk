@@ -1,4 +1,4 @@
-# twin
+# The synthetic twin: recordings in the formats a laboratory would bring, made from one seeded configuration.
 
 
 rule twin_survey:

@@ -51,7 +51,7 @@ def _bandwidth(results: Results) -> Finding:
 
 
 def _excitation(results: Results) -> Finding:
-    top = max(results["multisine"]["lines_Hz"])
+    top = max(results["multisine"]["frequency_Hz"])
     return Finding(float(top), abs(top - 5.0) <= 0.25)
 
 

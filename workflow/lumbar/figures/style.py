@@ -89,6 +89,21 @@ def label_panels(axes) -> None:
         axis.set_title(f"({letter})", loc="left", fontweight="bold")
 
 
+def _settle_layout(figure) -> None:
+    """Lay the figure out once, with positions rounded.
+
+    The solver of the constrained layout differs in the last bit from run to run, and the names of clip paths in
+    an SVG file are hashes of these bits.
+    """
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    for axes in figure.axes:
+        if axes.get_axes_locator() is None:
+            axes.set_position([round(value, 9) for value in axes.get_position(original=True).bounds])
+
+
 def save(figure, stem: str | os.PathLike, data: str) -> None:
     """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run, and close the figure.
 
@@ -106,6 +121,7 @@ def save(figure, stem: str | os.PathLike, data: str) -> None:
     words = f"Data: {data}" if data else "Drawing without data"
     if data:
         figure.supxlabel(words, x=0.995, ha="right", fontsize=6, color="#555555")
+    _settle_layout(figure)
     for ending, metadata in _METADATA.items():
         with replacing(stem.with_name(f"{stem.name}.{ending}")) as temporary:
             figure.savefig(temporary, metadata=metadata(words))

@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.stability.bilinear_alternation import Alternation, alternate
-from lumbar.stability.funnel import ClosedLoops, Funnels, exact_funnels, reachable_area, regulate
+from lumbar.stability.funnel import (
+    ClosedLoops,
+    Funnels,
+    exact_and_overstated_funnels,
+    reachable_area,
+    regulate,
+)
 from lumbar.stability.pendulum import SIGNS, feedforward_torque, gather
 from lumbar.stability.riccati import Weights, check_weights
 from lumbar.stability.simulation import attack
@@ -118,8 +124,9 @@ def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) ->
     rows: list[dict] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
         loops = close_loops(trajectories, sign, settings)
-        exact = exact_funnels(loops, settings["goal_level"])
-        rows += _rows(trajectories, loops, exact, settings, seed, sign)
+        overstated = settings["attack"]["control_overstated"]
+        exact, control = exact_and_overstated_funnels(loops, settings["goal_level"], overstated)
+        rows += _rows(trajectories, loops, exact, settings, seed, sign, control)
         if sign == published:
             frame = _funnel_frame(trajectories, loops, exact, settings)
             if settings["sum_of_squares"]:
@@ -139,9 +146,9 @@ def _rows(
     settings: dict,
     seed: int,
     sign: str,
-    check: Agreement | Alternation | None = None,
+    check: Agreement | Alternation | Funnels,
 ) -> list[dict]:
-    """One row of the summary per trajectory."""
+    """Return one row of the summary per trajectory; `check` is the method's own (funnels: the control)."""
     first = trajectories[0]
     stream = [seed, zlib.crc32(f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}".encode())]
     starts = settings["attack"]["starts"]
@@ -163,8 +170,7 @@ def _rows(
         columns["unsolved_share"] = check.unsolved_share
         columns["euler_error"] = check.euler_error
     else:
-        overstated = exact_funnels(loops, settings["goal_level"], settings["attack"]["control_overstated"])
-        columns["control_exits"] = attack(loops, overstated, starts, stream).exits
+        columns["control_exits"] = attack(loops, check, starts, stream).exits
     pendulum = settings["pendulum"]
     return [
         {

@@ -58,7 +58,8 @@ class LevelStep:
         # −v + ρ̇/ρ_before + L·(|z|² − s) is to be a sum of squares, with L·|z|² = L − L·(1 − |z|²).
         constant = padded - self._ring @ multiplier - growth
         constant[0] += rate
-        found = self._programme.solve(np.array([-1.0]), padded[:, None] / scale, constant / scale)
+        constraints = self._programme.constraints(padded[:, None] / scale)
+        found = self._programme.solve(np.array([-1.0]), constraints, constant / scale)
         return None if found is None or found[0] <= 0 else float(found[0])
 
 

@@ -10,7 +10,7 @@ with the true sine. The other engines (`sum_of_squares`, `bilinear_alternation`)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -96,22 +96,14 @@ def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
     return ClosedLoops(pendulums, weights, cost_to_go(pendulums, weights))
 
 
-def exact_funnels(loops: ClosedLoops, goal_level: float = 1.0, overstated: float = 0.0) -> Funnels:
+def exact_funnels(loops: ClosedLoops, goal_level: float = 1.0) -> Funnels:
     """Compute the largest invariant funnels of V = x̄ᵀSx̄ that end in {V ≤ `goal_level`}.
-
-    Adams–Bashforth's method of order 4 from knot to knot, started by Runge–Kutta steps: the equation for
-    ln ρ is not stiff, and each knot costs one search of the boundary.
 
     Parameters
     ----------
     loops : ClosedLoops
     goal_level : float
         ρ(T).
-    overstated : float
-        Share of |d ln ρ/dt| by which ρ falls too fast. Anything above 0 is wrong on purpose: the funnels
-        are too large and starts on their boundary leave, which is the positive control of
-        `simulation.attack`. (Scaling ρ itself would be no control: a linear loop's funnel stays
-        invariant.)
 
     Returns
     -------
@@ -122,6 +114,39 @@ def exact_funnels(loops: ClosedLoops, goal_level: float = 1.0, overstated: float
     NumericalError
         A basin reaches further than `LARGEST_SWING` from its trajectory: its settings make no sense.
     """
+    return exact_and_overstated_funnels(loops, goal_level, 0.0)[0]
+
+
+def exact_and_overstated_funnels(
+    loops: ClosedLoops, goal_level: float, overstated: float
+) -> tuple[Funnels, Funnels]:
+    """Compute the exact funnels, and others that are wrong on purpose, in one pass.
+
+    In the latter ρ falls faster by the share `overstated` of |d ln ρ/dt|: they are too large and starts on
+    their boundary leave, which is the positive control of `simulation.attack`. (Scaling ρ itself would be no
+    control: a linear loop's funnel stays invariant.) Parameters and errors as for `exact_funnels`.
+    """
+    pendulums = loops.pendulums
+    level = _backward(loops, goal_level, np.array([[0.0], [overstated]] if overstated else [[0.0]]))
+    swing = normal_axes(loops.cost[::2])[0] * np.sqrt(level[:, 0])
+    lost = ~(swing < LARGEST_SWING)
+    if lost.any():
+        index = int(np.argwhere(lost)[-1][1])
+        raise NumericalError(
+            f"{pendulums.labels[index]}: the basin reaches {swing[:, index].max():.3g} rad from its "
+            f"trajectory; at most {LARGEST_SWING:g} rad are allowed: raise the regulator's control weight or "
+            "lower its state weight"
+        )
+    exact = Funnels("exact", pendulums.duration, loops.cost[::2], level[:, 0])
+    return exact, replace(exact, method=f"exact, overstated by {overstated:g}", level=level[:, -1])
+
+
+def _backward(loops: ClosedLoops, goal_level: float, overstated: np.ndarray) -> np.ndarray:
+    """Integrate ln ρ backward and return ρ, shape (knots, variants, pendulums).
+
+    Adams–Bashforth's method of order 4 from knot to knot, started by Runge–Kutta steps: the equation for ln ρ
+    is not stiff, and each knot costs one search of the boundary. `overstated` has shape (variants, 1).
+    """
     pendulums = loops.pendulums
 
     def slope(point, log_level):
@@ -129,7 +154,7 @@ def exact_funnels(loops: ClosedLoops, goal_level: float = 1.0, overstated: float
         growth = boundary_growth(form, np.exp(log_level))
         return growth - overstated * np.abs(growth)
 
-    log_level = np.empty((loops.knots, len(pendulums.labels)))
+    log_level = np.empty((loops.knots, len(overstated), len(pendulums.labels)))
     log_level[-1] = np.log(goal_level)
     step = loops.step
     history: list[np.ndarray] = []
@@ -144,18 +169,7 @@ def exact_funnels(loops: ClosedLoops, goal_level: float = 1.0, overstated: float
         else:
             mean = (55 * history[0] - 59 * history[1] + 37 * history[2] - 9 * history[3]) / 24
         log_level[knot - 1] = now - step * mean
-    level = np.exp(log_level)
-    swing = normal_axes(loops.cost[::2])[0] * np.sqrt(level)
-    lost = ~(swing < LARGEST_SWING)
-    if lost.any():
-        index = int(np.argwhere(lost)[-1][1])
-        raise NumericalError(
-            f"{pendulums.labels[index]}: the basin reaches {swing[:, index].max():.3g} rad from its "
-            f"trajectory; at most {LARGEST_SWING:g} rad are allowed: raise the regulator's control weight or "
-            "lower its state weight"
-        )
-    method = "exact" if overstated == 0.0 else f"exact, overstated by {overstated:g}"
-    return Funnels(method, pendulums.duration, loops.cost[::2], level)
+    return np.exp(log_level)
 
 
 def reachable_area(loops: ClosedLoops, goal_level: float = 1.0) -> np.ndarray:

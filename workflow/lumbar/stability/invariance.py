@@ -32,7 +32,7 @@ MOST_DOUBLINGS = 4
 """How often samples and sectors are doubled for wider ellipses."""
 LARGEST_SWING = SMALL_SWING * 2**MOST_DOUBLINGS
 """Largest |e| in rad up to which the maximum is reliable: five turns, beyond any useful basin."""
-NEWTON_STEPS = 3
+NEWTON_STEPS = 2
 
 
 @cache
@@ -100,7 +100,7 @@ def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
     form : NormalForm
         Entries of shape (...,).
     level : numpy.ndarray, shape (...)
-        ρ > 0.
+        ρ > 0; axes before those of `form` are levels of the same pendulums.
 
     Returns
     -------

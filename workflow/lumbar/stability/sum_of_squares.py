@@ -13,6 +13,7 @@ other than "optimal" is never a result.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from math import factorial
 
 import numpy as np
@@ -58,11 +59,15 @@ def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.nd
     return coefficients
 
 
+@cache
+def _monomials_on_circle(degree: int, samples: int) -> np.ndarray:
+    circle = np.linspace(0.0, 2 * np.pi, samples, endpoint=False)
+    return np.stack([np.cos(circle) ** i * np.sin(circle) ** j for i, j in monomials(degree)])
+
+
 def circle_maximum(coefficients: np.ndarray, degree: int, samples: int = 4096) -> np.ndarray:
     """Return the largest value on the unit circle, by a dense grid and a parabola at its best point."""
-    circle = np.linspace(0.0, 2 * np.pi, samples, endpoint=False)
-    basis = np.stack([np.cos(circle) ** i * np.sin(circle) ** j for i, j in monomials(degree)])
-    values = coefficients @ basis
+    values = coefficients @ _monomials_on_circle(degree, samples)
     best = values.argmax(axis=-1)[..., None]
     left, middle, right = (
         np.take_along_axis(values, (best + shift) % samples, -1)[..., 0] for shift in (-1, 0, 1)
@@ -92,24 +97,28 @@ class GramProgramme:
         self._settings = clarabel.DefaultSettings()
         self._settings.verbose = False
 
-    def solve(self, cost: np.ndarray, free: np.ndarray, target: np.ndarray) -> np.ndarray | None:
+    def constraints(self, free: np.ndarray):
+        """Return the constraints for F of shape (monomials, free coefficients), ready for `solve`."""
+        entries = self._gram.shape[1]
+        below = np.zeros((entries, free.shape[1]))
+        return self._sparse.csc_matrix(np.block([[free, self._gram], [below, self._cone_rows]]))
+
+    def solve(self, cost: np.ndarray, constraints, target: np.ndarray) -> np.ndarray | None:
         """Return y, or None where the solver does not say "solved" (almost solved is not solved).
 
         Parameters
         ----------
         cost : numpy.ndarray, shape (free coefficients,)
             c.
-        free : numpy.ndarray, shape (monomials, free coefficients)
-            F.
+        constraints : scipy.sparse.csc_matrix
+            Of `constraints`.
         target : numpy.ndarray, shape (monomials,)
         """
-        entries = self._gram.shape[1]
-        matrix = np.block([[free, self._gram], [np.zeros((entries, len(cost))), self._cone_rows]])
-        variables = matrix.shape[1]
+        variables, entries = constraints.shape[1], self._gram.shape[1]
         solver = self._clarabel.DefaultSolver(
             self._sparse.csc_matrix((variables, variables)),
             np.concatenate([cost, np.zeros(entries)]),
-            self._sparse.csc_matrix(matrix),
+            constraints,
             np.concatenate([target, np.zeros(entries)]),
             self._cones,
             self._settings,
@@ -129,8 +138,9 @@ class Certificate:
         self._programme = GramProgramme(degree)
         constant = np.eye(len(monomials(degree + 1)))[:, :1]
         # r − v − L·(1 − |z|²) = bᵀGb
-        self._free = np.hstack([-constant, circle_map(degree)])
-        self._cost = np.eye(self._free.shape[1])[0]
+        free = np.hstack([-constant, circle_map(degree)])
+        self._constraints = self._programme.constraints(free)
+        self._cost = np.eye(free.shape[1])[0]
 
     def solve(self, coefficients: np.ndarray, label: str) -> tuple[float, np.ndarray]:
         """Return the smallest certified rate r in 1/s and the coefficients of L.
@@ -141,7 +151,7 @@ class Certificate:
             The solver did not reach an optimum.
         """
         scale = float(np.abs(coefficients).max())
-        found = self._programme.solve(self._cost, self._free, -coefficients / scale)
+        found = self._programme.solve(self._cost, self._constraints, -coefficients / scale)
         if found is None:
             raise NumericalError(f"{label}: the sum-of-squares programme ended as {self._programme.status}")
         return float(found[0]) * scale, found[1:] * scale

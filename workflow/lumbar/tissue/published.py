@@ -24,7 +24,7 @@ def table_2_1(data: str) -> Table:
         for model in TABLE_2_1
     )
     return Table(
-        title="Table 2.1: spring–dashpot models of tissue force feedback",
+        title="Table 2.1: spring–dashpot models of tissue force feedback.",
         frame=frame,
         data=data,
         definitions={
@@ -60,7 +60,7 @@ def physical_parameters_table(identified: list[dict], confidence: float, data: s
     columns = ["trained_on", "model", "estimator", "parameter", "value", "low", "high", "unit", "refused"]
     frame = pd.DataFrame(rows, columns=columns)
     return Table(
-        title="Physical parameters of the viscoelastic models",
+        title="Physical parameters of the viscoelastic models.",
         frame=frame,
         data=data,
         definitions={

@@ -38,7 +38,7 @@ def table_3_1(identified: list[dict], settings: dict, data: str) -> Table:
     frame = pd.DataFrame(rows)
     numbers = len(identified[0]["tests"])
     return Table(
-        title="Table 3.1: error metrics of the tissue models",
+        title="Table 3.1: error metrics of the tissue models.",
         frame=frame,
         data=data,
         definitions=_definitions(unit, numbers, settings),
