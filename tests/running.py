@@ -47,7 +47,9 @@ def copy_project(folder: Path) -> Path:
 def snakemake(folder: Path, *arguments: str, env: dict[str, str] | None = None) -> Run:
     """Call Snakemake in a project folder and return its status and output."""
     command = [sys.executable, "-m", "snakemake", "--nocolor", *arguments]
-    environment = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LUMBAR_DATA")}
+    environment = {
+        key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LUMBAR_DATA")
+    }
     done = subprocess.run(
         command, cwd=folder, env=environment | (env or {}), capture_output=True, text=True, check=False
     )

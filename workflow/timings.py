@@ -45,5 +45,7 @@ def summary(folder: Path) -> str:
     lines = [f"{'job':{width}}  wall s   CPU s  peak MB"]
     lines += [f"{name:{width}}  {wall:6.1f}  {cpu:6.1f}  {memory:7.0f}" for name, wall, cpu, memory in rows]
     total = [sum(row[column] for row in rows) for column in (1, 2)]
-    lines.append(f"{'sum (largest memory)':{width}}  {total[0]:6.1f}  {total[1]:6.1f}  {max(row[3] for row in rows):7.0f}")
+    lines.append(
+        f"{'sum (largest memory)':{width}}  {total[0]:6.1f}  {total[1]:6.1f}  {max(row[3] for row in rows):7.0f}"
+    )
     return "\n".join(lines)

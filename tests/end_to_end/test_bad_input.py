@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
+
 from running import copy_project, snakemake
 
 pytestmark = pytest.mark.end_to_end
@@ -42,8 +43,10 @@ def recording(samples=2000, seed=1):
     random = np.random.default_rng(seed)
     position = np.cumsum(random.standard_normal(samples)) * 0.05
     force = 0.8 * position + 0.05 * random.standard_normal(samples)
-    rows = [f"{0.01 * index:.2f},{x:.5f},{y:.5f}" for index, (x, y) in enumerate(zip(position, force, strict=True))]
-    return rows
+    return [
+        f"{0.01 * index:.2f},{x:.5f},{y:.5f}"
+        for index, (x, y) in enumerate(zip(position, force, strict=True))
+    ]
 
 
 def text(rows):
@@ -60,7 +63,9 @@ def fails(folder, config, *words):
 
 def nothing_written(folder, name):
     made = folder / "results" / name
-    return not [path for path in made.rglob("*") if path.is_file() and path.parent.name not in ("logs", "benchmarks")]
+    return not [
+        path for path in made.rglob("*") if path.is_file() and path.parent.name not in ("logs", "benchmarks")
+    ]
 
 
 def test_wrong_keys_are_all_named(folder):
@@ -82,7 +87,9 @@ def test_missing_file_names_source_and_licence(folder):
 
 def test_path_out_of_the_data_root_is_refused(folder):
     records = [{"name": "a", "file": "../outside.csv"}]
-    config = lab(folder, "outside", {"a.csv": text(recording())}, tissue={"records": records, "training": ["a"]})
+    config = lab(
+        folder, "outside", {"a.csv": text(recording())}, tissue={"records": records, "training": ["a"]}
+    )
     fails(folder, config, "../outside.csv", "relative to data_root")
 
 

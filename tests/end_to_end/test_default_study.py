@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+
 from running import copy_project, snakemake
 
 pytestmark = pytest.mark.end_to_end
@@ -63,7 +64,9 @@ def test_everything_made_from_data_says_synthetic_twin(default_run):
     folder, _ = default_run
     drawings = {"figure_2_4", "figure_3_2", "workflow"}
     unlabelled = []
-    for path in sorted((results(folder) / "tables").iterdir()) + sorted((results(folder) / "figures").glob("*.svg")):
+    for path in sorted((results(folder) / "tables").iterdir()) + sorted(
+        (results(folder) / "figures").glob("*.svg")
+    ):
         text = path.read_text(encoding="utf-8")
         if path.stem not in drawings | {"table_2_1"} and "synthetic twin" not in text:
             unlabelled.append(path.name)
@@ -114,7 +117,11 @@ def test_a_subjects_mass_reruns_only_what_depends_on_it(default_run):
     assert planned == {"expert_23kg", "expert_15kg"}
     rules = set(run.jobs)
     assert {"table_4_1", "examine_claims"} <= rules
-    assert not {rule for rule in rules if rule.startswith(("twin", "table_3", "identify", "export", "survey", "check"))}
+    assert not {
+        rule
+        for rule in rules
+        if rule.startswith(("twin", "table_3", "identify", "export", "survey", "check"))
+    }
 
 
 @pytest.mark.parametrize(
@@ -158,7 +165,9 @@ def test_what_does_not_depend_on_seed_and_mass_stays(default_run, varied_run, na
 
 
 def test_another_seed_moves_table_3_1_but_not_its_order(default_run, varied_run):
-    frames = [pd.read_csv(results(folder) / "tables" / "table_3_1.csv") for folder in (default_run[0], varied_run)]
+    frames = [
+        pd.read_csv(results(folder) / "tables" / "table_3_1.csv") for folder in (default_run[0], varied_run)
+    ]
     wide = []
     for frame in frames:
         arx = frame[(frame.estimator == "arx") & frame.model.isin(["MW", "KB", "HO"])]
@@ -170,7 +179,9 @@ def test_another_seed_moves_table_3_1_but_not_its_order(default_run, varied_run)
 
 
 def test_another_mass_moves_that_persons_basins(default_run, varied_run):
-    frames = [pd.read_csv(results(folder) / "stability" / "boa.csv") for folder in (default_run[0], varied_run)]
+    frames = [
+        pd.read_csv(results(folder) / "stability" / "boa.csv") for folder in (default_run[0], varied_run)
+    ]
     keys = ["subject", "box_mass_kg", "com", "plane", "method", "sign"]
     masses = [frame.set_index(keys).sort_index() for frame in frames]
     assert masses[0].index.equals(masses[1].index)

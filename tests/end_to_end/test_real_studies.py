@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 import pytest
+
 from running import copy_project, snakemake
 
 pytestmark = pytest.mark.end_to_end

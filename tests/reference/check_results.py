@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +49,8 @@ def compare(reference: pd.DataFrame, found: pd.DataFrame, table: str, settings: 
         Name, for the messages.
     settings : dict
         ``keys``: columns that name a row; ``relative`` and ``absolute``: tolerances by column, ``default`` for the
-        others. A number may move by ``absolute + relative * |reference|``.
+        others. A number may move by ``absolute + relative * |reference|``. ``columns``: what the reference keeps
+        beside the keys, where that is not everything.
     """
     keys = settings["keys"]
     missing = [column for column in reference.columns if column not in found.columns]
@@ -60,7 +60,9 @@ def compare(reference: pd.DataFrame, found: pd.DataFrame, table: str, settings: 
         movements.append(Movement(table, _name(key), "-", "present", "missing", 0.0, False))
     for key in then.index.intersection(now.index):
         for column in then.columns:
-            movements.extend(_cell(then.at[key, column], now.at[key, column], table, _name(key), column, settings))
+            movements.extend(
+                _cell(then.at[key, column], now.at[key, column], table, _name(key), column, settings)
+            )
     return movements
 
 
@@ -92,8 +94,10 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     tables = yaml.safe_load((options.reference / "tolerances.yaml").read_text(encoding="utf-8"))
     if options.update:
-        for name in tables:
-            shutil.copyfile(options.results / name, options.reference / Path(name).name)
+        for name, settings in tables.items():
+            frame = pd.read_csv(options.results / name, dtype=str, keep_default_na=False)
+            kept = [*settings["keys"], *settings["columns"]] if "columns" in settings else list(frame.columns)
+            frame[kept].to_csv(options.reference / Path(name).name, index=False, lineterminator="\n")
         print(f"{len(tables)} tables taken as reference")
         return 0
     failed = cells = 0

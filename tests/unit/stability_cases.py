@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from lumbar.stability.pendulum import Pendulums, gather
 from lumbar.stability.riccati import check_weights
 from lumbar.stability.trajectory import Trajectory

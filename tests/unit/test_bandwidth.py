@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from lumbar.errors import InputError
 from lumbar.signals.bandwidth import level_frequency, power_share_frequency
 from lumbar.signals.welch import WelchSettings, position_psd

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from lumbar.errors import InputError
 from lumbar.records.record import Channel, Record
 from lumbar.signals.surgeon_motion import (

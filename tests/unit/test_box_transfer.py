@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
+
 from lumbar.lifting.lift import analyse_lift, summary
 from lumbar.records.markers import read_markers
 

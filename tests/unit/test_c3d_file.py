@@ -7,6 +7,7 @@ import ezc3d
 import numpy as np
 import pytest
 from c3d_builder import DEC, INTEL, MIPS, build_c3d
+
 from lumbar.errors import InputError
 from lumbar.records.c3d_file import read_c3d
 from lumbar.records.markers import read_markers

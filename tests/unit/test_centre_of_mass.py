@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from lumbar.errors import InputError
 from lumbar.lifting.centre_of_mass import box_shares, centres_of_mass, segment_centres
 from lumbar.lifting.events import Event

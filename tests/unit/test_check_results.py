@@ -47,7 +47,10 @@ def test_equal_tables_pass(check, folders, capsys):
 def test_a_small_movement_is_said_and_allowed(check, folders, capsys):
     move(folders, "vaf", 80.3)
     assert call(check, folders) == 0
-    assert "allowed: tables/t.csv [KB] vaf: 80.0 -> 80.3 (moved by +0.3, tolerance 0.5)" in capsys.readouterr().out
+    assert (
+        "allowed: tables/t.csv [KB] vaf: 80.0 -> 80.3 (moved by +0.3, tolerance 0.5)"
+        in capsys.readouterr().out
+    )
 
 
 @pytest.mark.parametrize(("column", "value"), [("vaf", 81.0), ("vaf", None), ("note", "c")])

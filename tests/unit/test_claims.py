@@ -6,7 +6,16 @@ import pandas as pd
 import pytest
 
 from lumbar.claims import basins, identification, ratings
-from lumbar.claims.claim import BUILT_IN, CANNOT_BE_TESTED, DOES_NOT_HOLD, HOLDS, Claim, Finding, examine, verdict
+from lumbar.claims.claim import (
+    BUILT_IN,
+    CANNOT_BE_TESTED,
+    DOES_NOT_HOLD,
+    HOLDS,
+    Claim,
+    Finding,
+    examine,
+    verdict,
+)
 from lumbar.claims.register import all_claims, examine_claims
 from lumbar.claims.summary import summary_table
 
@@ -88,7 +97,9 @@ def test_a_study_without_a_chapter_cannot_test_its_claims(published):
 
 
 def test_verdicts():
-    claim = Claim("c", "l", "s", 1.0, "criterion", (), lambda results: Finding(1.0, True), built_into_twin=True)
+    claim = Claim(
+        "c", "l", "s", 1.0, "criterion", (), lambda results: Finding(1.0, True), built_into_twin=True
+    )
     finding = examine(claim, {})
     assert verdict(claim, finding, synthetic=True) == BUILT_IN
     assert verdict(claim, finding, synthetic=False) == HOLDS

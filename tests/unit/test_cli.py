@@ -10,6 +10,7 @@ import zlib
 import numpy as np
 import pytest
 import yaml
+
 from lumbar import cli
 from lumbar.cli.command import COMMANDS
 

@@ -7,6 +7,7 @@ import shutil
 
 import pytest
 import yaml
+
 from lumbar.config import Artefact, load_study, read_artefacts, reading_plan, recordings_of
 from lumbar.errors import InputError
 

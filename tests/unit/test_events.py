@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
+
 from lumbar.errors import InputError
 from lumbar.lifting.events import find_events, phases
 from lumbar.lifting.filtering import filter_markers

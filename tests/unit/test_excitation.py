@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+
 from lumbar.errors import InputError
 from lumbar.signals.excitation import design_excitation, excited_band
 from lumbar.signals.machine_limits import peak_kinematics

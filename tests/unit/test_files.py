@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+
 from lumbar.errors import InputError, NumericalError
 from lumbar.files import read_json, replacing, write_csv, write_json, write_text
 

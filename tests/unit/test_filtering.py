@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.signal import sosfreqz
+
 from lumbar.errors import InputError
 from lumbar.lifting.filtering import (
     derivative,
@@ -11,7 +13,6 @@ from lumbar.lifting.filtering import (
     shortest_stretch,
 )
 from lumbar.records.markers import MarkerRecording
-from scipy.signal import sosfreqz
 
 
 @pytest.mark.parametrize("rate", [50.0, 100.0, 120.0, 1000.0])

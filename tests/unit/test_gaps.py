@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from lumbar.errors import InputError
 from lumbar.lifting.gaps import ALONE, AT_END, AT_START, FILLED, TOO_LONG, fill_gaps, runs
 from lumbar.records.markers import MarkerRecording, read_markers

@@ -6,6 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import yaml
+
 from lumbar.figures.lifting import events_figure, pendulum_figure, segments_figure
 from lumbar.lifting import lift as lifting
 from lumbar.records.markers import read_markers

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+
 from lumbar.errors import InputError
 from lumbar.signals.machine_limits import Kinematics, check_machine_limits, peak_kinematics
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from c3d_builder import build_c3d
+
 from lumbar.errors import InputError
 from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import METRES, read_markers

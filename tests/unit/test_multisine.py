@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from lumbar.errors import InputError
 from lumbar.signals.crest_factor import clipped_phases, crest_factor
 from lumbar.signals.multisine import design_multisine, excited_lines, schroeder_phases

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from lumbar.errors import InputError
 from lumbar.signals.noise import band_limited_noise
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
+
 from lumbar.errors import InputError, NumericalError
 from lumbar.lifting.lift import analyse_lift, states_frame, summary
 from lumbar.lifting.pendulum_states import heading, pendulum_states, pivot_trajectory, turn

@@ -6,6 +6,7 @@ import hashlib
 
 import numpy as np
 import pytest
+
 from lumbar.errors import InputError
 from lumbar.records.checking import check_recordings
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from runtime_models import SETTINGS, entry, models_json
+
 from lumbar.errors import InputError, NumericalError
 from lumbar.runtime.export_model import identifier, select_models
-from runtime_models import SETTINGS, entry, models_json
 
 
 def select(content, **changes):

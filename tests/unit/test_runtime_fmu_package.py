@@ -11,6 +11,8 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from runtime_models import SETTINGS, TARGET, entry, models_json
+
 from lumbar.errors import InputError
 from lumbar.runtime import package
 from lumbar.runtime.check import check_fmus
@@ -19,7 +21,6 @@ from lumbar.runtime.export_model import select_models
 from lumbar.runtime.lint import lint_fmu
 from lumbar.runtime.package import export_fmus, write_fmu
 from lumbar.runtime.sources import C_FILES, source_files
-from runtime_models import SETTINGS, TARGET, entry, models_json
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"

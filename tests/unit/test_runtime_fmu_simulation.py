@@ -8,12 +8,13 @@ import zipfile
 
 import numpy as np
 import pytest
+from runtime_models import POSITION, SETTINGS, TARGET, entry, get, models_json, put
+
 from lumbar.errors import InputError
 from lumbar.runtime.check import check_fmus
 from lumbar.runtime.export_model import select_models
 from lumbar.runtime.package import export_fmus
 from lumbar.runtime.push import push
-from runtime_models import POSITION, SETTINGS, TARGET, entry, get, models_json, put
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"

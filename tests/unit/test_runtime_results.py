@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from lumbar.figures.runtime import fmu_force_figure
 from lumbar.figures.style import save
 from lumbar.runtime.check import check_fmus, check_input, reference_output, rounding_bound

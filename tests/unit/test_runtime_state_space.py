@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import dlsim, lfilter
+
 from lumbar.errors import InputError
 from lumbar.runtime.state_space import from_transfer_function
-from scipy.signal import dlsim, lfilter
 
 
 def simulate(system, inputs):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from lumbar.errors import InputError
 from lumbar.lifting.segments import COMS, DE_LEVA, WINTER, segment_table
 

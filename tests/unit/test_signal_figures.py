@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from lumbar.figures.signals import excitation_figure
 from lumbar.figures.surgeon import psd_figure
 from lumbar.signals.excitation import Signal

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from stability_cases import minimum_jerk
+
 from lumbar.errors import InputError
 from lumbar.figures.stability import ellipses, shown_lift
 from lumbar.stability.basins import COLUMNS, basins_of_lift, close_loops
 from lumbar.stability.funnel import exact_funnels
 from lumbar.stability.percent_differences import areas_table, percent_differences, table_4_1, varied_areas
 from lumbar.stability.trajectory import COMS, PLANES, find_problems, trajectories_of_lift
-from stability_cases import minimum_jerk
 
 SETTINGS = {
     "pendulum": {"sign": "hanging", "mass": "with_box", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
+
 from lumbar.errors import NumericalError
 from lumbar.stability.funnel import exact_and_overstated_funnels, exact_funnels, reachable_area, regulate
 from lumbar.stability.invariance import boundary_growth, normal_axes, normal_form
 from lumbar.stability.riccati import Weights, cost_to_go, determinant, gain, riccati_rate
 from lumbar.stability.simulation import attack, quadratic_form, simulate, upper_share
-from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
 SIGNS = ("hanging", "inverted")
 

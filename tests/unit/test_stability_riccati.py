@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
+
 from lumbar.errors import InputError, NumericalError
 from lumbar.stability.pendulum import feedforward_torque, remainder
 from lumbar.stability.riccati import (
@@ -14,7 +16,6 @@ from lumbar.stability.riccati import (
     determinant,
     gain,
 )
-from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
 
 def matrices(pendulums, angle):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
+
 from lumbar.errors import NumericalError
 from lumbar.stability.bilinear_alternation import alternate
 from lumbar.stability.funnel import exact_funnels, regulate
@@ -19,7 +21,6 @@ from lumbar.stability.sum_of_squares import (
     growth_polynomial,
     monomials,
 )
-from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 C = (np.sqrt(13) - 1) / 6
 """Where c·s² − c²/2 has its maximum on the circle: the root of 1 − c − 3c²."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import matplotlib.colors as colours
 import numpy as np
 import pytest
+
 from lumbar.figures.style import MODELS, new_figure, save
 
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+
 from lumbar.figures.survey import best_picks_figure, likert_figure
 
 

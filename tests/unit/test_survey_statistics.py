@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from scipy import stats
+
 from lumbar.errors import NumericalError
 from lumbar.records.ratings import Ratings, read_ratings
 from lumbar.survey.analysis import analyse_survey, describe_participants
@@ -22,7 +24,6 @@ from lumbar.survey.paired import (
 )
 from lumbar.survey.published import holm, kruskal_wallis, mann_whitney, modes, pairs, printed
 from lumbar.survey.signed_rank import EXACT_LIMIT, positive_rank_sum_distribution, signed_rank_test
-from scipy import stats
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 
 import pandas as pd
 import pytest
+
 from lumbar.errors import NumericalError
 from lumbar.tables import Table
 

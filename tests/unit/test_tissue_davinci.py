@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import yaml
+
 from lumbar.records.columns import read_record
 from lumbar.tissue.identification import Settings, identify
 

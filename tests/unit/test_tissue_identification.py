@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+
 from lumbar.errors import InputError
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.first_order import discretise

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
+
 from lumbar.errors import InputError, NumericalError
 from lumbar.tissue.bootstrap import block_bootstrap
 from lumbar.tissue.first_order import discretise
@@ -15,7 +17,6 @@ from lumbar.tissue.output_error import (
 from lumbar.tissue.ridge import ReducedRegression
 from lumbar.tissue.structure import Structure
 from lumbar.tissue.transfer_function import TransferFunction
-from scipy.optimize import minimize
 
 T = 0.01
 TRUTH = {"k1": 0.4, "k2": 3.2, "b": 0.126}

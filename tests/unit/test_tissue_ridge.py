@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import statsmodels.api as sm
+
 from lumbar.tissue.metrics import (
     condition_number,
     fit_ratio,

@@ -8,6 +8,7 @@ import copy
 import numpy as np
 import pytest
 import yaml
+
 from lumbar.errors import InputError
 from lumbar.twin.lifter import ARM_LENGTH
 from lumbar.twin.lifting import true_movement, write_lift

@@ -5,6 +5,7 @@ import ast
 import numpy as np
 import pytest
 import yaml
+
 from lumbar.errors import InputError
 from lumbar.twin.surgeon import minimum_jerk_chain, surgeon_trial, tremor_noise
 

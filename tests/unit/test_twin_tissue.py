@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+
 from lumbar.errors import InputError
 from lumbar.records.columns import read_record
 from lumbar.twin.tissue import play, tissue_force
-from scipy.integrate import solve_ivp
 
 TISSUE = {
     "k1_N_per_mm": 0.4,

@@ -30,7 +30,9 @@ def test_depth_is_the_longest_path():
 
 def test_only_rules_of_chapters_are_drawn():
     figure = draw_workflow(
-        parse_rule_graph(DOT), {"fit": "second", "measure": "first"}, {"first": "1 First", "second": "2 Second"}
+        parse_rule_graph(DOT),
+        {"fit": "second", "measure": "first"},
+        {"first": "1 First", "second": "2 Second"},
     )
     words = {text.get_text() for text in figure.axes[0].texts}
     assert words == {"fit", "measure", "1 First", "2 Second"}

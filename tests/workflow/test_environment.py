@@ -34,7 +34,8 @@ def test_every_dependency_is_locked(project):
 def test_conda_environment_has_the_same_pins(project):
     environment = yaml.safe_load((project / "envs" / "lumbar.yaml").read_text(encoding="utf-8"))
     listed = dict(
-        re.match(r"([A-Za-z0-9._-]+)==([^ ;]+)", entry).groups() for entry in environment["dependencies"][-1]["pip"]
+        re.match(r"([A-Za-z0-9._-]+)==([^ ;]+)", entry).groups()
+        for entry in environment["dependencies"][-1]["pip"]
     )
     listed["pip"] = next(
         entry.split("=")[1] for entry in environment["dependencies"] if str(entry).startswith("pip=")
@@ -45,8 +46,12 @@ def test_conda_environment_has_the_same_pins(project):
 def test_derived_files_are_up_to_date(project):
     derive = runpy.run_path(str(project / "envs" / "derive.py"))
     assert derive["supported"](lock(project)) == lock(project)
-    assert derive["build_lock"](lock(project)) == (project / "envs" / "build-lock.txt").read_text(encoding="utf-8")
-    assert derive["conda_environment"](lock(project)) == (project / "envs" / "lumbar.yaml").read_text(encoding="utf-8")
+    assert derive["build_lock"](lock(project)) == (project / "envs" / "build-lock.txt").read_text(
+        encoding="utf-8"
+    )
+    assert derive["conda_environment"](lock(project)) == (project / "envs" / "lumbar.yaml").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_key_reference_says_what_the_schemas_say(project):

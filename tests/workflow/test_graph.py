@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+
 from running import copy_project, snakemake
 
 pytestmark = pytest.mark.workflow
@@ -34,7 +35,15 @@ def test_sheet_names_each_artefact_of_the_thesis_once(project):
     names = [row["id"] for row in artefacts(project)]
     assert len(names) == len(set(names))
     tables = {"table_2_1", "table_3_1", "table_3_2", "table_4_1"}
-    figures = {"figure_2_4", "figure_3_2", "figure_3_4", "figure_3_5", "figure_4_1", "figure_4_2", "figure_4_3"}
+    figures = {
+        "figure_2_4",
+        "figure_3_2",
+        "figure_3_4",
+        "figure_3_5",
+        "figure_4_1",
+        "figure_4_2",
+        "figure_4_3",
+    }
     assert tables | figures | {"figure_4_4", "workflow", "claims_list"} <= set(names)
 
 
@@ -51,7 +60,9 @@ def test_chapters_and_artefacts_are_targets(fresh, target):
 
 
 def test_one_person_alone_runs_only_that_person(fresh):
-    run = snakemake(fresh, "--dry-run", "--cores", "1", "stability", "--configfile", "config/subjects/expert.yaml")
+    run = snakemake(
+        fresh, "--dry-run", "--cores", "1", "stability", "--configfile", "config/subjects/expert.yaml"
+    )
     assert run.status == 0, run.text[-3000:]
     assert "results/expert/" in run.text
     assert "novice" not in run.text
@@ -81,4 +92,6 @@ def test_sources_are_in_the_house_format(project, command):
 
 def test_no_rule_uses_a_shell(project):
     for path in (project / "workflow" / "rules").glob("*.smk"):
-        assert "shell:" not in path.read_text(encoding="utf-8"), f"{path.name}: configuration must not reach a shell"
+        assert "shell:" not in path.read_text(encoding="utf-8"), (
+            f"{path.name}: configuration must not reach a shell"
+        )

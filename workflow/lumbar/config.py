@@ -106,6 +106,11 @@ class Study:
             return f"results/{self.name}/twin/{path}"
         return str(self.data_root / path)
 
+    def subject_of(self, lift: str) -> dict:
+        """The subject of a lift without trials: another trial of the person does not change this lift."""
+        subject = self.subjects[self.lifts[lift]["subject"]]
+        return {key: value for key, value in subject.items() if key != "trials"}
+
     def has(self, chapter: str) -> bool:
         """Whether the study includes a chapter."""
         return chapter in self.config["chapters"]

@@ -31,9 +31,11 @@ class _Schemas:
         """Follow references; return what they lead to and the document it stands in."""
         while "$ref" in schema:
             name, _, pointer = schema["$ref"].partition("#")
+            beside = {key: value for key, value in schema.items() if key != "$ref"}
             schema = document = self.load(name) if name else document
             for part in filter(None, pointer.split("/")):
                 schema = schema[part]
+            schema = {**schema, **beside}
         return schema, document
 
 
@@ -44,7 +46,12 @@ def _allowed(schema: dict) -> str:
     kind = " or ".join(kind) if isinstance(kind, list) else kind
     limits = [
         f"{sign} {schema[key]}"
-        for key, sign in (("minimum", "≥"), ("exclusiveMinimum", ">"), ("maximum", "≤"), ("exclusiveMaximum", "<"))
+        for key, sign in (
+            ("minimum", "≥"),
+            ("exclusiveMinimum", ">"),
+            ("maximum", "≤"),
+            ("exclusiveMaximum", "<"),
+        )
         if key in schema
     ]
     return " ".join([kind, ", ".join(limits)]).strip()
@@ -110,7 +117,10 @@ def reference(root: Path) -> str:
     lines = []
     for section, rows in sections.items():
         lines += [f"### {section}", "", "| key | allowed | default | meaning |", "|---|---|---|---|"]
-        lines += ["| " + " | ".join([f"`{key}`", *(cell.replace("|", "\\|") for cell in rest)]) + " |" for key, *rest in rows]
+        lines += [
+            "| " + " | ".join([f"`{key}`", *(cell.replace("|", "\\|") for cell in rest)]) + " |"
+            for key, *rest in rows
+        ]
         lines.append("")
     return "\n".join(lines)
 

@@ -5,16 +5,16 @@ rule run_config:
     output:
         config="<results>/run_config.yaml",
         environment="<results>/run_environment.json",
-    params:
-        config=config,
-        subjects=study.subjects,
-        data=DATA,
     log:
         "<logs>/run_config.log",
     benchmark:
         "<benchmarks>/run_config.tsv"
     conda:
         CONDA
+    params:
+        config=config,
+        subjects=study.subjects,
+        data=DATA,
     message:
         "Settings, seeds and versions of this run"
     script:
@@ -28,7 +28,8 @@ CHAPTER_OF_FILE = {f"{chapter}.smk": chapter for chapter in CATEGORIES} | {"reco
 rule workflow_figure:
     input:
         config="<results>/run_config.yaml",
-        rules=[str(Path(workflow.basedir) / "Snakefile"), *sorted(map(str, WORKFLOW.glob("rules/*.smk")))],
+        snakefile=str(Path(workflow.basedir) / "Snakefile"),
+        rules=sorted(map(str, WORKFLOW.glob("rules/*.smk"))),
         sources=library_sources("workflow_figure.py"),
     output:
         svg=report(
@@ -38,20 +39,19 @@ rule workflow_figure:
             labels={"artefact": "Figures 1.1 and 3.1: the workflow"},
         ),
         pdf="<results>/figures/workflow.pdf",
-    params:
-        snakefile=str(Path(workflow.basedir) / "Snakefile"),
-        chapters=CATEGORIES,
-        chapter_of=lambda wildcards: {
-            rule.name: CHAPTER_OF_FILE[Path(str(rule.snakefile)).name]
-            for rule in workflow.rules
-            if Path(str(rule.snakefile)).name in CHAPTER_OF_FILE
-        },
     log:
         "<logs>/workflow_figure.log",
     benchmark:
         "<benchmarks>/workflow_figure.tsv"
     conda:
         CONDA
+    params:
+        chapters=CATEGORIES,
+        chapter_of=lambda wildcards: {
+            rule.name: CHAPTER_OF_FILE[Path(str(rule.snakefile)).name]
+            for rule in workflow.rules
+            if Path(str(rule.snakefile)).name in CHAPTER_OF_FILE
+        },
     message:
         "Figures 1.1 and 3.1: the workflow, drawn from its own graph"
     script:
@@ -88,16 +88,16 @@ rule examine_claims:
             category=CATEGORIES["claims"],
             labels={"artefact": "Claims of the thesis"},
         ),
-    params:
-        names=list(EVIDENCE),
-        synthetic=study.synthetic,
-        data=DATA,
     log:
         "<logs>/examine_claims.log",
     benchmark:
         "<benchmarks>/examine_claims.tsv"
     conda:
         CONDA
+    params:
+        names=list(EVIDENCE),
+        synthetic=study.synthetic,
+        data=DATA,
     message:
         "Claims: the thesis's values against this run's"
     script:

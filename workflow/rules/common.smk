@@ -1,6 +1,5 @@
 # What all rules share: the validated study, where its recordings lie, and what a script depends on.
 
-import os
 import sys
 from pathlib import Path
 
@@ -8,16 +7,12 @@ WORKFLOW = Path(workflow.basedir) / "workflow"
 sys.path.insert(0, str(WORKFLOW))
 
 from dependencies import library_sources
+from job_environment import set_job_environment
 from timings import summary
 from lumbar.config import load_study
 from lumbar.errors import LumbarError
 
-# Jobs inherit these: the library without installation, and one thread per job so that results are the same
-# bytes for any number of cores.
-os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(WORKFLOW), os.environ.get("PYTHONPATH")]))
-os.environ["SOURCE_DATE_EPOCH"] = "0"
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS"):
-    os.environ[variable] = "1"
+set_job_environment(WORKFLOW)
 
 try:
     study = load_study(config, root=Path(workflow.basedir))

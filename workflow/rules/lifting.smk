@@ -2,13 +2,6 @@
 # pendulum states; one job for all figures.
 
 
-def subject_of(lift):
-    """The subject's file without its trials: another trial of the person does not change this lift."""
-    return {
-        key: value for key, value in study.subjects[study.lifts[lift]["subject"]].items() if key != "trials"
-    }
-
-
 rule lift:
     input:
         markers=lambda wildcards: recording(study.lifts[wildcards.lift]["markers"]),
@@ -30,7 +23,7 @@ rule lift:
         CONDA
     params:
         lift="{lift}",
-        subject=lambda wildcards: subject_of(wildcards.lift),
+        subject=lambda wildcards: study.subject_of(wildcards.lift),
         trial=lambda wildcards: study.lifts[wildcards.lift],
         settings={
             key: value

@@ -6,7 +6,9 @@
 from lumbar.config import reading_plan, recordings_of
 
 RECORDED_CHAPTERS = sorted(recordings_of(study))
-CHECKS = {chapter: [chapter] for chapter in RECORDED_CHAPTERS} if study.synthetic else {"all": RECORDED_CHAPTERS}
+CHECKS = (
+    {chapter: [chapter] for chapter in RECORDED_CHAPTERS} if study.synthetic else {"all": RECORDED_CHAPTERS}
+)
 
 
 for group, checked in CHECKS.items():
@@ -19,15 +21,15 @@ for group, checked in CHECKS.items():
             sources=library_sources("check_recordings.py"),
         output:
             [f"<results>/checked/{chapter}.json" for chapter in checked],
-        params:
-            plan=reading_plan(study, checked),
-            data=DATA,
         log:
             f"<logs>/check_{group}_recordings.log",
         benchmark:
             f"<benchmarks>/check_{group}_recordings.tsv"
         conda:
             CONDA
+        params:
+            plan=reading_plan(study, checked),
+            data=DATA,
         message:
             f"Recordings ({', '.join(checked)}): read and checked"
         script:

@@ -6,6 +6,7 @@ from job import run
 def main(input, output, params):
     """Read the pendulum states, compute and check the basins, write areas and funnels."""
     import pandas as pd
+
     from lumbar.files import read_json, write_csv
     from lumbar.stability.basins import basins_of_lift
     from lumbar.stability.trajectory import trajectories_of_lift

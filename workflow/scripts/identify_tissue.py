@@ -6,6 +6,7 @@ from job import run
 def main(input, output, params):
     """Read the records, identify the models, write fits and search grid."""
     import pandas as pd
+
     from lumbar.files import write_csv, write_json
     from lumbar.records.columns import read_record
     from lumbar.tissue.identification import Settings, identify

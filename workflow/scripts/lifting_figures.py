@@ -6,6 +6,7 @@ from job import run
 def main(input, output, params):
     """Draw from the files of the lifts."""
     import pandas as pd
+
     from lumbar.figures.lifting import events_figure, pendulum_figure, segments_figure
     from lumbar.figures.style import save
     from lumbar.files import read_json

@@ -12,7 +12,9 @@ def main(input, output, params):
 
     header = f"# Configuration of this run, defaults included. Data: {params.data}.\n"
     write_text(output.config, header + yaml.safe_dump(params.config, sort_keys=False, allow_unicode=True))
-    write_json(output.environment, {"data": params.data, "subjects": params.subjects, **describe_environment()})
+    write_json(
+        output.environment, {"data": params.data, "subjects": params.subjects, **describe_environment()}
+    )
 
 
 run(main, snakemake)

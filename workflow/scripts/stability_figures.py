@@ -6,6 +6,7 @@ from job import run
 def main(input, output, params):
     """Choose the lift shown, read its funnels, draw."""
     import pandas as pd
+
     from lumbar.figures.stability import figure_4_3, figure_4_4, shown_lift
     from lumbar.figures.style import save
     from lumbar.files import read_json

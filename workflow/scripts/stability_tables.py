@@ -6,6 +6,7 @@ from job import run
 def main(input, output, params):
     """Collect the areas of all lifts, compare them, write the tables."""
     import pandas as pd
+
     from lumbar.files import read_json, write_csv
     from lumbar.stability.basins import DTYPES
     from lumbar.stability.percent_differences import areas_table, table_4_1

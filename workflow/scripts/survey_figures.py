@@ -6,6 +6,7 @@ from job import run
 def main(input, output, params):
     """Draw the results of the survey."""
     import numpy as np
+
     from lumbar.figures.style import save
     from lumbar.figures.survey import best_picks_figure, likert_figure
     from lumbar.files import read_json

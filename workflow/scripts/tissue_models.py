@@ -6,6 +6,7 @@ from job import run
 def main(input, output, params):
     """Collect the identifications and publish them."""
     import pandas as pd
+
     from lumbar.figures.style import save
     from lumbar.figures.tissue import comparison_figure, excitation_figure
     from lumbar.files import read_json, write_csv, write_json

@@ -12,7 +12,15 @@ def main(input, output, params):
     from lumbar.figures.style import save
     from lumbar.figures.workflow import draw_workflow, parse_rule_graph
 
-    command = [sys.executable, "-m", "snakemake", "--snakefile", params.snakefile, "--configfile", input.config]
+    command = [
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--snakefile",
+        input.snakefile,
+        "--configfile",
+        input.config,
+    ]
     command += ["--rulegraph", "dot", "--forceall", "--nolock", "--quiet", "all"]
     answer = subprocess.run(command, capture_output=True, text=True, check=False)
     if answer.returncode:

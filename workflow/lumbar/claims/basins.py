@@ -70,7 +70,10 @@ def _novice_susceptible(synthetic: bool):
         if expert is None or novice is None:
             return _MISSING
         columns = [f"{plane}_percent" for plane in PLANES]
-        mean = {name: rows[columns].abs().mean(axis=None) for name, rows in (("expert", expert), ("novice", novice))}
+        mean = {
+            name: rows[columns].abs().mean(axis=None)
+            for name, rows in (("expert", expert), ("novice", novice))
+        }
         text = f"mean size of the change: expert {mean['expert']:.2f} %, novice {mean['novice']:.2f} %"
         return Finding(text, *_judged(mean["novice"] > mean["expert"], synthetic))
 
@@ -89,7 +92,9 @@ def _trajectories_matter(results: Results) -> Finding:
         return _MISSING
     correlation = float(np.corrcoef(actual[known], null[known])[0, 1])
     share = 1 - np.sum((actual[known] - null[known]) ** 2) / np.sum(actual[known] ** 2)
-    text = f"without any trajectory the differences correlate {correlation:.3f} and explain {100 * share:.0f} %"
+    text = (
+        f"without any trajectory the differences correlate {correlation:.3f} and explain {100 * share:.0f} %"
+    )
     remark = "the differences reflect duration, mass, length and the settings, not the trajectory"
     return Finding(text, bool(share < 0.5), remark if share >= 0.5 else "")
 
@@ -99,7 +104,9 @@ def _alternation_certifies(results: Results) -> Finding:
     if rows.empty:
         return Finding(None, None, "the thesis's procedure was not run")
     worst = 100 * float(rows.violation_share.max())
-    text = f"{100 * float(rows.violation_share.min()):.0f} to {worst:.0f} % of the knots violate the condition"
+    text = (
+        f"{100 * float(rows.violation_share.min()):.0f} to {worst:.0f} % of the knots violate the condition"
+    )
     return Finding(text, worst == 0, "ρ̇ frozen at the previous guess is not the ρ̇ of the result")
 
 
@@ -112,7 +119,9 @@ def _exact_is_invariant(results: Results) -> Finding:
 def _expands_backward(results: Results) -> Finding:
     rows = results["boa"][results["boa"].method == "exact"]
     larger = rows.initial_area > rows.final_area
-    return Finding(f"{int(larger.sum())} of {len(rows)} basins larger at the start than at the goal", bool(larger.all()))
+    return Finding(
+        f"{int(larger.sum())} of {len(rows)} basins larger at the start than at the goal", bool(larger.all())
+    )
 
 
 def sentences(synthetic: bool) -> list[Claim]:

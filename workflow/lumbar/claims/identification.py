@@ -29,7 +29,8 @@ _INCOMPLETE = Finding(None, None, "not every training record has stable MW, KB a
 
 def _shown(wide: pd.DataFrame) -> str:
     return "; ".join(
-        f"{name}: " + ", ".join(f"{model} {value:.4g}" for model, value in row.items()) for name, row in wide.iterrows()
+        f"{name}: " + ", ".join(f"{model} {value:.4g}" for model, value in row.items())
+        for name, row in wide.iterrows()
     )
 
 
@@ -103,7 +104,8 @@ def _maxwell(results: Results) -> Finding:
     if "Maxwell" not in pair.columns:
         return Finding(text, False)
     shown = "; ".join(
-        f"{name}: %VAF {row.MW:.1f} against {row.Maxwell:.1f} for the true form" for name, row in pair.iterrows()
+        f"{name}: %VAF {row.MW:.1f} against {row.Maxwell:.1f} for the true form"
+        for name, row in pair.iterrows()
     )
     return Finding(shown, False, text)
 

@@ -6,6 +6,8 @@ pairing of one participant's answers is not.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from lumbar.claims.claim import Claim, Finding, Results
 
 
@@ -32,7 +34,9 @@ def _kruskal(results: Results) -> Finding:
 
 def _all_but_kb_ho(key: str):
     def judge(results: Results) -> Finding:
-        p_values = {frozenset((row["first"], row["second"])): row[key] for row in results["survey"]["mann_whitney"]}
+        p_values = {
+            frozenset((row["first"], row["second"])): row[key] for row in results["survey"]["mann_whitney"]
+        }
         exempt = p_values.pop(frozenset(("KB", "HO")), None)
         if exempt is None or not p_values:
             return Finding(None, None, "KB and HO were not both rated")
@@ -43,7 +47,9 @@ def _all_but_kb_ho(key: str):
 
 
 def _paired_agrees(results: Results) -> Finding:
-    p_values = {frozenset((row["first"], row["second"])): row["p_holm"] for row in results["survey"]["wilcoxon"]}
+    p_values = {
+        frozenset((row["first"], row["second"])): row["p_holm"] for row in results["survey"]["wilcoxon"]
+    }
     exempt = p_values.pop(frozenset(("KB", "HO")), None)
     if exempt is None or not p_values:
         return Finding(None, None, "KB and HO were not both rated")
@@ -72,8 +78,12 @@ def _picks_separate(results: Results) -> Finding:
 def _highest_middle(results: Results) -> Finding:
     table = results["table_3_2"].set_index("model")
     top = {"KB", "HO"}
-    agrees = all(set(table.index[table[column] == table[column].max()]) == top for column in ("median", "mode"))
-    return Finding(", ".join(f"{name} {row['median']:g}/{row['mode']:g}" for name, row in table.iterrows()), agrees)
+    agrees = all(
+        set(table.index[table[column] == table[column].max()]) == top for column in ("median", "mode")
+    )
+    return Finding(
+        ", ".join(f"{name} {row['median']:g}/{row['mode']:g}" for name, row in table.iterrows()), agrees
+    )
 
 
 def _mode_count(results: Results) -> Finding:
@@ -89,7 +99,7 @@ def _closer_is_preferred(results: Results) -> Finding:
     if len(models) < 3:
         return Finding(None, None, "needs MW, KB and HO trained on the multisine")
     by_accuracy = sorted(models, key=lambda model: arx[model])
-    rising = all(ratings[low] <= ratings[high] for low, high in zip(by_accuracy, by_accuracy[1:], strict=False))
+    rising = all(ratings[low] <= ratings[high] for low, high in pairwise(by_accuracy))
     text = ", ".join(f"{model}: %VAF {arx[model]:.1f}, median {ratings[model]:g}" for model in by_accuracy)
     return Finding(text, rising, "three models: an order that chance gives in one case of six or more")
 

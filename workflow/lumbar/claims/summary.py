@@ -20,7 +20,11 @@ DEFINITIONS = {
 
 
 def _shown(value) -> str:
-    return f"{value:.4g}" if isinstance(value, float) and value == value else str(value if value == value else "–")
+    return (
+        f"{value:.4g}"
+        if isinstance(value, float) and value == value
+        else str(value if value == value else "–")
+    )
 
 
 def summary_table(claims: pd.DataFrame, data: str) -> Table:

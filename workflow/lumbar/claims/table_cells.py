@@ -95,7 +95,9 @@ def _cell_3_1(row, column: str, meaning: str, criterion: Criterion, built: bool)
 def _alpha(trained_on: str, model: str) -> Callable[[Results], Finding]:
     def judge(results: Results) -> Finding:
         found = _arx_row(results, trained_on, model)
-        return Finding(None if found is None else float(found["alpha"]), None, "scaling of α not stated in the thesis")
+        return Finding(
+            None if found is None else float(found["alpha"]), None, "scaling of α not stated in the thesis"
+        )
 
     return judge
 
@@ -141,7 +143,9 @@ def _p_value(model: str, other: str, printed: str) -> Claim:
         if model not in table.index or pd.isna(table.at[model, f"p_vs_{other}"]):
             return Finding(None, None, f"{model} and {other} were not both rated")
         found = float(table.at[model, f"p_vs_{other}"])
-        agrees = found < float(printed[1:]) if printed.startswith("<") else abs(found - float(printed)) <= 0.05
+        agrees = (
+            found < float(printed[1:]) if printed.startswith("<") else abs(found - float(printed)) <= 0.05
+        )
         return Finding(found, agrees)
 
     return Claim(

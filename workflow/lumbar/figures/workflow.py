@@ -86,11 +86,13 @@ def _wrap(rows: dict[str, list[str]]) -> list[tuple[str, list[str]]]:
 def _draw_boxes(axis, lines, chapters) -> dict[str, tuple[float, float]]:
     places: dict[str, tuple[float, float]] = {}
     order = list(chapters)
-    left, width = 17.0, 83.0 / _PER_LINE
+    left, width = 21.0, 79.0 / _PER_LINE
     titled = set()
     for row, (name, rules) in enumerate(lines):
         colour = SERIES[order.index(name) % len(SERIES)]
-        axis.axhspan(-row - 0.5, -row + 0.5, color=colour, alpha=0.10 if order.index(name) % 2 else 0.05, lw=0)
+        axis.axhspan(
+            -row - 0.5, -row + 0.5, color=colour, alpha=0.10 if order.index(name) % 2 else 0.05, lw=0
+        )
         if name not in titled:
             axis.text(0.5, -row, chapters[name], va="center", fontsize=7, fontweight="bold")
             titled.add(name)
@@ -117,8 +119,8 @@ def _draw_arrows(axis, edges, places) -> None:
     for source, target in edges:
         (x0, y0), (x1, y1) = places[source], places[target]
         same_line = y0 == y1
-        start = (x0 + (9.2 if x1 > x0 else -9.2), y0) if same_line else (x0, y0 - 0.22)
-        stop = (x1 + (-9.2 if x1 > x0 else 9.2), y1) if same_line else (x1, y1 + 0.22)
+        start = (x0 + (8.7 if x1 > x0 else -8.7), y0) if same_line else (x0, y0 - 0.22)
+        stop = (x1 + (-8.7 if x1 > x0 else 8.7), y1) if same_line else (x1, y1 + 0.22)
         if not same_line and y1 > y0:
             start, stop = (x0, y0 + 0.22), (x1, y1 - 0.22)
         axis.add_patch(
