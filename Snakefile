@@ -12,6 +12,7 @@ min_version("9.0")
 
 configfile: "config/config.yaml"
 configfile: "config/twin.yaml"
+configfile: "config/hidden_effects.yaml"
 
 
 include: "workflow/rules/common.smk"
@@ -28,11 +29,13 @@ include: "workflow/rules/twin.smk"
 include: "workflow/rules/surgeon.smk"
 include: "workflow/rules/signals.smk"
 include: "workflow/rules/tissue.smk"
+include: "workflow/rules/improvement.smk"
 include: "workflow/rules/runtime.smk"
 include: "workflow/rules/survey.smk"
 include: "workflow/rules/lifting.smk"
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/claims.smk"
+include: "workflow/rules/hidden_effects.smk"
 include: "workflow/rules/targets.smk"
 
 

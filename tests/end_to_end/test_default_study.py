@@ -113,7 +113,7 @@ def test_a_subjects_mass_reruns_only_what_depends_on_it(default_run):
     finally:
         path.write_text(before, encoding="utf-8")
     assert run.status == 0, run.text[-3000:]
-    planned = set(re.findall(r"lift=(\w+)", run.text))
+    planned = set(re.findall(r"Job \d+: (\w+kg): ", run.text))
     assert planned == {"expert_23kg", "expert_15kg"}
     rules = set(run.jobs)
     assert {"table_4_1", "examine_claims"} <= rules

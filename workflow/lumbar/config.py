@@ -18,10 +18,20 @@ from lumbar.errors import Problems
 from lumbar.tables import SYNTHETIC_TWIN
 
 TWIN = "twin"
-CHAPTERS = ("surgeon", "signals", "tissue", "runtime", "survey", "lifting", "stability", "claims")
-NEEDS = {"signals": ["surgeon"], "runtime": ["tissue"], "stability": ["lifting"]}
+CHAPTERS = (
+    "surgeon",
+    "signals",
+    "tissue",
+    "improvement",
+    "runtime",
+    "survey",
+    "lifting",
+    "stability",
+    "claims",
+)
+NEEDS = {"signals": ["surgeon"], "improvement": ["tissue"], "runtime": ["tissue"], "stability": ["lifting"]}
 """Chapters that build on another one of the same study."""
-RECORDED = ("surgeon", "tissue", "survey", "lifting")
+RECORDED = ("surgeon", "tissue", "improvement", "survey", "lifting")
 """Chapters that read recordings."""
 
 
@@ -37,7 +47,7 @@ class Artefact:
         Rule that makes it.
     path : str
         Below the study's results; ``{csv,tex,html}`` stands for each of these, ``{lift}`` for every lift,
-        ``{model}`` for every exported model.
+        ``{model}`` for every exported model, ``{record_set}`` for every record set of the improvement chapter.
     chapter : str
         One of `CHAPTERS`.
     """
@@ -47,9 +57,12 @@ class Artefact:
     path: str
     chapter: str
 
-    def for_models(self, models: Iterable[str]) -> Artefact:
-        """Return the artefact with ``{model}`` standing for each exported model."""
-        return replace(self, path=self.path.replace("{model}", "{" + ",".join(models) + "}"))
+    def expanded(self, **choices: Iterable[str]) -> Artefact:
+        """Return the artefact with ``{name}`` standing for each of the choices given for it."""
+        path = self.path
+        for name, values in choices.items():
+            path = path.replace(f"{{{name}}}", "{" + ",".join(values) + "}")
+        return replace(self, path=path)
 
     def paths(self, lifts: Iterable[str] = ()) -> list[str]:
         """Every file of the artefact, below the study's results."""
@@ -157,7 +170,12 @@ def load_study(config: dict, root: Path) -> Study:
         config=config,
         subjects=subjects,
         artefacts=[
-            row.for_models(config["runtime"]["models"]) for row in artefacts if row.chapter in chapters
+            row.expanded(
+                model=config["runtime"]["models"],
+                record_set=[entry["name"] for entry in config["improvement"]["record_sets"]],
+            )
+            for row in artefacts
+            if row.chapter in chapters
         ],
         data_root=_data_root(config, root, problems),
         lifts=lifts if "lifting" in chapters else {},
@@ -298,12 +316,23 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
     files = {
         "surgeon": [record["file"] for record in config["surgeon"]["records"]],
         "tissue": [record["file"] for record in config["tissue"]["records"]],
+        "improvement": [
+            record["file"]
+            for entry in config["improvement"]["record_sets"]
+            for record in entry.get("records", [])
+        ],
         "survey": [config["survey"]["file"]],
         "lifting": [
             trial[key] for trial in study.lifts.values() for key in ("markers", "hip_moment") if key in trial
         ],
     }
     return {chapter: names for chapter, names in files.items() if study.has(chapter)}
+
+
+def record_set_records(study: Study, name: str) -> list[dict]:
+    """Records of a record set of the improvement chapter, as the configuration names them."""
+    entry = next(item for item in study.config["improvement"]["record_sets"] if item["name"] == name)
+    return entry.get("records", study.config["tissue"]["records"])
 
 
 def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
@@ -323,6 +352,10 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
         settings = study.config[chapter]
         if chapter == "lifting":
             plan += _lift_readings(study)
+        elif chapter == "improvement":
+            for entry in settings["record_sets"]:
+                readings = [_column_reading(study, "tissue", record) for record in entry.get("records", [])]
+                plan += [{**reading, "chapter": chapter, "set": entry["name"]} for reading in readings]
         elif chapter == "survey":
             path = study.recording(settings["file"])
             plan.append({"chapter": chapter, "reader": "ratings", "path": path, "layout": settings["layout"]})

@@ -27,11 +27,12 @@ CATEGORIES = {
     "surgeon": "1 Surgeon motion",
     "signals": "2 Signal design",
     "tissue": "3 System identification",
-    "runtime": "4 Haptic runtime",
-    "survey": "5 Survey",
-    "lifting": "6 Lifting",
-    "stability": "7 Basins of attraction",
-    "claims": "8 Claims",
+    "improvement": "4 Improvement",
+    "runtime": "5 Haptic runtime",
+    "survey": "6 Survey",
+    "lifting": "7 Lifting",
+    "stability": "8 Basins of attraction",
+    "claims": "9 Claims",
 }
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 

@@ -86,3 +86,23 @@ rule twin_tissue:
         "Synthetic tissue tests: the excitation signals played on a hardening Kelvin–Boltzmann tissue"
     script:
         "../scripts/twin_tissue.py"
+
+
+rule twin_two_hidden_effects:
+    input:
+        sources=library_sources("twin_two_hidden_effects.py"),
+    output:
+        recordings=expand("<results>/twin/two_hidden_effects/{name}.csv", name=["multisine", "noise", "chirp"]),
+    log:
+        "<logs>/twin_two_hidden_effects.log",
+    benchmark:
+        "<benchmarks>/twin_two_hidden_effects.tsv"
+    conda:
+        CONDA
+    params:
+        twin={key: config["twin"][key] for key in ("seed", "two_hidden_effects")},
+        generator=config["hidden_effects"],
+    message:
+        "Synthetic tissue tests with two hidden effects"
+    script:
+        "../scripts/twin_two_hidden_effects.py"

@@ -10,7 +10,18 @@ from importlib import import_module
 
 from lumbar.errors import LumbarError
 
-COMMANDS = ("check", "bandwidth", "signals", "identify", "export", "survey", "lift", "basin")
+COMMANDS = (
+    "check",
+    "bandwidth",
+    "signals",
+    "identify",
+    "diagnose",
+    "refine",
+    "export",
+    "survey",
+    "lift",
+    "basin",
+)
 """Modules of `lumbar.cli`, in the thesis's order; each has ``add(commands)``, which sets ``run``."""
 
 

@@ -1,0 +1,47 @@
+"""What several tests of the hidden effects share: settings, an oracle, and motions of recorded files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import yaml
+from scipy.interpolate import make_interp_spline
+
+from lumbar.twin.hidden_effects.motion import OVERSAMPLING, Motion
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+
+def settings(**changes) -> dict:
+    """The project's own settings, with changes."""
+    text = (PROJECT / "config" / "hidden_effects.yaml").read_text(encoding="utf-8")
+    return {**yaml.safe_load(text)["hidden_effects"], **changes}
+
+
+def recorded_motion(name: str, time: np.ndarray, position: np.ndarray) -> Motion:
+    """Motion between the samples of a band-limited recording, by a spline of seventh degree."""
+    spline = make_interp_spline(time, position, k=7)
+    step = (time[1] - time[0]) / OVERSAMPLING
+    fine = step * np.arange((len(time) - 1) * OVERSAMPLING + 1)
+    return Motion(name, step, spline(fine), spline(fine, 1), spline(fine, 2))
+
+
+def diagnosis(verdict: str, selected=(), tied_with=(), test_rms: float = 1.0, complete=True) -> dict:
+    """A diagnosis as the benchmark reads it."""
+    return {
+        "verdict": verdict,
+        "selected": list(selected),
+        "tied_with": list(tied_with),
+        "complete": complete,
+        "ladder": [{"effects": [], "test_rms": 9.0}, {"effects": list(selected), "test_rms": test_rms}],
+    }
+
+
+def oracle(label: dict) -> dict:
+    """The diagnosis of somebody who has read the label."""
+    if label["kind"] == "null":
+        return diagnosis("adequate", test_rms=label["noise_rms_N"])
+    if label["kind"] == "outside":
+        return diagnosis("unexplained", test_rms=2 * label["noise_rms_N"], complete=False)
+    return diagnosis("named", label["effects"], test_rms=label["noise_rms_N"])

@@ -1,0 +1,179 @@
+"""The diagnosis on labelled blind experiments and on records with known truth: labels are read by assertions only."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lumbar.effects.catalogue import TISSUE
+from lumbar.errors import InputError, NumericalError
+from lumbar.improvement.diagnosis import Settings, diagnose
+from lumbar.improvement.null_gains import NullGains, shipped
+from lumbar.improvement.refinement import refine
+from lumbar.improvement.sentences import details, headline
+from lumbar.records.columns import read_record
+from lumbar.records.record import Channel, Record
+
+LAYOUT = {
+    "columns": {
+        "time": {"column": "time_s", "unit": "s"},
+        "input": {"column": "position_mm", "quantity": "position", "unit": "mm"},
+        "output": {"column": "force_N", "quantity": "force", "unit": "N"},
+    }
+}
+
+
+def records_of(folder):
+    return [read_record(path, LAYOUT) for path in sorted(folder.glob("*.csv"))]
+
+
+@pytest.fixture(scope="module")
+def blind(shared):
+    """Diagnoses of all blind experiments, made without their labels."""
+    folders = sorted((shared / "hidden_effects").glob("case_*"))
+    return {folder.name: diagnose(records_of(folder)) for folder in folders}
+
+
+@pytest.fixture(scope="module")
+def labels(shared):
+    return json.loads((shared / "hidden_effects" / "labels.json").read_text(encoding="utf-8"))
+
+
+def test_every_single_effect_is_named(blind, labels):
+    wrong = {
+        name: (labels[name]["effects"], diagnosis.verdict, diagnosis.selected)
+        for name, diagnosis in blind.items()
+        if len(labels[name]["effects"]) == 1
+        and (list(diagnosis.selected) != labels[name]["effects"] or diagnosis.verdict != "named")
+    }
+    assert not wrong
+
+
+def test_both_of_two_effects_are_found(blind, labels):
+    pairs = {name: label["effects"] for name, label in labels.items() if len(label["effects"]) == 2}
+    assert pairs
+    for name, effects in pairs.items():
+        assert set(blind[name].selected) == set(effects), name
+
+
+def test_nothing_is_accused_where_nothing_is_hidden(blind, labels):
+    nulls = [name for name, label in labels.items() if not label["effects"]]
+    assert len(nulls) == 4
+    assert {name: blind[name].verdict for name in nulls} == dict.fromkeys(nulls, "adequate")
+
+
+def test_the_error_falls_to_the_noise(blind, labels):
+    ratio = {name: blind[name].model.test_rms / label["noise_rms_N"] for name, label in labels.items()}
+    assert np.median(list(ratio.values())) <= 1.05
+    assert max(ratio.values()) <= 1.25
+
+
+def test_noise_floor_and_p_values(blind, labels):
+    for name, label in labels.items():
+        assert blind[name].experiment.floor.rms == pytest.approx(label["noise_rms_N"], rel=0.1)
+        if label["effects"]:
+            assert blind[name].ranking[0].p_value <= 0.01
+
+
+def test_json_keeps_the_contract(blind):
+    content = blind["case_03"].to_json()
+    assert content["schema"] == "lumbar.diagnosis/1"
+    assert {
+        "schema", "base", "train", "unit", "verdict", "complete", "selected", "tied_with", "noise_floor_rms",
+        "explainable_share_removed", "ranking", "ladder",
+    } <= set(content)  # fmt: skip
+    first = content["ranking"][0]
+    assert {"effects", "train_rms", "test_rms", "p_value", "parameters"} <= set(first)
+    assert {"value", "low", "high", "unit"} <= set(first["parameters"]["coulomb_force"])
+    assert [rung["effects"] for rung in content["ladder"]] == [[], ["coulomb_friction"]]
+    assert content["ladder"][1]["test_rms"] < content["ladder"][0]["test_rms"]
+
+
+def test_sentences_name_effect_and_runner_up(blind):
+    diagnosis = blind["case_03"]
+    assert "missing coulomb friction" in headline(diagnosis)
+    assert any(line.startswith("Runner-up: ") for line in details(diagnosis, TISSUE))
+    assert "Nothing is missing" in headline(blind["case_14"])
+
+
+def synthetic(name, force, seed, seconds=40):
+    random = np.random.default_rng(seed)
+    time = np.arange(0, seconds, 0.01)
+    lines = np.arange(1, 41) * 0.1
+    position = np.cos(2 * np.pi * np.outer(time, lines) + random.uniform(0, 6.28, 40)) @ lines**-0.5
+    position *= 5 / np.abs(position).max()
+    clean = force(time, position)
+    values = clean + 0.01 * clean.std() * random.standard_normal(len(time))
+    channels = {"input": Channel(position, "position", "mm"), "output": Channel(values, "force", "N")}
+    return Record(name, time, channels, name)
+
+
+def test_what_no_effect_explains_is_said_to_be_unexplained():
+    def texture(time, position):
+        return 0.6 * position + 0.5 * np.sin(6 * position)
+
+    diagnosis = diagnose([synthetic("a", texture, 1), synthetic("b", texture, 2, 12)])
+    assert diagnosis.verdict == "unexplained"
+    assert diagnosis.complete is False
+    assert "nothing in the catalogue explains it" in headline(diagnosis)
+
+
+def test_an_adequate_model_of_records_that_do_not_repeat():
+    def spring(time, position):
+        return 0.6 * position
+
+    records = [synthetic("a", spring, 1, 33.33), synthetic("b", spring, 2, 12)]
+    records = [replace(record, channels=dict(record.channels)) for record in records]
+    diagnosis = diagnose(records, Settings(base="LE", periods={}))
+    assert diagnosis.verdict == "adequate"
+
+
+def test_refinement_adds_what_is_named():
+    def stiffening(time, position):
+        return 0.6 * position + 0.01 * position**3
+
+    records = [synthetic("a", stiffening, 1), synthetic("b", stiffening, 2, 12)]
+    experiment, ladder = refine(records, ["hardening_stiffness"], Settings())
+    assert ladder[1].test_rms < 0.3 * ladder[0].test_rms
+    assert ladder[1].fit.amplitudes[2] == pytest.approx(0.01, rel=0.02)
+    with pytest.raises(InputError, match="unknown effect"):
+        refine(records, ["glue"], Settings())
+    with pytest.raises(NumericalError, match="leave it out"):
+        refine(records, ["delay"], Settings(base="LE"))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (Settings(base="HO"), "unknown base model"),
+        (Settings(train="c"), "no record 'c'; there are a, b"),
+        (Settings(periods={"c": 1.0}), "no record 'c'"),
+    ],
+)
+def test_wrong_settings(settings, message):
+    def spring(time, position):
+        return position
+
+    with pytest.raises(InputError, match=message):
+        diagnose([synthetic("a", spring, 1), synthetic("b", spring, 2)], settings)
+
+
+def test_too_short_a_record():
+    def spring(time, position):
+        return position
+
+    with pytest.raises(InputError, match="too short"):
+        diagnose([synthetic("a", spring, 1), synthetic("b", spring, 2, 1.2)])
+
+
+def test_p_values_of_the_null_table():
+    table = NullGains(np.sort(np.random.default_rng(1).chisquare(2, 2000)), 28)
+    assert table.p_value(-1.0) == 1.0
+    assert table.p_value(np.log(2) * 2) == pytest.approx(0.5, abs=0.04)
+    assert table.p_value(40.0) == pytest.approx(np.exp(-20), rel=0.5)
+    assert table.p_value(10.0, forms=56) == pytest.approx(2 * table.p_value(10.0))
+    assert len(shipped().gains) >= 200
+    assert shipped().forms == sum(len(effect.forms) for effect in TISSUE.values())

@@ -1,0 +1,123 @@
+"""The catalogue: complete, described, and each form what its equation says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lumbar.effects.base import BASES
+from lumbar.effects.catalogue import TISSUE, choose, load_effects
+from lumbar.effects.effect import Place
+from lumbar.effects.motion import Motion
+from lumbar.effects.structure import Structure
+from lumbar.errors import InputError
+
+NAMES = {
+    "hardening_stiffness", "quadratic_stiffness", "coulomb_friction", "hysteresis", "contact_loss",
+    "depth_dependent_damping", "quadratic_damping", "inertia", "second_relaxation", "delay", "saturation", "drift",
+    "softening", "periodic_disturbance", "backlash",
+}  # fmt: skip
+FORMS = [form for effect in TISSUE.values() for form in effect.forms]
+
+
+@pytest.fixture(scope="module")
+def motion():
+    time = np.arange(1200) * 0.01
+    return Motion(time, 3 * np.sin(2 * np.pi * 0.7 * time) + np.cos(2 * np.pi * 2.3 * time), 0.01)
+
+
+def middle(form):
+    return np.array([np.sqrt(shape.low * shape.high) for shape in form.shapes])
+
+
+def test_the_names_that_others_rely_on():
+    assert set(TISSUE) == NAMES
+
+
+@pytest.mark.parametrize("effect", TISSUE.values(), ids=lambda effect: effect.name)
+def test_every_effect_is_described(effect):
+    assert effect.mechanism.endswith(".")
+    assert effect.source
+    assert effect.experiment
+    assert len({form.name for form in effect.forms}) == len(effect.forms)
+    for form in effect.forms:
+        assert form.equation
+        assert form.effect == effect.name
+        parameters = [*form.amplitudes, *form.shapes]
+        assert len({item.name for item in parameters}) == len(parameters)
+        assert all(item.unit for item in parameters)
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.key)
+def test_every_form_simulates(form, motion):
+    structure = Structure(BASES["KB"], (form,))
+    force = structure.simulate(
+        motion, np.ones(len(structure.amplitudes)), np.concatenate([[0.1], middle(form)])
+    )
+    assert force.shape == motion.position.shape
+    assert np.isfinite(force).all()
+    base = Structure(BASES["KB"]).simulate(motion, np.ones(2), np.array([0.1]))
+    assert np.abs(force - base).max() > 1e-6 * np.abs(base).max()
+
+
+EQUATIONS = {
+    "hardening_stiffness/cubic": lambda z, v, a, t, s: [z**3],
+    "hardening_stiffness/exponential": lambda z, v, a, t, s: [np.sign(z) * (np.exp(np.abs(z) / s[0]) - 1)],
+    "quadratic_stiffness/quadratic": lambda z, v, a, t, s: [z * z],
+    "coulomb_friction/coulomb": lambda z, v, a, t, s: [np.tanh(v / s[0])],
+    "depth_dependent_damping/bilinear": lambda z, v, a, t, s: [z * v, v],
+    "quadratic_damping/quadratic": lambda z, v, a, t, s: [np.sign(v) * v**2],
+    "inertia/mass": lambda z, v, a, t, s: [a],
+    "drift/settling": lambda z, v, a, t, s: [1 - np.exp(-t / s[0])],
+    "periodic_disturbance/sine": lambda z, v, a, t, s: [
+        np.sin(2 * np.pi * s[0] * t),
+        np.cos(2 * np.pi * s[0] * t),
+    ],
+}
+
+
+@pytest.mark.parametrize("key", EQUATIONS)
+def test_columns_against_the_equation_with_exact_derivatives(key, motion):
+    form = next(form for form in FORMS if form.key == key)
+    slow, fast, time = 2 * np.pi * 0.7, 2 * np.pi * 2.3, motion.time
+    velocity = 3 * slow * np.cos(slow * time) - fast * np.sin(fast * time)
+    acceleration = -3 * slow**2 * np.sin(slow * time) - fast**2 * np.cos(fast * time)
+    expected = EQUATIONS[key](motion.position, velocity, acceleration, time, middle(form))
+    for found, wanted in zip(form.columns(motion, middle(form)), expected, strict=True):
+        assert np.abs(found - wanted)[10:-10].max() < 2e-3 * np.abs(wanted).max()
+
+
+def test_output_forms_limit_the_force(motion):
+    force = 10 * motion.position
+    limits = {form.key: form for form in FORMS if form.place is Place.OUTPUT}
+    lost = limits["contact_loss/sharp"].output_transform(force, motion, np.array([4.0]))
+    assert lost.min() == -4.0
+    assert np.array_equal(lost[force > -4], force[force > -4])
+    clipped = limits["saturation/sharp"].output_transform(force, motion, np.array([6.0]))
+    assert (clipped.min(), clipped.max()) == (-6.0, 6.0)
+    soft = limits["contact_loss/soft"].output_transform(force, motion, np.array([4.0, 1e-3]))
+    assert np.allclose(soft, lost, atol=1e-2)
+
+
+def test_unknown_effect_lists_the_known_ones():
+    with pytest.raises(InputError, match=r"unknown effect friction; known are hardening_stiffness"):
+        choose(["friction"], TISSUE)
+
+
+def test_an_effect_of_the_users_own(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(
+        "from lumbar.effects.effect import Amplitude, Effect, Form, Place\n"
+        "STEP = Effect('step', 'A step at zero.', (Form('sign', 'F sign(z)', Place.PARALLEL,\n"
+        "    (Amplitude('step_force', '{y}'),), columns=lambda motion, _: [(motion.position > 0) * 1.0]),), 'me')\n",
+        encoding="utf-8",
+    )
+    assert list(load_effects(path)) == ["step"]
+    path.write_text("x = 1\n", encoding="utf-8")
+    with pytest.raises(InputError, match="defines no Effect"):
+        load_effects(path)
+    path.write_text("import nothing_of_this_name\n", encoding="utf-8")
+    with pytest.raises(InputError, match="ModuleNotFoundError"):
+        load_effects(path)
+    with pytest.raises(InputError, match="not a Python file"):
+        load_effects(tmp_path / "absent.py")

@@ -1,0 +1,116 @@
+"""Operators with memory against brute force, differential equations and closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lumbar.effects.motion import Motion
+from lumbar.effects.operators import bouc_wen, elastoplastic, play, presliding, relaxation
+
+STEP = 0.01
+
+
+def wandering(seed, samples=1500):
+    random = np.random.default_rng(seed)
+    time = np.arange(samples) * STEP
+    lines = random.uniform(0.1, 4, 12)
+    position = np.cos(2 * np.pi * np.outer(time, lines) + random.uniform(0, 6, 12)) @ (1 / lines)
+    return Motion(time, position, STEP)
+
+
+def test_derivatives_of_a_sine():
+    time = np.arange(1000) * STEP
+    motion = Motion(time, np.sin(2 * np.pi * 5 * time), STEP)
+    inside = slice(20, -20)
+    rate = 2 * np.pi * 5
+    assert np.abs(motion.velocity - rate * np.cos(rate * time))[inside].max() < 2e-4 * rate
+    assert np.abs(motion.acceleration + rate**2 * np.sin(rate * time))[inside].max() < 2e-3 * rate**2
+
+
+def test_reversals_skip_rests():
+    motion = Motion(np.arange(8) * STEP, np.array([0.0, 1, 1, 2, 2, 1, 0, 1]), STEP)
+    assert motion.reversals.tolist() == [0, 4, 6, 7]
+    assert motion.stretch.tolist() == [0, 0, 0, 0, 1, 1, 2, 2]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("gap", [0.01, 0.5, 50.0])
+def test_play_against_sample_by_sample(seed, gap):
+    motion = wandering(seed)
+    expected = [motion.position[0]]
+    for value in motion.position[1:]:
+        expected.append(min(max(expected[-1], value - gap), value + gap))
+    assert np.abs(play(motion, gap) - expected).max() < 1e-12
+
+
+def integrated(motion, slope):
+    """Solve dr/dx = slope(r, sign of motion) along the path, finely between samples."""
+    share, found = 0.0, [0.0]
+    for before, after in zip(motion.position, motion.position[1:], strict=False):
+        sign = np.sign(after - before)
+        steps = 50
+        width = abs(after - before) / steps
+        for _ in range(steps):  # classical Runge-Kutta along the path
+            first = slope(share, sign)
+            second = slope(share + 0.5 * width * first, sign)
+            third = slope(share + 0.5 * width * second, sign)
+            share += width / 6 * (first + 2 * second + 2 * third + slope(share + width * third, sign))
+        found.append(share)
+    return np.array(found)
+
+
+def test_presliding_against_its_differential_equation():
+    motion = wandering(5, 300)
+    expected = integrated(motion, lambda share, sign: sign * (1 - share * sign) / 0.4)
+    assert np.abs(presliding(motion, 0.4) - expected).max() < 1e-6
+
+
+def test_bouc_wen_against_its_differential_equation():
+    motion = wandering(6, 300)
+    expected = integrated(
+        motion, lambda share, sign: sign * (1 - (share**2 if share * sign > 0 else 0.0)) / 0.3
+    )
+    assert np.abs(bouc_wen(motion, 0.3) - expected).max() < 1e-3
+
+
+def test_elastoplastic_is_a_spring_until_it_slips():
+    time = np.arange(400) * STEP
+    motion = Motion(time, 2 * np.sin(2 * np.pi * 0.5 * time), STEP)
+    force = elastoplastic(motion, 0.5)
+    early = motion.position < 0.49
+    early[int(np.argmax(~early)) :] = False
+    assert np.allclose(force[early], motion.position[early] / 0.5)
+    assert np.abs(force).max() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("time_constant", [0.004, 0.02, 0.2, 5.0, 300.0])
+def test_relaxation_against_an_ode_solver(time_constant):
+    time = np.arange(600) * STEP
+    rate = 2 * np.pi * 3
+    motion = Motion(time, np.sin(rate * time) + 0.3 * np.cos(0.7 * rate * time), STEP)
+
+    def slope(now, value):
+        return rate * np.cos(rate * now) - 0.21 * rate * np.sin(0.7 * rate * now) - value / time_constant
+
+    expected = solve_ivp(slope, (0, time[-1]), [0.0], t_eval=time, rtol=1e-10, atol=1e-12, method="LSODA").y[
+        0
+    ]
+    assert np.abs(relaxation(motion, time_constant) - expected).max() < 3e-4 * np.abs(expected).max()
+
+
+def test_relaxation_of_a_ramp_is_exact_for_a_position_that_is_not_smooth():
+    time = np.arange(200) * STEP
+    motion = Motion(time, 2.0 * time, STEP, smooth=False)
+    assert np.allclose(relaxation(motion, 0.3), 2.0 * 0.3 * -np.expm1(-time / 0.3), rtol=1e-12)
+
+
+def test_delayed_motion_rests_before_the_record():
+    motion = wandering(8)
+    late = motion.delayed(0.025)
+    assert late.position[0] == pytest.approx(motion.position[0])
+    assert late.position[2] == pytest.approx(motion.position[0])
+    fine = np.interp(motion.time[500] - 0.025, motion.time, motion.position)
+    assert late.position[500] == pytest.approx(fine, abs=0.02)
+    assert late.position[500] != pytest.approx(motion.position[500], abs=0.02)

@@ -1,0 +1,1 @@
+"""The catalogue of physical effects: each defined once, for equation, simulation, fit and export."""

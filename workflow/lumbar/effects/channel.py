@@ -1,0 +1,96 @@
+"""Effects of the way from position to tissue and from tissue to sensor: play, delay, lost contact, clipping."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.effects.effect import Effect, Form, Place, Shape
+from lumbar.effects.operators import play
+
+BACKLASH = Effect(
+    name="backlash",
+    mechanism="Play in the tool mount: the position reaches the tissue through a gap.",
+    source="Nordin and Gutman, Automatica 38 (2002) 1633-1649",
+    experiment="reverse with strokes smaller than the gap: the force then rests",
+    forms=(
+        Form(
+            name="play",
+            equation=r"z \to \mathrm{play}_g(z)",
+            place=Place.INPUT,
+            shapes=(Shape("half_gap", "{x}", "position", 0.005, 0.5, 9, reach=(0.2, 1.6)),),
+            input_transform=lambda motion, shapes: motion.replaced(play(motion, shapes[0])),
+        ),
+    ),
+)
+
+DELAY = Effect(
+    name="delay",
+    mechanism="The force comes late: transport or processing time between position and force.",
+    source="Ljung, System Identification (1999), section 4.2",
+    experiment="excite at higher frequencies: a delay turns the phase in proportion to frequency, at equal gain",
+    forms=(
+        Form(
+            name="pure",
+            equation=r"F(t) \to F(t - T_d)",
+            place=Place.INPUT,
+            shapes=(Shape("delay", "s", "sampling", 0.05, 5.0, 6, reach=(0.05, 10.0)),),
+            input_transform=lambda motion, shapes: motion.delayed(shapes[0]),
+        ),
+    ),
+)
+
+
+def _soft_maximum(force, limit, width):
+    """Smooth max(force, -limit): the corner is rounded over `width`."""
+    return width * np.logaddexp(0.0, (force + limit) / width) - limit
+
+
+_LIMIT = Shape("limit", "{y}", "force", 0.3, 1.0, 8, reach=(0.05, 1.6))
+
+CONTACT_LOSS = Effect(
+    name="contact_loss",
+    mechanism="The tool leaves the tissue: the force cannot fall below the adhesion.",
+    source="Johnson, Contact Mechanics (1985), chapter 5",
+    experiment="move about a greater mean depth: a contact that is never left shows no loss",
+    forms=(
+        Form(
+            name="sharp",
+            equation=r"F \to \max(F, -F_0)",
+            place=Place.OUTPUT,
+            shapes=(_LIMIT,),
+            output_transform=lambda force, motion, shapes: np.maximum(force, -shapes[0]),
+        ),
+        Form(
+            name="soft",
+            equation=r"F \to w \ln(1 + e^{(F + F_0)/w}) - F_0",
+            place=Place.OUTPUT,
+            shapes=(_LIMIT, Shape("corner_width", "{y}", "force", 0.02, 0.2, 2, reach=(0.1, 4.0))),
+            output_transform=lambda force, motion, shapes: _soft_maximum(force, shapes[0], shapes[1]),
+        ),
+    ),
+)
+
+SATURATION = Effect(
+    name="saturation",
+    mechanism="The force channel clips.",
+    source="range of the force sensor and its amplifier",
+    experiment="halve the amplitude: a channel that no longer clips shows no loss",
+    forms=(
+        Form(
+            name="sharp",
+            equation=r"F \to \min(\max(F, -F_s), F_s)",
+            place=Place.OUTPUT,
+            shapes=(_LIMIT,),
+            output_transform=lambda force, motion, shapes: np.clip(force, -shapes[0], shapes[0]),
+        ),
+        Form(
+            name="soft",
+            equation=r"F \to F_s \tanh(F/F_s)",
+            place=Place.OUTPUT,
+            shapes=(Shape("limit", "{y}", "force", 0.6, 4.0, 6, reach=(0.4, 3.0)),),
+            output_transform=lambda force, motion, shapes: shapes[0] * np.tanh(force / shapes[0]),
+        ),
+    ),
+)
+
+EFFECTS = (BACKLASH, DELAY, CONTACT_LOSS, SATURATION)

@@ -1,0 +1,162 @@
+"""What an effect is: a mechanism with one or more mathematical forms.
+
+A model's force is composed in this order::
+
+    motion --(input forms: delay, play)--> motion' --> base force + parallel forms' forces --(output forms)--> force
+
+A parallel form contributes a sum of *amplitudes* times *columns*, so that amplitudes can be solved for directly; what
+enters otherwise is a *shape*, positive, searched over decades. Input and output forms have shapes only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from lumbar.effects.motion import Motion
+
+
+class Place(StrEnum):
+    """Where an effect acts on the way from position to force."""
+
+    INPUT = "input"
+    PARALLEL = "parallel"
+    OUTPUT = "output"
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """A parameter the force is proportional to.
+
+    Attributes
+    ----------
+    name : str
+        E.g. ``"coulomb_force"``.
+    unit : str
+        In terms of the output's unit ``{y}`` and the input's ``{x}``, e.g. ``"{y}/{x}^3"``.
+    sign : int
+        1: not negative, -1: not positive, 0: any.
+    """
+
+    name: str
+    unit: str
+    sign: int = 1
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A positive parameter the force depends on otherwise.
+
+    Attributes
+    ----------
+    name, unit : str
+        As for `Amplitude`.
+    scale : str
+        Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (largest
+        of the record), ``time`` (1 s), ``sampling`` (interval), ``one``.
+    low, high : float
+        Range in which starting values are looked for, in that scale.
+    points : int
+        Number of starting values, spaced evenly in the logarithm.
+    reach : tuple of float
+        How far below and above the range the fit may go, as factors.
+    lines : float or None
+        For frequencies: the fit stays within this many lines (1/duration) of its start.
+    """
+
+    name: str
+    unit: str
+    scale: str
+    low: float
+    high: float
+    points: int
+    reach: tuple[float, float] = (0.1, 10.0)
+    lines: float | None = None
+
+    def grid(self, size: float) -> np.ndarray:
+        """Return the starting values for a scale of this size."""
+        return size * np.geomspace(self.low, self.high, self.points)
+
+    def bounds(self, size: float) -> tuple[float, float]:
+        """Return the bounds of the fit for a scale of this size."""
+        return self.low * self.reach[0] * size, self.high * self.reach[1] * size
+
+
+Columns = Callable[[Motion, np.ndarray], list[np.ndarray]]
+InputTransform = Callable[[Motion, np.ndarray], Motion]
+OutputTransform = Callable[[np.ndarray, Motion, np.ndarray], np.ndarray]
+Starts = Callable[[Motion, np.ndarray], list[np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Form:
+    """One mathematical form of a mechanism.
+
+    Attributes
+    ----------
+    name : str
+        Unique within its effect, e.g. ``"cubic"``.
+    equation : str
+        LaTeX; what the form contributes or does.
+    place : Place
+    amplitudes, shapes : tuple
+        Parameters in the order in which `columns` and the transforms take them.
+    columns : callable, optional
+        Parallel forms: from motion and shapes to one force per amplitude, each of shape (samples,).
+    input_transform, output_transform : callable, optional
+        Input forms: from motion and shapes to the motion the tissue sees. Output forms: from force, motion and
+        shapes to the measured force.
+    starts : callable, optional
+        Starting shapes from the motion and the residual force, instead of the shapes' grids.
+    """
+
+    name: str
+    equation: str
+    place: Place
+    amplitudes: tuple[Amplitude, ...] = ()
+    shapes: tuple[Shape, ...] = ()
+    columns: Columns | None = None
+    input_transform: InputTransform | None = None
+    output_transform: OutputTransform | None = None
+    starts: Starts | None = None
+    effect: str = field(default="", compare=True)
+
+    @property
+    def key(self) -> str:
+        """Name of effect and form, e.g. ``"hardening_stiffness/cubic"``."""
+        return f"{self.effect}/{self.name}"
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical mechanism.
+
+    Attributes
+    ----------
+    name : str
+        E.g. ``"coulomb_friction"``.
+    mechanism : str
+        One sentence for the reader of a report.
+    forms : tuple of Form
+        Variants, the simplest first.
+    source : str
+        Reference.
+    experiment : str
+        Which excitation shows it best, for ties.
+    """
+
+    name: str
+    mechanism: str
+    forms: tuple[Form, ...]
+    source: str
+    experiment: str = ""
+
+    def __post_init__(self):
+        named = tuple(
+            form if form.effect == self.name else Form(**{**form.__dict__, "effect": self.name})
+            for form in self.forms
+        )
+        object.__setattr__(self, "forms", named)

@@ -1,0 +1,85 @@
+"""Effects of time alone: drift and disturbances at a frequency of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
+from lumbar.effects.motion import Motion
+
+DRIFT = Effect(
+    name="drift",
+    mechanism="Force added that depends on time alone: sensor warming up, tissue settling.",
+    source="ISO 376:2011, creep of force transducers",
+    experiment="record the force at rest for the length of a test",
+    forms=(
+        Form(
+            name="linear",
+            equation=r"r\,t",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("drift_rate", "{y}/s", sign=0),),
+            columns=lambda motion, _: [motion.time],
+        ),
+        Form(
+            name="settling",
+            equation=r"F_d (1 - e^{-t/T_d})",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("drift_force", "{y}", sign=0),),
+            shapes=(Shape("settling_time", "s", "duration", 0.01, 1.0, 7, reach=(0.3, 5.0)),),
+            columns=lambda motion, shapes: [-np.expm1(-motion.time / shapes[0])],
+        ),
+    ),
+)
+
+_LINES = 3
+"""How many of the strongest lines between the input's own are tried."""
+
+
+def strongest_lines(motion: Motion, residual: np.ndarray) -> list[np.ndarray]:
+    """Frequencies (Hz) at which the residual has its strongest lines, strongest first.
+
+    Zero-padded periodogram with a Hann window. Trends (below 1.5 cycles per record) are left out; lines of a model
+    error that repeats with a periodic input are left out by keeping away from the input's own strong lines.
+    """
+    padded = 8 * len(residual)
+    window = np.hanning(len(residual))
+    frequency = np.fft.rfftfreq(padded, motion.sampling_time)
+    power = np.abs(np.fft.rfft((residual - residual.mean()) * window, padded)) ** 2
+    excitation = np.abs(np.fft.rfft((motion.position - motion.position.mean()) * window, padded)) ** 2
+    resolution = 1.0 / (len(residual) * motion.sampling_time)
+    power[frequency < 1.5 * resolution] = 0.0
+    peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    if not len(peaks):
+        return [np.array([2 * resolution])]
+    # How far a line stands out where the input is weak counts, not its height alone.
+    weight = power[peaks] / (1e-3 * excitation.max() + excitation[peaks])
+    by_weight = peaks[np.argsort(-weight)[:_LINES]]
+    by_power = peaks[np.argsort(-power[peaks])[:1]]
+    return [np.array([frequency[peak]]) for peak in dict.fromkeys([*by_weight, *by_power])]
+
+
+PERIODIC_DISTURBANCE = Effect(
+    name="periodic_disturbance",
+    mechanism="A force at a frequency of its own, unrelated to the input (breathing, pulse, a motor).",
+    source="Pintelon and Schoukens, System Identification: A Frequency Domain Approach (2012), section 2.3",
+    experiment="record the force at rest: the line stays",
+    forms=(
+        Form(
+            name="sine",
+            equation=r"A \sin(2\pi f t) + B \cos(2\pi f t)",
+            place=Place.PARALLEL,
+            amplitudes=(
+                Amplitude("sine_amplitude", "{y}", sign=0),
+                Amplitude("cosine_amplitude", "{y}", sign=0),
+            ),
+            shapes=(Shape("frequency", "Hz", "time", 0.01, 50.0, 1, lines=0.7),),
+            columns=lambda motion, shapes: [
+                np.sin(2 * np.pi * shapes[0] * motion.time),
+                np.cos(2 * np.pi * shapes[0] * motion.time),
+            ],
+            starts=strongest_lines,
+        ),
+    ),
+)
+
+EFFECTS = (DRIFT, PERIODIC_DISTURBANCE)

@@ -1,0 +1,112 @@
+"""Position over time with what effects need of it: derivatives, path travelled, reversals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lumbar.records.record import Record
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Evenly sampled position of the tool about the record's zero.
+
+    Attributes
+    ----------
+    time : numpy.ndarray, shape (samples,)
+        Seconds since the record's start: history effects begin afresh in each record.
+    position : numpy.ndarray, shape (samples,)
+    sampling_time : float
+        Seconds.
+    smooth : bool
+        Whether the position is a smooth signal. A position that went through play is not: its derivatives are
+        taken by differences instead of by a spline.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    sampling_time: float
+    smooth: bool = True
+
+    @classmethod
+    def of(cls, record: Record, role: str = "input") -> Motion:
+        """Motion of one channel of a record."""
+        return cls(record.time - record.time[0], record[role], record.sampling_time)
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @cached_property
+    def _spline(self):
+        """Interpolating quintic spline: its second derivative is accurate to the fourth order of the step."""
+        from scipy.interpolate import make_interp_spline
+
+        return make_interp_spline(self.time, self.position, k=5)
+
+    @cached_property
+    def velocity(self) -> np.ndarray:
+        """First derivative."""
+        if self.smooth:
+            return self._spline(self.time, 1)
+        return np.gradient(self.position, self.sampling_time)
+
+    @cached_property
+    def velocity_between(self) -> np.ndarray:
+        """First derivative halfway between samples, shape (samples - 1,); smooth positions only."""
+        return self._spline(self.time[:-1] + 0.5 * self.sampling_time, 1)
+
+    @cached_property
+    def acceleration(self) -> np.ndarray:
+        """Second derivative."""
+        if self.smooth:
+            return self._spline(self.time, 2)
+        return np.gradient(self.velocity, self.sampling_time)
+
+    @cached_property
+    def increments(self) -> np.ndarray:
+        """Change of position since the sample before; 0 for the first."""
+        return np.diff(self.position, prepend=self.position[0])
+
+    @cached_property
+    def path(self) -> np.ndarray:
+        """Distance travelled since the record's start."""
+        return np.cumsum(np.abs(self.increments))
+
+    @cached_property
+    def reversals(self) -> np.ndarray:
+        """Indices of the first sample, of every sample at which the direction changes, and of the last one."""
+        direction = np.sign(np.diff(self.position))
+        moving = np.flatnonzero(direction)
+        turned = moving[1:][direction[moving][1:] != direction[moving][:-1]]
+        return np.concatenate([[0], turned, [len(self.position) - 1]])
+
+    @cached_property
+    def stretch(self) -> np.ndarray:
+        """For every sample the number of the monotone stretch between reversals it lies in."""
+        return np.append(
+            np.repeat(np.arange(len(self.reversals) - 1), np.diff(self.reversals)), len(self.reversals) - 2
+        )
+
+    def delayed(self, delay: float) -> Motion:
+        """Motion `delay` seconds ago, at rest at its first position before the record began."""
+        past = np.maximum(self.time - delay, 0.0)
+        return Motion(self.time, self._spline(past), self.sampling_time)
+
+    def replaced(self, position: np.ndarray) -> Motion:
+        """Motion with a position that is not smooth, on the same clock."""
+        return Motion(self.time, position, self.sampling_time, smooth=False)
+
+    def scale(self, kind: str) -> float:
+        """Size of a quantity, for starting values: see `lumbar.effects.effect.Shape`."""
+        return {
+            "position": lambda: float(np.ptp(self.position) / 2),
+            "speed": lambda: float(np.abs(self.velocity).max()),
+            "path": lambda: float(self.path[-1]),
+            "duration": lambda: float(self.time[-1]),
+            "time": lambda: 1.0,
+            "sampling": lambda: self.sampling_time,
+            "one": lambda: 1.0,
+        }[kind]()

@@ -1,0 +1,84 @@
+"""Effects of speed and acceleration: damping that depends on depth or speed, inertia."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
+
+
+def _hunt_crossley(motion, _):
+    depth = np.maximum(motion.position, 0.0)
+    return [depth * motion.velocity, motion.velocity]
+
+
+DEPTH_DEPENDENT_DAMPING = Effect(
+    name="depth_dependent_damping",
+    mechanism="Damping grows with depth, as of a contact area that grows.",
+    source="Hunt and Crossley, J. Appl. Mech. 42 (1975) 440-445",
+    experiment="oscillate at one frequency about several mean depths",
+    forms=(
+        Form(
+            name="bilinear",
+            equation=r"\lambda (z + z_0) v",
+            place=Place.PARALLEL,
+            amplitudes=(
+                Amplitude("damping_per_depth", "{y} s/{x}^2", sign=0),
+                Amplitude("damping_at_zero", "{y} s/{x}"),
+            ),
+            columns=lambda motion, _: [motion.position * motion.velocity, motion.velocity],
+        ),
+        Form(
+            name="one_sided",
+            equation=r"\lambda \max(z, 0) v + c v",
+            place=Place.PARALLEL,
+            amplitudes=(
+                Amplitude("damping_per_depth", "{y} s/{x}^2"),
+                Amplitude("damping_at_zero", "{y} s/{x}"),
+            ),
+            columns=_hunt_crossley,
+        ),
+    ),
+)
+
+QUADRATIC_DAMPING = Effect(
+    name="quadratic_damping",
+    mechanism="Damping grows with speed, as of fluid pushed through the tissue.",
+    source="Thornton and Marion, Classical Dynamics (2004), section 2.4",
+    experiment="sweep the amplitude at one high frequency: the force in phase with speed grows with its square",
+    forms=(
+        Form(
+            name="quadratic",
+            equation=r"c_2 v|v|",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("quadratic_damping", "{y} s^2/{x}^2"),),
+            columns=lambda motion, _: [motion.velocity * np.abs(motion.velocity)],
+        ),
+        Form(
+            name="sinh",
+            equation=r"F_2 \sinh(v/v_2)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("damping_force", "{y}"),),
+            shapes=(Shape("speed_constant", "{x}/s", "speed", 0.2, 2.0, 4, reach=(0.4, 2.0)),),
+            columns=lambda motion, shapes: [np.sinh(motion.velocity / shapes[0])],
+        ),
+    ),
+)
+
+INERTIA = Effect(
+    name="inertia",
+    mechanism="Mass that moves with the sensor.",
+    source="Newton's second law",
+    experiment="excite at higher frequencies: inertia grows with their square, in anti-phase with the spring",
+    forms=(
+        Form(
+            name="mass",
+            equation=r"m \ddot z",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("mass", "{y} s^2/{x}"),),
+            columns=lambda motion, _: [motion.acceleration],
+        ),
+    ),
+)
+
+EFFECTS = (DEPTH_DEPENDENT_DAMPING, QUADRATIC_DAMPING, INERTIA)

@@ -1,0 +1,127 @@
+"""Effects of stiffness and relaxation: hardening, asymmetry, softening, a second Maxwell branch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
+from lumbar.effects.operators import relaxation
+
+HARDENING = Effect(
+    name="hardening_stiffness",
+    mechanism="The tissue gets stiffer with depth, alike in both directions.",
+    source="Fung, Biomechanics: Mechanical Properties of Living Tissues (1993), section 7.5",
+    experiment="excite with a larger amplitude: the force of a stiffening spring grows with its cube",
+    forms=(
+        Form(
+            name="cubic",
+            equation=r"k_3 z^3",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("cubic_stiffness", "{y}/{x}^3", sign=0),),
+            columns=lambda motion, _: [motion.position**3],
+        ),
+        Form(
+            name="exponential",
+            equation=r"F_h\,\mathrm{sign}(z)\,(e^{|z|/z_h} - 1)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("hardening_force", "{y}"),),
+            shapes=(Shape("hardening_length", "{x}", "position", 0.15, 1.5, 6, reach=(0.7, 3.0)),),
+            columns=lambda motion, shapes: [
+                np.sign(motion.position) * np.expm1(np.abs(motion.position) / shapes[0]),
+            ],
+        ),
+        Form(
+            name="bilinear",
+            equation=r"k_b\,\mathrm{sign}(z)\,\max(|z| - z_b, 0)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
+            shapes=(Shape("knee", "{x}", "position", 0.1, 0.8, 5, reach=(0.2, 1.2)),),
+            columns=lambda motion, shapes: [
+                np.sign(motion.position) * np.maximum(np.abs(motion.position) - shapes[0], 0.0)
+            ],
+        ),
+    ),
+)
+
+QUADRATIC = Effect(
+    name="quadratic_stiffness",
+    mechanism="The stiffness differs between pushing and pulling.",
+    source="Brown, Rosen and Sinanan, Biomechanical properties of abdominal organs, MICCAI (2003)",
+    experiment="move about two different mean depths: an even force changes the apparent stiffness",
+    forms=(
+        Form(
+            name="quadratic",
+            equation=r"k_2 z^2",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("quadratic_stiffness", "{y}/{x}^2", sign=0),),
+            columns=lambda motion, _: [motion.position**2],
+        ),
+        Form(
+            name="two_sided",
+            equation=r"k_\pm |z|",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("half_difference_of_stiffness", "{y}/{x}", sign=0),),
+            columns=lambda motion, _: [np.abs(motion.position)],
+        ),
+    ),
+)
+
+
+def _worn(motion, share, length):
+    """Stiffness lost after the path travelled, as a share between 0 and `share`."""
+    return -share * np.expm1(-motion.path / length)
+
+
+SOFTENING = Effect(
+    name="softening",
+    mechanism="The tissue softens with the path travelled or with time (preconditioning, damage).",
+    source="Mullins, Rubber Chem. Technol. 42 (1969) 339-362; Fung (1993), section 7.5",
+    experiment="repeat the same short record several times after another without rest",
+    forms=(
+        Form(
+            name="path",
+            equation=r"-k_s z\,(1 - e^{-s/s_0}),\quad s = \int|\dot z|\,dt",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
+            shapes=(Shape("path_constant", "{x}", "path", 0.02, 3.0, 6),),
+            columns=lambda motion, shapes: [-motion.position * np.expm1(-motion.path / shapes[0])],
+        ),
+        Form(
+            name="time",
+            equation=r"-k_s z\,(1 - e^{-t/T_s})",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
+            shapes=(Shape("time_constant", "s", "duration", 0.02, 3.0, 6),),
+            columns=lambda motion, shapes: [-motion.position * np.expm1(-motion.time / shapes[0])],
+        ),
+        Form(
+            name="whole_force",
+            equation=r"F \to F\,(1 - a\,(1 - e^{-s/s_0}))",
+            place=Place.OUTPUT,
+            shapes=(
+                Shape("share_lost", "1", "one", 0.05, 0.6, 3, reach=(0.02, 1.6)),
+                Shape("path_constant", "{x}", "path", 0.05, 1.0, 3),
+            ),
+            output_transform=lambda force, motion, shapes: force * (1 - _worn(motion, shapes[0], shapes[1])),
+        ),
+    ),
+)
+
+SECOND_RELAXATION = Effect(
+    name="second_relaxation",
+    mechanism="The tissue relaxes on a second time scale: another Maxwell branch.",
+    source="Wiechert (1893); Fung (1993), section 2.11",
+    experiment="hold a step for several of the new time constants, or excite well above 1/(2πτ) if it is fast",
+    forms=(
+        Form(
+            name="maxwell_branch",
+            equation=r"k_3 q,\quad \dot q = \dot z - q/\tau_2",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("branch_stiffness", "{y}/{x}"),),
+            shapes=(Shape("relaxation_time", "s", "time", 0.008, 20.0, 12, reach=(0.4, 5.0)),),
+            columns=lambda motion, shapes: [relaxation(motion, shapes[0])],
+        ),
+    ),
+)
+
+EFFECTS = (HARDENING, QUADRATIC, SOFTENING, SECOND_RELAXATION)

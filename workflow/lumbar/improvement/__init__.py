@@ -1,0 +1,1 @@
+"""Compare a model with measurements, locate where it fails, diagnose what is missing, refine it."""

@@ -1,0 +1,415 @@
+"""Which physical effect a model is missing: the ranking, the verdict and the evidence for both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from lumbar.effects.base import BASES
+from lumbar.effects.catalogue import TISSUE, load_effects
+from lumbar.effects.effect import Effect
+from lumbar.effects.structure import Structure
+from lumbar.errors import InputError
+from lumbar.improvement.fitting import fit_base
+from lumbar.improvement.null_gains import NullGains, shipped
+from lumbar.improvement.preparation import Experiment, prepare
+from lumbar.improvement.search import (
+    Candidate,
+    best_by_effect,
+    exchange,
+    extend,
+    gain,
+    is_adequate,
+    judge,
+    pairs,
+    unseen_improvement,
+)
+from lumbar.improvement.uncertainty import Estimate, estimates
+from lumbar.records.record import Record
+
+LEVEL = 0.01
+"""An effect is selected only at this probability of a false alarm."""
+UNSEEN = 2.33
+"""Standard errors by which the squared error on unseen records must fall (one-sided 1 %)."""
+COMPLETE = 1.2
+"""Remaining error, in noise floors, up to which a model counts as complete."""
+TIED = 9.2
+"""Difference in twice the log-likelihood below which two effects cannot be told apart (odds of 100 to 1)."""
+WORTHWHILE = 0.007
+"""A further effect must remove this share of what the base leaves to explain on unseen records, and as much as the
+noise itself: the wrong mathematical form of the first effect leaves a little that any other one can mop up."""
+WORTHWHILE_BLIND = 0.02
+"""The same, of the base's squared error, where the noise floor is unknown."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to diagnose.
+
+    Attributes
+    ----------
+    base : str
+        Base model, a key of `lumbar.effects.base.BASES`.
+    train : str or None
+        Training record; None takes the longest.
+    periods : dict of str to float
+        Periods of records in seconds; others are found.
+    catalogue : dict of str to Effect
+        Candidates.
+    most_effects : int
+        Most effects to add.
+    """
+
+    base: str = "KB"
+    train: str | None = None
+    periods: dict[str, float] = field(default_factory=dict)
+    catalogue: dict[str, Effect] = field(default_factory=lambda: TISSUE)
+    most_effects: int = 3
+
+    @classmethod
+    def from_config(
+        cls,
+        config: dict,
+        base: str | None = None,
+        train: str | None = None,
+        periods: dict[str, float] | None = None,
+    ) -> Settings:
+        """Settings from a study's section ``improvement``; what is given beside it comes first."""
+        catalogue = dict(TISSUE)
+        for file in config["effect_files"]:
+            catalogue.update(load_effects(Path(file)))
+        return cls(
+            base=base or config["base"],
+            train=train or config["train"],
+            periods=periods or {},
+            catalogue=catalogue,
+            most_effects=config["most_effects"],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """One set of effects with its evidence.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    p_value : float
+        See `lumbar.improvement.null_gains`.
+    estimates : list of Estimate
+    """
+
+    candidate: Candidate
+    p_value: float
+    estimates: list[Estimate]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The verdict on a base model and the evidence.
+
+    Attributes
+    ----------
+    experiment : Experiment
+    base : Candidate
+        The base alone.
+    verdict : str
+        ``adequate``, ``named``, ``tied`` or ``unexplained``.
+    complete : bool or None
+        Whether what remains on unseen records is noise; None where the floor is unknown.
+    ladder : list of Candidate
+        Base, base and first effect, ….
+    tied_with : list of Candidate
+        Alternatives that explain the data as well.
+    ranking : list of Ranked
+        Sets of effects, best first.
+    explainable_share_removed : float
+        Share of the base's explainable variance on unseen records that the selected effects remove.
+    """
+
+    experiment: Experiment
+    base: Candidate
+    verdict: str
+    complete: bool | None
+    ladder: list[Candidate]
+    tied_with: list[Candidate]
+    ranking: list[Ranked]
+    explainable_share_removed: float
+
+    @property
+    def model(self) -> Candidate:
+        """The refined model: base and selected effects."""
+        return self.ladder[-1]
+
+    @property
+    def selected(self) -> tuple[str, ...]:
+        """Names of the selected effects, in the order added."""
+        return self.model.effects
+
+    def to_json(self) -> dict:
+        """Return the content of ``diagnosis.json`` (schema ``lumbar.diagnosis/1``)."""
+        floor = self.experiment.floor
+        return {
+            "schema": "lumbar.diagnosis/1",
+            "base": self.base.fit.structure.base.name,
+            "train": self.experiment.training.name,
+            "unit": self.experiment.output_unit,
+            "verdict": self.verdict,
+            "complete": self.complete,
+            "selected": list(self.selected),
+            "tied_with": [_new_effects(item, self.selected) for item in self.tied_with],
+            "noise_floor_rms": None if floor is None else floor.rms,
+            "explainable_share_removed": self.explainable_share_removed,
+            "ranking": [_ranked_json(item) for item in self.ranking],
+            "ladder": [
+                {"effects": list(item.effects), "train_rms": item.train_rms, "test_rms": item.test_rms}
+                for item in self.ladder
+            ],
+        }
+
+
+def _new_effects(candidate: Candidate, selected: Sequence[str]) -> str:
+    """Name what an alternative has instead of the selected effects."""
+    return "+".join(name for name in candidate.effects if name not in selected)
+
+
+def _ranked_json(item: Ranked) -> dict:
+    parameters: dict[str, dict] = {}
+    names = [estimate.name for estimate in item.estimates]
+    for estimate in item.estimates:
+        key = (
+            estimate.name
+            if names.count(estimate.name) == 1
+            else f"{estimate.effect or 'base'}.{estimate.name}"
+        )
+        parameters[key] = {
+            "value": estimate.value,
+            "low": estimate.low,
+            "high": estimate.high,
+            "unit": estimate.unit,
+            "effect": estimate.effect or None,
+        }
+    return {
+        "effects": list(item.candidate.effects),
+        "forms": [form.name for form in item.candidate.fit.structure.forms],
+        "train_rms": item.candidate.train_rms,
+        "test_rms": item.candidate.test_rms,
+        "p_value": item.p_value,
+        "converged": item.candidate.fit.converged,
+        "parameters": parameters,
+    }
+
+
+def diagnose(
+    records: list[Record], settings: Settings | None = None, null: NullGains | None = None
+) -> Diagnosis:
+    """Diagnose what a base model is missing on a set of records.
+
+    Parameters
+    ----------
+    records : list of Record
+        One per excitation, with channels ``input`` and ``output``.
+    settings : Settings, optional
+    null : NullGains, optional
+        Gains where nothing is missing; default the table that comes with the project.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        For an unknown base and for records that cannot be used (`prepare`).
+    """
+    settings = settings or Settings()
+    if settings.base not in BASES:
+        raise InputError(f"unknown base model {settings.base!r}; known are {', '.join(BASES)}")
+    experiment = prepare(records, settings.train, settings.periods)
+    base = judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)
+    return _Search(experiment, base, settings, null or shipped()).diagnosis()
+
+
+class _Search:
+    """One diagnosis under way: the candidates tried so far and what was selected."""
+
+    def __init__(self, experiment: Experiment, base: Candidate, settings: Settings, null: NullGains):
+        self.experiment = experiment
+        self.base = base
+        self.settings = settings
+        self.null = null
+        self.forms = sum(len(effect.forms) for effect in settings.catalogue.values())
+        self.singles = extend(base, settings.catalogue, experiment, most=None)
+        self.tried = list(self.singles)
+
+    def diagnosis(self) -> Diagnosis:
+        ladder = self.climb()
+        model = ladder[-1]
+        tied = self.tied(model)
+        share = self.share_removed(model)
+        return Diagnosis(
+            experiment=self.experiment,
+            base=self.base,
+            verdict=self.verdict(model, tied, share),
+            complete=self.complete(model),
+            ladder=ladder,
+            tied_with=tied,
+            ranking=self.ranking(model),
+            explainable_share_removed=share,
+        )
+
+    def p_value(self, before: Candidate, after: Candidate) -> float:
+        return self.null.p_value(gain(before, after, self.experiment), self.forms)
+
+    def passes(self, before: Candidate, after: Candidate) -> bool:
+        """Whether an effect may be selected: no false alarm in training, and surely better on unseen records."""
+        if after.test_rms >= before.test_rms or self.p_value(before, after) > LEVEL:
+            return False
+        return unseen_improvement(before, after, self.experiment) > UNSEEN
+
+    def worthwhile(self, before: Candidate, after: Candidate) -> bool:
+        """Whether a further effect explains more than the form of the effects before it being slightly wrong."""
+        removed = before.test_rms**2 - after.test_rms**2
+        floor = self.experiment.floor
+        if floor is None:
+            return removed >= WORTHWHILE_BLIND * self.base.test_rms**2
+        explainable = max(self.base.test_rms**2 - floor.rms**2, 0.0)
+        return removed >= max(WORTHWHILE * explainable, floor.rms**2)
+
+    def climb(self) -> list[Candidate]:
+        """Select effects one after the other; return the ladder from the base up."""
+        if is_adequate(self.base, self.experiment) and not self.any_passes(self.base, self.singles):
+            return [self.base]
+        model = next((item for item in self.singles if self.passes(self.base, item)), None)
+        if model is not None and is_adequate(model, self.experiment):
+            return [self.base, model]
+        if self.settings.most_effects < 2:
+            return [self.base] if model is None else [self.base, model]
+        pair = self.best_pair(model)
+        if pair is None:
+            return [self.base] if model is None else [self.base, model]
+        return self.climb_further(pair)
+
+    def any_passes(self, before: Candidate, candidates: list[Candidate]) -> bool:
+        return any(self.passes(before, item) for item in candidates)
+
+    def best_pair(self, single: Candidate | None) -> Candidate | None:
+        """Return the best pair if it is worth a second effect; pairs are tried even where no single effect passes."""
+        found = pairs(self.base, self.singles, self.settings.catalogue, self.experiment)
+        self.tried += found
+        before = single or self.base
+        found = [item for item in found if self.passes(before, item) and self.worthwhile(before, item)]
+        if not found:
+            return None
+        best = exchange(found[0], self.settings.catalogue, self.experiment)
+        return best if best.test_rms <= found[0].test_rms * 1.001 else found[0]
+
+    def climb_further(self, pair: Candidate) -> list[Candidate]:
+        """Add effects to a pair while they are worth it, drop what has become needless, order what is left."""
+        model = pair
+        while len(model.effects) < self.settings.most_effects and not is_adequate(model, self.experiment):
+            more = extend(model, self.settings.catalogue, self.experiment, most=4)
+            self.tried += more
+            best = next(
+                (item for item in more if self.passes(model, item) and self.worthwhile(model, item)), None
+            )
+            if best is None:
+                break
+            model = best
+        return self.ordered_ladder(model)
+
+    def ordered_ladder(self, model: Candidate) -> list[Candidate]:
+        """Rungs from the base to the model: each adds the effect that helps most; needless ones are dropped."""
+        forms = list(model.fit.structure.forms)
+        rungs = [self.base]
+        while forms:
+            from lumbar.improvement.fitting import add
+
+            found = [
+                judge(add(rungs[-1].fit, form, self.experiment.training), self.experiment) for form in forms
+            ]
+            best = min(found, key=lambda item: item.score)
+            forms = [form for form in forms if form.effect != best.effects[-1]]
+            if not forms and best.score > model.score:
+                # The last rung is the model itself, with its effects in the order in which they help.
+                best = self.in_order(model, best.effects)
+            rungs.append(best)
+        while len(rungs) > 2 and not self.passes(rungs[-2], rungs[-1]):
+            rungs.pop()
+        return rungs
+
+    def in_order(self, model: Candidate, names: Sequence[str]) -> Candidate:
+        """The same fitted model with its forms in another order."""
+        from lumbar.improvement.fitting import Fit
+
+        fit = model.fit
+        base = fit.structure.base
+        forms = tuple(next(form for form in fit.structure.forms if form.effect == name) for name in names)
+        first, parts = fit.structure.shapes_of(fit.shapes)
+        amplitudes, position = {}, len(base.amplitudes)
+        for form in fit.structure.forms:
+            amplitudes[form.key] = fit.amplitudes[position : position + len(form.amplitudes)]
+            position += len(form.amplitudes)
+        ordered = Fit(
+            Structure(base, forms),
+            np.concatenate(
+                [fit.amplitudes[: len(base.amplitudes)], *(amplitudes[form.key] for form in forms)]
+            ),
+            np.concatenate([first, *(parts[form.key] for form in forms)]),
+            fit.squared_error,
+            fit.converged,
+        )
+        return Candidate(ordered, model.train_rms, model.test_rms, model.score)
+
+    def tied(self, model: Candidate) -> list[Candidate]:
+        """Other sets of as many effects that explain all records as well."""
+        if model is self.base:
+            return []
+        return [
+            item
+            for item in best_by_effect([*self.tried, model])
+            if set(item.effects) != set(model.effects)
+            and len(item.effects) <= len(model.effects)
+            and item.score - model.score < TIED
+        ]
+
+    def share_removed(self, model: Candidate) -> float:
+        floor = self.experiment.floor.rms if self.experiment.floor else 0.0
+        explainable = max(self.base.test_rms**2 - floor**2, 0.0)
+        removed = max(self.base.test_rms**2 - model.test_rms**2, 0.0)
+        return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
+
+    def verdict(self, model: Candidate, tied: list[Candidate], share: float) -> str:
+        if model is self.base:
+            lacking = self.experiment.floor is not None and not is_adequate(self.base, self.experiment)
+            return "unexplained" if lacking else "adequate"
+        if share < 0.5 and not is_adequate(model, self.experiment):
+            return "unexplained"
+        return "tied" if tied else "named"
+
+    def complete(self, model: Candidate) -> bool | None:
+        floor = self.experiment.floor
+        return None if floor is None else bool(model.test_rms <= COMPLETE * floor.rms)
+
+    def ranking(self, model: Candidate) -> list[Ranked]:
+        """The selected set first, then every other set tried, best first."""
+        sets = best_by_effect([*self.tried, *([model] if model is not self.base else [])])
+        others = [item for item in sets if set(item.effects) != set(model.effects)]
+        chosen = [] if model is self.base else [model]
+        return [self.ranked(item) for item in [*chosen, *others][:_SHOWN]]
+
+    def ranked(self, candidate: Candidate) -> Ranked:
+        experiment = self.experiment
+        units = experiment.input_unit, experiment.output_unit
+        return Ranked(
+            candidate,
+            self.p_value(self.base, candidate),
+            estimates(candidate.fit, experiment.training, *units),
+        )
+
+
+_SHOWN = 10
+"""How many sets of effects a ranking shows."""

@@ -1,0 +1,342 @@
+"""Joint fit of base and effects to a record by free-run simulation error.
+
+Amplitudes enter linearly and are eliminated (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973)
+413-432); only shapes are searched. Forms that act on the output make the problem nonlinear in the amplitudes too; then
+all parameters are searched together, from the linear solution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from lumbar.effects.effect import Form, Place
+from lumbar.effects.motion import Motion
+from lumbar.effects.structure import Structure
+
+SETTLING = 0.5
+"""Seconds at the start of every record that are left out of every error: the initial state is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitData:
+    """One record prepared for fitting.
+
+    Attributes
+    ----------
+    name : str
+    motion : Motion
+    force : numpy.ndarray, shape (samples,)
+    whitening : numpy.ndarray
+        Coefficients of an FIR filter that makes the noise white; ``[1]`` where it is white.
+    """
+
+    name: str
+    motion: Motion
+    force: np.ndarray
+    whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
+
+    @property
+    def first(self) -> int:
+        """Index of the first sample that counts."""
+        return round(SETTLING / self.motion.sampling_time)
+
+    @property
+    def size(self) -> int:
+        """Number of samples that count."""
+        return len(self.force) - self.first
+
+    def counted(self, signal: np.ndarray) -> np.ndarray:
+        """Whitened signal (samples first) from the first sample that counts."""
+        if len(self.whitening) > 1:
+            from scipy.signal import lfilter
+
+            signal = lfilter(self.whitening, [1.0], signal, axis=0)
+        return signal[self.first :]
+
+    def scale(self, kind: str) -> float:
+        """Size of a quantity for starting values; ``force`` is the largest force of the record."""
+        return float(np.abs(self.force).max()) if kind == "force" else self.motion.scale(kind)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted model.
+
+    Attributes
+    ----------
+    structure : Structure
+    amplitudes, shapes : numpy.ndarray
+    squared_error : float
+        Sum of squared (whitened) errors over the samples that count.
+    converged : bool
+        Whether the optimiser reported convergence.
+    """
+
+    structure: Structure
+    amplitudes: np.ndarray
+    shapes: np.ndarray
+    squared_error: float
+    converged: bool = True
+
+    def simulate(self, motion: Motion) -> np.ndarray:
+        """Free-run simulation, shape (samples,)."""
+        return self.structure.simulate(motion, self.amplitudes, self.shapes)
+
+    def rms(self, *records: FitData) -> float:
+        """Root mean square of the simulation error over all samples that count of these records together."""
+        return float(np.sqrt(np.mean(np.concatenate([self.errors(item) for item in records]) ** 2)))
+
+    def errors(self, record: FitData) -> np.ndarray:
+        """Free-run simulation error of the samples that count."""
+        return (self.simulate(record.motion) - record.force)[record.first :]
+
+
+def solve_amplitudes(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
+    """Least squares with sign constraints.
+
+    Parameters
+    ----------
+    design : numpy.ndarray, shape (samples, amplitudes)
+    force : numpy.ndarray, shape (samples,)
+    signs : tuple of int
+        1: not negative, -1: not positive, 0: free.
+
+    Returns
+    -------
+    numpy.ndarray, shape (amplitudes,)
+    """
+    size = np.sqrt(np.einsum("ij,ij->j", design, design))
+    size[size == 0] = 1.0
+    scaled = design / size
+    normal, right = scaled.T @ scaled, scaled.T @ force
+    # A ridge far below rounding of the data keeps columns that have become equal solvable.
+    normal[np.diag_indices_from(normal)] += 1e-11
+    free = np.linalg.solve(normal, right)
+    if all(sign * value >= 0 for sign, value in zip(signs, free, strict=True)):
+        return free / size
+    return _constrained(normal, right, signs) / size
+
+
+def _constrained(normal: np.ndarray, right: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
+    """Non-negative least squares on the Cholesky factor; a free amplitude is a difference of two."""
+    from scipy.linalg import solve_triangular
+    from scipy.optimize import nnls
+
+    factor = np.linalg.cholesky(normal)
+    target = solve_triangular(factor, right, lower=True)
+    expanded = [(index, 1.0) for index, sign in enumerate(signs) if sign >= 0]
+    expanded += [(index, -1.0) for index, sign in enumerate(signs) if sign <= 0]
+    positive, _ = nnls(np.stack([direction * factor[index] for index, direction in expanded], axis=1), target)
+    amplitudes = np.zeros(len(signs))
+    for (index, direction), value in zip(expanded, positive, strict=True):
+        amplitudes[index] += direction * value
+    return amplitudes
+
+
+def shape_bounds(structure: Structure, data: FitData, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return lower and upper bounds of all shapes."""
+    bounds = []
+    for shape, value in zip(structure.shapes, start, strict=True):
+        if shape.lines is not None:
+            reach = shape.lines / data.motion.time[-1]
+            bounds.append((max(value - reach, 0.1 * value), value + reach))
+        else:
+            bounds.append(shape.bounds(data.scale(shape.scale)))
+    return tuple(np.array(bounds).reshape(-1, 2).T)
+
+
+def start_shapes(form: Form, data: FitData, residual: np.ndarray) -> list[np.ndarray]:
+    """Return the starting shapes of a form: its own, or the grid of all its shapes."""
+    if form.starts is not None:
+        return form.starts(data.motion, residual)
+    grids = [shape.grid(data.scale(shape.scale)) for shape in form.shapes]
+    return [np.array(point) for point in product(*grids)]
+
+
+def fit(structure: Structure, data: FitData, start: np.ndarray, evaluations: int = 40) -> Fit:
+    """Fit a structure to a record from one start.
+
+    Parameters
+    ----------
+    structure : Structure
+    data : FitData
+    start : numpy.ndarray
+        Shapes to start from, base first.
+    evaluations : int
+        Most steps of the optimiser.
+
+    Returns
+    -------
+    Fit
+    """
+    if not len(start):
+        return (
+            _at(structure, data, start)
+            if structure.linear
+            else _search_all(structure, data, start, evaluations)
+        )
+    low, high = shape_bounds(structure, data, start)
+    start = np.clip(start, low * 1.0001, high * 0.9999)
+    search = _search_shapes if structure.linear else _search_all
+    return search(structure, data, start, evaluations, low, high)
+
+
+def _at(structure: Structure, data: FitData, shapes: np.ndarray, converged: bool = True) -> Fit:
+    """Solve for the amplitudes at given shapes."""
+    design = data.counted(structure.design(data.motion, shapes))
+    force = data.counted(data.force)
+    amplitudes = solve_amplitudes(design, force, structure.signs)
+    error = force - design @ amplitudes
+    return Fit(structure, amplitudes, shapes, float(error @ error), converged)
+
+
+def _search_shapes(structure, data, start, evaluations, low, high) -> Fit:
+    from scipy.optimize import least_squares
+
+    force = data.counted(data.force)
+
+    def error(logarithms):
+        design = data.counted(structure.design(data.motion, np.exp(logarithms)))
+        return design @ solve_amplitudes(design, force, structure.signs) - force
+
+    found = least_squares(
+        error, np.log(start), bounds=(np.log(low), np.log(high)), diff_step=1e-5, xtol=1e-7, ftol=1e-9,
+        max_nfev=evaluations,
+    )  # fmt: skip
+    return _at(structure, data, np.exp(found.x), found.status > 0)
+
+
+def _search_all(structure, data, start, evaluations, low=(), high=()) -> Fit:
+    """Search amplitudes and shapes together: the output forms' derivative by differences, the rest by columns."""
+    from scipy.optimize import least_squares
+
+    force = data.counted(data.force)
+    count = len(structure.shapes)
+    inner = Structure(
+        structure.base, tuple(form for form in structure.forms if form.place is not Place.OUTPUT)
+    )
+    keep = _inner_shapes(structure)
+    first = solve_amplitudes(
+        data.counted(inner.design(data.motion, np.asarray(start)[keep])), force, structure.signs
+    )
+    size = np.maximum(np.abs(first), 1e-3 * np.abs(first).max() + 1e-12)
+    signs = np.array(structure.signs)
+
+    def parts(vector):
+        return np.exp(vector[:count]), vector[count:] * size
+
+    def error(vector):
+        shapes, amplitudes = parts(vector)
+        return data.counted(structure.simulate(data.motion, amplitudes, shapes)) - force
+
+    def jacobian(vector):
+        shapes, amplitudes = parts(vector)
+        design = structure.design(data.motion, shapes)
+        inner_force = design @ amplitudes
+        step = 1e-6 * (np.abs(inner_force).max() + 1e-12)
+        slope = (
+            structure.output(inner_force + step, data.motion, shapes)
+            - structure.output(inner_force - step, data.motion, shapes)
+        ) / (2 * step)
+        columns = [
+            (error(vector + 1e-5 * unit) - error(vector - 1e-5 * unit)) / 2e-5
+            for unit in np.eye(len(vector))[:count]
+        ]
+        by_amplitude = data.counted(slope[:, None] * design) * size
+        return np.column_stack([*columns, by_amplitude])
+
+    lower = np.concatenate([np.log(low), np.where(signs > 0, -1e-9, -np.inf)])
+    upper = np.concatenate([np.log(high), np.where(signs < 0, 1e-9, np.inf)])
+    vector = np.concatenate(
+        [np.log(start), np.clip(first / size, lower[count:] + 1e-9, upper[count:] - 1e-9)]
+    )
+    found = least_squares(
+        error, vector, jac=jacobian, bounds=(lower, upper), xtol=1e-8, ftol=1e-9, max_nfev=evaluations
+    )
+    shapes, amplitudes = parts(found.x)
+    amplitudes = np.where(
+        signs > 0, np.maximum(amplitudes, 0), np.where(signs < 0, np.minimum(amplitudes, 0), amplitudes)
+    )
+    residual = data.counted(structure.simulate(data.motion, amplitudes, shapes)) - force
+    return Fit(structure, amplitudes, shapes, float(residual @ residual), found.status > 0)
+
+
+def _inner_shapes(structure: Structure) -> list[int]:
+    """Indices of the shapes that do not belong to output forms."""
+    keep = list(range(len(structure.base.shapes)))
+    position = len(keep)
+    for form in structure.forms:
+        if form.place is not Place.OUTPUT:
+            keep.extend(range(position, position + len(form.shapes)))
+        position += len(form.shapes)
+    return keep
+
+
+def fit_base(structure: Structure, data: FitData) -> Fit:
+    """Fit a structure without effects from every combination of its shapes' starting values; return the best."""
+    grids = [shape.grid(data.scale(shape.scale)) for shape in structure.shapes]
+    starts = [np.array(point) for point in product(*grids)]
+    ranked = sorted((_at(structure, data, start) for start in starts), key=lambda item: item.squared_error)
+    return min(
+        (fit(structure, data, item.shapes) for item in ranked[:2]), key=lambda item: item.squared_error
+    )
+
+
+def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:
+    """Squared error of every starting value of a form added to a fitted model, best first.
+
+    The model's own shapes are kept; amplitudes are solved for together (parallel and input forms) or kept (output
+    forms, which only transform the force).
+    """
+    residual = data.force - previous.simulate(data.motion)
+    structure = previous.structure.with_form(form)
+    force = data.counted(data.force)
+    found = []
+    for start in start_shapes(form, data, residual):
+        shapes = np.concatenate([previous.shapes, start])
+        if structure.linear:
+            squared = _at(structure, data, shapes).squared_error
+        else:
+            error = (
+                data.counted(structure.simulate(data.motion, previous_amplitudes(previous, form), shapes))
+                - force
+            )
+            squared = float(error @ error)
+        found.append((squared, start))
+    return sorted(found, key=lambda item: item[0])
+
+
+def previous_amplitudes(previous: Fit, form: Form) -> np.ndarray:
+    """Amplitudes of a fitted model with those of a new form at 0."""
+    return np.concatenate([previous.amplitudes, np.zeros(len(form.amplitudes))])
+
+
+def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
+    """Refit a model with one form more, jointly, from the best starting values; never worse than before.
+
+    Raises
+    ------
+    AssertionError
+        If the larger model fits worse than the smaller one it contains, which only a failing optimiser can do.
+    """
+    structure = previous.structure.with_form(form)
+    best = min(
+        (
+            fit(structure, data, np.concatenate([previous.shapes, start]))
+            for _, start in screen(previous, form, data)[:starts]
+        ),
+        key=lambda item: item.squared_error,
+    )
+    if best.squared_error > previous.squared_error * (1 + 1e-6) and form.place is Place.PARALLEL:
+        best = Fit(
+            structure,
+            previous_amplitudes(previous, form),
+            best.shapes.copy(),
+            previous.squared_error,
+            converged=False,
+        )
+        best.shapes[: len(previous.shapes)] = previous.shapes
+    return best

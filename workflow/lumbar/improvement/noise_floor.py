@@ -1,0 +1,198 @@
+"""The noise floor of a periodic record: what no model of its input can explain.
+
+Of P periods the first is the transient; the spread of the others about their mean is noise, provided that
+nothing else keeps them from repeating. Drift, softening or a disturbance at a frequency of its own raise that
+spread many times; they are found and taken out first (`lumbar.improvement.nonrepeating`) and reported.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.improvement.nonrepeating import Part, excess, line_power, remove_structure, smooth_power
+from lumbar.improvement.periods import Folding, find_period, fold_periods
+from lumbar.records.record import Record
+
+__all__ = ["NoiseFloor", "find_period", "noise_floor"]
+
+_INPUT_REPEATS_EXACTLY = 1e-4
+_NORMAL_975 = 1.959964
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """What of an output does not repeat with a periodic input, less what is structured in it.
+
+    Attributes
+    ----------
+    rms, low, high : float
+        Noise per sample and its 95 % interval (χ²), in the output's unit.
+    structured : tuple of (str, float)
+        In words, and RMS, of every part that does not repeat and is no noise, the largest first. The words
+        begin with ``drift``, ``amplitude change``, ``off-grid line`` or ``other change``.
+    structured_rms : float
+        RMS of all of them together; 0 where none is significant.
+    input_driven_rms : float
+        RMS of the deviations that follow the input's own deviations from its mean period: a simulation with
+        the measured input explains them.
+    spectrum : tuple of numpy.ndarray
+        Frequency (Hz) and one-sided power spectral density (unit²/Hz) of the noise at the multiples of
+        1/period.
+    degrees_of_freedom : float
+        Of `rms`, the noise's colour taken into account.
+    period : float
+        Seconds.
+    periods : int
+        Periods used, the transient left out.
+    """
+
+    rms: float
+    low: float
+    high: float
+    structured: tuple[tuple[str, float], ...]
+    structured_rms: float
+    input_driven_rms: float
+    spectrum: tuple[np.ndarray, np.ndarray]
+    degrees_of_freedom: float
+    period: float
+    periods: int
+
+    def density(self, frequency: np.ndarray) -> np.ndarray:
+        """Noise level at any frequencies (Hz): the spectrum smoothed over bands, for whitening; unit²/Hz."""
+        lines, density = self.spectrum
+        level = smooth_power(density, max(self.periods - 1, 1))
+        return np.interp(frequency, lines[1:], level[1:])
+
+
+def noise_floor(
+    record: Record, period: float | None = None, role: str = "output", input_role: str = "input"
+) -> NoiseFloor | None:
+    """Return the noise floor of a periodic record, or None where its input does not repeat.
+
+    Parameters
+    ----------
+    record : Record
+    period : float, optional
+        Seconds; by default the record's own, else found by `find_period`.
+    role, input_role : str
+        Channels of the response and of the excitation.
+
+    Raises
+    ------
+    InputError
+        If a period is given that the record is too short for, or with which its input does not repeat.
+    """
+    period = period or record.period or find_period(record, input_role)
+    if period is None:
+        return None
+    folding = fold_periods(record, period, input_role)
+    folded = folding.fold(record[role])
+    mean_period = folded.mean(axis=0)
+    deviations, input_driven = _without_input_deviations(folded - mean_period, record[input_role], folding)
+    scale = np.abs(folded).max()
+    if np.abs(deviations).max() <= 1e-12 * scale:
+        deviations = np.zeros_like(deviations)
+    noise, parts, degrees = remove_structure(
+        deviations, mean_period, folding.fold(record[input_role]).mean(axis=0)
+    )
+    variance = float(np.sum(noise**2)) / degrees
+    power = line_power(noise, degrees / folding.samples)
+    effective = degrees * _share_of_white(power, degrees / folding.samples)
+    spread = 2 / (9 * effective)
+    low, high = (variance / (1 - spread + sign * _NORMAL_975 * np.sqrt(spread)) ** 3 for sign in (1, -1))
+    return NoiseFloor(
+        rms=float(np.sqrt(variance)),
+        low=float(np.sqrt(low)),
+        high=float(np.sqrt(high)),
+        structured=_described(parts, variance, record, folding, role),
+        structured_rms=_rms_together(parts, variance),
+        input_driven_rms=input_driven,
+        spectrum=_density(power, folding.samples, record.sampling_time),
+        degrees_of_freedom=float(effective),
+        period=float(period),
+        periods=len(folded),
+    )
+
+
+def _without_input_deviations(
+    deviations: np.ndarray, excitation: np.ndarray, folding: Folding
+) -> tuple[np.ndarray, float]:
+    """Take out of the output what its input's own deviations cause, by a few filters fitted to them."""
+    folded = folding.fold(excitation)
+    cause = folded - folded.mean(axis=0)
+    if np.std(cause) <= _INPUT_REPEATS_EXACTLY * np.std(folded):
+        return deviations, 0.0
+    columns = [_relaxed(cause, samples) for samples in (0, 1, 4, 16, 64) if samples < folding.samples / 4]
+    regressors = np.column_stack([column.ravel() for column in (np.gradient(cause, axis=1), *columns)])
+    regressors /= np.maximum(regressors.std(axis=0), 1e-300)
+    fitted = regressors @ np.linalg.lstsq(regressors, deviations.ravel(), rcond=1e-8)[0]
+    fitted = fitted.reshape(deviations.shape)
+    rest = deviations - fitted
+    variance = np.sum(rest**2) / max(deviations.size - folding.samples - regressors.shape[1], 1)
+    if variance > 0 and excess(np.sum(fitted**2) / variance, regressors.shape[1]) < 3:
+        return deviations, 0.0
+    return rest, float(np.sqrt(np.mean(fitted**2)))
+
+
+def _relaxed(rows: np.ndarray, samples: int) -> np.ndarray:
+    """Rows through a first-order low-pass of this time constant, circularly; unchanged for 0."""
+    if samples == 0:
+        return rows
+    frequency = 2 * np.pi * np.fft.rfftfreq(rows.shape[1])
+    return np.fft.irfft(np.fft.rfft(rows, axis=1) / (1 + 1j * frequency * samples), rows.shape[1], axis=1)
+
+
+def _share_of_white(power: np.ndarray, rows: float) -> float:
+    """How many degrees of freedom the variance of coloured noise has, relative to white: (ΣS)²/(n ΣS²)."""
+    level = smooth_power(power, rows)[1:]
+    return float(level.sum() ** 2 / (level.size * np.sum(level**2))) if level.size else 1.0
+
+
+def _rms_together(parts: list[Part], variance: float) -> float:
+    if not parts:
+        return 0.0
+    kind = "all"
+    return Part(kind, sum(part.values for part in parts), sum(part.degrees for part in parts)).rms(variance)
+
+
+def _density(power: np.ndarray, samples: int, sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
+    density = 2 * power * sampling_time
+    density[0] /= 2
+    if samples % 2 == 0:
+        density[-1] /= 2
+    return np.fft.rfftfreq(samples, sampling_time), density
+
+
+def _described(
+    parts: list[Part], variance: float, record: Record, folding: Folding, role: str
+) -> tuple[tuple[str, float], ...]:
+    unit = record.channels[role].unit
+    mean_period = folding.fold(record[role]).mean(axis=0)
+    described = [
+        (_words(part, mean_period, unit, record.sampling_time), part.rms(variance)) for part in parts
+    ]
+    return tuple(sorted(described, key=lambda item: -item[1]))
+
+
+def _words(part: Part, mean_period: np.ndarray, unit: str, sampling_time: float) -> str:
+    """Say what a part is, with its size; periods are counted from the record's last, as from 2."""
+    last = len(part.values) + 1
+    if part.kind == "drift":
+        level = part.values.mean(axis=1)
+        return (
+            f"drift: the level changes by {level[-1] - level[0]:+.3g} {unit} from period 2 to period {last}"
+        )
+    if part.kind == "amplitude change":
+        response = mean_period - mean_period.mean()
+        gain = 100 * (part.values @ response) / np.sum(response**2)
+        return f"amplitude change: {gain[-1] - gain[0]:+.3g} % from period 2 to period {last}"
+    if part.kind == "off-grid line":
+        amplitude = np.sqrt(2 * np.mean(part.values**2))
+        return f"off-grid line at {part.frequency / sampling_time:.4g} Hz, amplitude {amplitude:.3g} {unit}"
+    energy = np.sum(part.values**2, axis=1)
+    odd_one = int(energy.argmax())
+    if energy[odd_one] > 0.7 * energy.sum():
+        return f"other change: period {odd_one + 2} differs from the others"
+    return "other change over the periods"

@@ -1,0 +1,130 @@
+"""From validated records to data for fitting: training and test records, noise floor, whitening."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.effects.motion import Motion
+from lumbar.errors import InputError
+from lumbar.improvement.fitting import SETTLING, FitData
+from lumbar.improvement.noise_floor import NoiseFloor, noise_floor
+from lumbar.records.record import Record, same_units
+
+WHITENING_ORDER = 12
+"""Order of the autoregressive model of the noise."""
+_COLOURED = 1.03
+"""Whiten only where prediction lowers the noise's variance by more than this factor."""
+_HELD_BACK = 0.3
+"""Share of a single record that is held back as test where there is no other record."""
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A set of records ready for diagnosis.
+
+    Attributes
+    ----------
+    training : FitData
+    tests : list of FitData
+        Unseen excitation; the last part of the training record where there is no other record.
+    floor : NoiseFloor or None
+        None where no record repeats.
+    input_unit, output_unit : str
+    """
+
+    training: FitData
+    tests: list[FitData]
+    floor: NoiseFloor | None
+    input_unit: str
+    output_unit: str
+
+
+def prepare(
+    records: list[Record], train: str | None = None, periods: dict[str, float] | None = None
+) -> Experiment:
+    """Choose the training record, estimate its noise and prepare all records.
+
+    Parameters
+    ----------
+    records : list of Record
+        With channels ``input`` and ``output``.
+    train : str, optional
+        Name of the training record; default the longest.
+    periods : dict of str to float, optional
+        Period of a record's excitation in seconds; default found from the input.
+
+    Returns
+    -------
+    Experiment
+
+    Raises
+    ------
+    InputError
+        No or unknown records, different units, or a record shorter than what is left out for settling.
+    """
+    if not records:
+        raise InputError("no records to diagnose")
+    same_units(records)
+    names = [record.name for record in records]
+    for name in [*(periods or {}), *([train] if train else [])]:
+        if name not in names:
+            raise InputError(f"no record {name!r}; there are {', '.join(names)}")
+    chosen = next((item for item in records if item.name == train), max(records, key=len))
+    for record in records:
+        if record.duration < 2 * SETTLING + 50 * record.sampling_time:
+            raise InputError(
+                f"{record.source or record.name}: {record.duration:g} s is too short: the first {SETTLING} s settle, "
+                "and at least as much and 50 samples must follow"
+            )
+    floor = noise_floor(chosen, (periods or {}).get(chosen.name) or chosen.period)
+    training, tests = _split(chosen, [item for item in records if item is not chosen])
+    channel = chosen.channels
+    return Experiment(
+        FitData(
+            training.name,
+            Motion.of(training),
+            training["output"],
+            whitening_filter(floor, chosen.sampling_time),
+        ),
+        [FitData(item.name, Motion.of(item), item["output"]) for item in tests],
+        floor,
+        channel["input"].unit,
+        channel["output"].unit,
+    )
+
+
+def _split(chosen: Record, others: list[Record]) -> tuple[Record, list[Record]]:
+    if others:
+        return chosen, others
+    cut = chosen.time[0] + (1 - _HELD_BACK) * chosen.duration
+    return chosen.between(chosen.time[0], cut), [chosen.between(cut, np.inf)]
+
+
+def whitening_filter(floor: NoiseFloor | None, sampling_time: float) -> np.ndarray:
+    """FIR filter that makes the noise white, from its spectrum; ``[1]`` where it is white already.
+
+    Autocovariance by the inverse transform of the spectrum, then the Yule–Walker equations. The filter keeps the
+    noise's variance, so that squared errors stay comparable with the noise floor.
+    """
+    if floor is None:
+        return np.ones(1)
+    frequency, density = floor.spectrum
+    even = np.linspace(0, 0.5 / sampling_time, 513)
+    smooth = _smoothed(np.interp(even, frequency, density))
+    covariance = np.fft.irfft(smooth)[: WHITENING_ORDER + 1]
+    from scipy.linalg import solve_toeplitz
+
+    coefficients = solve_toeplitz(covariance[:-1], covariance[1:])
+    innovation = covariance[0] - coefficients @ covariance[1:]
+    if innovation <= 0 or covariance[0] / innovation < _COLOURED:
+        return np.ones(1)
+    return np.concatenate([[1.0], -coefficients]) * np.sqrt(covariance[0] / innovation)
+
+
+def _smoothed(density: np.ndarray, width: int = 17) -> np.ndarray:
+    """Running mean with mirrored ends: a periodogram's scatter is not colour."""
+    half = width // 2
+    padded = np.concatenate([density[half:0:-1], density, density[-2 : -half - 2 : -1]])
+    return np.convolve(padded, np.full(width, 1 / width), mode="valid")

@@ -1,0 +1,65 @@
+"""Adding effects that the user names: base and effects refitted jointly, never worse than the base."""
+
+from __future__ import annotations
+
+from lumbar.effects.base import BASES
+from lumbar.effects.catalogue import choose
+from lumbar.effects.structure import Structure
+from lumbar.errors import NumericalError
+from lumbar.improvement.diagnosis import Settings
+from lumbar.improvement.fitting import fit_base
+from lumbar.improvement.preparation import Experiment, prepare
+from lumbar.improvement.refined_model import model_name
+from lumbar.improvement.search import Candidate, exchange, extend, judge
+from lumbar.records.record import Record
+
+
+def refine(
+    records: list[Record], effects: list[str], settings: Settings
+) -> tuple[Experiment, list[Candidate]]:
+    """Add effects to a base model in the order given, each in the form that fits best.
+
+    Parameters
+    ----------
+    records : list of Record
+    effects : list of str
+        Names in the catalogue.
+    settings : Settings
+        Base, training record, periods and catalogue.
+
+    Returns
+    -------
+    Experiment
+    list of Candidate
+        The ladder: base, base and first effect, ….
+
+    Raises
+    ------
+    InputError
+        For an unknown effect.
+    NumericalError
+        If a fit does not converge, or an effect makes the model worse on the record it is fitted to.
+    """
+    chosen = {effect.name: effect for effect in choose(effects, settings.catalogue)}
+    experiment = prepare(records, settings.train, settings.periods)
+    ladder = [judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)]
+    for name in chosen:
+        rung = min(
+            extend(ladder[-1], {name: chosen[name]}, experiment), key=lambda item: item.fit.squared_error
+        )
+        if rung.fit.squared_error > ladder[-1].fit.squared_error * (1 + 1e-6):
+            raise NumericalError(
+                f"{name}: added to {model_name(ladder[-1].fit)} it raises the error on {experiment.training.name} from "
+                f"{ladder[-1].train_rms:.4g} to {rung.train_rms:.4g} {experiment.output_unit}; leave it out"
+            )
+        ladder.append(rung)
+    if len(chosen) > 1:
+        # Forms were chosen one by one; with all effects in place another form of one may fit better.
+        best = exchange(ladder[-1], chosen, experiment)
+        ladder[-1] = best if set(best.effects) == set(chosen) else ladder[-1]
+    if not ladder[-1].fit.converged:
+        raise NumericalError(
+            f"{settings.base} with {', '.join(effects)}: the fit on {experiment.training.name} did not converge; "
+            "the data may not excite what is asked"
+        )
+    return experiment, ladder

@@ -1,0 +1,79 @@
+"""A diagnosis in sentences with numbers."""
+
+from __future__ import annotations
+
+from lumbar.effects.effect import Effect
+from lumbar.improvement.diagnosis import Diagnosis
+from lumbar.improvement.search import Candidate
+
+
+def readable(name: str) -> str:
+    """Name of an effect for a reader."""
+    return name.replace("_", " ")
+
+
+def effects_text(names) -> str:
+    """Names of several effects for a reader."""
+    return " and ".join(readable(name) for name in names) or "no effect"
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the verdict in one sentence."""
+    unit, base = diagnosis.experiment.output_unit, diagnosis.base.fit.structure.base.name
+    before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
+    named = effects_text(diagnosis.selected)
+    fall = f"the error on unseen records falls from {before:.3g} to {after:.3g} {unit}"
+    if diagnosis.verdict == "adequate":
+        return f"Nothing is missing: what the {base} model leaves ({before:.3g} {unit}) is noise as far as can be told."
+    if diagnosis.verdict == "named":
+        return f"The {base} model is missing {named}: with it {fall}."
+    if diagnosis.verdict == "tied":
+        others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
+        return (
+            f"Something is missing; {named} explains it ({fall}), but {others} cannot be told apart from it."
+        )
+    tail = f"; the best candidate, {named}, removes too little of it" if diagnosis.selected else ""
+    return f"Something is missing from the {base} model and nothing in the catalogue explains it{tail}."
+
+
+def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
+    """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
+    unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
+    lines = []
+    if floor is None:
+        lines.append("No record repeats, so the noise floor is unknown and completeness cannot be judged.")
+    else:
+        lines.append(
+            f"Noise floor: {floor.rms:.3g} {unit} ({floor.low:.3g} to {floor.high:.3g}) from {floor.periods} periods of "
+            f"{floor.period:g} s."
+        )
+        lines += [
+            f"Beside noise the periods differ by {words} (RMS {rms:.3g} {unit})."
+            for words, rms in floor.structured
+        ]
+    if diagnosis.selected:
+        lines.append(
+            f"The selected effects remove {100 * diagnosis.explainable_share_removed:.1f} % of the variance that a model "
+            "could explain."
+        )
+        lines += [
+            f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
+        ]
+    runner_up = _runner_up(diagnosis)
+    if runner_up is not None:
+        lines.append(
+            f"Runner-up: {effects_text(runner_up.effects)}, error on unseen records {runner_up.test_rms:.3g} {unit}."
+        )
+    for item in diagnosis.tied_with:
+        new = [name for name in item.effects if name not in diagnosis.selected]
+        lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in new]
+    if diagnosis.tied_with:
+        lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in diagnosis.selected]
+    return lines
+
+
+def _runner_up(diagnosis: Diagnosis) -> Candidate | None:
+    others = [
+        item.candidate for item in diagnosis.ranking if set(item.candidate.effects) != set(diagnosis.selected)
+    ]
+    return others[0] if others else None

@@ -1,0 +1,93 @@
+"""Force of a tissue with effects, and the strength at which an effect leaves a wanted residual."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from lumbar.twin.hidden_effects.form import Form, Scales
+from lumbar.twin.hidden_effects.motion import Motion
+from lumbar.twin.hidden_effects.tissue import Tissue, kelvin_boltzmann_residual
+
+_TOLERANCE = 0.01
+"""Relative accuracy of the wanted residual."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A form with its strength and its other parameters."""
+
+    form: Form
+    strength: float
+    shape: dict
+
+
+def simulate(motion: Motion, tissue: Tissue, effects: list[Effect]) -> np.ndarray:
+    """Noise-free force on the simulation's grid, newtons.
+
+    The motion passes the mount, the tissue answers with its own force and those beside it, and the sensor
+    records the sum: effects act at these three places, in the given order within each.
+    """
+    placed = {
+        place: [effect for effect in effects if effect.form.place == place]
+        for place in ("mount", "tissue", "sensor")
+    }
+    for effect in placed["mount"]:
+        motion = effect.form.act(motion, effect.strength, **effect.shape)
+    force = tissue.force(motion)
+    beside = [effect.form.act(motion, tissue, effect.strength, **effect.shape) for effect in placed["tissue"]]
+    for extra in beside:
+        force = force + extra
+    for effect in placed["sensor"]:
+        force = effect.form.act(motion, force, effect.strength, **effect.shape)
+    return force
+
+
+def residual_rms(motion: Motion, tissue: Tissue, effects: list[Effect]) -> float:
+    """RMS of what the best Kelvin–Boltzmann model leaves of the noise-free force, newtons."""
+    force = motion.sampled(simulate(motion, tissue, effects))
+    return float(np.sqrt(np.mean(kelvin_boltzmann_residual(motion, force) ** 2)))
+
+
+def calibrated(
+    form: Form, shape: dict, wanted_N: float, motion: Motion, tissue: Tissue, scales: Scales
+) -> Effect:
+    """Effect whose residual, left by the best Kelvin–Boltzmann model of the multisine, is `wanted_N`.
+
+    The strongest admissible effect is returned when even that leaves less.
+    """
+
+    def excess(severity: float) -> float:
+        effect = Effect(form, form.strength(scales, shape, severity), shape)
+        rms = residual_rms(motion, tissue, [effect])
+        return float(np.log(max(rms, 1e-9 * scales.force) / wanted_N))
+
+    severity = _crossing(excess)
+    return Effect(form, form.strength(scales, shape, severity), shape)
+
+
+def _crossing(excess) -> float:
+    """Severity at which the excess vanishes, 1 if it stays negative: bracket from above, then Brent's method."""
+    high, at_high = 1.0, excess(1.0)
+    if at_high <= 0:
+        return 1.0
+    while high > 0:
+        low = max(high - 0.3, 0.0)
+        at_low = excess(low)
+        if at_low <= 0:
+            return _root(excess, low, high, at_low, at_high)
+        high, at_high = low, at_low
+    return 0.0
+
+
+def _root(excess, low: float, high: float, at_low: float, at_high: float) -> float:
+    known = {low: at_low, high: at_high}
+
+    def cached(severity: float) -> float:
+        value = known[severity] if severity in known else excess(severity)
+        known[severity] = value
+        return 0.0 if abs(value) < _TOLERANCE else value
+
+    return float(brentq(cached, low, high, xtol=1e-4))

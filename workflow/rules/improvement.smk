@@ -1,0 +1,61 @@
+# Improvement: what the base model is missing on each record set, the model with it, and the error ladder.
+
+from lumbar.config import record_set_records
+
+RECORD_SETS = [entry["name"] for entry in config["improvement"]["record_sets"]]
+
+
+rule diagnose_records:
+    input:
+        recordings=lambda wildcards: [
+            recording(record["file"]) for record in record_set_records(study, wildcards.record_set)
+        ],
+        checked=[f"<results>/checked/{chapter}.json" for chapter in ("tissue", "improvement")],
+        sources=library_sources("diagnose_records.py"),
+    output:
+        diagnosis="<results>/improvement/{record_set}/diagnosis.json",
+        page=report(
+            "<results>/improvement/{record_set}/diagnosis.html",
+            caption=caption("diagnosis"),
+            category=CATEGORIES["improvement"],
+            labels={"artefact": "Diagnosis of the records {record_set}"},
+        ),
+        ladder="<results>/improvement/{record_set}/ladder.csv",
+        refined="<results>/improvement/{record_set}/refined.json",
+        compare="<results>/improvement/{record_set}/compare.csv",
+        locations="<results>/improvement/{record_set}/location.json",
+        ladder_svg=report(
+            "<results>/improvement/{record_set}/ladder.svg",
+            caption=caption("error_ladder"),
+            category=CATEGORIES["improvement"],
+            labels={"artefact": "Error ladder of the records {record_set}"},
+        ),
+        ladder_pdf="<results>/improvement/{record_set}/ladder.pdf",
+        comparison_svg="<results>/improvement/{record_set}/comparison.svg",
+        comparison_pdf="<results>/improvement/{record_set}/comparison.pdf",
+        location_svg=report(
+            "<results>/improvement/{record_set}/location.svg",
+            caption=caption("location"),
+            category=CATEGORIES["improvement"],
+            labels={"artefact": "Where the model fails on the records {record_set}"},
+        ),
+        location_pdf="<results>/improvement/{record_set}/location.pdf",
+    log:
+        "<logs>/diagnose_records/{record_set}.log",
+    benchmark:
+        "<benchmarks>/diagnose_records/{record_set}.tsv"
+    wildcard_constraints:
+        record_set="|".join(RECORD_SETS) or "none",
+    conda:
+        CONDA
+    params:
+        records=lambda wildcards: record_set_records(study, wildcards.record_set),
+        layout=config["tissue"]["layout"],
+        rate=config["tissue"]["rate_Hz"],
+        improvement={key: value for key, value in config["improvement"].items() if key != "record_sets"},
+        seed=config["seed"],
+        data=DATA,
+    message:
+        "{wildcards.record_set}: what the model is missing"
+    script:
+        "../scripts/diagnose_records.py"

@@ -1,0 +1,15 @@
+"""One batch of experiments with a hidden effect."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Make the recordings and, apart from them, the truth."""
+    from lumbar.twin.hidden_effects.experiment import plan_batch
+    from lumbar.twin.hidden_effects.folder import write_experiments
+
+    plans = plan_batch(params.kind, params.part, params.settings)
+    write_experiments(output.recordings, output.labels, plans, params.settings)
+
+
+run(main, snakemake)

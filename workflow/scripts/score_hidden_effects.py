@@ -1,0 +1,41 @@
+"""Scores of the diagnosis: truth and diagnoses meet here and nowhere before."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Compare, count, publish."""
+    from lumbar.figures.benchmark import confusion_figure, power_figure
+    from lumbar.figures.style import save
+    from lumbar.files import read_json, write_csv, write_json
+    from lumbar.improvement.benchmark import (
+        accuracy_table,
+        confusion,
+        forms_table,
+        power_curve,
+        power_summary,
+        scores,
+    )
+    from lumbar.tables import SYNTHETIC_TWIN
+    from lumbar.twin.hidden_effects.catalogue import MECHANISMS
+
+    settings = params.settings
+    labels, diagnoses = {}, {}
+    for path in input.labels:
+        labels.update(read_json(path))
+    for path in input.diagnoses:
+        diagnoses.update(read_json(path))
+    frame = scores(labels, diagnoses)
+    write_csv(output.scores, frame.assign(data=SYNTHETIC_TWIN))
+    matrix = confusion(frame, list(MECHANISMS))
+    write_csv(output.confusion, matrix.assign(data=SYNTHETIC_TWIN))
+    accuracy_table(frame, settings).write(output.accuracy_csv.removesuffix(".csv"))
+    forms_table(frame, settings).write(output.forms_csv.removesuffix(".csv"))
+    power = power_summary(frame, settings, settings["seed"])
+    write_json(output.power, {**power, "data": SYNTHETIC_TWIN})
+    save(confusion_figure(matrix), output.confusion_svg.removesuffix(".svg"), SYNTHETIC_TWIN)
+    figure = power_figure(power_curve(frame), settings["named_share"], settings["confidence"])
+    save(figure, output.power_svg.removesuffix(".svg"), SYNTHETIC_TWIN)
+
+
+run(main, snakemake)
