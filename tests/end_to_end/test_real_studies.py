@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pandas as pd
 import pytest
 
@@ -9,7 +11,7 @@ from running import copy_project, snakemake
 
 pytestmark = pytest.mark.end_to_end
 
-FOLDERS = {"davinci_tool": "davinci_tool_friction", "box_transfer": "lifting/s2m_box_transfer"}
+FOLDERS = {"davinci_tool": ".", "box_transfer": "lifting/s2m_box_transfer"}
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +49,15 @@ def test_davinci_tool(folder, shared):
     assert not table["data"].str.contains("synthetic").any()
     assert {"MW", "Maxwell", "KB", "HO"} <= set(table.model)
     assert list((results / "fmu").glob("*_fmi3.fmu"))
+    # Known of this tool from published work: friction with presliding (Dahl) explains what linear models do not.
+    diagnosis = json.loads(
+        (results / "improvement" / "tissue" / "diagnosis.json").read_text(encoding="utf-8")
+    )
+    assert diagnosis["selected"][0] == "hysteresis"
+    assert diagnosis["ladder"][1]["test_rms"] < 0.3 * diagnosis["ladder"][0]["test_rms"]
+    refined = table[(table.model == "KB+hysteresis") & (table.trained_on == "sine_0.1Hz")].iloc[0]
+    linear = table[(table.model == "KB") & (table.trained_on == "sine_0.1Hz")]
+    assert refined.vaf_test_1_percent > linear.vaf_test_1_percent.max() + 10
 
 
 def test_box_transfer(folder, shared):

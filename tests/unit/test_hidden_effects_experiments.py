@@ -160,3 +160,23 @@ def test_empty_folders_are_named(tmp_path):
         diagnose_folders(tmp_path, lambda records: {})
     with pytest.raises(InputError, match="holds no CSV file"):
         read_folder(tmp_path)
+
+
+def test_contradictory_settings_are_refused_before_anything_is_written(tmp_path):
+    colours = dict.fromkeys(("white", "autoregressive", "flicker"), 0)
+    wrong = settings(slices=1, relaxation_s=[0.3, 0.1], noise_colours=colours)
+    with pytest.raises(InputError, match="2 problems") as caught:
+        write_experiments(tmp_path / "made", tmp_path / "labels.json", plan_batch("single", 0, wrong), wrong)
+    assert "relaxation_s: [0.3, 0.1]" in str(caught.value)
+    assert "noise_colours: all weights are 0" in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ratio", [0.3, 400.0])
+def test_strengths_out_of_reach_are_labelled_as_they_are(ratio):
+    wanted = {**SHORT, "residual_over_noise": [ratio, ratio]}
+    for number in (9, 22, 34, 36):
+        experiment = make_experiment(plan_batch("single", 0, wanted)[number], wanted)
+        found = experiment.label["residual_over_noise"][0]
+        assert np.isfinite(experiment.records["multisine"]).all()
+        assert found == pytest.approx(ratio, rel=0.05) if ratio < 1 else found < ratio

@@ -326,7 +326,7 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
             trial[key] for trial in study.lifts.values() for key in ("markers", "hip_moment") if key in trial
         ],
     }
-    return {chapter: names for chapter, names in files.items() if study.has(chapter)}
+    return {chapter: names for chapter, names in files.items() if names and study.has(chapter)}
 
 
 def record_set_records(study: Study, name: str) -> list[dict]:

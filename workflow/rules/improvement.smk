@@ -2,6 +2,7 @@
 
 from lumbar.config import record_set_records
 
+RECORD_SET_CHAPTERS = ("tissue", "improvement")
 RECORD_SETS = [entry["name"] for entry in config["improvement"]["record_sets"]]
 
 
@@ -10,7 +11,11 @@ rule diagnose_records:
         recordings=lambda wildcards: [
             recording(record["file"]) for record in record_set_records(study, wildcards.record_set)
         ],
-        checked=[f"<results>/checked/{chapter}.json" for chapter in ("tissue", "improvement")],
+        checked=[
+            f"<results>/checked/{chapter}.json"
+            for chapter in RECORDED_CHAPTERS
+            if chapter in RECORD_SET_CHAPTERS
+        ],
         sources=library_sources("diagnose_records.py"),
     output:
         diagnosis="<results>/improvement/{record_set}/diagnosis.json",
@@ -22,8 +27,6 @@ rule diagnose_records:
         ),
         ladder="<results>/improvement/{record_set}/ladder.csv",
         refined="<results>/improvement/{record_set}/refined.json",
-        compare="<results>/improvement/{record_set}/compare.csv",
-        locations="<results>/improvement/{record_set}/location.json",
         ladder_svg=report(
             "<results>/improvement/{record_set}/ladder.svg",
             caption=caption("error_ladder"),
@@ -31,15 +34,6 @@ rule diagnose_records:
             labels={"artefact": "Error ladder of the records {record_set}"},
         ),
         ladder_pdf="<results>/improvement/{record_set}/ladder.pdf",
-        comparison_svg="<results>/improvement/{record_set}/comparison.svg",
-        comparison_pdf="<results>/improvement/{record_set}/comparison.pdf",
-        location_svg=report(
-            "<results>/improvement/{record_set}/location.svg",
-            caption=caption("location"),
-            category=CATEGORIES["improvement"],
-            labels={"artefact": "Where the model fails on the records {record_set}"},
-        ),
-        location_pdf="<results>/improvement/{record_set}/location.pdf",
     log:
         "<logs>/diagnose_records/{record_set}.log",
     benchmark:

@@ -66,6 +66,9 @@ rule identify_tissue:
     params:
         tissue=config["tissue"],
         training=lambda wildcards: wildcards.training,
+        improvement={
+            key: value for key, value in config["improvement"].items() if key not in ("train", "record_sets")
+        },
         seed=config["seed"],
         data=DATA,
     message:
@@ -122,6 +125,8 @@ rule tissue_models:
         CONDA
     params:
         tissue=config["tissue"],
+        effects=config["improvement"]["effects"],
+        effect_files=config["improvement"]["effect_files"],
         data=DATA,
     message:
         "Table 3.1, Figures 3.4 and 3.5: the identified tissue models"

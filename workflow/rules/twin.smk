@@ -92,7 +92,9 @@ rule twin_two_hidden_effects:
     input:
         sources=library_sources("twin_two_hidden_effects.py"),
     output:
-        recordings=expand("<results>/twin/two_hidden_effects/{name}.csv", name=["multisine", "noise", "chirp"]),
+        recordings=expand(
+            "<results>/twin/two_hidden_effects/{name}.csv", name=["multisine", "noise", "chirp"]
+        ),
     log:
         "<logs>/twin_two_hidden_effects.log",
     benchmark:

@@ -24,6 +24,12 @@ def main(input, output, params):
     result = identify(training, tests, Settings.from_config(tissue), params.seed)
     given = inverted_linear_fit(training, tests, tissue["settling_s"], **tissue["inverted_linear"])
     result["fits"].append(given)
+    if params.improvement["effects"]:
+        from lumbar.improvement.diagnosis import Settings as Improvement
+        from lumbar.improvement.published import refined_fit
+
+        settings = Improvement.from_config(params.improvement, train=training.name)
+        result["fits"].append(refined_fit([training, *tests], params.improvement["effects"], settings))
     write_csv(output.grid, pd.DataFrame(result.pop("grid")).assign(data=params.data))
     write_json(output.fits, {**result, "data": params.data})
 

@@ -92,8 +92,16 @@ class Motion:
 
     def delayed(self, delay: float) -> Motion:
         """Motion `delay` seconds ago, at rest at its first position before the record began."""
-        past = np.maximum(self.time - delay, 0.0)
-        return Motion(self.time, self._spline(past), self.sampling_time)
+        past = self.time - delay
+        began = past >= 0
+        late = Motion(self.time, self._spline(np.maximum(past, 0.0)), self.sampling_time)
+        # Derivatives of this motion's own spline, put where the delayed motion would compute its own.
+        between = past[:-1] + 0.5 * self.sampling_time
+        late.__dict__["velocity"] = np.where(began, self._spline(np.maximum(past, 0.0), 1), 0.0)
+        late.__dict__["velocity_between"] = np.where(
+            between >= 0, self._spline(np.maximum(between, 0.0), 1), 0.0
+        )
+        return late
 
     def replaced(self, position: np.ndarray) -> Motion:
         """Motion with a position that is not smooth, on the same clock."""

@@ -18,7 +18,7 @@ HARDENING = Effect(
             equation=r"k_3 z^3",
             place=Place.PARALLEL,
             amplitudes=(Amplitude("cubic_stiffness", "{y}/{x}^3", sign=0),),
-            columns=lambda motion, _: [motion.position**3],
+            columns=lambda motion, _: [motion.position * motion.position * motion.position],
         ),
         Form(
             name="exponential",

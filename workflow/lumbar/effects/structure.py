@@ -74,7 +74,7 @@ class Structure:
         for form in self.forms:
             if form.place is Place.PARALLEL:
                 columns = [*columns, *form.columns(motion, parts[form.key])]
-        return np.stack(columns, axis=1)
+        return np.array(columns).T
 
     def output(self, force: np.ndarray, motion: Motion, shapes: np.ndarray) -> np.ndarray:
         """Measured force from the force at the tissue, shape (samples,)."""

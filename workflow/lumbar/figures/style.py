@@ -33,6 +33,15 @@ MODELS = {
     "KV": {"color": "#009E73", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "marker": "v", "hatch": "\\\\"},
 }
 """Colour, line style, marker and hatch of every model, the same in all figures."""
+WITH_EFFECTS = {"color": "#000000", "linestyle": (0, (3, 1, 1, 1)), "marker": "*", "hatch": "oo"}
+"""Look of a base model with effects added."""
+
+
+def model_look(name: str) -> dict:
+    """Colour, line style, marker and hatch of a model by its name."""
+    return MODELS.get(name, WITH_EFFECTS)
+
+
 LIFTERS = {
     "expert": {"color": "#0072B2", "linestyle": "-", "marker": "o"},
     "novice": {"color": "#D55E00", "linestyle": (0, (4, 1.5)), "marker": "s"},

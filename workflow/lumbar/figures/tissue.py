@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.figures.style import DOUBLE_COLUMN, MEASURED, MODELS, label_panels, new_figure
+from lumbar.figures.style import DOUBLE_COLUMN, MEASURED, label_panels, model_look, new_figure
 from lumbar.records.record import Record
 
 
@@ -69,7 +69,7 @@ def comparison_figure(record: Record, simulated: dict[str, np.ndarray], segment_
     measured = output.values[inside]
     response.plot(time, measured, color=MEASURED, linewidth=0.8, label="measured")
     for name, values in simulated.items():
-        look = {"color": MODELS[name]["color"], "linestyle": MODELS[name]["linestyle"]}
+        look = {key: model_look(name)[key] for key in ("color", "linestyle")}
         response.plot(time, values[inside], label=name, linewidth=1.5, **look)
         residual.plot(time, measured - values[inside], linewidth=1.0, **look)
     response.set_ylabel(output.label)

@@ -61,6 +61,8 @@ class Settings:
         Candidates.
     most_effects : int
         Most effects to add.
+    centre : bool
+        Take each record's means off input and output.
     """
 
     base: str = "KB"
@@ -68,6 +70,7 @@ class Settings:
     periods: dict[str, float] = field(default_factory=dict)
     catalogue: dict[str, Effect] = field(default_factory=lambda: TISSUE)
     most_effects: int = 3
+    centre: bool = False
 
     @classmethod
     def from_config(
@@ -83,10 +86,11 @@ class Settings:
             catalogue.update(load_effects(Path(file)))
         return cls(
             base=base or config["base"],
-            train=train or config["train"],
+            train=train or config.get("train"),
             periods=periods or {},
             catalogue=catalogue,
             most_effects=config["most_effects"],
+            centre=config["centre"],
         )
 
 
@@ -228,7 +232,7 @@ def diagnose(
     settings = settings or Settings()
     if settings.base not in BASES:
         raise InputError(f"unknown base model {settings.base!r}; known are {', '.join(BASES)}")
-    experiment = prepare(records, settings.train, settings.periods)
+    experiment = prepare(records, settings.train, settings.periods, settings.centre)
     base = judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)
     return _Search(experiment, base, settings, null or shipped()).diagnosis()
 

@@ -108,10 +108,11 @@ def solve_amplitudes(design: np.ndarray, force: np.ndarray, signs: tuple[int, ..
     -------
     numpy.ndarray, shape (amplitudes,)
     """
-    size = np.sqrt(np.einsum("ij,ij->j", design, design))
+    normal = design.T @ design
+    size = np.sqrt(np.diag(normal))
     size[size == 0] = 1.0
-    scaled = design / size
-    normal, right = scaled.T @ scaled, scaled.T @ force
+    normal /= np.outer(size, size)
+    right = (design.T @ force) / size
     # A ridge far below rounding of the data keeps columns that have become equal solvable.
     normal[np.diag_indices_from(normal)] += 1e-11
     free = np.linalg.solve(normal, right)

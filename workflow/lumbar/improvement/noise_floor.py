@@ -11,7 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.improvement.nonrepeating import Part, excess, line_power, remove_structure, smooth_power
+from lumbar.improvement.nonrepeating import (
+    AMPLITUDE,
+    DRIFT,
+    LINE,
+    Part,
+    excess,
+    line_power,
+    remove_structure,
+    smooth_power,
+)
 from lumbar.improvement.periods import Folding, find_period, fold_periods
 from lumbar.records.record import Record
 
@@ -179,16 +188,16 @@ def _described(
 def _words(part: Part, mean_period: np.ndarray, unit: str, sampling_time: float) -> str:
     """Say what a part is, with its size; periods are counted from the record's last, as from 2."""
     last = len(part.values) + 1
-    if part.kind == "drift":
+    if part.kind == DRIFT:
         level = part.values.mean(axis=1)
         return (
             f"drift: the level changes by {level[-1] - level[0]:+.3g} {unit} from period 2 to period {last}"
         )
-    if part.kind == "amplitude change":
+    if part.kind == AMPLITUDE:
         response = mean_period - mean_period.mean()
         gain = 100 * (part.values @ response) / np.sum(response**2)
         return f"amplitude change: {gain[-1] - gain[0]:+.3g} % from period 2 to period {last}"
-    if part.kind == "off-grid line":
+    if part.kind == LINE:
         amplitude = np.sqrt(2 * np.mean(part.values**2))
         return f"off-grid line at {part.frequency / sampling_time:.4g} Hz, amplitude {amplitude:.3g} {unit}"
     energy = np.sum(part.values**2, axis=1)

@@ -1,10 +1,10 @@
 """What does not repeat in a periodic response and is no noise: drift, a changing amplitude, lines of their own.
 
 The deviations of m periods of p samples from their mean make a matrix of rank m − 1 whose rows, were they
-noise, would be unrelated. A disturbance with structure is a few dimensions of it: one with a smooth course
-within the period (drift), one in the shape of the response (an amplitude that changes), two for every
-sinusoid off the grid of the period's multiples, and for anything else the directions of the largest singular
-values. Each is tested against the noise around it, in frequency, so that coloured noise is no structure.
+noise, would be unrelated. A disturbance with structure is a few dimensions of it: a smooth course over the
+record (drift), the shapes of response and input (an amplitude that changes), two for every sinusoid between
+the multiples of 1/period, and for anything else the directions of the largest singular values. Each is tested
+against the level of the noise around it in frequency, so that coloured noise is not taken for structure.
 """
 
 from __future__ import annotations
@@ -14,40 +14,48 @@ from dataclasses import dataclass
 import numpy as np
 
 SIGNIFICANT = 4.5
-"""Standard deviations by which a part must exceed what noise would give. A part that is missed here raises the
-floor by less than a percent; one in 100 000 of noise only is removed."""
+"""Standard deviations by which a part must exceed what noise would give; a part missed here raises the floor
+by less than a percent."""
+STAYS_SIGNIFICANT = 3.0
+"""The same for a part that is already in, once the others have been fitted beside it."""
+MOST_PARTS = 20
 
-MOST_PARTS = 12
-_STAYS_SIGNIFICANT = 3.0
 _SWEEPS = 3
+_NEWTON_STEPS = 3
 _UNNAMED_ADVANTAGE = 1.2
 """What has no name must explain this much more than what has one."""
 _LOWEST_LINE = 1.2
 """Below this many cycles per period a sinusoid cannot be told from a drift."""
+_SETTLING_TIMES = (0.5, 1.0, 2.0, 4.0, 8.0)
+"""Periods in which a drift settles; these and a straight line span every monotonic course closely."""
+_TAPERED = 2 / 3
+"""Share of the samples that a sine taper leaves: (Σw²)²/(n Σw⁴)."""
+_FEWEST_LINES = 8
+"""Lines of a band whose median is deaf to a sinusoid in it."""
+_MOST_LINES = 24
+
+DRIFT, AMPLITUDE, LINE, OTHER = "drift", "amplitude change", "off-grid line", "other change"
 
 
-@dataclass
+@dataclass(eq=False)
 class Part:
     """One structured part of the deviations.
 
     Attributes
     ----------
     kind : str
-        ``"drift"``, ``"amplitude change"``, ``"off-grid line"`` or ``"other change"``.
+        `DRIFT`, `AMPLITUDE`, `LINE` or `OTHER`.
     values : numpy.ndarray, shape (periods, samples)
     degrees : float
         Degrees of freedom it took.
     frequency : float or None
         Cycles per sample of an off-grid line.
-    directions : int
-        Dimensions over the periods that it takes whole.
     """
 
     kind: str
     values: np.ndarray
     degrees: float
     frequency: float | None = None
-    directions: int = 0
 
     def rms(self, noise_variance: float) -> float:
         """RMS less what the noise contributes to it."""
@@ -55,61 +63,13 @@ class Part:
         return float(np.sqrt(max(energy, 0.0) / self.values.size))
 
 
-def line_power(rows: np.ndarray, degrees: float) -> np.ndarray:
-    """Mean power of the rows' noise at 0, 1, 2, … cycles per row, as variance per sample.
-
-    Parameters
-    ----------
-    rows : numpy.ndarray, shape (periods, samples)
-    degrees : float
-        Rows' worth of degrees of freedom that are left in them.
-    """
-    return np.sum(np.abs(np.fft.rfft(rows, axis=1)) ** 2, axis=0) / (rows.shape[1] * degrees)
-
-
-def smooth_power(power: np.ndarray, degrees: float) -> np.ndarray:
-    """Level of a noise spectrum: medians over bands that widen with frequency, deaf to single lines.
-
-    Parameters
-    ----------
-    power : numpy.ndarray, shape (lines,)
-        Power at 0, 1, 2, … cycles per row, mean of `degrees` rows.
-    degrees : float
-
-    Returns
-    -------
-    numpy.ndarray, shape (lines,)
-        Positive.
-    """
-    centres, levels, start, last = [], [], 1, len(power) - 1
-    while start < last:
-        stop = min(start + max(8, start // 3), last)
-        if last - stop < 8:
-            stop = last
-        centres.append(0.5 * (start + stop - 1))
-        levels.append(np.median(power[start:stop]))
-        start = stop
-    if not levels:
-        centres, levels = [1.0], [power.mean()]
-    # Median of a mean of squares, by Wilson and Hilferty's cube root.
-    levels = np.array(levels) / (1 - 1 / (9 * max(degrees, 0.5))) ** 3
-    levels = np.maximum(levels, 1e-12 * power.max() + 1e-300)
-    return np.exp(np.interp(np.arange(len(power)), centres, np.log(levels)))
-
-
-def excess(statistic: float, degrees: float) -> float:
-    """Standard deviations of a χ² statistic above its mean (Wilson and Hilferty, PNAS 17, 1931)."""
-    spread = 2 / (9 * degrees)
-    return ((statistic / degrees) ** (1 / 3) - (1 - spread)) / np.sqrt(spread)
-
-
 def remove_structure(
     deviations: np.ndarray, mean_period: np.ndarray, mean_excitation: np.ndarray
 ) -> tuple[np.ndarray, list[Part], float]:
     """Split deviations into noise and structured parts.
 
-    Greedily: the kind of part that explains most of what exceeds the noise is added and all parts are fitted
-    again, until nothing significant is left.
+    Greedily: the part that explains most of what exceeds the noise is added and all parts are fitted again,
+    until nothing significant is left.
 
     Parameters
     ----------
@@ -125,68 +85,247 @@ def remove_structure(
     degrees : float
         Degrees of freedom of the noise: variance per sample is Σ noise²/degrees.
     """
-    free_rows, samples = len(deviations) - 1, deviations.shape[1]
-    bases = {
-        "drift": _orthonormal(_slow_shapes(samples)),
-        "amplitude change": _orthonormal(_response_shapes(mean_period, mean_excitation)),
-    }
-    parts: list[Part] = []
-    rest = deviations
-    while len(parts) < MOST_PARTS:
-        found = _most_significant(rest, bases, parts)
+    search = _Search(deviations, mean_period, mean_excitation)
+    for _ in range(MOST_PARTS):
+        found = search.strongest_part()
         if found is None:
             break
-        parts.append(found)
-        rest = _fit_together(deviations, parts, bases)
-        kept = _still_significant(parts, rest)
-        if len(kept) < len(parts):
-            parts = kept
-            rest = _fit_together(deviations, parts, bases)
-    directions = _directions(parts)
-    named = sum(part.degrees for part in parts if part.kind != "other change")
-    degrees = (free_rows - directions) * (samples - named / free_rows)
-    return rest, parts, float(degrees)
+        search.add(found)
+    return search.rest, search.parts, search.degrees
 
 
-def _directions(parts: list[Part]) -> int:
-    return sum(part.directions for part in parts)
+def taper(samples: int) -> np.ndarray:
+    """Half a sine of RMS 1: without it the jump from a row's end to its start covers the weak end of a spectrum."""
+    return np.sqrt(2) * np.sin(np.pi * (np.arange(samples) + 0.5) / samples)
 
 
-def _slow_shapes(samples: int) -> np.ndarray:
-    """Cubic polynomials: any drift over many periods is as smooth as that within one; (samples, 4)."""
-    return np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), min(3, samples // 8))
+def line_power(rows: np.ndarray, degrees: float) -> np.ndarray:
+    """Mean power of the rows at 0, 1, 2, … cycles per row, as variance per sample.
+
+    Parameters
+    ----------
+    rows : numpy.ndarray, shape (periods, samples)
+    degrees : float
+        Rows' worth of degrees of freedom that are left in them.
+    """
+    return np.sum(np.abs(np.fft.rfft(rows, axis=1)) ** 2, axis=0) / (rows.shape[1] * degrees)
+
+
+def smooth_power(power: np.ndarray, degrees: float, fewest: int = _FEWEST_LINES) -> np.ndarray:
+    """Level of a noise spectrum: medians over bands that widen with frequency, deaf to single lines.
+
+    Parameters
+    ----------
+    power : numpy.ndarray, shape (lines,)
+        Power at 0, 1, 2, … cycles per row, mean of `degrees` rows.
+    degrees : float
+    fewest : int
+        Lines in the narrowest band.
+
+    Returns
+    -------
+    numpy.ndarray, shape (lines,)
+        Positive.
+    """
+    centres, levels, start, last = [], [], 1, len(power) - 1
+    while start < last:
+        stop = min(start + min(max(fewest, start // 3), _MOST_LINES), last)
+        if last - stop < fewest:
+            stop = last
+        centres.append(0.5 * (start + stop - 1))
+        levels.append(np.median(power[start:stop]))
+        start = stop
+    if not levels:
+        centres, levels = [1.0], [power.mean()]
+    # With narrow bands, towards frequency 0, a spectrum may go on rising as it does between the lowest two.
+    if len(centres) > 1 and fewest < _FEWEST_LINES:
+        slope = (
+            np.log(levels[1] / levels[0]) / np.log(centres[1] / centres[0]) if min(levels[:2]) > 0 else 0.0
+        )
+        centres.insert(0, 0.5)
+        levels.insert(0, levels[0] * (0.5 / centres[1]) ** np.clip(slope, -2, 0))
+    # Median of a mean of squares, by Wilson and Hilferty's cube root.
+    levels = np.array(levels) / (1 - 1 / (9 * max(degrees, 0.5))) ** 3
+    levels = np.maximum(levels, 1e-12 * power.max() + 1e-300)
+    return np.exp(np.interp(np.arange(len(power)), centres, np.log(levels)))
+
+
+def excess(statistic: float, degrees: float) -> float:
+    """Standard deviations of a χ² statistic above its mean (Wilson and Hilferty, PNAS 17, 1931)."""
+    spread = 2 / (9 * degrees)
+    return ((statistic / degrees) ** (1 / 3) - (1 - spread)) / np.sqrt(spread)
+
+
+class _Search:
+    """The parts found so far and what they leave."""
+
+    def __init__(self, deviations: np.ndarray, mean_period: np.ndarray, mean_excitation: np.ndarray):
+        self.deviations = deviations
+        self.rest = deviations
+        self.parts: list[Part] = []
+        periods, samples = deviations.shape
+        self.taper = taper(samples)
+        self.shapes = {
+            DRIFT: _drifts(periods, samples),
+            AMPLITUDE: _orthonormal(_response_shapes(mean_period, mean_excitation)),
+        }
+        self.slow_courses = np.linalg.qr(np.vander(np.linspace(-1, 1, periods), min(4, 1 + periods // 3)))[0]
+
+    @property
+    def free_rows(self) -> int:
+        """Dimensions over the periods that are still noise."""
+        return len(self.deviations) - 1 - sum(part.kind == OTHER for part in self.parts)
+
+    @property
+    def degrees(self) -> float:
+        """Degrees of freedom of the rest."""
+        named = sum(part.degrees for part in self.parts if part.kind != OTHER)
+        return float(self.free_rows * (self.rest.shape[1] - named / (len(self.deviations) - 1)))
+
+    def strongest_part(self) -> Part | None:
+        """Find the part that explains most of what exceeds the noise, or None."""
+        if not np.any(self.rest):
+            return None
+        known = {part.kind for part in self.parts}
+        level = self._level_without_slow_changes()
+        whitened = self._whitened(self.rest, level)
+        best, best_energy = None, 0.0
+        for kind in self.shapes.keys() - known:
+            energy, degrees = self._explained(kind, whitened, level)
+            if excess(energy, degrees) > SIGNIFICANT and energy - degrees > best_energy:
+                best, best_energy = Part(kind, np.zeros_like(self.rest), degrees), energy - degrees
+        line = _strongest_line(self.rest, self._level(self.rest, self.free_rows, _FEWEST_LINES))
+        if line is not None:
+            waves = self._whitened(_sinusoids(self.rest.shape, line), level).reshape(2, -1).T
+            energy = float(np.sum((whitened.ravel() @ _orthonormal(waves)) ** 2)) - 3
+            if energy > best_energy:
+                best, best_energy = Part(LINE, np.zeros_like(self.rest), 3, line), energy
+        if _outstanding_direction(whitened, self.free_rows) > _UNNAMED_ADVANTAGE * best_energy:
+            best = Part(OTHER, np.zeros_like(self.rest), self.rest.shape[1])
+        return best
+
+    def add(self, part: Part) -> None:
+        """Take a part in, fit all, and leave out what it made needless."""
+        self.parts.append(part)
+        self._fit()
+        variance = float(np.sum(self.rest**2)) / self.degrees
+        if variance > 0:
+            # The newest stays, so that the search cannot go round in circles.
+            kept = [
+                item
+                for item in self.parts
+                if item is part
+                or excess(float(np.sum(item.values**2)) / variance, item.degrees) > STAYS_SIGNIFICANT
+            ]
+            if len(kept) < len(self.parts):
+                self.parts = kept
+                self._fit()
+
+    def _level(self, rows: np.ndarray, degrees: float, fewest: int) -> np.ndarray:
+        return smooth_power(line_power(rows * self.taper, degrees), degrees, fewest)
+
+    def _level_without_slow_changes(self) -> np.ndarray:
+        """Noise level by frequency from what changes quickly over the periods, where there are enough."""
+        quick = self.rest - self.slow_courses @ (self.slow_courses.T @ self.rest)
+        rows = self.free_rows - (self.slow_courses.shape[1] - 1)
+        if rows < 2:
+            return self._level(self.rest, self.free_rows, _FEWEST_LINES)
+        return self._level(quick, rows, 3)
+
+    def _whitened(self, rows: np.ndarray, level: np.ndarray) -> np.ndarray:
+        """Tapered rows (along the last axis) through a filter that makes their noise white, of variance 1."""
+        transform = np.fft.rfft(rows * self.taper, axis=-1) / np.sqrt(level)
+        return np.fft.irfft(transform, rows.shape[-1], axis=-1)
+
+    def _explained(self, kind: str, whitened: np.ndarray, level: np.ndarray) -> tuple[float, int]:
+        """Energy that a kind of part explains of the whitened rest, and its degrees of freedom."""
+        if kind == DRIFT:
+            drifts = self.shapes[DRIFT]
+            basis = _orthonormal(self._whitened(drifts, level).reshape(len(drifts), -1).T)
+            return float(np.sum((whitened.ravel() @ basis) ** 2)), basis.shape[1]
+        basis = _orthonormal(self._whitened(self.shapes[kind].T, level).T)
+        return float(np.sum((whitened @ basis) ** 2)), basis.shape[1] * self.free_rows
+
+    def _fit(self) -> None:
+        """Fit the named parts to the deviations in turns, then the others."""
+        courses = [part for part in self.parts if part.kind in (DRIFT, LINE)]
+        amplitudes = [part for part in self.parts if part.kind == AMPLITUDE]
+        of_amplitudes = np.zeros_like(self.deviations)
+        for _ in range(_SWEEPS if courses and amplitudes else 1):
+            of_courses = self._fit_courses(courses, self.deviations - of_amplitudes)
+            for part in amplitudes:
+                shapes = self.shapes[AMPLITUDE]
+                of_amplitudes = part.values = ((self.deviations - of_courses) @ shapes) @ shapes.T
+        rest = self.deviations - of_courses - of_amplitudes
+        for part in (part for part in self.parts if part.kind == OTHER):
+            vector = np.linalg.eigh(rest @ rest.T)[1][:, -1]
+            part.values = np.outer(vector, vector @ rest)
+            rest = rest - part.values
+        self.rest = rest
+
+    def _fit_courses(self, courses: list[Part], rows: np.ndarray) -> np.ndarray:
+        """Fit drift and lines together, the frequencies by Gauss and Newton; return the sum of their values."""
+        lines = [part for part in courses if part.kind == LINE]
+        fixed = [signals for part in courses if part.kind == DRIFT for signals in self.shapes[DRIFT]]
+        time = np.arange(rows.size).reshape(rows.shape)
+        for step in range(_NEWTON_STEPS if lines else 0):
+            waves = [_sinusoids(rows.shape, part.frequency) for part in lines]
+            amplitudes = _least_squares([*fixed, *np.concatenate(waves)], rows)[len(fixed) :].reshape(-1, 2)
+            slopes = [
+                _deviating((2 * np.pi * time * (b * cosine - a * sine))[None])[0]
+                for (a, b), (cosine, sine) in zip(amplitudes, waves, strict=True)
+            ]
+            moves = _least_squares([*fixed, *np.concatenate(waves), *slopes], rows)[-len(lines) :]
+            for part, move in zip(lines, np.clip(moves, -0.3 / rows.size, 0.3 / rows.size), strict=True):
+                part.frequency += float(move) if step else float(move) / 2
+        columns = fixed + [wave for part in lines for wave in _sinusoids(rows.shape, part.frequency)]
+        if not columns:
+            return np.zeros_like(rows)
+        coefficients = _least_squares(columns, rows)
+        for part in courses:
+            own = len(fixed) if part.kind == DRIFT else 2
+            start = 0 if part.kind == DRIFT else len(fixed) + 2 * lines.index(part)
+            part.values = np.tensordot(
+                coefficients[start : start + own], np.stack(columns[start : start + own]), 1
+            )
+        return sum(part.values for part in courses)
+
+
+def _drifts(periods: int, samples: int) -> np.ndarray:
+    """A straight line and settling exponentials over the record; (courses, periods, samples)."""
+    time = np.arange(periods * samples).reshape(periods, samples) / samples
+    courses = _deviating(np.stack([time, *(np.exp(-time / settling) for settling in _SETTLING_TIMES)]))
+    return _orthonormal(courses.reshape(len(courses), -1).T).T.reshape(-1, periods, samples)
 
 
 def _response_shapes(*mean_periods: np.ndarray) -> np.ndarray:
     """Response and input, the springs' share of it, times quadratic courses within the period; (samples, 6)."""
-    courses = _slow_shapes(len(mean_periods[0]))[:, :3]
+    courses = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(mean_periods[0])), 2)
     shapes = [(signal - signal.mean()) / max(np.std(signal), 1e-300) for signal in mean_periods]
     return np.hstack([shape[:, None] * courses for shape in shapes])
 
 
-def _most_significant(rest: np.ndarray, bases: dict[str, np.ndarray], parts: list[Part]) -> Part | None:
-    """Find the part that explains most of what exceeds the noise, or None."""
-    directions = _directions(parts)
-    free_rows = len(rest) - 1 - directions
-    if not np.any(rest):
-        return None
-    level = smooth_power(line_power(rest, free_rows), free_rows)
-    whitened = _filtered(rest, level)
-    best, best_energy = None, 0.0
-    for kind, basis in bases.items():
-        if kind in {part.kind for part in parts}:
-            continue
-        basis = _orthonormal(_filtered(basis.T, level).T)
-        energy, degrees = float(np.sum((whitened @ basis) ** 2)), basis.shape[1] * free_rows
-        if excess(energy, degrees) > SIGNIFICANT and energy - degrees > best_energy:
-            best, best_energy = Part(kind, np.zeros_like(rest), degrees), energy - degrees
-    line = _strongest_line(rest, level)
-    if line is not None and line[1] > best_energy:
-        best, best_energy = Part("off-grid line", np.zeros_like(rest), 3, frequency=line[0]), line[1]
-    energy = _outstanding_direction(whitened, free_rows)
-    if energy > _UNNAMED_ADVANTAGE * best_energy:
-        best = Part("other change", np.zeros_like(rest), rest.shape[1], directions=1)
-    return best
+def _sinusoids(shape: tuple[int, int], frequency: float) -> np.ndarray:
+    """Cosine and sine of a frequency in cycles per sample; (2, periods, samples)."""
+    phase = 2 * np.pi * frequency * np.arange(shape[0] * shape[1]).reshape(shape)
+    return _deviating(np.stack([np.cos(phase), np.sin(phase)]))
+
+
+def _deviating(signals: np.ndarray) -> np.ndarray:
+    return signals - signals.mean(axis=1, keepdims=True)
+
+
+def _least_squares(signals: list[np.ndarray], rows: np.ndarray) -> np.ndarray:
+    """Coefficients of signals, each shaped like `rows`, that fit them best."""
+    columns = np.stack([signal.ravel() for signal in signals])
+    scale = np.maximum(np.sqrt(np.sum(columns**2, axis=1)), 1e-300)
+    columns /= scale[:, None]
+    return np.linalg.lstsq(columns @ columns.T, columns @ rows.ravel(), rcond=1e-10)[0] / scale
+
+
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
+    left, values, _ = np.linalg.svd(columns, full_matrices=False)
+    return left[:, values > 1e-6 * values[0]] if values[0] > 0 else left[:, :0]
 
 
 def _outstanding_direction(whitened: np.ndarray, free_rows: int) -> float:
@@ -194,42 +333,24 @@ def _outstanding_direction(whitened: np.ndarray, free_rows: int) -> float:
 
     Of d unrelated rows of n whitened samples each, the eigenvalues of the covariance are 1 + g/√n with g those
     of a symmetric Gaussian matrix; the largest exceeds the mean of the others by less than
-    (2√d + 5.7 d^(−1/3))/√n in 99.9 % of the cases (*simulated*, d = 2 … 50).
+    (2√d + 5.7 d^(−1/3))/√n in 99.9 % of the cases (*simulated*, d = 2 … 50). Samples that are tapered, or not quite
+    white, count for fewer.
     """
     if free_rows < 2:
         return 0.0
+    power = line_power(whitened, free_rows)[1:]
+    flat = power.sum() ** 2 * (1 + 1 / free_rows) / (power.size * np.sum(power**2))
+    samples = whitened.shape[1] * _TAPERED * min(flat, 1.0)
     values = np.linalg.eigvalsh(whitened @ whitened.T)
     others = values[-free_rows:-1].mean()
-    limit = 1 + (2 * np.sqrt(free_rows) + 5.7 * free_rows ** (-1 / 3)) / np.sqrt(whitened.shape[1])
+    limit = 1 + (2 * np.sqrt(free_rows) + 5.7 * free_rows ** (-1 / 3)) / np.sqrt(samples)
     return float(values[-1] - others) if values[-1] > limit * others else 0.0
 
 
-def _still_significant(parts: list[Part], rest: np.ndarray) -> list[Part]:
-    """Leave out what a later part explains too."""
-    variance = float(np.sum(rest**2)) / (rest.size - rest.shape[1])
-    if variance == 0.0:
-        return parts
-    return [
-        part
-        for part in parts
-        if excess(float(np.sum(part.values**2)) / variance, part.degrees) > _STAYS_SIGNIFICANT
-    ]
-
-
-def _filtered(rows: np.ndarray, level: np.ndarray) -> np.ndarray:
-    return np.fft.irfft(np.fft.rfft(rows, axis=1) / np.sqrt(level), rows.shape[1], axis=1)
-
-
-def _orthonormal(shapes: np.ndarray) -> np.ndarray:
-    left, values, _ = np.linalg.svd(shapes, full_matrices=False)
-    return left[:, values > 1e-6 * values[0]] if values[0] > 0 else left[:, :0]
-
-
-def _strongest_line(rest: np.ndarray, level: np.ndarray) -> tuple[float, float] | None:
-    """Frequency (cycles per sample) and energy over noise of the strongest line between the period's lines."""
+def _strongest_line(rest: np.ndarray, level: np.ndarray) -> float | None:
+    """Frequency (cycles per sample) of the strongest line between the period's, if it stands out of the noise."""
     periods, samples = rest.shape
-    series = rest.ravel()
-    power = np.abs(np.fft.rfft(series)) ** 2 / series.size
+    power = np.abs(np.fft.rfft(rest.ravel() * taper(rest.size))) ** 2 / rest.size
     bins = np.arange(len(power))
     power /= np.interp(bins / periods, np.arange(len(level)), level)
     power[bins % periods == 0] = 0.0
@@ -238,56 +359,27 @@ def _strongest_line(rest: np.ndarray, level: np.ndarray) -> tuple[float, float] 
     # The largest of n exponential variables exceeds ln(n) + x with probability exp(−x).
     if power[peak] < np.log(len(power)) + 0.5 * SIGNIFICANT**2:
         return None
-    frequency, energy = _refined_line(series, peak / series.size, periods, samples)
-    return frequency, 2 * energy / float(np.interp(frequency * samples, np.arange(len(level)), level))
+    return _refined_line(rest, peak / rest.size)
 
 
-def _refined_line(series: np.ndarray, frequency: float, periods: int, samples: int) -> tuple[float, float]:
-    """Frequency near a peak at which a sinusoid explains most, and half the energy it explains.
+def _refined_line(rows: np.ndarray, frequency: float) -> float:
+    """Frequency near a peak at which a sinusoid explains most.
 
     The deviations lack what repeats: of a sinusoid the share 1 − |mean phase over the periods|² is left.
     """
+    series, (periods, samples) = rows.ravel(), rows.shape
     time = np.arange(series.size)
 
     def explained(at: float) -> float:
         kept = 1 - abs(np.mean(np.exp(2j * np.pi * at * samples * np.arange(periods)))) ** 2
-        return abs(np.dot(series, np.exp(-2j * np.pi * at * time))) ** 2 / series.size / max(kept, 0.05)
+        return abs(np.dot(series, np.exp(-2j * np.pi * at * time))) ** 2 / max(kept, 0.05)
 
     step = 0.5 / series.size
     best = explained(frequency)
-    while step > 1e-3 / series.size:
+    while step > 0.05 / series.size:
         values = [explained(frequency - step), best, explained(frequency + step)]
         move = int(np.argmax(values)) - 1
         frequency, best = frequency + move * step, values[move + 1]
         if move == 0:
             step /= 2
-    return frequency, best
-
-
-def _fit_together(deviations: np.ndarray, parts: list[Part], bases: dict[str, np.ndarray]) -> np.ndarray:
-    """Fit the named parts to the deviations in turns, then the others; return what they leave."""
-    named = [part for part in parts if part.kind != "other change"]
-    others = [part for part in parts if part.kind == "other change"]
-    rest = deviations - sum((part.values for part in named), np.zeros_like(deviations))
-    for _ in range(_SWEEPS if len(named) > 1 else 1):
-        for part in named:
-            share = rest + part.values
-            if part.frequency is None:
-                part.values = (share @ bases[part.kind]) @ bases[part.kind].T
-            else:
-                part.frequency, _ = _refined_line(share.ravel(), part.frequency, *share.shape)
-                part.values = _sinusoid(share, part.frequency)
-            rest = share - part.values
-    for part in others:
-        vector = np.linalg.eigh(rest @ rest.T)[1][:, -1]
-        part.values = np.outer(vector, vector @ rest)
-        rest = rest - part.values
-    return rest
-
-
-def _sinusoid(rows: np.ndarray, frequency: float) -> np.ndarray:
-    phase = 2 * np.pi * frequency * np.arange(rows.size).reshape(rows.shape)
-    waves = np.stack([np.cos(phase), np.sin(phase)])
-    waves -= waves.mean(axis=1, keepdims=True)
-    columns = waves.reshape(2, -1).T
-    return (columns @ np.linalg.lstsq(columns, rows.ravel(), rcond=None)[0]).reshape(rows.shape)
+    return frequency

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,8 @@ class Experiment:
     floor : NoiseFloor or None
         None where no record repeats.
     input_unit, output_unit : str
+    input_offset, output_offset : float
+        What was taken off the training record's channels; 0 where records are taken as they are.
     """
 
     training: FitData
@@ -39,10 +41,15 @@ class Experiment:
     floor: NoiseFloor | None
     input_unit: str
     output_unit: str
+    input_offset: float = 0.0
+    output_offset: float = 0.0
 
 
 def prepare(
-    records: list[Record], train: str | None = None, periods: dict[str, float] | None = None
+    records: list[Record],
+    train: str | None = None,
+    periods: dict[str, float] | None = None,
+    centre: bool = False,
 ) -> Experiment:
     """Choose the training record, estimate its noise and prepare all records.
 
@@ -54,6 +61,8 @@ def prepare(
         Name of the training record; default the longest.
     periods : dict of str to float, optional
         Period of a record's excitation in seconds; default found from the input.
+    centre : bool
+        Take each record's means off input and output: for sensors whose zero is arbitrary.
 
     Returns
     -------
@@ -78,21 +87,29 @@ def prepare(
                 f"{record.source or record.name}: {record.duration:g} s is too short: the first {SETTLING} s settle, "
                 "and at least as much and 50 samples must follow"
             )
-    floor = noise_floor(chosen, (periods or {}).get(chosen.name) or chosen.period)
+    # A study's own period of a record with fewer than three of them says nothing about noise; one that is asked for
+    # here and cannot be used is an error.
+    known = chosen.period if chosen.period and chosen.duration >= 3 * chosen.period else None
+    floor = noise_floor(replace(chosen, period=known), (periods or {}).get(chosen.name))
     training, tests = _split(chosen, [item for item in records if item is not chosen])
-    channel = chosen.channels
+    whitening = whitening_filter(floor, chosen.sampling_time)
     return Experiment(
-        FitData(
-            training.name,
-            Motion.of(training),
-            training["output"],
-            whitening_filter(floor, chosen.sampling_time),
-        ),
-        [FitData(item.name, Motion.of(item), item["output"]) for item in tests],
+        _fit_data(training, centre, whitening),
+        [_fit_data(item, centre) for item in tests],
         floor,
-        channel["input"].unit,
-        channel["output"].unit,
+        chosen.channels["input"].unit,
+        chosen.channels["output"].unit,
+        float(np.mean(training["input"])) if centre else 0.0,
+        float(np.mean(training["output"])) if centre else 0.0,
     )
+
+
+def _fit_data(record: Record, centre: bool, whitening: np.ndarray | None = None) -> FitData:
+    motion, force = Motion.of(record), record["output"]
+    if centre:
+        motion = Motion(motion.time, motion.position - motion.position.mean(), motion.sampling_time)
+        force = force - force.mean()
+    return FitData(record.name, motion, force, np.ones(1) if whitening is None else whitening)
 
 
 def _split(chosen: Record, others: list[Record]) -> tuple[Record, list[Record]]:

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from lumbar.effects.base import BASES
+from lumbar.effects.catalogue import choose
+from lumbar.effects.effect import Effect
+from lumbar.effects.motion import Motion
+from lumbar.effects.structure import Structure
+from lumbar.errors import InputError
 from lumbar.improvement.fitting import Fit
 from lumbar.improvement.preparation import Experiment
 from lumbar.improvement.search import Candidate
 from lumbar.improvement.uncertainty import estimates
+from lumbar.records.record import Record
 
 
 def model_name(fit: Fit) -> str:
@@ -36,6 +45,8 @@ def model_entry(candidate: Candidate, experiment: Experiment) -> dict:
         "amplitudes": fit.amplitudes[:base_amplitudes],
         "shapes": fit.shapes[:base_shapes],
         "effects": effects,
+        "input_offset": experiment.input_offset,
+        "output_offset": experiment.output_offset,
         "trained_on": experiment.training.name,
         "train_rms": candidate.train_rms,
         "test_rms": candidate.test_rms,
@@ -54,3 +65,27 @@ def refined_document(ladder: list[Candidate], experiment: Experiment, data: str)
         "noise_floor_rms": None if experiment.floor is None else experiment.floor.rms,
         "models": [model_entry(item, experiment) for item in ladder],
     }
+
+
+def simulate_entry(entry: dict, record: Record, catalogue: dict[str, Effect]) -> np.ndarray:
+    """Simulate a model from its plain data on a record, shape (samples,).
+
+    Raises
+    ------
+    InputError
+        If the entry names an effect or form that the catalogue does not have.
+    """
+    forms = []
+    for item in entry["effects"]:
+        (effect,) = choose([item["effect"]], catalogue)
+        form = next((form for form in effect.forms if form.name == item["form"]), None)
+        if form is None:
+            raise InputError(f"{entry['name']}: {item['effect']} has no form {item['form']!r}")
+        forms.append(form)
+    structure = Structure(BASES[entry["base"]], tuple(forms))
+    amplitudes = np.concatenate([entry["amplitudes"], *(item["amplitudes"] for item in entry["effects"])])
+    shapes = np.concatenate([entry["shapes"], *(item["shapes"] for item in entry["effects"])])
+    motion = Motion(
+        record.time - record.time[0], record["input"] - entry["input_offset"], record.sampling_time
+    )
+    return structure.simulate(motion, amplitudes, shapes) + entry["output_offset"]

@@ -41,7 +41,7 @@ def refine(
         If a fit does not converge, or an effect makes the model worse on the record it is fitted to.
     """
     chosen = {effect.name: effect for effect in choose(effects, settings.catalogue)}
-    experiment = prepare(records, settings.train, settings.periods)
+    experiment = prepare(records, settings.train, settings.periods, settings.centre)
     ladder = [judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)]
     for name in chosen:
         rung = min(

@@ -50,7 +50,8 @@ def physical_parameters_table(identified: list[dict], confidence: float, data: s
     rows = []
     for result in identified:
         for fit in result["fits"]:
-            if not MODELS[fit["name"]].parameters:
+            # A model with effects added is not of Table 2.1, but has parameters all the same.
+            if fit["name"] in MODELS and not MODELS[fit["name"]].parameters:
                 continue
             head = {"trained_on": fit["trained_on"], "model": fit["name"], "estimator": fit["estimator"]}
             for symbol, found in fit["physical"].items():
@@ -65,7 +66,7 @@ def physical_parameters_table(identified: list[dict], confidence: float, data: s
         data=data,
         definitions={
             "trained_on": "record the model was fitted to",
-            "model": f"{LE.name}, {MAXWELL.name} or {KB.name} of Table 2.1",
+            "model": f"{LE.name}, {MAXWELL.name} or {KB.name} of Table 2.1, or a base with effects added",
             "estimator": "arx or output_error, see Table 3.1",
             "parameter": "symbol of Table 2.1; alpha of Maxwell is b/k",
             "value": "from the discrete coefficients by the inverse of the ramp-invariant discretisation",

@@ -50,7 +50,9 @@ def table_3_1(identified: list[dict], settings: dict, data: str) -> Table:
 
 
 def _position(fit: dict) -> int:
-    return (*_ROWS, IL.name).index(fit["name"])
+    """Place of a row; models with effects added come after those of the thesis."""
+    order = (*_ROWS, IL.name)
+    return order.index(fit["name"]) if fit["name"] in order else len(order)
 
 
 def unit_slug(unit: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.twin.hidden_effects.form import Form, additive, log_uniform
+from lumbar.twin.hidden_effects.motion import RATE_HZ
 from lumbar.twin.hidden_effects.tissue import maxwell_force
 
 
@@ -41,6 +42,11 @@ def inertia(motion, tissue, strength):
 def second_branch(motion, tissue, strength, relaxation_s):
     """A second Maxwell branch."""
     return maxwell_force(motion.position, motion.step, strength, relaxation_s)
+
+
+def _fast(rng, scales):
+    # A branch faster than the sampling is a dashpot to every observer.
+    return {"relaxation_s": max(scales.relaxation_s / log_uniform(rng, 4.0, 20.0), 1 / RATE_HZ)}
 
 
 def _branch_size(scales, relaxation_s):
@@ -102,6 +108,6 @@ FORMS = (
         second_branch,
         "N/mm",
         additive(_branch_size),
-        lambda rng, s: {"relaxation_s": s.relaxation_s / log_uniform(rng, 4.0, 20.0)},
+        _fast,
     ),
 )

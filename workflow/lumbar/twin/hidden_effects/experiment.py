@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lumbar.errors import Problems
 from lumbar.twin.hidden_effects.catalogue import OUTSIDE_FORMS, PAIRS, SINGLE, form_named, forms_of
 from lumbar.twin.hidden_effects.form import OUTSIDE, Scales, log_uniform
 from lumbar.twin.hidden_effects.motion import RATE_HZ, Motion, draw_motions
@@ -58,6 +59,23 @@ class Experiment:
 
     records: dict[str, np.ndarray]
     label: dict
+
+
+def check_settings(settings: dict) -> None:
+    """Check what the schema cannot: ranges that run upward, and that some colour of noise occurs.
+
+    Raises
+    ------
+    InputError
+        With every wrong key.
+    """
+    problems = Problems("configuration: hidden_effects")
+    for key, value in settings.items():
+        if isinstance(value, list) and value[0] > value[1]:
+            problems.add(key, f"[{value[0]:g}, {value[1]:g}]", "the smaller value comes first")
+    if sum(settings["noise_colours"].values()) <= 0:
+        problems.add("noise_colours", "all weights are 0", "at least one colour must occur")
+    problems.raise_if_any()
 
 
 def plan_batch(kind: str, part: int, settings: dict) -> list[Plan]:

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from lumbar.files import write_json, write_text
-from lumbar.twin.hidden_effects.experiment import Experiment, Plan, make_experiment
+from lumbar.twin.hidden_effects.experiment import Experiment, Plan, check_settings, make_experiment
 
 HEADER = "time_s,position_mm,force_N"
 
@@ -32,7 +32,13 @@ def write_experiments(
     plans : list of Plan
     settings : dict
         Section ``hidden_effects`` of the configuration.
+
+    Raises
+    ------
+    InputError
+        If the settings contradict themselves; nothing is written.
     """
+    check_settings(settings)
     truth = {}
     for plan in plans:
         experiment = make_experiment(plan, settings)

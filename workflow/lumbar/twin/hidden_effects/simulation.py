@@ -13,6 +13,8 @@ from lumbar.twin.hidden_effects.tissue import Tissue, kelvin_boltzmann_residual
 
 _TOLERANCE = 0.01
 """Relative accuracy of the wanted residual."""
+_STEPS = 6
+"""Severities tried on the way up."""
 
 
 @dataclass(frozen=True)
@@ -69,17 +71,18 @@ def calibrated(
 
 
 def _crossing(excess) -> float:
-    """Severity at which the excess vanishes, 1 if it stays negative: bracket from above, then Brent's method."""
-    high, at_high = 1.0, excess(1.0)
-    if at_high <= 0:
-        return 1.0
-    while high > 0:
-        low = max(high - 0.3, 0.0)
-        at_low = excess(low)
-        if at_low <= 0:
-            return _root(excess, low, high, at_low, at_high)
-        high, at_high = low, at_low
-    return 0.0
+    """Least severity at which the excess vanishes, found from below; where it stays negative, its best place.
+
+    The residual need not grow with the strength throughout (a very fast branch replaces the base's own, a signal
+    clipped to nothing is explained by no tissue): the weakest effect that will do is the plausible one.
+    """
+    known = {0.0: excess(0.0)}
+    for step in range(1, _STEPS + 1):
+        low, high = (step - 1) / _STEPS, step / _STEPS
+        known[high] = excess(high)
+        if known[high] > 0:
+            return 0.0 if known[low] > 0 else _root(excess, low, high, known[low], known[high])
+    return max(known, key=known.get)
 
 
 def _root(excess, low: float, high: float, at_low: float, at_high: float) -> float:
