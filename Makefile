@@ -39,7 +39,8 @@ check-results: environment ## regenerate the default study and compare it with t
 update-reference: results ## take the default study's numbers as the new reference
 	python tests/reference/check_results.py --update
 
-benchmark: environment ## timings and memory, printed
+benchmark: environment ## accuracy of the diagnosis over hundreds of experiments; timings and memory, printed
+	snakemake --cores $(CORES) hidden_effects --configfile config/hidden_effects_full.yaml
 	python tests/benchmark/run.py
 
 lint: environment ## what the continuous integration checks before the tests

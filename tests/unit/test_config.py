@@ -23,7 +23,7 @@ def folder(project, tmp_path):
 @pytest.fixture
 def config(project) -> dict:
     content = {}
-    for name in ("config.yaml", "twin.yaml"):
+    for name in ("config.yaml", "twin.yaml", "hidden_effects.yaml"):
         content |= yaml.safe_load((project / "config" / name).read_text(encoding="utf-8"))
     return copy.deepcopy(content)
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -106,7 +104,7 @@ def synthetic(name, force, seed, seconds=40):
     position = np.cos(2 * np.pi * np.outer(time, lines) + random.uniform(0, 6.28, 40)) @ lines**-0.5
     position *= 5 / np.abs(position).max()
     clean = force(time, position)
-    values = clean + 0.01 * clean.std() * random.standard_normal(len(time))
+    values = clean + 0.01 * random.standard_normal(len(time))
     channels = {"input": Channel(position, "position", "mm"), "output": Channel(values, "force", "N")}
     return Record(name, time, channels, name)
 
@@ -121,14 +119,17 @@ def test_what_no_effect_explains_is_said_to_be_unexplained():
     assert "nothing in the catalogue explains it" in headline(diagnosis)
 
 
-def test_an_adequate_model_of_records_that_do_not_repeat():
+@pytest.mark.parametrize("seconds", [40, 15])
+def test_nothing_is_missing_whether_or_not_a_record_repeats(seconds):
     def spring(time, position):
         return 0.6 * position
 
-    records = [synthetic("a", spring, 1, 33.33), synthetic("b", spring, 2, 12)]
-    records = [replace(record, channels=dict(record.channels)) for record in records]
-    diagnosis = diagnose(records, Settings(base="LE", periods={}))
+    diagnosis = diagnose(
+        [synthetic("a", spring, 1, seconds), synthetic("b", spring, 2, 12)], Settings(base="LE")
+    )
+    assert (diagnosis.experiment.floor is None) == (seconds == 15)
     assert diagnosis.verdict == "adequate"
+    assert diagnosis.complete is (None if seconds == 15 else True)
 
 
 def test_refinement_adds_what_is_named():
@@ -136,7 +137,7 @@ def test_refinement_adds_what_is_named():
         return 0.6 * position + 0.01 * position**3
 
     records = [synthetic("a", stiffening, 1), synthetic("b", stiffening, 2, 12)]
-    experiment, ladder = refine(records, ["hardening_stiffness"], Settings())
+    _, ladder = refine(records, ["hardening_stiffness"], Settings())
     assert ladder[1].test_rms < 0.3 * ladder[0].test_rms
     assert ladder[1].fit.amplitudes[2] == pytest.approx(0.01, rel=0.02)
     with pytest.raises(InputError, match="unknown effect"):

@@ -7,6 +7,7 @@ import pytest
 import yaml
 from hidden_effects_cases import PROJECT, diagnosis, oracle, settings
 from jsonschema import Draft202012Validator
+from scipy.optimize import minimize
 from scipy.special import expit
 from statsmodels.stats.proportion import proportion_confint
 
@@ -218,3 +219,37 @@ def test_settings_match_their_schema():
     Draft202012Validator(schema).validate(settings(**full["hidden_effects"]))
     assert not Draft202012Validator(schema).is_valid(settings(nulls=-1))
     assert not Draft202012Validator(schema).is_valid(settings(unknown=1))
+
+
+def test_logistic_curve_is_the_maximum_that_a_general_optimiser_finds():
+    # One failure among many, at the strongest effect: plain Newton steps cycle here.
+    x = np.linspace(0.4, 3.2, 44)
+    y = np.ones(44)
+    y[-1] = 0.0
+    curve = fit_power_curve(np.exp(x), y > 0)
+
+    def penalised(weights):
+        share = expit(weights[0] + weights[1] * x)
+        design = np.column_stack([np.ones(44), x])
+        information = design.T @ (design * (share * (1 - share))[:, None])
+        likelihood = np.sum(np.log(np.where(y > 0, share, 1 - share)))
+        return -likelihood - 0.5 * np.log(np.linalg.det(information))
+
+    found = minimize(penalised, [4.0, -0.5], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-12})
+    assert [curve.intercept, curve.slope] == pytest.approx(found.x, rel=1e-3)
+    assert curve.strength_at(0.95) is None
+
+
+def test_logistic_fit_converges_on_every_pattern_of_failures():
+    rng = np.random.default_rng(12)
+    for share in (0.02, 0.1, 0.5, 0.9, 0.98):
+        for size in (3, 10, 60, 500):
+            strength = np.exp(rng.uniform(0.4, 3.2, size))
+            curve = fit_power_curve(strength, rng.random(size) < share)
+            assert np.isfinite([curve.intercept, curve.slope]).all()
+    separated = fit_power_curve(np.geomspace(1, 20, 50), np.arange(50) >= 20)
+    assert 1 < separated.strength_at(0.95) < 20
+    # Weaker effects than the weakest tested are not spoken of.
+    high = fit_power_curve(np.geomspace(1, 20, 50), np.arange(50) >= 2)
+    assert high.share(np.array([1.0]))[0] > 0.01
+    assert high.strength_at(0.01) == 1.0

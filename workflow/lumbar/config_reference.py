@@ -106,7 +106,7 @@ def reference(root: Path) -> str:
     """
     folder = root / "workflow" / "schemas"
     defaults = {}
-    for name in ("config.yaml", "twin.yaml"):
+    for name in ("config.yaml", "twin.yaml", "hidden_effects.yaml"):
         defaults.update(yaml.safe_load((root / "config" / name).read_text(encoding="utf-8")))
     schema = yaml.safe_load((folder / "config.schema.yaml").read_text(encoding="utf-8"))
     sections: dict[str, list[tuple[str, str, str, str]]] = {}

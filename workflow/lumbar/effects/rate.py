@@ -55,6 +55,14 @@ QUADRATIC_DAMPING = Effect(
             columns=lambda motion, _: [motion.velocity * np.abs(motion.velocity)],
         ),
         Form(
+            name="power",
+            equation=r"c_n\,\mathrm{sign}(v)\,|v/v_0|^n,\quad v_0 = \text{1 unit per s}",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("damping_force", "{y}"),),
+            shapes=(Shape("exponent", "1", "one", 1.5, 3.0, 3, reach=(0.85, 1.3)),),
+            columns=lambda motion, shapes: [np.sign(motion.velocity) * np.abs(motion.velocity) ** shapes[0]],
+        ),
+        Form(
             name="sinh",
             equation=r"F_2 \sinh(v/v_2)",
             place=Place.PARALLEL,

@@ -86,7 +86,7 @@ def power_figure(curve: PowerCurve, share: float, confidence: float, bins: int =
     )
     axis.axhline(100 * share, color="#777777", linewidth=0.7, linestyle=":")
     reached = curve.strength_at(share)
-    if reached is not None and reached >= curve.strength[0]:
+    if reached is not None and reached > curve.strength[0]:
         axis.axvline(reached, color="#777777", linewidth=0.7, linestyle=":")
         axis.annotate(
             f"{100 * share:g} % at {reached:.2g} × noise",
@@ -106,5 +106,5 @@ def power_figure(curve: PowerCurve, share: float, confidence: float, bins: int =
     axis.set_ylim(-3, 103)
     axis.set_xlabel("Residual of the best KB model over noise (RMS ratio)")
     axis.set_ylabel("Effects named (%)")
-    axis.legend(loc="center right")
+    axis.legend(loc="lower right")
     return figure

@@ -199,7 +199,9 @@ def _words(part: Part, mean_period: np.ndarray, unit: str, sampling_time: float)
         return f"amplitude change: {gain[-1] - gain[0]:+.3g} % from period 2 to period {last}"
     if part.kind == LINE:
         amplitude = np.sqrt(2 * np.mean(part.values**2))
-        return f"off-grid line at {part.frequency / sampling_time:.4g} Hz, amplitude {amplitude:.3g} {unit}"
+        harmonics = f" with harmonics up to the {part.harmonics}th" if part.harmonics > 1 else ""
+        frequency = part.frequency / sampling_time
+        return f"off-grid line at {frequency:.4g} Hz{harmonics}, amplitude {amplitude:.3g} {unit}"
     energy = np.sum(part.values**2, axis=1)
     odd_one = int(energy.argmax())
     if energy[odd_one] > 0.7 * energy.sum():

@@ -18,20 +18,25 @@ SIGNIFICANT = 4.5
 by less than a percent."""
 STAYS_SIGNIFICANT = 3.0
 """The same for a part that is already in, once the others have been fitted beside it."""
-MOST_PARTS = 20
+MOST_PARTS = 12
 
 _SWEEPS = 3
 _NEWTON_STEPS = 3
 _UNNAMED_ADVANTAGE = 1.2
 """What has no name must explain this much more than what has one."""
-_LOWEST_LINE = 1.2
-"""Below this many cycles per period a sinusoid cannot be told from a drift."""
+_FEWEST_CYCLES = 2
+"""Of a sinusoid in the record; with fewer it cannot be told from a drift."""
+_DRIFTS_BELOW = 1.2
+"""Cycles per period below which noise that wanders is hard to tell from a sinusoid."""
+_MOST_HARMONICS = 60
 _SETTLING_TIMES = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Periods in which a drift settles; these and a straight line span every monotonic course closely."""
 _TAPERED = 2 / 3
 """Share of the samples that a sine taper leaves: (Σw²)²/(n Σw⁴)."""
-_FEWEST_LINES = 8
+_FEWEST_LINES = 5
 """Lines of a band whose median is deaf to a sinusoid in it."""
+_FEWEST_VALUES = 12
+"""A band's median is taken of at least so many values, one per line and free row."""
 _MOST_LINES = 24
 
 DRIFT, AMPLITUDE, LINE, OTHER = "drift", "amplitude change", "off-grid line", "other change"
@@ -50,12 +55,15 @@ class Part:
         Degrees of freedom it took.
     frequency : float or None
         Cycles per sample of an off-grid line.
+    harmonics : int
+        Multiples of `frequency` that belong to it, itself included.
     """
 
     kind: str
     values: np.ndarray
     degrees: float
     frequency: float | None = None
+    harmonics: int = 1
 
     def rms(self, noise_variance: float) -> float:
         """RMS less what the noise contributes to it."""
@@ -137,8 +145,8 @@ def smooth_power(power: np.ndarray, degrees: float, fewest: int = _FEWEST_LINES)
         start = stop
     if not levels:
         centres, levels = [1.0], [power.mean()]
-    # With narrow bands, towards frequency 0, a spectrum may go on rising as it does between the lowest two.
-    if len(centres) > 1 and fewest < _FEWEST_LINES:
+    # Towards frequency 0 a spectrum may go on rising as it does between the lowest two bands.
+    if len(centres) > 1:
         slope = (
             np.log(levels[1] / levels[0]) / np.log(centres[1] / centres[0]) if min(levels[:2]) > 0 else 0.0
         )
@@ -165,6 +173,7 @@ class _Search:
         self.parts: list[Part] = []
         periods, samples = deviations.shape
         self.taper = taper(samples)
+        self.straight = np.linalg.qr(np.vander(np.linspace(-1, 1, samples), 2))[0]
         self.shapes = {
             DRIFT: _drifts(periods, samples),
             AMPLITUDE: _orthonormal(_response_shapes(mean_period, mean_excitation)),
@@ -194,18 +203,26 @@ class _Search:
             energy, degrees = self._explained(kind, whitened, level)
             if excess(energy, degrees) > SIGNIFICANT and energy - degrees > best_energy:
                 best, best_energy = Part(kind, np.zeros_like(self.rest), degrees), energy - degrees
-        line = _strongest_line(self.rest, self._level(self.rest, self.free_rows, _FEWEST_LINES))
-        if line is not None:
-            waves = self._whitened(_sinusoids(self.rest.shape, line), level).reshape(2, -1).T
-            energy = float(np.sum((whitened.ravel() @ _orthonormal(waves)) ** 2)) - 3
+        spectrum = self._spectrum_between_lines()
+        for line in self._line_candidates(spectrum):
+            waves = self._whitened(_sinusoids(self.rest.shape, line.frequency, line.harmonics), level)
+            basis = _orthonormal(waves.reshape(len(waves), -1).T)
+            energy = float(np.sum((whitened.ravel() @ basis) ** 2)) - line.degrees
             if energy > best_energy:
-                best, best_energy = Part(LINE, np.zeros_like(self.rest), 3, line), energy
+                best, best_energy = line, energy
         if _outstanding_direction(whitened, self.free_rows) > _UNNAMED_ADVANTAGE * best_energy:
             best = Part(OTHER, np.zeros_like(self.rest), self.rest.shape[1])
         return best
 
     def add(self, part: Part) -> None:
         """Take a part in, fit all, and leave out what it made needless."""
+        if part.harmonics > 1:
+            multiples = part.frequency * np.arange(1, part.harmonics + 1)
+            self.parts = [
+                item
+                for item in self.parts
+                if item.kind != LINE or np.abs(item.frequency - multiples).min() > 0.5 / self.rest.size
+            ]
         self.parts.append(part)
         self._fit()
         variance = float(np.sum(self.rest**2)) / self.degrees
@@ -222,13 +239,15 @@ class _Search:
                 self._fit()
 
     def _level(self, rows: np.ndarray, degrees: float, fewest: int) -> np.ndarray:
-        return smooth_power(line_power(rows * self.taper, degrees), degrees, fewest)
+        fewest = max(fewest, -(-_FEWEST_VALUES // int(degrees)))
+        steady = rows - (rows @ self.straight) @ self.straight.T
+        return smooth_power(line_power(steady * self.taper, degrees), degrees, fewest)
 
     def _level_without_slow_changes(self) -> np.ndarray:
         """Noise level by frequency from what changes quickly over the periods, where there are enough."""
         quick = self.rest - self.slow_courses @ (self.slow_courses.T @ self.rest)
         rows = self.free_rows - (self.slow_courses.shape[1] - 1)
-        if rows < 2:
+        if rows < 1:
             return self._level(self.rest, self.free_rows, _FEWEST_LINES)
         return self._level(quick, rows, 3)
 
@@ -245,6 +264,37 @@ class _Search:
             return float(np.sum((whitened.ravel() @ basis) ** 2)), basis.shape[1]
         basis = _orthonormal(self._whitened(self.shapes[kind].T, level).T)
         return float(np.sum((whitened @ basis) ** 2)), basis.shape[1] * self.free_rows
+
+    def _spectrum_between_lines(self) -> np.ndarray:
+        """Power of the whole rest over the noise level, at 0, 1, 2, … cycles per record; 0 where periods repeat."""
+        periods, samples = self.rest.shape
+        level = self._level(self.rest, self.free_rows, _FEWEST_LINES)
+        power = np.abs(np.fft.rfft(self.rest.ravel() * taper(self.rest.size))) ** 2 / self.rest.size
+        bins = np.arange(len(power))
+        power /= np.interp(bins / periods, np.arange(len(level)), level)
+        power[bins % periods == 0] = 0.0
+        power[bins < _FEWEST_CYCLES] = 0.0
+        # Below the period's first line the level is not measured: it may rise as that of a random walk.
+        return power * np.minimum(np.maximum(bins, 1) / (_DRIFTS_BELOW * periods), 1.0) ** 2
+
+    def _line_candidates(self, spectrum: np.ndarray) -> list[Part]:
+        """List the strongest line, and lines already found with their harmonics, if they stand out of the noise."""
+        size = self.rest.size
+        # The largest of n exponential variables exceeds ln(n) + x with probability exp(−x).
+        limit = 0.5 * SIGNIFICANT**2
+        found = []
+        peak = int(spectrum.argmax())
+        if spectrum[peak] > np.log(len(spectrum)) + limit:
+            found.append(Part(LINE, np.zeros_like(self.rest), 3, _refined_line(self.rest, peak / size)))
+        for line in (part for part in self.parts if part.kind == LINE and part.harmonics == 1):
+            multiples = np.arange(2, min(int(0.5 / line.frequency), _MOST_HARMONICS) + 1)
+            places = np.round(multiples * line.frequency * size).astype(int)
+            nearby = np.minimum(places[:, None] + np.array([-1, 0, 1]), len(spectrum) - 1)
+            standing_out = np.flatnonzero(spectrum[nearby].max(axis=1) > np.log(3 * len(nearby) + 1) + limit)
+            if standing_out.size >= 2:
+                count = int(multiples[standing_out[-1]])
+                found.append(Part(LINE, np.zeros_like(self.rest), 2 * count + 1, line.frequency, count))
+        return found
 
     def _fit(self) -> None:
         """Fit the named parts to the deviations in turns, then the others."""
@@ -269,25 +319,27 @@ class _Search:
         fixed = [signals for part in courses if part.kind == DRIFT for signals in self.shapes[DRIFT]]
         time = np.arange(rows.size).reshape(rows.shape)
         for step in range(_NEWTON_STEPS if lines else 0):
-            waves = [_sinusoids(rows.shape, part.frequency) for part in lines]
-            amplitudes = _least_squares([*fixed, *np.concatenate(waves)], rows)[len(fixed) :].reshape(-1, 2)
-            slopes = [
-                _deviating((2 * np.pi * time * (b * cosine - a * sine))[None])[0]
-                for (a, b), (cosine, sine) in zip(amplitudes, waves, strict=True)
-            ]
+            waves = [_sinusoids(rows.shape, part.frequency, part.harmonics) for part in lines]
+            coefficients = _least_squares([*fixed, *np.concatenate(waves)], rows)[len(fixed) :]
+            slopes = []
+            for part, own in zip(lines, waves, strict=True):
+                cosines, sines = coefficients[: len(own) : 2], coefficients[1 : len(own) : 2]
+                coefficients = coefficients[len(own) :]
+                multiples = 2 * np.pi * np.arange(1, part.harmonics + 1)
+                change = np.tensordot(multiples * sines, own[::2], 1)
+                change -= np.tensordot(multiples * cosines, own[1::2], 1)
+                slopes.append(_deviating((time * change)[None])[0])
             moves = _least_squares([*fixed, *np.concatenate(waves), *slopes], rows)[-len(lines) :]
             for part, move in zip(lines, np.clip(moves, -0.3 / rows.size, 0.3 / rows.size), strict=True):
                 part.frequency += float(move) if step else float(move) / 2
-        columns = fixed + [wave for part in lines for wave in _sinusoids(rows.shape, part.frequency)]
-        if not columns:
+        blocks = [np.stack(fixed)] if fixed else []
+        blocks += [_sinusoids(rows.shape, part.frequency, part.harmonics) for part in lines]
+        if not blocks:
             return np.zeros_like(rows)
-        coefficients = _least_squares(columns, rows)
-        for part in courses:
-            own = len(fixed) if part.kind == DRIFT else 2
-            start = 0 if part.kind == DRIFT else len(fixed) + 2 * lines.index(part)
-            part.values = np.tensordot(
-                coefficients[start : start + own], np.stack(columns[start : start + own]), 1
-            )
+        coefficients = _least_squares(list(np.concatenate(blocks)), rows)
+        for part, block in zip([*(part for part in courses if part.kind == DRIFT), *lines], blocks, strict=True):
+            part.values = np.tensordot(coefficients[: len(block)], block, 1)
+            coefficients = coefficients[len(block) :]
         return sum(part.values for part in courses)
 
 
@@ -305,10 +357,11 @@ def _response_shapes(*mean_periods: np.ndarray) -> np.ndarray:
     return np.hstack([shape[:, None] * courses for shape in shapes])
 
 
-def _sinusoids(shape: tuple[int, int], frequency: float) -> np.ndarray:
-    """Cosine and sine of a frequency in cycles per sample; (2, periods, samples)."""
+def _sinusoids(shape: tuple[int, int], frequency: float, harmonics: int = 1) -> np.ndarray:
+    """Cosine and sine of the multiples of a frequency in cycles per sample; (2·harmonics, periods, samples)."""
     phase = 2 * np.pi * frequency * np.arange(shape[0] * shape[1]).reshape(shape)
-    return _deviating(np.stack([np.cos(phase), np.sin(phase)]))
+    multiples = range(1, harmonics + 1)
+    return _deviating(np.stack([wave(k * phase) for k in multiples for wave in (np.cos, np.sin)]))
 
 
 def _deviating(signals: np.ndarray) -> np.ndarray:
@@ -332,9 +385,9 @@ def _outstanding_direction(whitened: np.ndarray, free_rows: int) -> float:
     """Energy over noise of the direction over the periods that stands out of the noise most; 0 if none does.
 
     Of d unrelated rows of n whitened samples each, the eigenvalues of the covariance are 1 + g/√n with g those
-    of a symmetric Gaussian matrix; the largest exceeds the mean of the others by less than
-    (2√d + 5.7 d^(−1/3))/√n in 99.9 % of the cases (*simulated*, d = 2 … 50). Samples that are tapered, or not quite
-    white, count for fewer.
+    of a symmetric Gaussian matrix; with a known spectrum the largest exceeds the mean of the others by less
+    than (2√d + 5.7 d^(−1/3))/√n + d/n in 99.9 % of the cases (*simulated*, d = 2 … 50), with an estimated one by
+    less than (2√d + 8 d^(−1/3))/√n + d/n. Samples that are tapered, or not quite white, count for fewer.
     """
     if free_rows < 2:
         return 0.0
@@ -343,23 +396,8 @@ def _outstanding_direction(whitened: np.ndarray, free_rows: int) -> float:
     samples = whitened.shape[1] * _TAPERED * min(flat, 1.0)
     values = np.linalg.eigvalsh(whitened @ whitened.T)
     others = values[-free_rows:-1].mean()
-    limit = 1 + (2 * np.sqrt(free_rows) + 5.7 * free_rows ** (-1 / 3)) / np.sqrt(samples)
+    limit = 1 + (2 * np.sqrt(free_rows) + 8 * free_rows ** (-1 / 3)) / np.sqrt(samples) + free_rows / samples
     return float(values[-1] - others) if values[-1] > limit * others else 0.0
-
-
-def _strongest_line(rest: np.ndarray, level: np.ndarray) -> float | None:
-    """Frequency (cycles per sample) of the strongest line between the period's, if it stands out of the noise."""
-    periods, samples = rest.shape
-    power = np.abs(np.fft.rfft(rest.ravel() * taper(rest.size))) ** 2 / rest.size
-    bins = np.arange(len(power))
-    power /= np.interp(bins / periods, np.arange(len(level)), level)
-    power[bins % periods == 0] = 0.0
-    power[bins < _LOWEST_LINE * periods] = 0.0
-    peak = int(power.argmax())
-    # The largest of n exponential variables exceeds ln(n) + x with probability exp(−x).
-    if power[peak] < np.log(len(power)) + 0.5 * SIGNIFICANT**2:
-        return None
-    return _refined_line(rest, peak / rest.size)
 
 
 def _refined_line(rows: np.ndarray, frequency: float) -> float:

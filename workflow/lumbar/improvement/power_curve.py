@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import isotonic_regression
+from scipy.optimize import isotonic_regression, minimize
 from scipy.special import expit, logit
 
 from lumbar.errors import InputError, NumericalError
-
-_MOST_STEPS = 100
 
 
 @dataclass(frozen=True)
@@ -46,12 +44,15 @@ class PowerCurve:
     def strength_at(self, share: float) -> float | None:
         """Strength from which the logistic curve says that this share is named; None where it lies outside.
 
-        Outside is beyond the strongest effect tested, or anywhere if the curve does not rise.
+        Outside is beyond the strongest effect tested, or anywhere if the curve does not rise. Where the share is
+        exceeded throughout it is the weakest effect tested: nothing is said of weaker ones.
         """
         if self.slope <= 0:
             return None
         found = (logit(share) - self.intercept) / self.slope
-        return float(np.exp(found)) if found <= np.log(self.strength[-1]) else None
+        if found > np.log(self.strength[-1]):
+            return None
+        return max(float(np.exp(found)), float(self.strength[0]))
 
     def isotonic_strength_at(self, share: float) -> float | None:
         """Least strength tested from which the isotonic estimate is at least this share; None if nowhere."""
@@ -98,22 +99,26 @@ def _pooled(strength: np.ndarray, named: np.ndarray) -> tuple[np.ndarray, np.nda
 def _firth_logistic(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Intercept and slope that maximise the likelihood times the root of the determinant of its information.
 
-    Newton's steps on the modified score Xᵀ(y − p + h(½ − p)) with the leverages h, none longer than 5.
+    Its gradient is the modified score Xᵀ(y − p + h(½ − p)) with the leverages h.
     """
     centre, spread = x.mean(), x.std()
     design = np.column_stack([np.ones_like(x), (x - centre) / spread])
-    weights = np.zeros(2)
-    for _ in range(_MOST_STEPS):
-        share = expit(design @ weights)
-        variance = share * (1 - share)
+
+    def objective(weights: np.ndarray) -> tuple[float, np.ndarray]:
+        linear = design @ weights
+        share = expit(linear)
+        variance = share * expit(-linear)
         information = design.T @ (design * variance[:, None])
-        leverage = variance * np.sum(design * np.linalg.solve(information, design.T).T, axis=1)
-        step = np.linalg.solve(information, design.T @ (y - share + leverage * (0.5 - share)))
-        weights = weights + step * min(1.0, 5.0 / np.abs(step).max())
-        if np.abs(step).max() < 1e-8:
-            intercept, slope = weights
-            return float(intercept - slope * centre / spread), float(slope / spread)
-    raise NumericalError(f"power curve: the logistic fit did not converge in {_MOST_STEPS} steps")
+        penalised = np.sum(y * linear - np.logaddexp(0.0, linear)) + 0.5 * np.linalg.slogdet(information)[1]
+        leverage = variance * np.sum(design @ np.linalg.inv(information) * design, axis=1)
+        return -penalised / len(x), -design.T @ (y - share + leverage * (0.5 - share)) / len(x)
+
+    found = minimize(objective, np.zeros(2), jac=True, method="BFGS", options={"gtol": 1e-8})
+    # BFGS may stop for lack of precision with the gradient at rounding level: what counts is the gradient.
+    if np.abs(found.jac).max() > 1e-5:
+        raise NumericalError(f"power curve: the logistic fit did not converge ({found.message})")
+    intercept, slope = found.x
+    return float(intercept - slope * centre / spread), float(slope / spread)
 
 
 def strength_interval(
