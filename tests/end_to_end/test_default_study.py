@@ -116,7 +116,7 @@ def test_a_subjects_mass_reruns_only_what_depends_on_it(default_run):
     planned = set(re.findall(r"Job \d+: (\w+kg): ", run.text))
     assert planned == {"expert_23kg", "expert_15kg"}
     rules = set(run.jobs)
-    assert {"table_4_1", "examine_claims"} <= rules
+    assert {"stability_tables", "examine_claims"} <= rules
     assert not {
         rule
         for rule in rules
