@@ -30,10 +30,10 @@ def written_out(model, fmu_positions):
     ]
     outputs = []
     for k in range(len(inputs)):
-        value = sum(b * averaged[k - j] for j, b in enumerate(model.numerator) if k >= j)
-        value -= sum(a * outputs[k - i] for i, a in enumerate(model.denominator) if 0 < i <= k)
+        value = sum(b * averaged[k - j] for j, b in enumerate(model.dynamics.numerator) if k >= j)
+        value -= sum(a * outputs[k - i] for i, a in enumerate(model.dynamics.denominator) if 0 < i <= k)
         outputs.append(value)
-    through = [model.numerator[0] * u for u in averaged]
+    through = [model.dynamics.numerator[0] * u for u in averaged]
     return np.array(outputs) - through, np.array(through)
 
 

@@ -1,0 +1,140 @@
+/* Elementary functions from additions, multiplications and divisions alone, each correct to about one unit in the
+ * last place. expm1, log1p and the kernels of sine and cosine are those of FreeBSD's msun (s_expm1.c, s_log1p.c,
+ * k_sin.c, k_cos.c), which carry this notice:
+ *
+ * Copyright (C) 1993 by Sun Microsystems, Inc. All rights reserved.
+ * Developed at SunSoft, a Sun Microsystems, Inc. business.
+ * Permission to use, copy, modify, and distribute this software is freely granted, provided that this notice is
+ * preserved.
+ */
+#include "portable_math.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+static const double LN2_HIGH = 6.93147180369123816490e-01, LN2_LOW = 1.90821492927058770002e-10;
+
+/* 2^k for -1022 <= k <= 1023. */
+static double power_of_two(int k) {
+    uint64_t bits = (uint64_t)(0x3ff + k) << 52;
+    double value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+double portable_expm1(double x) {
+    static const double LARGEST = 7.09782712893383973096e+02, INVERSE_LN2 = 1.44269504088896338700e+00,
+                        Q1 = -3.33333333333331316428e-02, Q2 = 1.58730158725481460165e-03,
+                        Q3 = -7.93650757867487942473e-05, Q4 = 4.00821782732936239552e-06,
+                        Q5 = -2.01099218183624371326e-07;
+    if (isnan(x)) return x;
+    if (x > LARGEST) return INFINITY;
+    if (x < -56.0 * LN2_HIGH) return -1.0;
+    if (fabs(x) < 0x1p-54) return x;
+    int k = 0;
+    double c = 0.0;
+    if (fabs(x) > 0.5 * LN2_HIGH) {
+        k = (int)(INVERSE_LN2 * x + (x < 0 ? -0.5 : 0.5));
+        double high = x - k * LN2_HIGH, low = k * LN2_LOW;
+        x = high - low;
+        c = (high - x) - low;
+    }
+    double half = 0.5 * x, square = x * half;
+    double r = 1.0 + square * (Q1 + square * (Q2 + square * (Q3 + square * (Q4 + square * Q5))));
+    double t = 3.0 - r * half;
+    double e = square * ((r - t) / (6.0 - x * t));
+    if (k == 0) return x - (x * e - square);
+    e = x * (e - c) - c;
+    e -= square;
+    if (k == -1) return 0.5 * (x - e) - 0.5;
+    if (k == 1) return x < -0.25 ? -2.0 * (e - (x + 0.5)) : 1.0 + 2.0 * (x - e);
+    if (k < 0 || k > 56) {
+        double y = x - e + 1.0;
+        return (k == 1024 ? y * 2.0 * 0x1p1023 : y * power_of_two(k)) - 1.0;
+    }
+    if (k < 20) return (x - e + (1.0 - power_of_two(-k))) * power_of_two(k);
+    return (x - (e + power_of_two(-k)) + 1.0) * power_of_two(k);
+}
+
+double portable_decay(double x) { return 1.0 + portable_expm1(-x); }
+
+double portable_tanh(double x) {
+    double size = fabs(x), value;
+    if (size > 22.0) {
+        value = 1.0;
+    } else if (size >= 1.0) {
+        value = 1.0 - 2.0 / (portable_expm1(2.0 * size) + 2.0);
+    } else {
+        double t = portable_expm1(-2.0 * size);
+        value = -t / (t + 2.0);
+    }
+    return x < 0 ? -value : value;
+}
+
+double portable_sinh(double x) {
+    double t = portable_expm1(fabs(x)), value;
+    if (isinf(t)) {
+        value = t;
+    } else if (t < 1.0) {
+        value = 0.5 * (2.0 * t - t * t / (t + 1.0));
+    } else {
+        value = 0.5 * (t + t / (t + 1.0));
+    }
+    return x < 0 ? -value : value;
+}
+
+/* ln(1 + y) for 0 <= y <= 1. */
+static double log1p_of_share(double y) {
+    static const double L1 = 6.666666666666735130e-01, L2 = 3.999999999940941908e-01, L3 = 2.857142874366239149e-01,
+                        L4 = 2.222219843214978396e-01, L5 = 1.818357216161805012e-01, L6 = 1.531383769920937332e-01,
+                        L7 = 1.479819860511658591e-01;
+    int k = y > 0.41421356237309503;
+    double f = k ? 0.5 * (y - 1.0) : y; /* 1 + y = 2^k (1 + f), exactly */
+    double half_square = 0.5 * f * f, s = f / (2.0 + f), z = s * s;
+    double r = z * (L1 + z * (L2 + z * (L3 + z * (L4 + z * (L5 + z * (L6 + z * L7))))));
+    if (k == 0) return f - (half_square - s * (half_square + r));
+    return LN2_HIGH - ((half_square - (s * (half_square + r) + LN2_LOW)) - f);
+}
+
+double portable_softplus(double x) {
+    double tail = log1p_of_share(portable_decay(fabs(x)));
+    return x > 0 ? x + tail : tail;
+}
+
+static double sine_kernel(double x) {
+    static const double S1 = -1.66666666666666324348e-01, S2 = 8.33333333332248946124e-03,
+                        S3 = -1.98412698298579493134e-04, S4 = 2.75573137070700676789e-06,
+                        S5 = -2.50507602534068634195e-08, S6 = 1.58969099521155010221e-10;
+    double z = x * x, w = z * z;
+    double r = S2 + z * (S3 + z * S4) + z * w * (S5 + z * S6);
+    return x + z * x * (S1 + z * r);
+}
+
+static double cosine_kernel(double x) {
+    static const double C1 = 4.16666666666666019037e-02, C2 = -1.38888888888741095749e-03,
+                        C3 = 2.48015872894767294178e-05, C4 = -2.75573143513906633035e-07,
+                        C5 = 2.08757232129817482790e-09, C6 = -1.13596475577881948265e-11;
+    double z = x * x, w = z * z;
+    double r = z * (C1 + z * (C2 + z * C3)) + w * w * (C4 + z * (C5 + z * C6));
+    double half = 0.5 * z, rest = 1.0 - half;
+    return rest + (((1.0 - rest) - half) + z * r);
+}
+
+/* sin(2 pi (turns + quarters/4)): reduced in turns, where the reduction is exact. */
+static double sine_from(double turns, int quarters) {
+    static const double TWO_PI = 6.28318530717958647692;
+    double rest = turns - floor(turns);
+    double nearest = floor(4.0 * rest + 0.5);
+    double angle = (rest - 0.25 * nearest) * TWO_PI;
+    switch (((int)nearest + quarters) & 3) {
+        case 0: return sine_kernel(angle);
+        case 1: return cosine_kernel(angle);
+        case 2: return -sine_kernel(angle);
+        default: return -cosine_kernel(angle);
+    }
+}
+
+double portable_sine(double turns) { return sine_from(turns, 0); }
+
+double portable_cosine(double turns) { return sine_from(turns, 1); }
