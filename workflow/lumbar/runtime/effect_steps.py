@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lumbar.errors import NumericalError
 from lumbar.runtime.effect_forms import Place
 
 NEGLIGIBLE = 1e-200
@@ -195,6 +196,50 @@ _OUTPUT = {
 }
 
 
+class Simulation:
+    """A model with effects and what it remembers between samples."""
+
+    def __init__(self, model, functions: Functions):
+        self.terms = model.terms
+        self.functions = functions
+        self.samples = 0
+        self.tool, self.tissue = Tracker(model.sampling_time), Tracker(model.sampling_time)
+        self.memory = [0.0] * len(model.terms)
+        self.past: list[list[float]] = [[] for _ in model.terms]
+
+    def take(self, position: float) -> float:
+        """Return the force at the next sample."""
+        tool = self.tool.move(self.samples, position)
+        for index, term in self._at(Place.INPUT):
+            position = self._reaching_tissue(index, term, position, tool.first)
+        tissue = self.tissue.move(self.samples, position)
+        force = 0.0
+        for index, term in self._at(Place.PARALLEL):
+            force += self._added(index, term, tissue)
+        for _, term in self._at(Place.OUTPUT):
+            force = _OUTPUT[term.form.key](term.parameters, tool, self.functions, force)
+        self.samples += 1
+        return force
+
+    def _at(self, place: Place):
+        return [(index, term) for index, term in enumerate(self.terms) if term.form.place is place]
+
+    def _reaching_tissue(self, index: int, term, position: float, first: bool) -> float:
+        if term.form.key == "delay/pure":
+            return _delayed(self.past[index], term.parameters, position, first)
+        position = _play(self.memory[index], position, term.parameters[0], first)
+        self.memory[index] = _flushed(position)
+        return position
+
+    def _added(self, index: int, term, tissue: Motion) -> float:
+        key, parameters = term.form.key, term.parameters
+        if key in _STATIC:
+            return _STATIC[key](parameters, tissue, self.functions)
+        kept, force = _REMEMBERING[key](self.memory[index], parameters, tissue, self.functions)
+        self.memory[index] = _flushed(kept)
+        return force
+
+
 def simulate(model, positions: Sequence[float], functions: Functions | None = None) -> np.ndarray:
     """Simulate a model with effects sample by sample.
 
@@ -210,31 +255,17 @@ def simulate(model, positions: Sequence[float], functions: Functions | None = No
     -------
     numpy.ndarray, shape (samples,)
         Force as a deviation from rest.
+
+    Raises
+    ------
+    NumericalError
+        If a force overflows.
     """
-    f = functions or Functions()
-    tool, tissue = Tracker(model.sampling_time), Tracker(model.sampling_time)
-    memory = dict.fromkeys(range(len(model.terms)), 0.0)
-    past: dict[int, list[float]] = {}
-    forces = np.empty(len(positions))
-    for sample, moved in enumerate(float(value) for value in positions):
-        now = tool.move(sample, moved)
-        position, force, at_tissue = moved, 0.0, None
-        for index, term in enumerate(model.terms):
-            key, p = term.form.key, term.parameters
-            if term.form.place is Place.INPUT:
-                if key == "delay/pure":
-                    position = _delayed(past.setdefault(index, []), p, position, now.first)
-                else:
-                    position = _play(memory[index], position, p[0], now.first)
-                    memory[index] = _flushed(position)
-                continue
-            at_tissue = at_tissue or tissue.move(sample, position)
-            if term.form.place is Place.OUTPUT:
-                force = _OUTPUT[key](p, now, f, force)
-            elif key in _STATIC:
-                force += _STATIC[key](p, at_tissue, f)
-            else:
-                kept, added = _REMEMBERING[key](memory[index], p, at_tissue, f)
-                memory[index], force = _flushed(kept), force + added
-        forces[sample] = force
+    simulation = Simulation(model, functions or Functions())
+    try:
+        forces = np.array([simulation.take(float(position)) for position in positions])
+    except OverflowError as error:
+        raise NumericalError(f"{model.base} with effects: the force overflows ({error})") from error
+    if not np.isfinite(forces).all():
+        raise NumericalError(f"{model.base} with effects: the force overflows")
     return forces

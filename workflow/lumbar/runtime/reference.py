@@ -67,8 +67,11 @@ def scale_to(model: ExportModel, inputs: np.ndarray, output: float) -> float:
         return output / largest if np.isfinite(largest) and largest > 0 and output > 0 else 1.0
     scale = output / max(np.abs(inputs).max(), np.finfo(float).tiny)
     for _ in range(_HALVINGS):
-        if np.abs(model.dynamics.response(scale * inputs)).max() <= output:
-            break
+        try:
+            if np.abs(model.dynamics.response(scale * inputs)).max() <= output:
+                break
+        except NumericalError:
+            pass  # too large a motion; the next one is half of it
         scale /= 2.0
     return scale
 
