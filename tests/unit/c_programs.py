@@ -38,7 +38,9 @@ def loader_program(source: Path, target: str, folder: Path, cache: Path) -> Path
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-I", str(headers)]
     libraries = [] if target.endswith("windows") else ["-ldl", "-lm", "-lpthread"]
     zig_cc(
-        ["-target", TARGETS[target].triple, *flags, str(source), *libraries, "-o", str(program)], folder, cache
+        ["-target", TARGETS[target].triple, *flags, str(source), *libraries, "-o", str(program)],
+        folder,
+        cache,
     )
     return program
 
@@ -60,7 +62,7 @@ class CModel:
         exported.write_text(
             '#include "model.h"\n__attribute__((visibility("default")))\n'
             "double exported_sample(const double x[], double u, double next[]) { return model_sample(x, u, next); }\n"
-            "__attribute__((visibility(\"default\"))) int exported_states(void) { return MODEL_STATES; }\n"
+            '__attribute__((visibility("default"))) int exported_states(void) { return MODEL_STATES; }\n'
         )
         model_files = [folder / name for name in files if name in model.dynamics.c_files]
         # A name of its own: a library that was loaded once is not loaded anew.
@@ -87,7 +89,7 @@ def portable_functions(folder: Path, cache: Path) -> Functions:
     import lumbar.runtime
 
     source = Path(lumbar.runtime.__file__).parent
-    names = ("expm1", "tanh", "sinh", "softplus", "sine", "cosine")
+    names = ("expm1", "tanh", "sinh", "arctan", "softplus", "sine", "cosine")
     lines = ['#include "portable_math.h"']
     for name in names:
         lines.append('__attribute__((visibility("default")))')

@@ -16,6 +16,7 @@ FORM_NUMBERS = {
     "quadratic_stiffness/quadratic": ([-0.1], []),
     "quadratic_stiffness/two_sided": ([0.3], []),
     "coulomb_friction/coulomb": ([0.8], [0.7]),
+    "coulomb_friction/arctangent": ([0.8], [0.7]),
     "coulomb_friction/stribeck": ([0.5, 0.4], [0.6, 4.0]),
     "hysteresis/dahl": ([0.6], [0.3]),
     "hysteresis/bouc_wen": ([0.6], [0.3]),

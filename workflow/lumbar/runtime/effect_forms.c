@@ -66,6 +66,12 @@ FORM(coulomb_friction_coulomb) {
     return p[0] * portable_tanh(now->velocity / p[1]);
 }
 
+FORM(coulomb_friction_arctangent) {
+    static const double TWO_OVER_PI = 0.63661977236758134308;
+    MEMORYLESS;
+    return p[0] * (TWO_OVER_PI * portable_arctan(now->velocity / p[1]));
+}
+
 FORM(coulomb_friction_stribeck) {
     MEMORYLESS;
     double sliding = portable_tanh(now->velocity / p[2]), ratio = now->velocity / p[3];

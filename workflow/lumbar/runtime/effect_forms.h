@@ -25,7 +25,7 @@ typedef double form_function(const double p[], const double x[], double next[], 
 form_function base_spring, base_dashpot, base_maxwell_branch;
 form_function hardening_stiffness_cubic, hardening_stiffness_exponential, hardening_stiffness_bilinear;
 form_function quadratic_stiffness_quadratic, quadratic_stiffness_two_sided;
-form_function coulomb_friction_coulomb, coulomb_friction_stribeck;
+form_function coulomb_friction_coulomb, coulomb_friction_arctangent, coulomb_friction_stribeck;
 form_function hysteresis_dahl, hysteresis_bouc_wen, hysteresis_elastoplastic;
 form_function contact_loss_sharp, contact_loss_soft;
 form_function depth_dependent_damping_bilinear, depth_dependent_damping_one_sided;

@@ -116,6 +116,13 @@ _FORMS = (
     CForm("coulomb_friction", "coulomb", ("coulomb_force",), ("smoothing_speed",), "F_c tanh(v/v_s)"),
     CForm(
         "coulomb_friction",
+        "arctangent",
+        ("coulomb_force",),
+        ("smoothing_speed",),
+        "2/π F_c arctan(v/v_s)",
+    ),
+    CForm(
+        "coulomb_friction",
         "stribeck",
         ("coulomb_force", "breakaway_excess"),
         ("smoothing_speed", "stribeck_speed"),

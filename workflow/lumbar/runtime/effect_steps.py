@@ -31,6 +31,7 @@ class Functions:
     expm1: Callable[[float], float] = math.expm1
     tanh: Callable[[float], float] = math.tanh
     sinh: Callable[[float], float] = math.sinh
+    arctan: Callable[[float], float] = math.atan
     softplus: Callable[[float], float] = softplus
     sine: Callable[[float], float] = field(default=lambda turns: math.sin(math.tau * (turns - round(turns))))
     cosine: Callable[[float], float] = field(
@@ -131,6 +132,7 @@ _STATIC = {
     "quadratic_stiffness/quadratic": lambda p, m, f: p[0] * (m.position * m.position),
     "quadratic_stiffness/two_sided": lambda p, m, f: p[0] * abs(m.position),
     "coulomb_friction/coulomb": lambda p, m, f: p[0] * f.tanh(m.velocity / p[1]),
+    "coulomb_friction/arctangent": lambda p, m, f: p[0] * (2 / math.pi * f.arctan(m.velocity / p[1])),
     "coulomb_friction/stribeck": _stribeck,
     "depth_dependent_damping/bilinear": lambda p, m, f: p[0] * (m.position * m.velocity) + p[1] * m.velocity,
     "depth_dependent_damping/one_sided": lambda p, m, f: (

@@ -1,6 +1,6 @@
 /* Elementary functions from additions, multiplications and divisions alone, each correct to about one unit in the
- * last place. expm1, log1p and the kernels of sine and cosine are those of FreeBSD's msun (s_expm1.c, s_log1p.c,
- * k_sin.c, k_cos.c), which carry this notice:
+ * last place. expm1, log1p, arctan and the kernels of sine and cosine are those of FreeBSD's msun (s_expm1.c,
+ * s_log1p.c, s_atan.c, k_sin.c, k_cos.c), which carry this notice:
  *
  * Copyright (C) 1993 by Sun Microsystems, Inc. All rights reserved.
  * Developed at SunSoft, a Sun Microsystems, Inc. business.
@@ -100,6 +100,39 @@ static double log1p_of_share(double y) {
 double portable_softplus(double x) {
     double tail = log1p_of_share(portable_decay(fabs(x)));
     return x > 0 ? x + tail : tail;
+}
+
+double portable_arctan(double x) {
+    static const double HIGH[] = {4.63647609000806093515e-01, 7.85398163397448278999e-01, 9.82793723247329054082e-01,
+                                  1.57079632679489655800e+00},
+                        LOW[] = {2.26987774529616870924e-17, 3.06161699786838301793e-17, 1.39033110312309984516e-17,
+                                 6.12323399573676603587e-17},
+                        A[] = {3.33333333333329318027e-01, -1.99999999998764832476e-01, 1.42857142725034663711e-01,
+                               -1.11111104054623557880e-01, 9.09088713343650656196e-02, -7.69187620504482999495e-02,
+                               6.66107313738753120669e-02, -5.83357013379057348645e-02, 4.97687799461593236017e-02,
+                               -3.65315727442169155270e-02, 1.62858201153657823623e-02};
+    double size = fabs(x);
+    int part = -1;
+    if (isnan(x)) return x;
+    if (size >= 0x1p66) return x < 0 ? -HIGH[3] : HIGH[3];
+    if (size >= 2.4375) {
+        part = 3;
+        size = -1.0 / size;
+    } else if (size >= 1.1875) {
+        part = 2;
+        size = (size - 1.5) / (1.0 + 1.5 * size);
+    } else if (size >= 0.6875) {
+        part = 1;
+        size = (size - 1.0) / (size + 1.0);
+    } else if (size >= 0.4375) {
+        part = 0;
+        size = (2.0 * size - 1.0) / (2.0 + size);
+    }
+    double z = size * size, w = z * z;
+    double odd = z * (A[0] + w * (A[2] + w * (A[4] + w * (A[6] + w * (A[8] + w * A[10])))));
+    double even = w * (A[1] + w * (A[3] + w * (A[5] + w * (A[7] + w * A[9]))));
+    double value = part < 0 ? size - size * (odd + even) : HIGH[part] - ((size * (odd + even) - LOW[part]) - size);
+    return x < 0 ? -value : value;
 }
 
 static double sine_kernel(double x) {
