@@ -54,7 +54,7 @@ def effect_entry(base: str, *keys: str, **more) -> dict:
     return {
         "name": "+".join([base, *(effect["effect"] for effect in effects)]),
         "trained_on": "multisine",
-        "estimator": "simulation",
+        "estimator": "output_error",
         "base": base,
         "amplitudes": amplitudes,
         "shapes": shapes,

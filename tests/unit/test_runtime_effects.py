@@ -31,7 +31,7 @@ STRUCTURES = [
 
 
 def exported(entry: dict, **settings):
-    chosen = {**SETTINGS, "models": [entry["name"]], "estimator": "simulation", **settings}
+    chosen = {**SETTINGS, "models": [entry["name"]], **settings}
     return select_models(models_json(entry), chosen)[0]
 
 

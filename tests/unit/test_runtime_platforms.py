@@ -50,7 +50,7 @@ def some_models():
         models_json(*entries),
         {**SETTINGS, "models": ["KB", "gain"], "moving_average": 1, "output_limit": 1e9},
     )
-    settings = {**SETTINGS, "models": [NONLINEAR["name"]], "estimator": "simulation"}
+    settings = {**SETTINGS, "models": [NONLINEAR["name"]]}
     return [*linear, *select_models(models_json(NONLINEAR), settings)]
 
 

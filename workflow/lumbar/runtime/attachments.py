@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.runtime.export_model import ExportModel
+from lumbar.runtime.lint_files import REFERENCE
 
 _HERE = Path(__file__).parent
 
@@ -39,8 +40,8 @@ def resources(model: ExportModel, push: tuple[np.ndarray, np.ndarray, np.ndarray
     """
     time, inputs, outputs = push
     return {
-        "resources/reference_input.csv": _signal(time, inputs, model.input.variable),
-        "resources/reference_output.csv": _signal(time, outputs, model.output.variable),
+        REFERENCE[0]: _signal(time, inputs, model.input.variable),
+        REFERENCE[1]: _signal(time, outputs, model.output.variable),
     }
 
 

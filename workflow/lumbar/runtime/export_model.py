@@ -181,7 +181,12 @@ def _find(entries: list[dict], name: str, settings: dict, problems: Problems) ->
         entry
         for entry in named
         if entry.get("trained_on") in (None, settings["trained_on"])
-        and (entry.get("trained_on") is None or entry["estimator"] == settings["estimator"])
+        and (
+            entry.get("trained_on") is None
+            # A model with effects has one fit, by the error of its free run.
+            or entry.get("base") is not None
+            or entry["estimator"] == settings["estimator"]
+        )
     ]
     if len(fitting) == 1:
         return fitting[0]
@@ -222,7 +227,7 @@ def _dynamics(entry: dict, content: dict, rate: float | None) -> tuple[LinearMod
     """Model and sampling time in seconds, at the rate asked for."""
     own = float(entry.get("sampling_time_s") or content["sampling_time_s"])
     wanted = own if rate is None else 1.0 / rate
-    if "base" in entry:
+    if entry.get("base") is not None:
         return effect_model(entry, wanted), wanted
     coefficients = (tuple(map(float, entry[key])) for key in ("numerator", "denominator"))
     linear = LinearModel(*coefficients, name=entry["name"])
@@ -232,7 +237,7 @@ def _dynamics(entry: dict, content: dict, rate: float | None) -> tuple[LinearMod
 def _fit_texts(entry: dict) -> dict[str, str]:
     texts = {}
     if entry.get("trained_on"):
-        texts["Identified from"] = f"record {entry['trained_on']}, estimator {entry['estimator']}"
+        texts["Identified from"] = f"record {entry['trained_on']}, estimator {entry.get('estimator') or 'not named'}"
     else:
         texts["Identified from"] = "nothing: the coefficients are prescribed"
     if entry.get("alpha") is not None:
