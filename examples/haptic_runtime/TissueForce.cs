@@ -72,21 +72,20 @@ public sealed class TissueForce : IDisposable
         var identifier = simulation.GetAttribute("modelIdentifier");
         SamplingTime = double.Parse(simulation.GetAttribute("fixedInternalStepSize"), CultureInfo.InvariantCulture);
         var library = Native.Open(Path.GetFullPath(Path.Combine(folder, "binaries", Native.Platform, identifier + Native.Suffix)));
-        T Function<T>(string name) => Marshal.GetDelegateForFunctionPointer<T>(Native.Find(library, name));
-        enterEvent = Function<Transition>("fmi3EnterEventMode");
-        enterStep = Function<Transition>("fmi3EnterStepMode");
-        terminate = Function<Transition>("fmi3Terminate");
-        update = Function<UpdateDiscreteStates>("fmi3UpdateDiscreteStates");
-        doStep = Function<DoStep>("fmi3DoStep");
-        set = Function<Access>("fmi3SetFloat64");
-        get = Function<Access>("fmi3GetFloat64");
-        free = Function<Free>("fmi3FreeInstance");
-        instance = Function<Instantiate>("fmi3InstantiateCoSimulation")(
+        enterEvent = Native.Function<Transition>(library, "fmi3EnterEventMode");
+        enterStep = Native.Function<Transition>(library, "fmi3EnterStepMode");
+        terminate = Native.Function<Transition>(library, "fmi3Terminate");
+        update = Native.Function<UpdateDiscreteStates>(library, "fmi3UpdateDiscreteStates");
+        doStep = Native.Function<DoStep>(library, "fmi3DoStep");
+        set = Native.Function<Access>(library, "fmi3SetFloat64");
+        get = Native.Function<Access>(library, "fmi3GetFloat64");
+        free = Native.Function<Free>(library, "fmi3FreeInstance");
+        instance = Native.Function<Instantiate>(library, "fmi3InstantiateCoSimulation")(
             "tissue", root.GetAttribute("instantiationToken"), IntPtr.Zero, false, false, true, false, IntPtr.Zero,
             UIntPtr.Zero, IntPtr.Zero, log, IntPtr.Zero);
         if (instance == IntPtr.Zero) throw new InvalidOperationException("the FMU refused its token");
-        Require(Function<EnterInitialization>("fmi3EnterInitializationMode")(instance, false, 0, 0, false, 0));
-        Require(Function<Transition>("fmi3ExitInitializationMode")(instance));
+        Require(Native.Function<EnterInitialization>(library, "fmi3EnterInitializationMode")(instance, false, 0, 0, false, 0));
+        Require(Native.Function<Transition>(library, "fmi3ExitInitializationMode")(instance));
     }
 
     /// <summary>Force (N) at the position (mm) measured at this sample. Nothing is allocated.</summary>
@@ -141,24 +140,31 @@ public sealed class TissueForce : IDisposable
         [DllImport("kernel32", CharSet = CharSet.Ansi)]
         static extern IntPtr GetProcAddress(IntPtr library, string name);
 
-        [DllImport("libdl")]
-        static extern IntPtr dlopen(string path, int flags);
+        [DllImport("libdl.so.2", EntryPoint = "dlopen")]
+        static extern IntPtr OpenOnLinux(string path, int flags);
 
-        [DllImport("libdl")]
-        static extern IntPtr dlsym(IntPtr library, string name);
+        [DllImport("libdl.so.2", EntryPoint = "dlsym")]
+        static extern IntPtr FindOnLinux(IntPtr library, string name);
+
+        [DllImport("/usr/lib/libSystem.dylib", EntryPoint = "dlopen")]
+        static extern IntPtr OpenOnMac(string path, int flags);
+
+        [DllImport("/usr/lib/libSystem.dylib", EntryPoint = "dlsym")]
+        static extern IntPtr FindOnMac(IntPtr library, string name);
 
         public static IntPtr Open(string path)
         {
-            var library = Windows ? LoadLibraryW(path) : dlopen(path, 2);
+            var library = Windows ? LoadLibraryW(path) : Mac ? OpenOnMac(path, 2) : OpenOnLinux(path, 2);
             if (library == IntPtr.Zero) throw new DllNotFoundException(path);
             return library;
         }
 
-        public static IntPtr Find(IntPtr library, string name)
+        public static T Function<T>(IntPtr library, string name)
         {
-            var address = Windows ? GetProcAddress(library, name) : dlsym(library, name);
+            var address = Windows ? GetProcAddress(library, name)
+                : Mac ? FindOnMac(library, name) : FindOnLinux(library, name);
             if (address == IntPtr.Zero) throw new EntryPointNotFoundException(name);
-            return address;
+            return Marshal.GetDelegateForFunctionPointer<T>(address);
         }
     }
 
