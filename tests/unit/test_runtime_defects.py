@@ -100,7 +100,9 @@ BOTH = {
     "variable twice": edited('name="gain"', 'name="force_limit"'),
     "value reference twice": edited('valueReference="3"', 'valueReference="4"'),
     "unit that is not defined": edited('<Unit name="mm">', '<Unit name="furlong">'),
-    "two outputs": edited('causality="parameter" variability="tunable" initial="exact"', 'causality="output"'),
+    "two outputs": edited(
+        'causality="parameter" variability="tunable" initial="exact"', 'causality="output"'
+    ),
     "no input": edited('causality="input"', 'causality="local"'),
     "dependency on nothing": edited('dependencies="', 'dependencies="99 '),
     "another version of FMI": edited('fmiVersion="', 'fmiVersion="1'),

@@ -107,7 +107,11 @@ def warm_cache(targets: list[str], cache: Path) -> None:
     """Compile a few lines for every target, so that the compiler builds what it needs of each platform once."""
     with tempfile.TemporaryDirectory(prefix="lumbar-warm-") as name:
         source = Path(name) / "warm.c"
-        source.write_text("#include <math.h>\ndouble rounded_down(double x) { return floor(x); }\n")
+        # Exported, so that no linker is left with an empty library: Zig's for macOS crashes on one.
+        source.write_text(
+            "#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n"
+            '__attribute__((visibility("default"))) double rounded_down(double x) { return floor(x); }\n'
+        )
         for target in resolve_targets(targets):
             compile_library([source], source.with_suffix(TARGETS[target].suffix), target, cache)
 

@@ -237,7 +237,9 @@ def _dynamics(entry: dict, content: dict, rate: float | None) -> tuple[LinearMod
 def _fit_texts(entry: dict) -> dict[str, str]:
     texts = {}
     if entry.get("trained_on"):
-        texts["Identified from"] = f"record {entry['trained_on']}, estimator {entry.get('estimator') or 'not named'}"
+        texts["Identified from"] = (
+            f"record {entry['trained_on']}, estimator {entry.get('estimator') or 'not named'}"
+        )
     else:
         texts["Identified from"] = "nothing: the coefficients are prescribed"
     if entry.get("alpha") is not None:

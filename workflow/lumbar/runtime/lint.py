@@ -89,7 +89,9 @@ def _lint_variables(variables: list[tuple[str, dict]], root: ElementTree.Element
         ("the name", [name for name, _ in variables]),
         ("the value reference", [attributes.get("valueReference", "") for _, attributes in variables]),
     ):
-        problems += [f"{label} {value!r} stands twice" for value, count in Counter(values).items() if count > 1]
+        problems += [
+            f"{label} {value!r} stands twice" for value, count in Counter(values).items() if count > 1
+        ]
     causalities = Counter(attributes.get("causality") for _, attributes in variables)
     for causality in ("input", "output"):
         if causalities[causality] != 1:

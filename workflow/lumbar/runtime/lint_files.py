@@ -46,9 +46,7 @@ def lint_binaries(files: Mapping[str, bytes], identifier: str, token: str, versi
     binaries = [name for name in files if name.startswith("binaries/") and not name.endswith("/")]
     if not binaries:
         problems.append("there is no binary")
-    folders = {
-        target.fmi2 if version == "2.0" else target.fmi3: name for name, target in TARGETS.items()
-    }
+    folders = {target.fmi2 if version == "2.0" else target.fmi3: name for name, target in TARGETS.items()}
     for name in binaries:
         path, data = PurePosixPath(name), files[name]
         if path.stem != identifier:
@@ -82,9 +80,7 @@ def lint_sources(
         problems.append("there is no sources/buildDescription.xml")
     if not listed:
         problems.append("no source files are listed")
-    problems += [
-        f"the source file {name} is missing" for name in listed if f"sources/{name}" not in files
-    ]
+    problems += [f"the source file {name} is missing" for name in listed if f"sources/{name}" not in files]
     for name, data in files.items():
         if name.startswith("sources/"):
             for header in (match.decode() for match in _INCLUDE.findall(data)):
