@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import html
+import math
 
 import numpy as np
 
-_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 640, 180, 70, 15, 12, 40
+_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 640, 180, 70, 15, 24, 40
 _COLOURS = ("#000000", "#0072B2", "#D55E00")
 
 
@@ -43,18 +44,17 @@ def _panel(time: np.ndarray, label: str, values: np.ndarray, top: float, colour:
     points = " ".join(
         f"{a:.1f},{b:.1f} {after:.1f},{b:.1f}" for a, b, after in zip(x, y, [*x[1:], x[-1]], strict=True)
     )
+    digits = 2 - math.floor(math.log10(high - low))
     ticks = "".join(
-        f'<text x="{left - 6}" y="{place:.1f}" text-anchor="end" dominant-baseline="middle">{value:.3g}</text>'
+        f'<text x="{left - 6}" y="{place:.1f}" text-anchor="end" dominant-baseline="middle">{round(value, digits):g}</text>'
         for value, place in ((low, lower), (high, upper))
     ) + "".join(
         f'<text x="{place}" y="{lower + 16}" text-anchor="middle">{value:.3g}</text>'
         for value, place in ((time[0], left), (time[-1], right))
     )
-    middle = (upper + lower) / 2
     return (
         f'<rect x="{left}" y="{upper}" width="{right - left}" height="{lower - upper}" fill="none" stroke="#999"/>\n'
         f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.5"/>\n{ticks}\n'
         f'<text x="{(left + right) / 2}" y="{lower + 30}" text-anchor="middle">Time (s)</text>\n'
-        f'<text transform="rotate(-90 16 {middle})" x="16" y="{middle}" text-anchor="middle">'
-        f"{html.escape(label)}</text>\n"
+        f'<text x="{left}" y="{upper - 8}">{html.escape(label)}</text>\n'
     )
