@@ -94,6 +94,8 @@ def portable_functions(folder: Path, cache: Path) -> Functions:
     for name in names:
         lines.append('__attribute__((visibility("default")))')
         lines.append(f"double exported_{name}(double x) {{ return portable_{name}(x); }}")
+    lines += ['__attribute__((visibility("default")))']
+    lines += ["double exported_power(double x, double n) { return portable_power(x, n); }"]
     for file in ("portable_math.c", "portable_math.h"):
         (folder / file).write_text((source / file).read_text())
     (folder / "exported_math.c").write_text("\n".join(lines) + "\n")
@@ -106,4 +108,5 @@ def portable_functions(folder: Path, cache: Path) -> Functions:
         function = getattr(library, f"exported_{name}")
         function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double]
         functions[name] = function
-    return Functions(**functions)
+    library.exported_power.restype, library.exported_power.argtypes = ctypes.c_double, [ctypes.c_double] * 2
+    return Functions(**functions, power=library.exported_power)

@@ -26,6 +26,7 @@ FORM_NUMBERS = {
     "depth_dependent_damping/bilinear": ([0.01, 0.02], []),
     "depth_dependent_damping/one_sided": ([0.01, 0.02], []),
     "quadratic_damping/quadratic": ([0.0005], []),
+    "quadratic_damping/power": ([0.002], [1.7]),
     "quadratic_damping/sinh": ([0.1], [20.0]),
     "inertia/mass": ([2e-4], []),
     "second_relaxation/maxwell_branch": ([0.5], [0.7]),

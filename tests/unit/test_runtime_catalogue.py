@@ -25,6 +25,7 @@ ACCURACY = {
     "depth_dependent_damping/bilinear": BACKWARD,
     "depth_dependent_damping/one_sided": BACKWARD,
     "quadratic_damping/quadratic": BACKWARD,
+    "quadratic_damping/power": BACKWARD,
     "quadratic_damping/sinh": BACKWARD,
     "inertia/mass": BACKWARD,
     "second_relaxation/maxwell_branch": 1e-3,

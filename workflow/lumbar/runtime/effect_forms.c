@@ -135,6 +135,11 @@ FORM(quadratic_damping_quadratic) {
     return p[0] * (now->velocity * fabs(now->velocity));
 }
 
+FORM(quadratic_damping_power) {
+    MEMORYLESS;
+    return p[0] * (sign(now->velocity) * portable_power(fabs(now->velocity), p[1]));
+}
+
 FORM(quadratic_damping_sinh) {
     MEMORYLESS;
     return p[0] * portable_sinh(now->velocity / p[1]);

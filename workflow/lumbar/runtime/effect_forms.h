@@ -29,7 +29,7 @@ form_function coulomb_friction_coulomb, coulomb_friction_arctangent, coulomb_fri
 form_function hysteresis_dahl, hysteresis_bouc_wen, hysteresis_elastoplastic;
 form_function contact_loss_sharp, contact_loss_soft;
 form_function depth_dependent_damping_bilinear, depth_dependent_damping_one_sided;
-form_function quadratic_damping_quadratic, quadratic_damping_sinh;
+form_function quadratic_damping_quadratic, quadratic_damping_power, quadratic_damping_sinh;
 form_function inertia_mass;
 form_function delay_pure;
 form_function saturation_sharp, saturation_soft;

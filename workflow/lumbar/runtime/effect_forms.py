@@ -176,6 +176,9 @@ _FORMS = (
         "λ max(z, 0) v + c v",
     ),
     CForm("quadratic_damping", "quadratic", ("quadratic_damping",), (), "c₂ v |v|"),
+    CForm(
+        "quadratic_damping", "power", ("damping_force",), ("exponent",), "c_n sign(v) |v|^n, v per unit speed"
+    ),
     CForm("quadratic_damping", "sinh", ("damping_force",), ("speed_constant",), "F₂ sinh(v/v₂)"),
     CForm("inertia", "mass", ("mass",), (), "m a"),
     CForm(

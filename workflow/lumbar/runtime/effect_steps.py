@@ -26,12 +26,13 @@ def softplus(value: float) -> float:
 
 @dataclass(frozen=True)
 class Functions:
-    """Elementary functions of one number."""
+    """Elementary functions."""
 
     expm1: Callable[[float], float] = math.expm1
     tanh: Callable[[float], float] = math.tanh
     sinh: Callable[[float], float] = math.sinh
     arctan: Callable[[float], float] = math.atan
+    power: Callable[[float, float], float] = math.pow
     softplus: Callable[[float], float] = softplus
     sine: Callable[[float], float] = field(default=lambda turns: math.sin(math.tau * (turns - round(turns))))
     cosine: Callable[[float], float] = field(
@@ -139,6 +140,7 @@ _STATIC = {
         p[0] * (max(m.position, 0.0) * m.velocity) + p[1] * m.velocity
     ),
     "quadratic_damping/quadratic": lambda p, m, f: p[0] * (m.velocity * abs(m.velocity)),
+    "quadratic_damping/power": lambda p, m, f: p[0] * (_sign(m.velocity) * f.power(abs(m.velocity), p[1])),
     "quadratic_damping/sinh": lambda p, m, f: p[0] * f.sinh(m.velocity / p[1]),
     "inertia/mass": lambda p, m, f: p[0] * m.acceleration,
     "drift/linear": lambda p, m, f: p[0] * m.time,

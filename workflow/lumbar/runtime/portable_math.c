@@ -135,6 +135,20 @@ double portable_arctan(double x) {
     return x < 0 ? -value : value;
 }
 
+/* e^(exponent ln base): a few units in the last place, more the further ln base is from 0. */
+double portable_power(double base, double exponent) {
+    if (base < 1e-300) return 0.0;
+    if (!(base < INFINITY)) return base;
+    uint64_t bits;
+    memcpy(&bits, &base, sizeof bits);
+    int k = (int)(bits >> 52) - 0x3ff; /* base = 2^k (1 + y) */
+    bits = (bits & 0x000fffffffffffffu) | 0x3ff0000000000000u;
+    double significand;
+    memcpy(&significand, &bits, sizeof significand);
+    double power = exponent * (k * LN2_HIGH + (k * LN2_LOW + log1p_of_share(significand - 1.0)));
+    return power < 0 ? 1.0 / (1.0 + portable_expm1(-power)) : 1.0 + portable_expm1(power);
+}
+
 static double sine_kernel(double x) {
     static const double S1 = -1.66666666666666324348e-01, S2 = 8.33333333332248946124e-03,
                         S3 = -1.98412698298579493134e-04, S4 = 2.75573137070700676789e-06,
