@@ -81,6 +81,7 @@ class CModel:
             outputs[k] = self.library.exported_sample(state, value, following)
             for i in range(self.states):
                 state[i] = 0.0 if abs(following[i]) < 1e-200 else following[i]
+        self.state = list(state)
         return outputs
 
 
