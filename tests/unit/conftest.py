@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from runtime_models import SETTINGS, TARGET, entry, models_json
+from effect_entries import effect_entry
+from runtime_models import SETTINGS, TARGET, models_json
 
 
 @pytest.fixture(scope="session")
@@ -23,13 +24,13 @@ def fmu_models():
 
 @pytest.fixture(scope="session")
 def fmu_folder(fmu_models, zig_cache, tmp_path_factory):
-    """Return a folder with the FMUs of the shared models and of one with an awkward name."""
+    """Return a folder with the FMUs of the shared models and of one with an effect and an awkward name."""
     from lumbar.runtime.export_model import select_models
     from lumbar.runtime.package import export_fmus
 
     fmu_folder = tmp_path_factory.mktemp("fmu")
     export_fmus(fmu_models, fmu_folder, "synthetic twin", TARGET, zig_cache)
-    awkward = models_json(entry("KB+coulomb_friction", [1.9, -1.2], [1.0, -0.45]))
+    awkward = models_json(effect_entry("KB", "coulomb_friction/coulomb"))
     chosen = select_models(awkward, {**SETTINGS, "models": ["KB+coulomb_friction"], "moving_average": 1})
     export_fmus(chosen, fmu_folder, "A & B <lab>", TARGET, zig_cache)
     return fmu_folder

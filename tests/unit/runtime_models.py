@@ -13,6 +13,7 @@ SETTINGS = {
     "moving_average": 3,
     "output_limit": 15.0,
     "gain_limit": 10.0,
+    "rate_Hz": None,
 }
 
 

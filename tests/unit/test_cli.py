@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import zipfile
 import zlib
 
 import numpy as np
@@ -189,6 +190,25 @@ def test_export_needs_models(run, tmp_path):
     status, _, err = run("export", path, "--output", tmp_path)
     assert status == 1
     assert "something/1" in err
+
+
+def test_export_builds_for_a_platform_and_a_rate(run, tmp_path):
+    from runtime_models import models_json
+
+    path = tmp_path / "models.json"
+    path.write_text(json.dumps(models_json()))
+    command = ("export", path, "--output", tmp_path / "fmu", "--model", "KB", "--rate", "500")
+    status, out, err = run(*command, "--target", "host")
+    assert status == 0, err
+    assert "KB_fmi3.fmu" in out
+    with zipfile.ZipFile(tmp_path / "fmu" / "KB_fmi3.fmu") as archive:
+        assert b'fixedInternalStepSize="0.002"' in archive.read("modelDescription.xml")
+    status, _, err = run(*command, "--target", "x86_64-amiga")
+    assert status == 1
+    assert "x86_64-amiga" in err
+    status, _, err = run("export", path, "--output", tmp_path, "--model", "MW", "--rate", "500")
+    assert status == 1
+    assert "a whole sample of 0.01 s late" in err
 
 
 def test_survey_writes_tables_and_figures(run, project, tmp_path):

@@ -23,9 +23,9 @@ def test_the_fit_of_the_configured_record_and_estimator_is_taken():
         entry("KB", [2.0], [1.0], trained_on="chirp"),
         entry("KB", [3.0], [1.0], estimator="output_error"),
     )
-    assert select(content, models=["KB"])[0].numerator == (1.0,)
-    assert select(content, models=["KB"], trained_on="chirp")[0].numerator == (2.0,)
-    assert select(content, models=["KB"], estimator="output_error")[0].numerator == (3.0,)
+    assert select(content, models=["KB"])[0].dynamics.numerator == (1.0,)
+    assert select(content, models=["KB"], trained_on="chirp")[0].dynamics.numerator == (2.0,)
+    assert select(content, models=["KB"], estimator="output_error")[0].dynamics.numerator == (3.0,)
 
 
 def test_everything_wrong_is_said_at_once():
@@ -45,7 +45,7 @@ def test_an_unstable_model_is_refused_unless_wanted():
     content = models_json(entry("MW", [0.0, 1.0], [1.0, -1.04]))
     with pytest.raises(NumericalError, match=r"MW \(largest \|pole\| 1.04\)"):
         select(content, models=["MW"])
-    assert not select(content, models=["MW"], unstable="export")[0].state_space.stable
+    assert not select(content, models=["MW"], unstable="export")[0].stable
 
 
 def test_names_that_would_be_the_same_in_c_are_refused():

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
+import zipfile
 
 import fmpy
 import pytest
@@ -17,9 +19,13 @@ pytestmark = pytest.mark.skipif(
 )
 
 
+LINEAR_AND_NOT = ("HO", "KB+coulomb_friction")
+
+
+@pytest.mark.parametrize("name", LINEAR_AND_NOT)
 @pytest.mark.parametrize("version", [2, 3])
-def test_reset_repeats_bit_for_bit(version, fmu_instance, fmu_positions):
-    slave = fmu_instance("HO", version)
+def test_reset_repeats_bit_for_bit(name, version, fmu_instance, fmu_positions):
+    slave = fmu_instance(name, version)
 
     def run():
         slave.exitInitializationMode()
@@ -41,9 +47,10 @@ def test_reset_repeats_bit_for_bit(version, fmu_instance, fmu_positions):
     assert run() == first
 
 
+@pytest.mark.parametrize("name", LINEAR_AND_NOT)
 @pytest.mark.parametrize("version", [2, 3])
-def test_saved_state_continues_bit_for_bit(version, fmu_instance, fmu_positions):
-    slave, other = fmu_instance("HO", version), fmu_instance("HO", version)
+def test_saved_state_continues_bit_for_bit(name, version, fmu_instance, fmu_positions):
+    slave, other = fmu_instance(name, version), fmu_instance(name, version)
     slave.exitInitializationMode()
     other.exitInitializationMode()
     get_state, set_state, free_state, serialize, deserialize = (
@@ -203,3 +210,42 @@ def test_fmi2_warns_of_the_late_feedthrough(fmu_instance, capfd):
     for name, expected in (("KB", True), ("MW", False)):
         fmu_instance(name, 2).exitInitializationMode()
         assert ("one sample late" in capfd.readouterr().out) == expected
+
+
+def derivative(slave, known: int) -> float:
+    """Derivative of the force by one variable."""
+    return slave.getDirectionalDerivative([FORCE], [known], [1.0])[0]
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("limited", [False, True])
+def test_directional_derivatives_are_difference_quotients(limited, version, fmu_instance):
+    """At a pending sample, by central differences; the force is linear in each variable alone."""
+    slave = fmu_instance("KB", version, event_mode=version == 3)
+    put(slave, POSITION, 40.0 if limited else 1.5)
+    values = {
+        POSITION: 40.0 if limited else 1.5,
+        POSITION_OFFSET: 0.0,
+        GAIN: 1.0,
+        FORCE_OFFSET: 0.0,
+        FORCE_LIMIT: 14.0,
+    }
+    put(slave, FORCE_LIMIT, 14.0)
+    for reference, value in values.items():
+        quotient = 0.0
+        for sign in (1, -1):
+            put(slave, reference, value + sign * 1e-3)
+            quotient += sign * get(slave) / 2e-3
+        put(slave, reference, value)
+        assert derivative(slave, reference) == pytest.approx(quotient, abs=1e-9), reference
+    assert derivative(slave, POSITION) == pytest.approx(0.0 if limited else 1.9 / 3)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_models_with_effects_have_no_directional_derivatives_and_say_so(version, fmu_folder, fmu_instance):
+    for name, offered in (("KB", b"true"), ("KB+coulomb_friction", b"false")):
+        with zipfile.ZipFile(fmu_folder / f"{name}_fmi{version}.fmu") as archive:
+            text = archive.read("modelDescription.xml")
+        assert re.search(rb'providesDirectionalDerivatives?="(\w+)"', text).group(1) == offered
+    with pytest.raises(FMICallException):
+        derivative(fmu_instance("KB+coulomb_friction", version), POSITION)

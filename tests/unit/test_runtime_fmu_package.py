@@ -20,7 +20,7 @@ from lumbar.runtime.compiler import TARGETS, compile_library
 from lumbar.runtime.export_model import select_models
 from lumbar.runtime.lint import lint_fmu
 from lumbar.runtime.package import export_fmus, write_fmu
-from lumbar.runtime.sources import C_FILES, source_files
+from lumbar.runtime.sources import c_files, source_files
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
@@ -138,7 +138,7 @@ def test_places_that_cannot_be_written_are_named(fmu_models, fmu_folder, zig_cac
 def test_no_half_written_fmu(tmp_path, monkeypatch):
     written = []
 
-    def fail_at_second(self, entry, content):
+    def fail_at_second(self, entry, content, *compression):
         written.append(entry)
         if len(written) == 2:
             raise OSError(28, "No space left on device")
@@ -196,7 +196,7 @@ def test_accumulated_steps_are_never_mistimed(start, zig_cache, tmp_path):
         TARGETS[TARGET[0]].triple,
         *flags,
         "client.c",
-        *C_FILES,
+        *c_files(model),
         "-lm",
         "-o",
         "client",

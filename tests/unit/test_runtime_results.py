@@ -9,9 +9,10 @@ import pytest
 
 from lumbar.figures.runtime import fmu_force_figure
 from lumbar.figures.style import save
-from lumbar.runtime.check import check_fmus, check_input, reference_output, rounding_bound
+from lumbar.runtime.check import check_fmus, check_input
 from lumbar.runtime.check_table import check_table
-from lumbar.runtime.push import push, push_profile
+from lumbar.runtime.push import push
+from lumbar.runtime.reference import push_profile, reference_output
 
 needs_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
@@ -62,4 +63,4 @@ def test_check_input_uses_the_range_and_its_seed_counts(fmu_models):
         assert not np.array_equal(inputs, check_input(model, 500, 2))
         reference = reference_output(model, inputs, "3.0")
         assert 0.7 * 15 < np.abs(reference).max() <= 0.8 * 15 + 1e-9
-        assert 0 < rounding_bound(model, inputs, reference) < 1e-9
+        assert 0 < model.dynamics.rounding_bound(inputs, reference) < 1e-9

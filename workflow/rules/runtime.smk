@@ -6,9 +6,30 @@ FMUS = [
 ]
 
 
+rule warm_compiler:
+    input:
+        sources=library_sources("warm_compiler.py"),
+    output:
+        targets="<results>/runtime/targets.json",
+    log:
+        "<logs>/warm_compiler.log",
+    benchmark:
+        "<benchmarks>/warm_compiler.tsv"
+    conda:
+        CONDA
+    params:
+        targets=config["runtime"]["targets"],
+        compiler_cache=config["runtime"]["compiler_cache"],
+    message:
+        "What the C compiler needs of each platform, once"
+    script:
+        "../scripts/warm_compiler.py"
+
+
 rule export_fmus:
     input:
         models="<results>/tissue/models.json",
+        targets="<results>/runtime/targets.json",
         sources=library_sources("export_fmus.py"),
     output:
         fmus=FMUS,

@@ -27,6 +27,18 @@ def add(commands) -> None:
         metavar="RECORD",
         help="record the models were identified on (default: the file's only one)",
     )
+    parser.add_argument(
+        "--target",
+        action="append",
+        metavar="PLATFORM",
+        help="platform to build for, may be repeated: host, x86_64-windows … (default: runtime.targets)",
+    )
+    parser.add_argument(
+        "--rate",
+        type=float,
+        metavar="HZ",
+        help="rate of the haptic loop (default: runtime.rate_Hz, or that of the models)",
+    )
     add_output(parser)
     parser.set_defaults(run=run)
 
@@ -43,6 +55,8 @@ def run(options) -> None:
     if options.trained_on or len(trained_on) == 1:
         runtime["trained_on"] = options.trained_on or trained_on.pop()
     runtime["models"] = options.model or runtime["models"]
+    runtime["targets"] = options.target or runtime["targets"]
+    runtime["rate_Hz"] = options.rate or runtime["rate_Hz"]
     models = select_models(content, runtime)
     data = content.get("data") or options.models.name
     cache = PROJECT / runtime["compiler_cache"]

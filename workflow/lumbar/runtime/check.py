@@ -9,16 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import NumericalError, Problems
+from lumbar.errors import Problems
 from lumbar.runtime.description import FMI_VERSIONS
 from lumbar.runtime.export_model import ExportModel
 from lumbar.runtime.lint import lint_fmu
 from lumbar.runtime.package import fmu_name
+from lumbar.runtime.reference import moving_average, reference_output, samples_within_range, scale_to
 
 TOLERANCE = 1e-12
 """Largest error of a sound FMU, relative to the largest output."""
-_LARGEST_GROWTH = 1e6
-"""An unstable model is simulated until it has grown by this."""
 _SHARE_OF_LIMIT = 0.8
 """The test input is scaled so that the output stays within this share of its limit."""
 
@@ -107,45 +106,6 @@ def simulate_fmu(path: Path, time: np.ndarray, inputs: np.ndarray) -> np.ndarray
     return outputs
 
 
-def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np.ndarray:
-    """Return the output by the transfer function itself, as a client of this FMI version should read it.
-
-    Parameters
-    ----------
-    model : ExportModel
-    inputs : numpy.ndarray, shape (samples,)
-    version : str
-        In FMI 2.0 the feed-through is one sample late, except at the start.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-
-    Raises
-    ------
-    NumericalError
-        If the output overflows.
-    """
-    from scipy.signal import lfilter
-
-    averaged = _averaged(inputs - model.input.offset, model.moving_average)
-    outputs = lfilter(model.numerator, model.denominator, averaged)
-    if version == "2.0":
-        through = model.numerator[0] / model.denominator[0] * averaged
-        outputs = outputs - through + np.concatenate([through[:1], through[:-1]])
-    outputs = outputs + model.output.offset
-    if not np.isfinite(outputs).all():
-        raise NumericalError(f"{model.name}: the output overflows within {len(inputs)} samples")
-    return np.clip(outputs, -model.output_limit, model.output_limit)
-
-
-def _averaged(deviations: np.ndarray, samples: int) -> np.ndarray:
-    """Return the moving average over the newest samples, from rest."""
-    from scipy.signal import lfilter
-
-    return lfilter(np.full(samples, 1 / samples), [1.0], deviations)
-
-
 def check_input(model: ExportModel, samples: int, seed: int) -> np.ndarray:
     """Return a random walk about the rest position that drives the output to a set share of its limit.
 
@@ -160,37 +120,10 @@ def check_input(model: ExportModel, samples: int, seed: int) -> np.ndarray:
     numpy.ndarray, shape (samples,)
         Input in its unit.
     """
-    from scipy.signal import lfilter
-
     walk = np.cumsum(np.random.default_rng([seed, samples]).standard_normal(samples))
-    with np.errstate(over="ignore", invalid="ignore"):
-        outputs = lfilter(model.numerator, model.denominator, _averaged(walk, model.moving_average))
-    largest = np.abs(outputs).max()
     room = _SHARE_OF_LIMIT * model.output_limit - abs(model.output.offset)
-    scale = room / largest if np.isfinite(largest) and largest > 0 and room > 0 else 1.0
-    return model.input.offset + scale * walk
-
-
-def rounding_bound(model: ExportModel, inputs: np.ndarray, outputs: np.ndarray) -> float:
-    """Error relative to the largest output that rounding alone may cause.
-
-    Every step rounds each of its terms by up to machine epsilon, and the poles carry each rounding on: their
-    effect is at most the 1-norm of the impulse response of 1/denominator times that of one step.
-    """
-    from scipy.signal import lfilter
-
-    impulse = np.zeros(len(inputs))
-    impulse[0] = 1.0
-    amplification = np.abs(lfilter([1.0], model.denominator, impulse)).sum()
-    largest = np.abs(outputs).max()
-    terms = np.abs(model.numerator).sum() * np.abs(inputs).max() + np.abs(model.denominator).sum() * largest
-    return float(np.finfo(float).eps * amplification * terms / largest) if largest else 0.0
-
-
-def samples_within_range(model: ExportModel, samples: int) -> int:
-    """Return `samples`, or fewer where an unstable model would outgrow double precision."""
-    pole = model.state_space.largest_pole
-    return samples if pole <= 1.0 else max(3, min(samples, int(np.log(_LARGEST_GROWTH) / np.log(pole))))
+    averaged = moving_average(walk, model.moving_average)
+    return model.input.offset + scale_to(model, averaged, room) * walk
 
 
 def check_fmu(path: Path, model: ExportModel, version: str, samples: int, seed: int) -> Check:
@@ -209,7 +142,7 @@ def check_fmu(path: Path, model: ExportModel, version: str, samples: int, seed: 
         samples=samples,
         largest_output=largest,
         largest_error=float(np.abs(simulated - reference).max() / (largest or 1.0)),
-        tolerance=max(TOLERANCE, rounding_bound(model, inputs, reference)),
+        tolerance=max(TOLERANCE, model.dynamics.rounding_bound(inputs, reference)),
         schema=list(validate_fmu(str(path))),
         lint=lint_fmu(path),
     )

@@ -25,9 +25,9 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
             "file": check.file,
             "model": check.model.name,
             "fmi_version": check.version,
-            "states": check.model.state_space.states,
-            "largest_pole": check.model.state_space.largest_pole,
-            "stable": "yes" if check.model.state_space.stable else "NO",
+            "states": check.model.dynamics.states,
+            "largest_pole": check.model.dynamics.largest_pole,
+            "stable": "yes" if check.model.stable else "NO",
             "feedthrough": "none" if not check.model.feedthrough else _feedthrough(check.version),
             "schema_problems": len(check.schema),
             "lint_problems": len(check.lint),
@@ -47,7 +47,7 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
             "file": "FMU, a co-simulation unit",
             "model": "Name of the model",
             "fmi_version": "Version of the FMI standard",
-            "states": "Number of states of eq. 3.17",
+            "states": "Numbers kept from sample to sample; for linear models the states of eq. 3.17",
             "largest_pole": "Largest magnitude of a pole of the discrete model",
             "stable": (
                 "Whether all poles lie inside the unit circle; "
@@ -63,7 +63,7 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
             "largest_output": f"Largest magnitude of the reference output in {unit}",
             "relative_error": (
                 f"Largest difference over {first.samples} samples between the FMU, simulated by fmpy, and "
-                "the transfer function, computed by scipy's lfilter with the same moving average; "
+                "the model in Python (scipy's lfilter; with effects, sample by sample) with the same moving average; "
                 "relative to largest_output"
             ),
             "tolerance": (

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from platform import machine, system
 
 from lumbar.errors import InputError
 
@@ -23,7 +25,7 @@ class Target:
     suffix : str
         Of a shared library.
     fmi2, fmi3 : str
-        Folder below ``binaries/``; FMI 2.0 has names of its own.
+        Folder below ``binaries/``. FMI 2.0 names processors of 64 bits x86_64 alone: others have FMI 3.0's names.
     libraries : tuple of str
         Linker options.
     """
@@ -37,8 +39,14 @@ class Target:
 
 TARGETS = {
     "x86_64-linux": Target("x86_64-linux-gnu.2.17", ".so", "linux64", "x86_64-linux", ("-lm",)),
+    "x86_64-windows": Target("x86_64-windows-gnu", ".dll", "win64", "x86_64-windows"),
+    "aarch64-linux": Target("aarch64-linux-gnu.2.17", ".so", "aarch64-linux", "aarch64-linux", ("-lm",)),
+    "x86_64-darwin": Target("x86_64-macos", ".dylib", "darwin64", "x86_64-darwin"),
+    "aarch64-darwin": Target("aarch64-macos", ".dylib", "aarch64-darwin", "aarch64-darwin"),
 }
 """Platforms that FMUs can be built for. One more row is all that another platform needs."""
+HOST = "host"
+"""The platform of this machine."""
 
 # -ffp-contract=off: the same rounding on every platform. The rest keeps paths, dates and names of the build
 # machine out, so that every build of the same model is the same file.
@@ -52,6 +60,9 @@ FLAGS = (
     "-fno-fast-math",
     "-fno-sanitize=undefined",
     "-fvisibility=hidden",
+    "-ffunction-sections",
+    "-fdata-sections",
+    "-Wl,--gc-sections",
     "-g0",
     "-s",
     "-shared",
@@ -59,11 +70,50 @@ FLAGS = (
 )
 
 
-def check_targets(names: list[str]) -> None:
-    """Raise `InputError` for a target that is not known."""
-    unknown = [name for name in names if name not in TARGETS]
+def host_target() -> str:
+    """Return the target of this machine.
+
+    Raises
+    ------
+    InputError
+        There is no target for it.
+    """
+    processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine().lower(), machine().lower())
+    name = f"{processor}-{system().lower()}"
+    if name not in TARGETS:
+        raise InputError(
+            f"runtime.targets: this machine is {name!r}, which FMUs cannot be built for; name targets of "
+            f"{', '.join(TARGETS)}"
+        )
+    return name
+
+
+def resolve_targets(names: list[str]) -> list[str]:
+    """Return the targets in their order in `TARGETS`, ``"host"`` replaced by this machine's.
+
+    Raises
+    ------
+    InputError
+        A target is not known, or there is none.
+    """
+    unknown = [name for name in names if name not in (*TARGETS, HOST)]
     if unknown or not names:
-        raise InputError(f"runtime.targets: {unknown or 'empty'}; allowed are {', '.join(TARGETS)}")
+        raise InputError(f"runtime.targets: {unknown or 'empty'}; allowed are {HOST}, {', '.join(TARGETS)}")
+    wanted = {host_target() if name == HOST else name for name in names}
+    return [name for name in TARGETS if name in wanted]
+
+
+def warm_cache(targets: list[str], cache: Path) -> None:
+    """Compile a few lines for every target, so that the compiler builds what it needs of each platform once."""
+    with tempfile.TemporaryDirectory(prefix="lumbar-warm-") as name:
+        source = Path(name) / "warm.c"
+        # Exported, so that no linker is left with an empty library: Zig's for macOS crashes on one.
+        source.write_text(
+            "#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n"
+            '__attribute__((visibility("default"))) double rounded_down(double x) { return floor(x); }\n'
+        )
+        for target in resolve_targets(targets):
+            compile_library([source], source.with_suffix(TARGETS[target].suffix), target, cache)
 
 
 def compile_library(sources: list[Path], library: Path, target: str, cache: Path) -> None:

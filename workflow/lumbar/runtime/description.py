@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
 from lumbar.runtime.export_model import ExportModel
-from lumbar.runtime.sources import C_FILES, content_token
+from lumbar.runtime.sources import c_files, content_token
 
 FMI_VERSIONS = ("2.0", "3.0")
 
@@ -107,7 +107,7 @@ def variables(model: ExportModel) -> list[Variable]:
 
 def description_text(model: ExportModel, data: str) -> str:
     """One line on the model for the model description."""
-    stability = "" if model.state_space.stable else " UNSTABLE: the output runs into its limit."
+    stability = "" if model.stable else " UNSTABLE: the output runs into its limit."
     return (
         f"{model.input.quantity.capitalize()} to {model.output.quantity} model {model.name}, "
         f"discrete at {model.sampling_time:g} s. Data: {data}.{stability}"
@@ -118,6 +118,8 @@ def feedthrough_text(model: ExportModel, version: str) -> str:
     """Say what a client sees of the feed-through, by FMI version."""
     if not model.feedthrough:
         return "The model has no feed-through (D = 0): the output of a sample does not depend on its input."
+    if model.dynamics.waits_for_input:
+        return _whole_force_late(version)
     if version == "2.0":
         return (
             "Feed-through: an FMI 2.0 client sets the input of a communication point after it has read the "
@@ -130,8 +132,26 @@ def feedthrough_text(model: ExportModel, version: str) -> str:
     )
 
 
+def _whole_force_late(version: str) -> str:
+    """Say the same for models whose output needs the input of its own sample: velocities come from it."""
+    if version == "2.0":
+        return (
+            "Feed-through: the force of a sample needs its position, which an FMI 2.0 client sets after it has "
+            "read the force there; it reads the force of the sample before. "
+            "The FMI 3.0 FMU with event mode gives the force of the same sample."
+        )
+    return (
+        "Feed-through: with event mode the position set at a sample instant acts in the force of the same instant. "
+        "Without event mode a client reads the force of the sample before."
+    )
+
+
 def _number(value: float) -> str:
     return repr(float(value))
+
+
+def _flag(value: bool) -> str:
+    return "true" if value else "false"
 
 
 def _attributes(variable: Variable) -> dict[str, str]:
@@ -219,10 +239,11 @@ def _fmi2(model: ExportModel, data: str) -> ElementTree.Element:
             "canHandleVariableCommunicationStepSize": "true",
             "canGetAndSetFMUstate": "true",
             "canSerializeFMUstate": "true",
+            "providesDirectionalDerivative": _flag(model.dynamics.slope is not None),
         },
     )
     files = ElementTree.SubElement(simulation, "SourceFiles")
-    for name in C_FILES:
+    for name in c_files(model):
         ElementTree.SubElement(files, "File", name=name)
     listed = variables(model)
     _units(root, [variable.unit for variable in listed if variable.unit])
@@ -262,6 +283,7 @@ def _fmi3(model: ExportModel, data: str) -> ElementTree.Element:
             "modelIdentifier": model.identifier,
             "canGetAndSetFMUState": "true",
             "canSerializeFMUState": "true",
+            "providesDirectionalDerivatives": _flag(model.dynamics.slope is not None),
             "canHandleVariableCommunicationStepSize": "true",
             "fixedInternalStepSize": _number(model.sampling_time),
             "mightReturnEarlyFromDoStep": "true",
@@ -307,7 +329,7 @@ def build_description(model: ExportModel) -> str:
     root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=model.identifier)
     files = ElementTree.SubElement(configuration, "SourceFileSet", language="C99")
-    for name in C_FILES:
+    for name in c_files(model):
         ElementTree.SubElement(files, "SourceFile", name=name)
     return _text(root)
 

@@ -4,34 +4,29 @@ from __future__ import annotations
 
 import html
 
+import numpy as np
+
 from lumbar.runtime.description import feedthrough_text, variables
 from lumbar.runtime.export_model import ExportModel
+from lumbar.runtime.line_plot import svg_plot
+from lumbar.runtime.linear_model import LinearModel
 
 
-def equation_text(model: ExportModel) -> list[str]:
-    """Return the equations in plain text, one per line, numbers to six digits."""
-    system = model.state_space
-    rows = []
-    for index in range(system.states):
-        terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.A[index])] + [
-            (system.B[index], "u[k]")
-        ]
-        rows.append(f"x{index + 1}[k+1] = {_sum(terms)}")
-    terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.C)] + [(system.D, "u[k]")]
-    return [*rows, f"y[k] = {_sum(terms)}"]
+def documentation_html(
+    model: ExportModel, version: str, data: str, push: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> str:
+    """Return a page of its own: no script, no outside resource.
 
-
-def _sum(terms: list[tuple[float, str]]) -> str:
-    text = ""
-    for value, symbol in terms:
-        if value != 0.0:
-            sign = ("−" if value < 0 else "") if not text else (" − " if value < 0 else " + ")
-            text += f"{sign}{symbol}" if abs(value) == 1.0 else f"{sign}{abs(value):.6g} {symbol}"
-    return text or "0"
-
-
-def documentation_html(model: ExportModel, version: str, data: str) -> str:
-    """Return a page of its own: no script, no outside resource."""
+    Parameters
+    ----------
+    model : ExportModel
+    version : str
+        Of FMI.
+    data : str
+        Where the model's data come from.
+    push : tuple of numpy.ndarray
+        Time, input and output of the embedded reference, drawn.
+    """
     x, y = model.input, model.output
     averaged = (
         f"u[k] is the mean of the last {model.moving_average} samples of {x.variable} − {x.variable}_offset, "
@@ -49,16 +44,17 @@ def documentation_html(model: ExportModel, version: str, data: str) -> str:
         f"<dt>{html.escape(label)}</dt><dd>{html.escape(text)}</dd>\n" for label, text in model.fit.items()
     )
     stability = (
-        f"Largest |pole|: {model.state_space.largest_pole:.6g}, stable."
-        if model.state_space.stable
-        else f"<strong>Unstable</strong>: largest |pole| {model.state_space.largest_pole:.6g}; "
+        f"Largest |pole|: {model.dynamics.largest_pole:.6g}, stable."
+        if model.stable
+        else f"<strong>Unstable</strong>: largest |pole| {model.dynamics.largest_pole:.6g}; "
         f"the {y.quantity} runs into its limit."
     )
     return _PAGE.format(
         name=html.escape(model.name),
         version=version,
         data=html.escape(data),
-        equations="\n".join(map(html.escape, equation_text(model))),
+        equations="\n".join(map(html.escape, model.dynamics.equations())),
+        derivatives="" if isinstance(model.dynamics, LinearModel) else _DERIVATIVES,
         averaged=html.escape(averaged),
         output=html.escape(f"{y.variable} = gain · y[k] + {y.variable}_offset, within ±{y.variable}_limit"),
         stability=stability,
@@ -66,6 +62,8 @@ def documentation_html(model: ExportModel, version: str, data: str) -> str:
         feedthrough=html.escape(feedthrough_text(model, version)),
         rows=rows,
         fit=fit,
+        plot=svg_plot(push[0], [(x.label, push[1]), (y.label, push[2])]),
+        plotted=html.escape(f"{x.quantity.capitalize()} and {y.quantity} of one push. Data: {data}."),
     )
 
 
@@ -73,6 +71,13 @@ def _cell(value: float | None) -> str:
     return "–" if value is None else f"{value:g}"
 
 
+_DERIVATIVES = """<p>z is u[k], for forms behind the input forms what they make of it; F is the sum of all parallel forms.
+Velocity and acceleration are backward differences of the samples, v[k] = (z[k] − z[k−1])/T and
+a[k] = (v[k] − v[k−1])/T, both 0 at the first sample: in a running loop no later sample is known. Against the true
+derivative of a smooth motion v is late by half a sampling time T, a by a whole one. Relaxations are exact for
+positions in straight lines between samples; the delay interpolates linearly; t and s begin at the start and after a
+reset.</p>
+"""
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
 <head><meta charset="utf-8"><title>{name} (FMI {version})</title></head>
@@ -83,9 +88,14 @@ _PAGE = """<!DOCTYPE html>
 <pre>
 {equations}
 </pre>
-<p>{averaged}</p>
+{derivatives}<p>{averaged}</p>
 <p>{output}</p>
 <p>{stability}</p>
+<figure>
+{plot}
+<figcaption>{plotted} The numbers are in resources/reference_input.csv and resources/reference_output.csv: an
+importer that plays the first should read the second.</figcaption>
+</figure>
 <h2>Timing</h2>
 <p>The model samples its input every {sampling} s from the start time on and holds its output in between.
 Communication steps of any length are allowed; an instant counts as reached within a thousandth of the

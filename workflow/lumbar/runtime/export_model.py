@@ -1,19 +1,19 @@
-"""What is exported: a linear model with its signals, limits and fit, checked before anything is compiled."""
+"""What is exported: a model with its signals, limits and fit, checked before anything is compiled."""
 
 from __future__ import annotations
 
 import math
 import re
 from dataclasses import dataclass
-from functools import cached_property
 
 from lumbar.errors import InputError, NumericalError, Problems
-from lumbar.runtime.state_space import StateSpace, from_transfer_function
+from lumbar.runtime.effect_model import EffectModel, effect_model
+from lumbar.runtime.linear_model import LinearModel
+from lumbar.runtime.rate import at_rate
 
 SCHEMA = "lumbar.models/1"
-MAX_STATES = 16
 MAX_WINDOW = 16
-"""Room for states and moving average in an FMU's memory, as in ``model.h``."""
+"""Room for the moving average in an FMU's memory, as in ``model.h``."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]*")
 
 
@@ -44,8 +44,8 @@ class ExportModel:
     ----------
     name : str
         As in file names, e.g. ``"KB+coulomb_friction"``.
-    numerator, denominator : tuple of float
-        H(z) from deviations of the input to deviations of the output: coefficients of z⁰, z⁻¹, z⁻², …
+    dynamics : LinearModel or EffectModel
+        From deviations of the input to deviations of the output.
     sampling_time : float
         Seconds.
     input, output : Signal
@@ -60,8 +60,7 @@ class ExportModel:
     """
 
     name: str
-    numerator: tuple[float, ...]
-    denominator: tuple[float, ...]
+    dynamics: LinearModel | EffectModel
     sampling_time: float
     input: Signal
     output: Signal
@@ -78,10 +77,8 @@ class ExportModel:
             )
         if not 1 <= self.moving_average <= MAX_WINDOW:
             problems.add("runtime.moving_average", f"{self.moving_average}", f"allowed are 1 to {MAX_WINDOW}")
-        if self.state_space.states > MAX_STATES:
-            problems.add(
-                "order", f"{self.state_space.states} states", f"at most {MAX_STATES} fit into an FMU"
-            )
+        for problem in self.dynamics.problems():
+            problems.add(*problem)
         for label, value in (
             ("sampling_time_s", self.sampling_time),
             ("runtime.output_limit", self.output_limit),
@@ -107,11 +104,6 @@ class ExportModel:
             )
         problems.raise_if_any()
 
-    @cached_property
-    def state_space(self) -> StateSpace:
-        """The model as eqs 3.17 and 3.18 of the thesis."""
-        return from_transfer_function(self.numerator, self.denominator, self.name)
-
     @property
     def identifier(self) -> str:
         """FMI's model identifier: a name that C allows."""
@@ -120,7 +112,12 @@ class ExportModel:
     @property
     def feedthrough(self) -> bool:
         """Whether the output depends on the input of the same sample."""
-        return self.state_space.D != 0.0
+        return self.dynamics.feedthrough
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles lie strictly inside the unit circle."""
+        return self.dynamics.largest_pole < 1.0
 
 
 def identifier(name: str) -> str:
@@ -138,7 +135,7 @@ def select_models(content: dict, settings: dict) -> list[ExportModel]:
         ``tissue/models.json``.
     settings : dict
         Section ``runtime`` of the configuration: ``models``, ``trained_on``, ``estimator``, ``unstable``,
-        ``moving_average``, ``output_limit``, ``gain_limit``.
+        ``moving_average``, ``output_limit``, ``gain_limit``, ``rate_Hz``.
 
     Returns
     -------
@@ -184,7 +181,12 @@ def _find(entries: list[dict], name: str, settings: dict, problems: Problems) ->
         entry
         for entry in named
         if entry.get("trained_on") in (None, settings["trained_on"])
-        and (entry.get("trained_on") is None or entry["estimator"] == settings["estimator"])
+        and (
+            entry.get("trained_on") is None
+            # A model with effects has one fit, by the error of its free run.
+            or entry.get("base") is not None
+            or entry["estimator"] == settings["estimator"]
+        )
     ]
     if len(fitting) == 1:
         return fitting[0]
@@ -204,15 +206,15 @@ def _find(entries: list[dict], name: str, settings: dict, problems: Problems) ->
 def _export_model(entry: dict, content: dict, settings: dict) -> ExportModel:
     signals = {}
     for side in ("input", "output"):
-        described = content[side]
+        described = entry.get(side) or content[side]
         signals[side] = Signal(
             described["quantity"], described["unit"], float(entry.get(f"{side}_offset") or 0.0)
         )
+    dynamics, sampling_time = _dynamics(entry, content, settings["rate_Hz"])
     return ExportModel(
         name=entry["name"],
-        numerator=tuple(map(float, entry["numerator"])),
-        denominator=tuple(map(float, entry["denominator"])),
-        sampling_time=float(content["sampling_time_s"]),
+        dynamics=dynamics,
+        sampling_time=sampling_time,
         moving_average=settings["moving_average"],
         output_limit=float(settings["output_limit"]),
         gain_limit=float(settings["gain_limit"]),
@@ -221,10 +223,23 @@ def _export_model(entry: dict, content: dict, settings: dict) -> ExportModel:
     )
 
 
+def _dynamics(entry: dict, content: dict, rate: float | None) -> tuple[LinearModel | EffectModel, float]:
+    """Model and sampling time in seconds, at the rate asked for."""
+    own = float(entry.get("sampling_time_s") or content["sampling_time_s"])
+    wanted = own if rate is None else 1.0 / rate
+    if entry.get("base") is not None:
+        return effect_model(entry, wanted), wanted
+    coefficients = (tuple(map(float, entry[key])) for key in ("numerator", "denominator"))
+    linear = LinearModel(*coefficients, name=entry["name"])
+    return (linear if rate is None else at_rate(linear, own, wanted)), wanted
+
+
 def _fit_texts(entry: dict) -> dict[str, str]:
     texts = {}
     if entry.get("trained_on"):
-        texts["Identified from"] = f"record {entry['trained_on']}, estimator {entry['estimator']}"
+        texts["Identified from"] = (
+            f"record {entry['trained_on']}, estimator {entry.get('estimator') or 'not named'}"
+        )
     else:
         texts["Identified from"] = "nothing: the coefficients are prescribed"
     if entry.get("alpha") is not None:
@@ -238,10 +253,10 @@ def _fit_texts(entry: dict) -> dict[str, str]:
 
 
 def _refuse_unstable(models: list[ExportModel]) -> None:
-    unstable = [model for model in models if not model.state_space.stable]
+    unstable = [model for model in models if not model.stable]
     if unstable:
         found = ", ".join(
-            f"{model.name} (largest |pole| {model.state_space.largest_pole:.6g})" for model in unstable
+            f"{model.name} (largest |pole| {model.dynamics.largest_pole:.6g})" for model in unstable
         )
         raise NumericalError(
             f"unstable, not exported: {found}. Take the model out of runtime.models, use another "

@@ -98,8 +98,11 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     self->state.mode = MODE_STEP;
     if (MODEL.feedthrough) {
         message(self, fmi2Warning,
-                "FMI 2.0: the feed-through from position to force is one sample late, C x[k] + D u[k-1] "
-                "(documentation/index.html); the FMI 3.0 FMU with event mode has none of this delay.");
+                MODEL.waits_for_input
+                    ? "FMI 2.0: the force read is that of the sample before (documentation/index.html); the FMI 3.0 "
+                      "FMU with event mode has none of this delay."
+                    : "FMI 2.0: the feed-through from position to force is one sample late, C x[k] + D u[k-1] "
+                      "(documentation/index.html); the FMI 3.0 FMU with event mode has none of this delay.");
     }
     return fmi2OK;
 }
@@ -223,8 +226,18 @@ NO_VARIABLES(fmi2SetString, const fmi2String)
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
                                         const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
                                         fmi2Real sensitivity[]) {
-    (void)unknowns, (void)n_unknowns, (void)knowns, (void)n_knowns, (void)seed, (void)sensitivity;
-    return failed(c, "Directional derivatives are not provided.");
+    instance *self = c;
+    for (size_t i = 0; i < n_unknowns; ++i) {
+        sensitivity[i] = 0.0;
+        for (size_t j = 0; j < n_knowns; ++j) {
+            double derivative;
+            if (force_derivative(&self->state, unknowns[i], knowns[j], &derivative) != VALUE_OK) {
+                return failed(self, "fmi2GetDirectionalDerivative: not of this variable, or not of this model.");
+            }
+            sensitivity[i] += derivative * seed[j];
+        }
+    }
+    return fmi2OK;
 }
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,

@@ -177,6 +177,26 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t 
     return status;
 }
 
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
+                                        const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
+                                        size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
+    instance *self = c;
+    if (n_seed != n_knowns || n_sensitivity != n_unknowns) {
+        return failed(self, "fmi3GetDirectionalDerivative: all variables are scalars.");
+    }
+    for (size_t i = 0; i < n_unknowns; ++i) {
+        sensitivity[i] = 0.0;
+        for (size_t j = 0; j < n_knowns; ++j) {
+            double derivative;
+            if (force_derivative(&self->state, unknowns[i], knowns[j], &derivative) != VALUE_OK) {
+                return failed(self, "fmi3GetDirectionalDerivative: not of this variable, or not of this model.");
+            }
+            sensitivity[i] += derivative * seed[j];
+        }
+    }
+    return fmi3OK;
+}
+
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *saved) {
     instance *self = c;
     if (!*saved) *saved = calloc(1, sizeof(force_state));

@@ -1,12 +1,13 @@
 /* The model part of an FMU: what a model must provide, whatever its equations.
  *
- * Files that include this header do not know the model; `model_linear.c` is one that does. Input and output are
- * deviations from rest: position less its offset, force less its offset.
+ * Files that include this header do not know the model; `model_linear.c` and `model_effects.c` are two that do. Input
+ * and output are deviations from rest: position less its offset, force less its offset.
  */
 #ifndef LUMBAR_MODEL_H
 #define LUMBAR_MODEL_H
 
-#define MODEL_MAX_STATES 16
+#include "model_size.h" /* MODEL_STATES, written at export */
+
 #define MODEL_MAX_WINDOW 16
 
 typedef struct {
@@ -16,17 +17,16 @@ typedef struct {
     double output_offset;    /* output at rest */
     double output_limit;     /* largest magnitude of the output that the device may receive */
     double gain_limit;       /* largest factor on the model's output */
-    int states;              /* number of states, at most MODEL_MAX_STATES */
+    double slope;            /* derivative of the output by the input of the same sample, where it is constant */
+    int differentiable;      /* 1 where `slope` holds */
     int window;              /* samples of the moving average on the input, 1 = off, at most MODEL_MAX_WINDOW */
     int feedthrough;         /* 1 where the output depends on the input of the same sample */
+    int waits_for_input;     /* 1 where an output without the input of its sample would be meaningless */
 } model_constants;
 
 extern const model_constants MODEL;
 
-/* y[k] = h(x[k], u[k]) */
-double model_output(const double x[], double u);
-
-/* x[k+1] = f(x[k], u[k]), in place */
-void model_step(double x[], double u);
+/* Sample k: returns y[k] = h(x[k], u[k]) and writes x[k+1] = f(x[k], u[k]) to `next`, which must not be `x`. */
+double model_sample(const double x[], double u, double next[]);
 
 #endif

@@ -8,17 +8,12 @@
 
 const model_constants MODEL = MODEL_CONSTANTS;
 
-double model_output(const double x[], double u) {
+double model_sample(const double x[], double u, double next[]) {
     double y = MODEL_D * u;
-    for (int i = 0; i < MODEL_STATES; ++i) y += MODEL_C[i] * x[i];
-    return y;
-}
-
-void model_step(double x[], double u) {
-    double next[MODEL_MAX_STATES];
-    for (int i = 0; i < MODEL_STATES; ++i) {
+    for (int i = 0; i < LINEAR_STATES; ++i) {
+        y += MODEL_C[i] * x[i];
         next[i] = MODEL_B[i] * u;
-        for (int j = 0; j < MODEL_STATES; ++j) next[i] += MODEL_A[i][j] * x[j];
+        for (int j = 0; j < LINEAR_STATES; ++j) next[i] += MODEL_A[i][j] * x[j];
     }
-    for (int i = 0; i < MODEL_STATES; ++i) x[i] = next[i];
+    return y;
 }

@@ -8,12 +8,16 @@ from pathlib import Path
 
 from lumbar.errors import InputError
 from lumbar.files import replacing
-from lumbar.runtime.compiler import TARGETS, check_targets, compile_library
+from lumbar.runtime.attachments import attachments, resources
+from lumbar.runtime.compiler import TARGETS, compile_library, resolve_targets
 from lumbar.runtime.description import FMI_VERSIONS, build_description, model_description
 from lumbar.runtime.documentation import documentation_html
 from lumbar.runtime.export_model import ExportModel
-from lumbar.runtime.sources import C_FILES, source_files
+from lumbar.runtime.reference import reference_push
+from lumbar.runtime.sources import c_files, source_files
+from lumbar.runtime.universal import universal_library
 
+_COMPRESSION = 9
 _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """The earliest date a ZIP file can hold: FMUs carry no date."""
 
@@ -25,7 +29,7 @@ def compile_model(model: ExportModel, targets: list[str], cache: Path, folder: P
     ----------
     model : ExportModel
     targets : list of str
-        Platforms, keys of `lumbar.runtime.compiler.TARGETS`.
+        Platforms, keys of `lumbar.runtime.compiler.TARGETS`, or ``"host"``.
     cache : Path
         Folder of the compiler's cache.
     folder : Path
@@ -42,15 +46,14 @@ def compile_model(model: ExportModel, targets: list[str], cache: Path, folder: P
     InputError
         Unknown target, no compiler, or sources that do not compile.
     """
-    check_targets(targets)
     libraries = {}
     for file, text in source_files(model).items():
         path = folder / file
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8", newline="\n")
-    for target in targets:
+    for target in resolve_targets(targets):
         library = folder / f"{model.identifier}{TARGETS[target].suffix}"
-        compile_library([folder / file for file in C_FILES], library, target, cache)
+        compile_library([folder / file for file in c_files(model)], library, target, cache)
         libraries[target] = library.read_bytes()
     return libraries
 
@@ -59,23 +62,38 @@ def fmu_contents(
     model: ExportModel, version: str, data: str, libraries: dict[str, bytes]
 ) -> dict[str, bytes]:
     """Return the files of an FMU by their path in the archive."""
+    push = reference_push(model, version)
     contents = {f"sources/{name}": text for name, text in source_files(model).items()}
     contents["modelDescription.xml"] = model_description(model, version, data)
-    contents["documentation/index.html"] = documentation_html(model, version, data)
+    contents["documentation/index.html"] = documentation_html(model, version, data, push)
     if version == "3.0":
         contents["sources/buildDescription.xml"] = build_description(model)
+    contents.update(resources(model, push))
     files = {path: text.encode("utf-8") for path, text in contents.items()}
+    return {**files, **attachments(model, version), **_binaries(model, version, libraries)}
+
+
+def _binaries(model: ExportModel, version: str, libraries: dict[str, bytes]) -> dict[str, bytes]:
+    files = {}
     for target, library in libraries.items():
         platform = TARGETS[target]
         folder = platform.fmi2 if version == "2.0" else platform.fmi3
         files[f"binaries/{folder}/{model.identifier}{platform.suffix}"] = library
+    macs = [target for target in ("x86_64-darwin", "aarch64-darwin") if target in libraries]
+    if version == "2.0" and len(macs) == 2:
+        # FMI 2.0 has one folder for macOS, whatever the processor.
+        for target in macs:
+            del files[f"binaries/{TARGETS[target].fmi2}/{model.identifier}.dylib"]
+        both = universal_library([libraries[target] for target in macs])
+        files[f"binaries/darwin64/{model.identifier}.dylib"] = both
     return files
 
 
 def write_fmu(path: Path, files: dict[str, bytes]) -> None:
     """Write an FMU, whole or not at all.
 
-    Entries are sorted, stored without compression (deflate differs between versions of zlib) and undated.
+    Entries are sorted and undated; the same library of compression gives the same bytes. Another version of it may
+    pack the same contents differently: the model's token does not depend on that.
 
     Raises
     ------
@@ -83,13 +101,13 @@ def write_fmu(path: Path, files: dict[str, bytes]) -> None:
         If the folder cannot be written.
     """
     try:
-        with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
+        with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
             # The model description comes first: tools that stream an FMU find it at once.
             for name in sorted(files, key=lambda item: (item != "modelDescription.xml", item)):
                 entry = zipfile.ZipInfo(name, _EARLIEST)
                 entry.create_system = 3
                 entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-                archive.writestr(entry, files[name])
+                archive.writestr(entry, files[name], zipfile.ZIP_DEFLATED, _COMPRESSION)
     except OSError as error:
         raise InputError(
             f"{path}: the FMU cannot be written ({error.strerror}); check the folder's rights"
@@ -109,7 +127,7 @@ def export_fmus(
     data : str
         Where the models' data come from; stands in description and documentation.
     targets : list of str
-        Platforms, keys of `lumbar.runtime.compiler.TARGETS`.
+        Platforms, keys of `lumbar.runtime.compiler.TARGETS`, or ``"host"``.
     cache : Path
         Folder of the compiler's cache.
 

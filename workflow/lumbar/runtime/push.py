@@ -11,10 +11,7 @@ from lumbar.runtime.check import simulate_fmu
 from lumbar.runtime.description import FMI_VERSIONS
 from lumbar.runtime.export_model import ExportModel
 from lumbar.runtime.package import fmu_name
-
-_SHARE_OF_LIMIT = 0.5
-_DURATIONS = {"rest": 0.1, "push": 0.25, "hold": 0.4, "withdraw": 0.25, "end": 0.3}
-"""Seconds."""
+from lumbar.runtime.reference import push_depth, push_profile
 
 
 @dataclass(frozen=True)
@@ -42,25 +39,6 @@ class Push:
         )
 
 
-def push_profile(sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return time and a movement from 0 to 1 and back, with flanks of half a cosine.
-
-    Parameters
-    ----------
-    sampling_time : float
-        Seconds.
-
-    Returns
-    -------
-    tuple of numpy.ndarray, each of shape (samples,)
-    """
-    ends = np.cumsum(list(_DURATIONS.values()))
-    time = np.arange(round(ends[-1] / sampling_time) + 1) * sampling_time
-    rise = np.clip((time - ends[0]) / _DURATIONS["push"], 0.0, 1.0)
-    fall = np.clip((time - ends[2]) / _DURATIONS["withdraw"], 0.0, 1.0)
-    return time, (np.cos(np.pi * fall) - np.cos(np.pi * rise)) / 2
-
-
 def push(models: list[ExportModel], folder: Path) -> Push:
     """Play one push through the FMUs of all models.
 
@@ -73,11 +51,8 @@ def push(models: list[ExportModel], folder: Path) -> Push:
     folder : Path
         Where the FMUs lie.
     """
-    from scipy.signal import lfilter
-
     time, profile = push_profile(models[0].sampling_time)
-    peaks = [np.abs(lfilter(model.numerator, model.denominator, profile)).max() for model in models]
-    depth = _SHARE_OF_LIMIT * models[0].output_limit / (max(peaks) or 1.0)
+    depth = min(push_depth(model, profile) for model in models)
     outputs = {
         (model.name, version): simulate_fmu(
             folder / fmu_name(model.name, version), time, model.input.offset + depth * profile

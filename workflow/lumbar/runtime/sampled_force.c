@@ -46,13 +46,24 @@ static double averaged_input(const force_state *state) {
     return flushed(sum / MODEL.window);
 }
 
-/* Model output at this moment. A pending sample is evaluated lazily, with the input set for it; where none was set
- * yet, the feed-through is that of the sample before. */
+/* Whether the output follows the input at this moment: a sample is pending and evaluated lazily. */
+static bool follows_input(const force_state *state) {
+    return state->pending && !(state->event_mode && state->mode == MODE_STEP);
+}
+
+/* Model output at this moment. A pending sample is evaluated with the input set for it; where none was set yet, the
+ * feed-through is that of the sample before, or the whole output is where the model needs the input. */
 static double model_output_now(const force_state *state) {
-    if (!state->pending || (state->event_mode && state->mode == MODE_STEP)) return state->held_output;
-    double u = state->input_set || state->mode != MODE_STEP ? averaged_input(state) : state->held_input;
-    double y = model_output(state->x, u);
+    if (!follows_input(state)) return state->held_output;
+    bool input_known = state->input_set || state->mode != MODE_STEP;
+    if (!input_known && MODEL.waits_for_input) return state->held_output;
+    double next[MODEL_STATES];
+    double y = model_sample(state->x, input_known ? averaged_input(state) : state->held_input, next);
     return isfinite(y) ? y : state->held_output;
+}
+
+static double unlimited_force(const force_state *state) {
+    return state->gain * model_output_now(state) + state->output_offset;
 }
 
 value_status force_get(const force_state *state, uint32_t reference, double *value) {
@@ -64,10 +75,24 @@ value_status force_get(const force_state *state, uint32_t reference, double *val
         case VR_OUTPUT_LIMIT: *value = state->output_limit; return VALUE_OK;
         case VR_INPUT_OFFSET: *value = state->input_offset; return VALUE_OK;
         case VR_OUTPUT: {
-            double force = state->gain * model_output_now(state) + state->output_offset;
-            *value = fmax(-state->output_limit, fmin(state->output_limit, force));
+            *value = fmax(-state->output_limit, fmin(state->output_limit, unlimited_force(state)));
             return VALUE_OK;
         }
+        default: return VALUE_UNKNOWN;
+    }
+}
+
+value_status force_derivative(const force_state *state, uint32_t unknown, uint32_t known, double *value) {
+    if (!MODEL.differentiable || unknown != VR_OUTPUT) return VALUE_UNKNOWN;
+    double force = unlimited_force(state);
+    bool limited = fabs(force) > state->output_limit;
+    double by_input = follows_input(state) ? state->gain * MODEL.slope / MODEL.window : 0.0;
+    switch (known) {
+        case VR_INPUT: *value = limited ? 0.0 : by_input; return VALUE_OK;
+        case VR_INPUT_OFFSET: *value = limited ? 0.0 : -by_input; return VALUE_OK;
+        case VR_GAIN: *value = limited ? 0.0 : model_output_now(state); return VALUE_OK;
+        case VR_OUTPUT_OFFSET: *value = limited ? 0.0 : 1.0; return VALUE_OK;
+        case VR_OUTPUT_LIMIT: *value = limited ? (force > 0 ? 1.0 : -1.0) : 0.0; return VALUE_OK;
         default: return VALUE_UNKNOWN;
     }
 }
@@ -102,12 +127,11 @@ value_status force_set(force_state *state, uint32_t reference, double value) {
 step_status force_take_sample(force_state *state) {
     if (!state->pending) return STEP_OK;
     double u = averaged_input(state);
-    double y = model_output(state->x, u);
-    double next[MODEL_MAX_STATES];
+    double next[MODEL_STATES];
     memcpy(next, state->x, sizeof next);
-    model_step(next, u);
+    double y = model_sample(state->x, u, next);
     bool finite = isfinite(u) && isfinite(y);
-    for (int i = 0; i < MODEL.states; ++i) {
+    for (int i = 0; i < MODEL_STATES; ++i) {
         finite = finite && isfinite(next[i]);
         next[i] = flushed(next[i]);
     }

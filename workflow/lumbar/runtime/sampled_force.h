@@ -20,7 +20,7 @@ typedef enum { MODE_INSTANTIATED, MODE_INITIALIZATION, MODE_STEP, MODE_EVENT, MO
 
 /* Everything a simulation depends on, without pointers: saving it saves the simulation. */
 typedef struct {
-    double x[MODEL_MAX_STATES];
+    double x[MODEL_STATES];
     double window[MODEL_MAX_WINDOW]; /* inputs of earlier samples, newest first, as deviations from rest */
     double input;                    /* last finite value set */
     double gain;
@@ -49,6 +49,9 @@ void force_reset(force_state *state, bool event_mode);
 void force_start(force_state *state, double start_time);
 
 value_status force_get(const force_state *state, uint32_t reference, double *value);
+/* Derivative of one variable by another at this moment; VALUE_UNKNOWN where the model has none. */
+value_status force_derivative(const force_state *state, uint32_t unknown, uint32_t known, double *value);
+
 value_status force_set(force_state *state, uint32_t reference, double value);
 
 /* Take the pending sample, if there is one. STEP_NOT_FINITE: state and held output stay as they were. */

@@ -7,12 +7,10 @@ import uuid
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from lumbar.runtime.export_model import ExportModel
 
-C_FILES = ("model_linear.c", "sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
-"""What is compiled."""
+_C_FILES = ("sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
+_ROOMS = (16, 32, 64, 128, 256, 512)
 _HEADERS = ("model.h", "sampled_force.h")
 _FMI_HEADERS = (
     "fmi2Functions.h",
@@ -24,43 +22,52 @@ _FMI_HEADERS = (
 )
 
 
+def c_files(model: ExportModel) -> tuple[str, ...]:
+    """What is compiled, the model's own files first."""
+    return (*model.dynamics.c_files, *_C_FILES)
+
+
 @cache
-def _fixed_sources() -> dict[str, str]:
+def _fixed_source(name: str) -> str:
     import fmpy
 
-    here = Path(__file__).parent
-    fmi = Path(fmpy.__file__).parent / "c-code"
-    files = [here / name for name in (*C_FILES, *_HEADERS)] + [fmi / name for name in _FMI_HEADERS]
-    return {path.name: path.read_text(encoding="utf-8").replace("\r\n", "\n") for path in files}
+    folder = Path(fmpy.__file__).parent / "c-code" if name in _FMI_HEADERS else Path(__file__).parent
+    return (folder / name).read_text(encoding="utf-8").replace("\r\n", "\n")
+
+
+def _fixed_sources(model: ExportModel) -> dict[str, str]:
+    names = (*c_files(model), *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
+    return {name: _fixed_source(name) for name in names}
 
 
 def source_files(model: ExportModel) -> dict[str, str]:
     """Return all sources of a model's library by file name; ``model_data.h`` holds the numbers."""
-    return {**_fixed_sources(), "model_data.h": _model_data(model, content_token(model))}
+    return {
+        **_fixed_sources(model),
+        "model_size.h": _model_size(model),
+        "model_data.h": _model_data(model, content_token(model)),
+    }
 
 
 def content_token(model: ExportModel) -> str:
     """FMI's GUID and instantiation token: a hash of all sources, the model's numbers and variables."""
     digest = hashlib.sha256()
-    for name, text in sorted(_fixed_sources().items()):
+    for name, text in sorted(_fixed_sources(model).items()):
         digest.update(f"{name}\0{text}\0".encode())
     names = (model.name, model.input.quantity, model.input.unit, model.output.quantity, model.output.unit)
-    digest.update("\0".join((*names, _model_data(model, ""))).encode())
+    digest.update("\0".join((*names, _model_size(model), _model_data(model, ""))).encode())
     return str(uuid.UUID(bytes=digest.digest()[:16]))
 
 
-def _row(values: np.ndarray) -> str:
-    return "{" + ", ".join(float(value).hex() for value in values) + "}"
+def _model_size(model: ExportModel) -> str:
+    """Room for the state, in a few sizes: what does not hold the model's numbers is then compiled once for many."""
+    room = next(size for size in _ROOMS if size >= model.dynamics.states)
+    return f"/* Room for the state of a model, written at export. */\n#define MODEL_STATES {room}\n"
 
 
 def _model_data(model: ExportModel, token: str) -> str:
     """Numbers as hexadecimal floats: exact, and the same text on every machine."""
-    system = model.state_space
-    # C has no arrays of length 0: a static gain gets one unused element.
-    size = max(system.states, 1)
-    matrix, column, row = np.zeros((size, size)), np.zeros(size), np.zeros(size)
-    matrix[: system.states, : system.states] = system.A
-    column[: system.states], row[: system.states] = system.B, system.C
+    slope = model.dynamics.slope
     constants = {
         "token": f'"{token}"',
         "sampling_time": model.sampling_time.hex(),
@@ -68,20 +75,12 @@ def _model_data(model: ExportModel, token: str) -> str:
         "output_offset": model.output.offset.hex(),
         "output_limit": model.output_limit.hex(),
         "gain_limit": model.gain_limit.hex(),
-        "states": str(system.states),
+        "slope": float(slope or 0.0).hex(),
+        "differentiable": str(int(slope is not None)),
         "window": str(model.moving_average),
         "feedthrough": str(int(model.feedthrough)),
+        "waits_for_input": str(int(model.dynamics.waits_for_input)),
     }
     entries = ", \\\n    ".join(f".{key} = {value}" for key, value in constants.items())
-    return "\n".join(
-        [
-            "/* Numbers of one model, written at export. */",
-            f"#define MODEL_STATES {system.states}",
-            f"static const double MODEL_A[{size}][{size}] = {{{', '.join(map(_row, matrix))}}};",
-            f"static const double MODEL_B[{size}] = {_row(column)};",
-            f"static const double MODEL_C[{size}] = {_row(row)};",
-            f"#define MODEL_D {float(system.D).hex()}",
-            f"#define MODEL_CONSTANTS {{ \\\n    {entries}}}",
-            "",
-        ]
-    )
+    lines = ["/* Numbers of one model, written at export. */", *model.dynamics.c_data()]
+    return "\n".join([*lines, f"#define MODEL_CONSTANTS {{ \\\n    {entries}}}", ""])

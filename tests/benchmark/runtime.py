@@ -1,0 +1,160 @@
+"""Timings of the FMUs: per step through a C client, through fmpy, of a PythonFMU export; sizes and build times.
+
+    python tests/benchmark/runtime.py [RESULTS.csv] [--pythonfmu PYTHON]
+
+PYTHON is an interpreter of an environment of its own that has ``pythonfmu`` and ``fmpy``; without it that row is left
+out. Limits are those the FMUs are meant to keep on an idle machine; the exit code says whether they were kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import subprocess
+import sys
+import tempfile
+import time
+import zipfile
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "unit"))
+
+from c_programs import loader_program  # noqa: E402
+from effect_entries import COMBINATIONS, effect_entry  # noqa: E402
+from runtime_models import SETTINGS, models_json  # noqa: E402
+
+from lumbar.runtime.compiler import TARGETS, host_target, warm_cache  # noqa: E402
+from lumbar.runtime.export_model import select_models  # noqa: E402
+from lumbar.runtime.package import export_fmus  # noqa: E402
+
+CACHE = HERE.parent.parent / ".snakemake" / "zig-cache"
+STEPS = 1_000_000
+
+PYTHON_FMU = '''
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+class KB(Fmi2Slave):
+    """The model KB with a moving average of three samples, as PythonFMU exports it."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.position, self.force, self.state, self.past = 0.0, 0.0, 0.0, [0.0, 0.0]
+        self.register_variable(Real("position", causality=Fmi2Causality.input))
+        self.register_variable(Real("force", causality=Fmi2Causality.output))
+
+    def do_step(self, current_time, step_size):
+        u = (self.position + sum(self.past)) / 3
+        self.past = [self.position, self.past[0]]
+        self.force = max(-15.0, min(15.0, self.state + 1.9 * u))
+        self.state = 0.45 * self.state + (-1.2 + 0.45 * 1.9) * u
+        return True
+'''
+
+THROUGH_FMPY = """
+import sys, time, statistics, fmpy
+from fmpy.fmi2 import FMU2Slave
+path, references = sys.argv[1], {}
+description = fmpy.read_model_description(path)
+for variable in description.modelVariables:
+    references[variable.name] = variable.valueReference
+slave = FMU2Slave(guid=description.guid, unzipDirectory=fmpy.extract(path),
+                  modelIdentifier=description.coSimulation.modelIdentifier, instanceName="b")
+slave.instantiate(); slave.setupExperiment(startTime=0.0)
+slave.enterInitializationMode(); slave.exitInitializationMode()
+taken = []
+for k in range(20000):
+    begin = time.perf_counter_ns()
+    slave.setReal([references["position"]], [k % 100 * 0.01]); slave.doStep(k * 0.01, 0.01)
+    slave.getReal([references["force"]])
+    taken.append(time.perf_counter_ns() - begin)
+print(statistics.median(taken))
+"""
+
+
+def models():
+    """Return KB and four models with effects."""
+    entries = [effect_entry(*structure) for structure in COMBINATIONS]
+    linear = select_models(models_json(), {**SETTINGS, "models": ["KB"]})
+    nonlinear = select_models(
+        models_json(*entries), {**SETTINGS, "models": [entry["name"] for entry in entries]}
+    )
+    return [*linear, *nonlinear]
+
+
+def c_client(folder: Path, exported: list) -> list[tuple]:
+    """Median and 99.9 % of one set, step and get in ns."""
+    target = host_target()
+    program = loader_program(HERE.parent / "unit" / "fmu_client.c", target, folder, CACHE)
+    rows = []
+    for model in exported:
+        unzipped = folder / model.identifier
+        with zipfile.ZipFile(folder / f"{model.name}_fmi2.fmu") as archive:
+            archive.extractall(unzipped)
+            description = archive.read("modelDescription.xml").decode()
+        token = description.split('guid="')[1].split('"')[0]
+        platform = TARGETS[target]
+        library = unzipped / "binaries" / platform.fmi2 / f"{model.identifier}{platform.suffix}"
+        median_limit = 200 if model.name == "KB" else 1000
+        medians = {}
+        for kind in ("live", "decayed"):
+            command = [program, "timing", library, token, str(STEPS), kind]
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
+            median, high, _, _ = map(float, done.stdout.split())
+            medians[kind] = median
+            rows.append((f"C client, {model.name}, {kind}, median", median, "ns", median_limit))
+            rows.append((f"C client, {model.name}, {kind}, 99.9 %", high, "ns", 2000))
+        rows.append(
+            (f"C client, {model.name}, decayed to live", medians["decayed"] / medians["live"], "1", 2)
+        )
+    return rows
+
+
+def through_fmpy(path: Path, python: str, label: str) -> tuple:
+    """Median of one set, step and get through fmpy in ns."""
+    done = subprocess.run([python, "-c", THROUGH_FMPY, path], capture_output=True, text=True, check=True)
+    return label, float(done.stdout.split()[-1]), "ns", None
+
+
+def builds(folder: Path, exported: list) -> list[tuple]:
+    """Seconds per model for all platforms with a warm cache, and the largest file."""
+    warm_cache(list(TARGETS), CACHE)
+    export_fmus(exported[:1], folder, "benchmark", list(TARGETS), CACHE)
+    begin = time.perf_counter()
+    written = export_fmus(exported[1:], folder, "benchmark", list(TARGETS), CACHE)
+    seconds = (time.perf_counter() - begin) / len(exported[1:])
+    return [
+        ("five platforms, per model", seconds, "s", 5),
+        ("largest FMU", max(path.stat().st_size for path in written) / 1000, "kB", 150),
+    ]
+
+
+def main() -> int:
+    """Measure, print, write; 1 where a limit was not kept."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("results", nargs="?", type=Path, help="CSV file to write")
+    parser.add_argument("--pythonfmu", metavar="PYTHON", help="interpreter with pythonfmu and fmpy")
+    options = parser.parse_args()
+    exported = models()
+    with tempfile.TemporaryDirectory(prefix="lumbar-benchmark-") as name:
+        folder = Path(name)
+        export_fmus(exported, folder, "benchmark", ["host"], CACHE)
+        rows = c_client(folder, exported)
+        rows.append(through_fmpy(folder / "KB_fmi2.fmu", sys.executable, "through fmpy, KB, median"))
+        if options.pythonfmu:
+            (folder / "kb.py").write_text(PYTHON_FMU)
+            build = [options.pythonfmu, "-m", "pythonfmu", "build", "-f", "kb.py", "--no-external-tool"]
+            subprocess.run(build, cwd=folder, check=True, capture_output=True)
+            rows.append(through_fmpy(folder / "KB.fmu", options.pythonfmu, "PythonFMU, KB, median"))
+        rows += builds(folder / "all", exported)
+    for what, value, unit, limit in rows:
+        verdict = "" if limit is None else f"  (limit {limit}: {'kept' if value <= limit else 'NOT KEPT'})"
+        print(f"{what:72} {value:10.4g} {unit}{verdict}")
+    if options.results:
+        with options.results.open("w", newline="") as file:
+            csv.writer(file).writerows([("what", "value", "unit", "limit"), *rows])
+    return int(any(limit is not None and value > limit for _, value, _, limit in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

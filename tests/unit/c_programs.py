@@ -1,0 +1,113 @@
+"""C code of models as programs and as functions that Python calls."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from lumbar.runtime.compiler import TARGETS, compile_library
+from lumbar.runtime.effect_steps import Functions
+from lumbar.runtime.export_model import ExportModel
+from lumbar.runtime.sources import c_files, source_files
+
+_DOUBLE = ctypes.POINTER(ctypes.c_double)
+_NUMBERS = itertools.count()
+
+
+def zig_cc(arguments: list[str], folder: Path, cache: Path) -> None:
+    """Run the C compiler in a folder."""
+    environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": str(cache), "ZIG_LOCAL_CACHE_DIR": str(cache)}
+    command = [sys.executable, "-m", "ziglang", "cc", *arguments]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def loader_program(source: Path, target: str, folder: Path, cache: Path) -> Path:
+    """Compile one C file that loads FMUs into a program for a target."""
+    suffix = ".exe" if target.endswith("windows") else ""
+    import fmpy
+
+    headers = Path(fmpy.__file__).parent / "c-code"
+    program = folder / f"{source.stem}{suffix}"
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-I", str(headers)]
+    libraries = [] if target.endswith("windows") else ["-ldl", "-lm", "-lpthread"]
+    zig_cc(
+        ["-target", TARGETS[target].triple, *flags, str(source), *libraries, "-o", str(program)],
+        folder,
+        cache,
+    )
+    return program
+
+
+def write_sources(model: ExportModel, folder: Path) -> list[str]:
+    """Write a model's C sources and return the names of those to compile."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in source_files(model).items():
+        (folder / name).write_text(text)
+    return list(c_files(model))
+
+
+class CModel:
+    """The C function of a model's sample, called sample by sample as ``sampled_force.c`` does."""
+
+    def __init__(self, model: ExportModel, folder: Path, cache: Path):
+        files = write_sources(model, folder)
+        exported = folder / "exported.c"
+        exported.write_text(
+            '#include "model.h"\n__attribute__((visibility("default")))\n'
+            "double exported_sample(const double x[], double u, double next[]) { return model_sample(x, u, next); }\n"
+            '__attribute__((visibility("default"))) int exported_states(void) { return MODEL_STATES; }\n'
+        )
+        model_files = [folder / name for name in files if name in model.dynamics.c_files]
+        # A name of its own: a library that was loaded once is not loaded anew.
+        library = folder / f"{model.identifier}_{next(_NUMBERS)}.so"
+        compile_library([*model_files, exported], library, "x86_64-linux", cache)
+        self.library = ctypes.CDLL(str(library))
+        self.library.exported_sample.restype = ctypes.c_double
+        self.library.exported_sample.argtypes = [_DOUBLE, ctypes.c_double, _DOUBLE]
+        self.states = self.library.exported_states()
+
+    def response(self, inputs) -> np.ndarray:
+        """Return the output for deviations of the input, from rest."""
+        state, following = (ctypes.c_double * self.states)(), (ctypes.c_double * self.states)()
+        outputs = np.empty(len(inputs))
+        for k, value in enumerate(inputs):
+            outputs[k] = self.library.exported_sample(state, value, following)
+            for i in range(self.states):
+                state[i] = 0.0 if abs(following[i]) < 1e-200 else following[i]
+        self.state = list(state)
+        return outputs
+
+
+def portable_functions(folder: Path, cache: Path) -> Functions:
+    """Elementary functions of ``portable_math.c`` for the simulation in Python."""
+    import lumbar.runtime
+
+    source = Path(lumbar.runtime.__file__).parent
+    names = ("expm1", "tanh", "sinh", "arctan", "softplus", "sine", "cosine")
+    lines = ['#include "portable_math.h"']
+    for name in names:
+        lines.append('__attribute__((visibility("default")))')
+        lines.append(f"double exported_{name}(double x) {{ return portable_{name}(x); }}")
+    lines += ['__attribute__((visibility("default")))']
+    lines += ["double exported_power(double x, double n) { return portable_power(x, n); }"]
+    for file in ("portable_math.c", "portable_math.h"):
+        (folder / file).write_text((source / file).read_text())
+    (folder / "exported_math.c").write_text("\n".join(lines) + "\n")
+    compile_library(
+        [folder / "portable_math.c", folder / "exported_math.c"], folder / "math.so", "x86_64-linux", cache
+    )
+    library = ctypes.CDLL(str(folder / "math.so"))
+    functions = {}
+    for name in names:
+        function = getattr(library, f"exported_{name}")
+        function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double]
+        functions[name] = function
+    library.exported_power.restype, library.exported_power.argtypes = ctypes.c_double, [ctypes.c_double] * 2
+    return Functions(**functions, power=library.exported_power)

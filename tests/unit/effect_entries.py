@@ -1,0 +1,73 @@
+"""Entries of models.json for models with effects: every form with C code once, and some combinations."""
+
+from __future__ import annotations
+
+BASE_NUMBERS = {
+    "LE": ([0.8], []),
+    "Maxwell": ([6.0], [0.04]),
+    "KV": ([0.8, 0.02], []),
+    "KB": ([0.8, 6.0], [0.04]),
+}
+
+FORM_NUMBERS = {
+    "hardening_stiffness/cubic": ([0.02], []),
+    "hardening_stiffness/exponential": ([0.2], [1.5]),
+    "hardening_stiffness/bilinear": ([0.7], [0.9]),
+    "quadratic_stiffness/quadratic": ([-0.1], []),
+    "quadratic_stiffness/two_sided": ([0.3], []),
+    "coulomb_friction/coulomb": ([0.8], [0.7]),
+    "coulomb_friction/arctangent": ([0.8], [0.7]),
+    "coulomb_friction/stribeck": ([0.5, 0.4], [0.6, 4.0]),
+    "hysteresis/dahl": ([0.6], [0.3]),
+    "hysteresis/bouc_wen": ([0.6], [0.3]),
+    "hysteresis/elastoplastic": ([0.6], [0.3]),
+    "contact_loss/sharp": ([], [0.5]),
+    "contact_loss/soft": ([], [0.5, 0.1]),
+    "depth_dependent_damping/bilinear": ([0.01, 0.02], []),
+    "depth_dependent_damping/one_sided": ([0.01, 0.02], []),
+    "quadratic_damping/quadratic": ([0.0005], []),
+    "quadratic_damping/power": ([0.002], [1.7]),
+    "quadratic_damping/sinh": ([0.1], [20.0]),
+    "inertia/mass": ([2e-4], []),
+    "second_relaxation/maxwell_branch": ([0.5], [0.7]),
+    "delay/pure": ([], [0.0234]),
+    "saturation/sharp": ([], [2.0]),
+    "saturation/soft": ([], [3.0]),
+    "drift/linear": ([0.01], []),
+    "drift/settling": ([0.4], [2.0]),
+    "softening/path": ([-0.3], [40.0]),
+    "softening/time": ([-0.3], [3.0]),
+    "softening/whole_force": ([], [0.3, 40.0]),
+    "periodic_disturbance/sine": ([0.2, -0.1], [1.234]),
+    "backlash/play": ([], [0.2]),
+}
+"""Amplitudes and shapes by form: positions of a few mm, forces of a few N."""
+
+
+def effect_entry(base: str, *keys: str, **more) -> dict:
+    """Entry of a base with effects in these forms."""
+    effects = []
+    for key in keys:
+        effect, form = key.split("/")
+        amplitudes, shapes = FORM_NUMBERS[key]
+        effects.append({"effect": effect, "form": form, "amplitudes": amplitudes, "shapes": shapes})
+    amplitudes, shapes = BASE_NUMBERS[base]
+    return {
+        "name": "+".join([base, *(effect["effect"] for effect in effects)]),
+        "trained_on": "multisine",
+        "estimator": "output_error",
+        "base": base,
+        "amplitudes": amplitudes,
+        "shapes": shapes,
+        "effects": effects,
+        **more,
+    }
+
+
+COMBINATIONS = (
+    ("KB", "coulomb_friction/stribeck", "hysteresis/bouc_wen", "inertia/mass"),
+    ("KV", "backlash/play", "delay/pure", "softening/whole_force", "saturation/soft"),
+    ("Maxwell", "delay/pure", "second_relaxation/maxwell_branch", "contact_loss/soft", "drift/settling"),
+    ("LE", "hardening_stiffness/exponential", "periodic_disturbance/sine"),
+)
+"""Base and forms."""

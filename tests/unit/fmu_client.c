@@ -1,0 +1,241 @@
+/* A client of FMUs for tests and benchmarks: loads the library of an unzipped FMU, plays what the mode says.
+ *
+ *   fmu_client hash LIBRARY TOKEN STEPS        hash of all forces over a walk with whole-number arithmetic
+ *   fmu_client mistimed LIBRARY TOKEN STEPS H  steps of H seconds summed up, over a static gain sampled at 10 ms
+ *   fmu_client timing LIBRARY TOKEN STEPS live|decayed   nanoseconds per set, step and get: median, 99.9 %, largest
+ *   fmu_client threads LIBRARY TOKEN STEPS     eight instances in threads: number of hashes that differ
+ *
+ * FMI 2.0; `hash` also plays FMI 3.0 in event mode and prints both hashes.
+ */
+#define _POSIX_C_SOURCE 200809L
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "fmi2FunctionTypes.h"
+#include "fmi3FunctionTypes.h"
+
+#ifdef _WIN32
+#include <windows.h>
+static void *open_library(const char *path) { return (void *)LoadLibraryA(path); }
+static void *find_function(void *library, const char *name) {
+    return (void *)(size_t)GetProcAddress((HMODULE)library, name);
+}
+#else
+#include <dlfcn.h>
+#include <pthread.h>
+static void *open_library(const char *path) { return dlopen(path, RTLD_NOW | RTLD_LOCAL); }
+static void *find_function(void *library, const char *name) { return dlsym(library, name); }
+#endif
+
+#define REQUIRE(condition)                                          \
+    do {                                                            \
+        if (!(condition)) {                                         \
+            fprintf(stderr, "failed: %s\n", #condition);            \
+            exit(2);                                                \
+        }                                                           \
+    } while (0)
+#define LOAD(type, name) type *name = NULL; { void *found = find_function(library, #name); \
+    REQUIRE(found); memcpy(&name, &found, sizeof found); }
+
+static void *library;
+static const char *token;
+
+static void silent2(fmi2ComponentEnvironment e, fmi2String i, fmi2Status s, fmi2String c, fmi2String m, ...) {
+    (void)e, (void)i, (void)s, (void)c, (void)m;
+}
+
+static void silent3(fmi3InstanceEnvironment e, fmi3Status s, fmi3String c, fmi3String m) {
+    (void)e, (void)s, (void)c, (void)m;
+}
+
+/* A walk within 4 mm, the same on every platform: 32-bit congruential numbers, scaled by a power of two. */
+typedef struct { uint32_t seed; double position; } walk;
+
+static double next_position(walk *w) {
+    w->seed = w->seed * 1664525u + 1013904223u;
+    double moved = w->position + ((double)(w->seed >> 16) - 32767.5) * 0x1p-19;
+    w->position = moved > 4.0 ? 4.0 : moved < -4.0 ? -4.0 : moved;
+    return w->position;
+}
+
+static uint64_t hashed(uint64_t hash, double value) {
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return (hash ^ bits) * 1099511628211u;
+}
+
+static fmi2Component start2(void) {
+    static const fmi2CallbackFunctions CALLBACKS = {.logger = silent2};
+    LOAD(fmi2InstantiateTYPE, fmi2Instantiate)
+    LOAD(fmi2SetupExperimentTYPE, fmi2SetupExperiment)
+    LOAD(fmi2EnterInitializationModeTYPE, fmi2EnterInitializationMode)
+    LOAD(fmi2ExitInitializationModeTYPE, fmi2ExitInitializationMode)
+    fmi2Component c = fmi2Instantiate("client", fmi2CoSimulation, token, "", &CALLBACKS, 0, 0);
+    REQUIRE(c && !fmi2SetupExperiment(c, 0, 0, 0.0, 0, 0) && !fmi2EnterInitializationMode(c));
+    REQUIRE(!fmi2ExitInitializationMode(c));
+    return c;
+}
+
+static uint64_t play2(long steps, double h) {
+    LOAD(fmi2SetRealTYPE, fmi2SetReal)
+    LOAD(fmi2GetRealTYPE, fmi2GetReal)
+    LOAD(fmi2DoStepTYPE, fmi2DoStep)
+    LOAD(fmi2FreeInstanceTYPE, fmi2FreeInstance)
+    fmi2Component c = start2();
+    const fmi2ValueReference input = 1, output = 2;
+    walk w = {.seed = 1};
+    uint64_t hash = 14695981039346656037u;
+    for (long k = 0; k < steps; ++k) {
+        double position = next_position(&w), force;
+        REQUIRE(!fmi2SetReal(c, &input, 1, &position) && !fmi2DoStep(c, (double)k * h, h, 1));
+        REQUIRE(!fmi2GetReal(c, &output, 1, &force));
+        hash = hashed(hash, force);
+    }
+    fmi2FreeInstance(c);
+    return hash;
+}
+
+static uint64_t play3(long steps, double h) {
+    LOAD(fmi3InstantiateCoSimulationTYPE, fmi3InstantiateCoSimulation)
+    LOAD(fmi3EnterInitializationModeTYPE, fmi3EnterInitializationMode)
+    LOAD(fmi3ExitInitializationModeTYPE, fmi3ExitInitializationMode)
+    LOAD(fmi3EnterEventModeTYPE, fmi3EnterEventMode)
+    LOAD(fmi3EnterStepModeTYPE, fmi3EnterStepMode)
+    LOAD(fmi3SetFloat64TYPE, fmi3SetFloat64)
+    LOAD(fmi3GetFloat64TYPE, fmi3GetFloat64)
+    LOAD(fmi3DoStepTYPE, fmi3DoStep)
+    LOAD(fmi3FreeInstanceTYPE, fmi3FreeInstance)
+    fmi3Instance c = fmi3InstantiateCoSimulation("client", token, NULL, 0, 0, 1, 0, NULL, 0, NULL, silent3, NULL);
+    REQUIRE(c && !fmi3EnterInitializationMode(c, 0, 0, 0.0, 0, 0) && !fmi3ExitInitializationMode(c));
+    const fmi3ValueReference input = 1, output = 2;
+    walk w = {.seed = 1};
+    uint64_t hash = 14695981039346656037u;
+    for (long k = 0; k < steps; ++k) {
+        double position = next_position(&w), force, reached;
+        fmi3Boolean event, ends, early;
+        REQUIRE(!fmi3SetFloat64(c, &input, 1, &position, 1) && !fmi3GetFloat64(c, &output, 1, &force, 1));
+        REQUIRE(!fmi3EnterStepMode(c) && !fmi3DoStep(c, (double)k * h, h, 1, &event, &ends, &early, &reached));
+        REQUIRE(event && !fmi3EnterEventMode(c));
+        hash = hashed(hash, force);
+    }
+    fmi3FreeInstance(c);
+    return hash;
+}
+
+static void mistimed(long steps, double h) {
+    LOAD(fmi2SetRealTYPE, fmi2SetReal)
+    LOAD(fmi2GetRealTYPE, fmi2GetReal)
+    LOAD(fmi2DoStepTYPE, fmi2DoStep)
+    LOAD(fmi2FreeInstanceTYPE, fmi2FreeInstance)
+    fmi2Component c = start2();
+    const fmi2ValueReference input = 1, output = 2;
+    const long ticks = (long)(0.01 / h + 0.5); /* per sample */
+    double time = 0.0;
+    long wrong = 0;
+    for (long k = 0; k < steps; ++k) {
+        double position = (double)k, force;
+        REQUIRE(!fmi2SetReal(c, &input, 1, &position) && !fmi2DoStep(c, time, h, 1));
+        REQUIRE(!fmi2GetReal(c, &output, 1, &force));
+        time += h;
+        wrong += force != (double)(k - k % ticks);
+    }
+    fmi2FreeInstance(c);
+    printf("%ld\n", wrong);
+}
+
+#ifndef _WIN32
+static long nanoseconds(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec * 1000000000L + now.tv_nsec;
+}
+
+static int ascending(const void *a, const void *b) {
+    const long x = *(const long *)a, y = *(const long *)b;
+    return (x > y) - (x < y);
+}
+
+/* Each entry is the time of one set, step and get, less that of reading the clock (its median). */
+static void timing(long steps, double h, int decayed) {
+    LOAD(fmi2SetRealTYPE, fmi2SetReal)
+    LOAD(fmi2GetRealTYPE, fmi2GetReal)
+    LOAD(fmi2DoStepTYPE, fmi2DoStep)
+    long *taken = malloc((size_t)steps * sizeof *taken);
+    REQUIRE(taken);
+    for (long k = 0; k < steps; ++k) {
+        long begin = nanoseconds();
+        taken[k] = nanoseconds() - begin;
+    }
+    qsort(taken, (size_t)steps, sizeof *taken, ascending);
+    const long clock_cost = taken[steps / 2];
+    fmi2Component c = start2();
+    const fmi2ValueReference input = 1, output = 2;
+    walk w = {.seed = 1};
+    long k = 0;
+    double force = 0.0, sum = 0.0;
+    for (; k < 20000; ++k) { /* warm; a decayed model is left alone after a push of 100 samples */
+        double position = decayed ? (k < 100 ? 1.0 : 0.0) : next_position(&w);
+        REQUIRE(!fmi2SetReal(c, &input, 1, &position) && !fmi2DoStep(c, (double)k * h, h, 1));
+    }
+    for (long i = 0; i < steps; ++i, ++k) {
+        double position = decayed ? 0.0 : next_position(&w);
+        long begin = nanoseconds();
+        int status = fmi2SetReal(c, &input, 1, &position) | fmi2DoStep(c, (double)k * h, h, 1);
+        status |= fmi2GetReal(c, &output, 1, &force);
+        taken[i] = nanoseconds() - begin - clock_cost;
+        REQUIRE(!status);
+        sum += force;
+    }
+    qsort(taken, (size_t)steps, sizeof *taken, ascending);
+    printf("%ld %ld %ld %g\n", taken[steps / 2], taken[(long)((double)steps * 0.999)], taken[steps - 1], sum);
+}
+
+typedef struct { long steps; uint64_t hash; } job;
+
+static void *work(void *argument) {
+    job *j = argument;
+    j->hash = play2(j->steps, 0.01);
+    return NULL;
+}
+
+static void threads(long steps) {
+    enum { THREADS = 8 };
+    pthread_t thread[THREADS];
+    job jobs[THREADS];
+    int differing = 0;
+    for (int i = 0; i < THREADS; ++i) {
+        jobs[i] = (job){.steps = steps};
+        REQUIRE(!pthread_create(&thread[i], NULL, work, &jobs[i]));
+    }
+    for (int i = 0; i < THREADS; ++i) REQUIRE(!pthread_join(thread[i], NULL));
+    for (int i = 0; i < THREADS; ++i) differing += jobs[i].hash != play2(steps, 0.01);
+    printf("%d\n", differing);
+}
+#endif
+
+int main(int count, char *arguments[]) {
+    REQUIRE(count >= 5);
+    library = open_library(arguments[2]);
+    token = arguments[3];
+    long steps = strtol(arguments[4], NULL, 10);
+    REQUIRE(library && steps > 0);
+    if (!strcmp(arguments[1], "hash")) {
+        printf("%016llx %016llx\n", (unsigned long long)play2(steps, 0.01), (unsigned long long)play3(steps, 0.01));
+    } else if (!strcmp(arguments[1], "mistimed")) {
+        REQUIRE(count == 6);
+        mistimed(steps, strtod(arguments[5], NULL));
+#ifndef _WIN32
+    } else if (!strcmp(arguments[1], "timing")) {
+        REQUIRE(count == 6);
+        timing(steps, 0.01, !strcmp(arguments[5], "decayed"));
+    } else if (!strcmp(arguments[1], "threads")) {
+        threads(steps);
+#endif
+    } else {
+        return 2;
+    }
+    return 0;
+}

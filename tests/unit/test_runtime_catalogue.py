@@ -1,0 +1,98 @@
+"""FMU code against the catalogue of effects: the same names, places and forces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry
+
+from lumbar.runtime.effect_forms import BASES, FORMS
+from lumbar.runtime.effect_model import effect_model
+
+catalogue = pytest.importorskip("lumbar.effects.catalogue", reason="the catalogue of effects is not there")
+base_models = pytest.importorskip("lumbar.effects.base")
+
+SAMPLING_TIME = 0.001
+FROM = 500
+"""First sample compared: 0.5 s."""
+BACKWARD = 0.05
+REVERSAL = 0.15
+"""At a reversal half a sample of 150 mm/s² is 0.075 mm/s, a tenth of the smoothing speed."""
+ACCURACY = {
+    "coulomb_friction/coulomb": REVERSAL,
+    "coulomb_friction/arctangent": REVERSAL,
+    "coulomb_friction/stribeck": REVERSAL,
+    "depth_dependent_damping/bilinear": BACKWARD,
+    "depth_dependent_damping/one_sided": BACKWARD,
+    "quadratic_damping/quadratic": BACKWARD,
+    "quadratic_damping/power": BACKWARD,
+    "quadratic_damping/sinh": BACKWARD,
+    "inertia/mass": BACKWARD,
+    "second_relaxation/maxwell_branch": 1e-3,
+    "delay/pure": 1e-3,
+    "backlash/play": 1e-3,
+    "contact_loss/sharp": 1e-3,
+    "contact_loss/soft": 1e-3,
+    "saturation/sharp": 1e-3,
+    "saturation/soft": 1e-3,
+    "softening/whole_force": 1e-3,
+}
+"""Difference as a share of the largest force that the effect adds, at 1 kHz and up to 4 Hz; 1e-9 for other forms.
+A backward difference is half a sample late; relaxations and the delay see straight lines between samples, where the
+catalogue has a spline through all samples, later ones included; output forms see that difference in the base."""
+
+
+def forms():
+    return {form.key: form for effect in catalogue.TISSUE.values() for form in effect.forms}
+
+
+def motion():
+    from lumbar.effects.motion import Motion
+
+    time = np.arange(4000) * SAMPLING_TIME
+    position = sum(
+        amplitude * np.sin(2 * np.pi * frequency * time + phase)
+        for amplitude, frequency, phase in ((1.0, 0.5, 0.3), (0.4, 1.7, 1.1), (0.15, 4.0, 2.0))
+    )
+    return Motion(time, position, SAMPLING_TIME)
+
+
+def test_every_form_of_the_catalogue_has_c_code_under_the_same_names():
+    for key, form in forms().items():
+        ours = FORMS[key]
+        assert ours.place.value == form.place.value
+        assert ours.amplitudes == tuple(item.name for item in form.amplitudes)
+        assert ours.shapes == tuple(item.name for item in form.shapes)
+    assert set(forms()) == set(FORM_NUMBERS)
+
+
+def test_bases_are_those_of_the_catalogue():
+    assert set(BASES) == set(base_models.BASES)
+    for name, keys in BASES.items():
+        base = base_models.BASES[name]
+        assert [item for key in keys for item in FORMS[key].amplitudes] == [
+            item.name for item in base.amplitudes
+        ]
+        assert [item for key in keys for item in FORMS[key].shapes] == [item.name for item in base.shapes]
+
+
+@pytest.mark.parametrize("key", FORM_NUMBERS)
+def test_forces_are_those_of_the_catalogue(key):
+    from lumbar.effects.structure import Structure
+
+    moved, (amplitudes, shapes) = motion(), BASE_NUMBERS["KB"]
+    bare = Structure(base_models.BASES["KB"])
+    numbers = [
+        np.array([*base, *own]) for base, own in zip((amplitudes, shapes), FORM_NUMBERS[key], strict=True)
+    ]
+    bare_force = bare.simulate(moved, np.array(amplitudes), np.array(shapes))
+    expected = bare.with_form(forms()[key]).simulate(moved, *numbers) - bare_force
+    found, bare_found = (
+        effect_model(effect_entry("KB", *keys), SAMPLING_TIME).response(moved.position)
+        for keys in ((key,), ())
+    )
+    np.testing.assert_allclose(bare_found[FROM:], bare_force[FROM:], atol=1e-4 * np.abs(bare_force).max())
+    share = np.abs(expected)[FROM:].max()
+    assert share > 1e-3, "the effect must be felt in this motion"
+    error = np.abs(found - bare_found - expected)[FROM:].max()
+    assert error <= ACCURACY.get(key, 1e-9) * share, (error, share)

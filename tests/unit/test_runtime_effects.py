@@ -1,0 +1,214 @@
+"""Models with effects: C code against the step-by-step simulation in Python bit for bit, and closed forms."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from c_programs import CModel, portable_functions
+from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry
+from runtime_models import SETTINGS, TARGET, models_json
+
+import lumbar.runtime
+from lumbar.errors import InputError, NumericalError
+from lumbar.runtime.check import check_fmus
+from lumbar.runtime.effect_forms import FORMS, Place
+from lumbar.runtime.effect_model import effect_model
+from lumbar.runtime.effect_steps import simulate
+from lumbar.runtime.export_model import select_models
+from lumbar.runtime.package import export_fmus
+
+on_x86_64_linux = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
+)
+ON_OUTPUT = [key for key in FORM_NUMBERS if FORMS[key].place is Place.OUTPUT]
+OTHERS = [key for key in FORM_NUMBERS if key not in ON_OUTPUT]
+STRUCTURES = [
+    *((base,) for base in BASE_NUMBERS),
+    *(("KB", *OTHERS[start::6]) for start in range(6)),
+    *(("KB", key) for key in ON_OUTPUT),
+    *COMBINATIONS,
+]
+"""Every form at least once, several in one model so that few need compiling; a clipped force would hide others."""
+
+
+def exported(entry: dict, **settings):
+    chosen = {**SETTINGS, "models": [entry["name"]], **settings}
+    return select_models(models_json(entry), chosen)[0]
+
+
+@pytest.fixture(scope="module")
+def functions(zig_cache, tmp_path_factory):
+    return portable_functions(tmp_path_factory.mktemp("math"), zig_cache)
+
+
+@pytest.fixture(scope="module")
+def c_folder(tmp_path_factory):
+    """Return one folder for all models: what they have in common is compiled once."""
+    return tmp_path_factory.mktemp("models")
+
+
+def random_motion(samples: int, seed: int) -> np.ndarray:
+    """Movement with slow and fast parts, rests and steps about a mean of 0.5 mm."""
+    generator = np.random.default_rng(seed)
+    walk = np.cumsum(generator.standard_normal(samples)) * 0.1
+    walk -= np.linspace(0.0, walk[-1], samples)
+    rest = np.repeat(generator.random(samples // 50 + 1) < 0.2, 50)[:samples]
+    held = np.maximum.accumulate(np.where(rest, 0, np.arange(samples)))
+    return 0.5 + walk[held]
+
+
+def test_every_form_has_a_c_function_and_every_number_its_place():
+    assert set(FORM_NUMBERS) == {key for key in FORMS if not key.startswith("base/")}
+    header = (Path(lumbar.runtime.__file__).parent / "effect_forms.h").read_text()
+    declared = set(re.findall(r"\b[a-z_]+\b", " ".join(re.findall(r"form_function (.*);", header))))
+    assert {form.function for form in FORMS.values()} == declared
+
+
+@on_x86_64_linux
+@pytest.mark.parametrize("structure", STRUCTURES, ids="+".join)
+def test_c_code_is_the_python_simulation_bit_for_bit(structure, functions, zig_cache, c_folder):
+    model = exported(effect_entry(*structure))
+    inputs = random_motion(3000, seed=4)
+    found = CModel(model, c_folder, zig_cache).response(inputs)
+    np.testing.assert_array_equal(found, simulate(model.dynamics, inputs, functions))
+    plain = model.dynamics.response(inputs)
+    np.testing.assert_allclose(found, plain, rtol=0, atol=1e-12 * max(1.0, np.abs(plain).max()))
+
+
+@on_x86_64_linux
+def test_finished_fmus_give_these_forces_in_both_versions(zig_cache, tmp_path):
+    """Through fmpy: FMI 3.0 at once, FMI 2.0 one sample late; schema and lint find nothing."""
+    models = [exported(effect_entry(*structure)) for structure in COMBINATIONS[:2]]
+    export_fmus(models, tmp_path, "synthetic twin", TARGET, zig_cache)
+    for check in check_fmus(models, tmp_path, 300, seed=2):
+        assert check.largest_error < 1e-12
+        assert check.largest_output > 0.1
+
+
+@on_x86_64_linux
+def test_elementary_functions_are_those_of_the_c_library(functions):
+    """To two units in the last place, against Python's math (the platform's C library)."""
+    generator = np.random.default_rng(1)
+    values = np.concatenate(
+        [generator.uniform(-40, 40, 4000), generator.normal(0, 1e-3, 4000), [0.0, 700.0, -700.0]]
+    )
+    for name, standard in (
+        ("expm1", math.expm1),
+        ("tanh", math.tanh),
+        ("sinh", math.sinh),
+        ("arctan", math.atan),
+    ):
+        for value in values.tolist():
+            expected = standard(value)
+            assert abs(getattr(functions, name)(value) - expected) <= 2.5 * math.ulp(expected), (name, value)
+    for value in values.tolist():
+        expected = max(value, 0.0) + math.log1p(math.exp(-abs(value)))
+        assert functions.softplus(value) == pytest.approx(expected, rel=4e-16, abs=2e-16)
+        assert functions.sine(value) == pytest.approx(math.sin(math.tau * (value - round(value))), abs=5e-16)
+        assert functions.cosine(value) == pytest.approx(
+            math.cos(math.tau * (value - round(value))), abs=5e-16
+        )
+    for base, exponent in zip(
+        10.0 ** generator.uniform(-6, 4, 3000), generator.uniform(1, 4, 3000), strict=True
+    ):
+        assert functions.power(base, exponent) == pytest.approx(base**exponent, rel=1e-14)
+    assert functions.power(0.0, 1.5) == 0.0
+    assert functions.expm1(800.0) == math.inf
+    assert functions.expm1(-800.0) == -1.0
+    assert math.isnan(functions.expm1(math.nan))
+
+
+def response(structure, inputs, sampling_time=0.01):
+    return effect_model(effect_entry(*structure), sampling_time).response(np.asarray(inputs, dtype=float))
+
+
+def test_relaxation_after_a_ramp_has_its_closed_form():
+    rate, time = 3.0, np.arange(300) * 0.01
+    ramp = np.minimum(time, 1.0) * rate
+    (stiffness,), (tau,) = BASE_NUMBERS["Maxwell"]
+    rising = stiffness * rate * tau * -np.expm1(-time / tau)
+    falling = stiffness * rate * tau * -math.expm1(-1 / tau) * np.exp(-(time - 1.0) / tau)
+    np.testing.assert_allclose(
+        response(("Maxwell",), ramp), np.where(time <= 1.0, rising, falling), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("form", "shape"),
+    [
+        ("dahl", lambda travel: -np.expm1(-travel)),
+        ("bouc_wen", np.tanh),
+        ("elastoplastic", lambda travel: np.minimum(travel, 1.0)),
+    ],
+)
+def test_first_loading_of_hysteresis_has_its_closed_form_at_any_speed(form, shape):
+    (limit,), (distance,) = FORM_NUMBERS[f"hysteresis/{form}"]
+    positions = np.sort(np.random.default_rng(2).uniform(0, 3.0, 200))
+    positions -= positions[0]
+    added = response(("LE", f"hysteresis/{form}"), positions) - response(("LE",), positions)
+    np.testing.assert_allclose(added, limit * shape(positions / distance), atol=1e-12)
+
+
+def test_delay_of_whole_samples_shifts_and_play_rests():
+    positions = random_motion(400, seed=1)
+    entry = effect_entry("LE", "delay/pure")
+    entry["effects"][0]["shapes"] = [0.03]
+    late = effect_model(entry, 0.01).response(positions)
+    np.testing.assert_allclose(late[3:], response(("LE",), positions)[:-3], atol=1e-13)
+    np.testing.assert_array_equal(late[:3], late[0])
+    small = 0.19 * np.sin(np.arange(200))
+    small -= small[0]
+    held = response(("LE", "backlash/play"), small * 0.5)
+    np.testing.assert_array_equal(held, np.zeros(200))
+
+
+def test_velocity_is_a_backward_difference():
+    positions = random_motion(300, seed=3)
+    stiffness, viscosity = BASE_NUMBERS["KV"][0]
+    velocity = np.diff(positions, prepend=positions[0]) / 0.01
+    np.testing.assert_allclose(
+        response(("KV",), positions), stiffness * positions + viscosity * velocity, atol=1e-12
+    )
+
+
+def test_another_rate_needs_no_other_numbers():
+    """A relaxation is exact for positions in straight lines: at the common instants the forces are the same."""
+    slow, ratio = random_motion(100, seed=5), 10
+    fast = np.interp(np.arange(100 * ratio) / ratio, np.arange(100), slow)
+    structure = ("KB", "hysteresis/dahl", "second_relaxation/maxwell_branch", "softening/time")
+    np.testing.assert_allclose(
+        response(structure, fast, 0.001)[::ratio], response(structure, slow, 0.01), atol=1e-11
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"base": "Burgers"}, "'Burgers'.*LE, Maxwell, KV, KB"),
+        ({"amplitudes": [1.0]}, "1|0 amplitudes"),
+        ({"amplitudes": [0.8, 6.0, 1.0]}, "1 amplitudes and 0 shapes too many"),
+        ({"amplitudes": [0.8, float("nan")]}, "branch_stiffness is nan"),
+        ({"shapes": [0.0]}, "relaxation_time is 0.0.*above 0"),
+        ({"shapes": ["fast"]}, "relaxation_time is 'fast'"),
+        ({"effects": [{"effect": "ageing", "form": "log"}]}, "ageing/log has no C code.*coulomb_friction"),
+        ({"effects": [{"effect": "hysteresis", "form": "preisach"}]}, "no C code.*hysteresis/dahl"),
+        ({"effects": [{"effect": "base", "form": "spring"}]}, "no C code"),
+        (
+            {"effects": [{"effect": "delay", "form": "pure", "amplitudes": [], "shapes": [9.0]}]},
+            "900 samples.*fewer than 256",
+        ),
+    ],
+)
+def test_entries_that_cannot_be_exported_are_named(change, words):
+    with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
+        exported({**effect_entry("KB"), **change})
+
+
+def test_overflow_is_an_error_and_no_number():
+    with pytest.raises(NumericalError, match="overflow"):
+        response(("LE", "hardening_stiffness/exponential"), [0.0, 1e6])

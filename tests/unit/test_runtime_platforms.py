@@ -1,0 +1,265 @@
+"""FMUs on every platform: names, sizes, the same bits under Wine and qemu, timing of samples, threads, sanitizers."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from c_programs import loader_program, write_sources
+from effect_entries import effect_entry
+from runtime_models import SETTINGS, entry, models_json
+
+from lumbar.errors import InputError
+from lumbar.runtime import compiler
+from lumbar.runtime.compiler import TARGETS, host_target, resolve_targets
+from lumbar.runtime.export_model import select_models
+from lumbar.runtime.package import export_fmus, fmu_contents
+from lumbar.runtime.reference import reference_push
+from lumbar.runtime.universal import universal_library
+
+HERE = Path(__file__).parent
+WINE = (
+    shutil.which("wine64") or shutil.which("wine") or next(iter(Path("/usr/lib/wine").glob("wine64")), None)
+)
+QEMU = shutil.which("qemu-aarch64")
+ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
+STEPS = 1_000_000
+on_linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs x86_64 Linux")
+with_wine = pytest.mark.skipif(WINE is None, reason="Wine is not installed")
+with_qemu = pytest.mark.skipif(
+    QEMU is None or not ARM_LIBRARIES.is_dir(),
+    reason="qemu-user or the C library of aarch64 is not installed",
+)
+NONLINEAR = effect_entry(
+    "KB", "coulomb_friction/stribeck", "hysteresis/dahl", "softening/path", "periodic_disturbance/sine"
+)
+
+
+def some_models():
+    """KB, a static gain, and a model with effects."""
+    entries = [entry("KB", [1.9, -1.2], [1.0, -0.45]), entry("gain", [1.0], [1.0])]
+    linear = select_models(
+        models_json(*entries),
+        {**SETTINGS, "models": ["KB", "gain"], "moving_average": 1, "output_limit": 1e9},
+    )
+    settings = {**SETTINGS, "models": [NONLINEAR["name"]]}
+    return [*linear, *select_models(models_json(NONLINEAR), settings)]
+
+
+@pytest.fixture(scope="module")
+def platform_fmus(zig_cache, tmp_path_factory):
+    """Return a function that builds the models for one target and unzips the FMI 3.0 files."""
+    built = {}
+
+    def build(target: str) -> dict[str, Path]:
+        if target not in built:
+            folder = tmp_path_factory.mktemp(target)
+            for path in export_fmus(some_models(), folder, "test", [target], zig_cache):
+                with zipfile.ZipFile(path) as archive:
+                    archive.extractall(folder / path.stem)
+            program = loader_program(HERE / "fmu_client.c", target, folder, zig_cache)
+            built[target] = {"program": program, "folder": folder}
+        return built[target]
+
+    return build
+
+
+def run_client(build: dict, target: str, mode: str, name: str, *arguments, before=()) -> str:
+    model = build["folder"] / f"{name}_fmi3"
+    description = fmpy.read_model_description(str(model))
+    identifier = description.coSimulation.modelIdentifier
+    library = model / "binaries" / TARGETS[target].fmi3 / f"{identifier}{TARGETS[target].suffix}"
+    environment = {**os.environ, "WINEPREFIX": str(build["folder"] / "wine"), "WINEDEBUG": "-all"}
+    command = [*before, build["program"], mode, library, description.instantiationToken, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@on_linux
+@with_wine
+@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
+def test_forces_on_windows_are_those_on_linux(name, platform_fmus):
+    linux = run_client(platform_fmus("x86_64-linux"), "x86_64-linux", "hash", name, STEPS)
+    windows = platform_fmus("x86_64-windows")
+    assert run_client(windows, "x86_64-windows", "hash", name, STEPS, before=[WINE]) == linux
+
+
+@on_linux
+@with_qemu
+@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
+def test_forces_on_arm_are_those_on_intel(name, platform_fmus):
+    linux = run_client(platform_fmus("x86_64-linux"), "x86_64-linux", "hash", name, STEPS)
+    arm = platform_fmus("aarch64-linux")
+    emulated = [QEMU, "-L", ARM_LIBRARIES]
+    assert run_client(arm, "aarch64-linux", "hash", name, STEPS, before=emulated) == linux
+
+
+@on_linux
+@pytest.mark.parametrize("step", ["0.01", "0.001"])
+def test_no_sample_of_ten_million_is_mistimed(step, platform_fmus):
+    """A client that sums up steps of 10 ms and 1 ms; a sample is mistimed where the force is another's."""
+    build = platform_fmus("x86_64-linux")
+    assert run_client(build, "x86_64-linux", "mistimed", "gain", 10_000_000, step) == "0"
+
+
+@on_linux
+@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
+def test_eight_instances_in_threads_are_alike(name, platform_fmus):
+    assert run_client(platform_fmus("x86_64-linux"), "x86_64-linux", "threads", name, 50_000) == "0"
+
+
+@on_linux
+@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
+def test_the_loader_prints_the_embedded_reference(name, platform_fmus, zig_cache, project, tmp_path):
+    """The loader for the device's computer plays the FMU's own reference: input in, output out."""
+    folder = platform_fmus("x86_64-linux")["folder"] / f"{name}_fmi3"
+    source = project / "examples" / "haptic_runtime" / "play_fmu.c"
+    program = loader_program(source, "x86_64-linux", tmp_path, zig_cache)
+    reference = folder / "resources" / "reference_input.csv"
+    done = subprocess.run([program, folder, reference], capture_output=True, text=True, check=True)
+    _, *rows = [line.split(",") for line in done.stdout.splitlines()]
+    expected = np.loadtxt(folder / "resources" / "reference_output.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(np.array(rows, dtype=float)[:, [0, 2]], expected, atol=1e-13)
+    assert np.abs(expected[:, 1]).max() > 0.1
+    missing = subprocess.run([program, tmp_path, reference], capture_output=True, text=True, check=False)
+    assert missing.returncode == 1
+    assert "cannot read" in missing.stderr
+
+
+@pytest.mark.skipif(
+    shutil.which("mcs") is None or shutil.which("mono") is None, reason="there is no C# compiler"
+)
+def test_the_loader_in_c_sharp_prints_the_embedded_reference(platform_fmus, project, tmp_path):
+    folder = platform_fmus("x86_64-linux")["folder"] / "KB_fmi3"
+    source = project / "examples" / "haptic_runtime" / "TissueForce.cs"
+    subprocess.run(["mcs", f"-out:{tmp_path / 'play.exe'}", "-r:System.Xml", source], check=True)
+    command = ["mono", tmp_path / "play.exe", folder, folder / "resources" / "reference_input.csv"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    _, *rows = [line.split(",") for line in done.stdout.splitlines()]
+    expected = np.loadtxt(folder / "resources" / "reference_output.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose([float(row[2]) for row in rows], expected[:, 1], atol=1e-13)
+
+
+@on_linux
+@with_wine
+def test_five_platforms_fit_into_150_kilobytes(zig_cache, tmp_path):
+    for path in export_fmus(some_models()[::2], tmp_path, "synthetic twin", list(TARGETS), zig_cache):
+        assert path.stat().st_size <= 150_000, path.name
+
+
+def test_folders_are_those_of_each_standard():
+    """FMI 2.0 has platforms of its own names and one macOS; FMI 3.0 names processor and system."""
+    model = some_models()[0]
+    mach_o = struct.pack("<III", 0xFEEDFACF, 0x01000007, 3) + b"code"
+    libraries = dict.fromkeys(TARGETS, mach_o)
+    found = {
+        version: {
+            name.split("/")[1] for name in fmu_contents(model, version, "", libraries) if "binaries" in name
+        }
+        for version in ("2.0", "3.0")
+    }
+    assert found["2.0"] == {"linux64", "win64", "darwin64", "aarch64-linux"}
+    assert found["3.0"] == {
+        "x86_64-linux",
+        "x86_64-windows",
+        "aarch64-linux",
+        "x86_64-darwin",
+        "aarch64-darwin",
+    }
+
+
+def test_universal_library_is_read_back():
+    """By the layout of mach-o/fat.h, written out here once more."""
+    parts = [
+        struct.pack("<III", 0xFEEDFACF, cpu, kind) + bytes([cpu & 255]) * 40_000
+        for cpu, kind in ((7, 3), (12, 0))
+    ]
+    joined = universal_library(parts)
+    magic, count = struct.unpack_from(">II", joined)
+    assert (magic, count) == (0xCAFEBABE, 2)
+    for index, part in enumerate(parts):
+        cpu, _, offset, size, align = struct.unpack_from(">IIIII", joined, 8 + 20 * index)
+        assert cpu == part[4]
+        assert offset % (1 << align) == 0
+        assert joined[offset : offset + size] == part
+    with pytest.raises(ValueError, match="Mach-O"):
+        universal_library([b"\x7fELF" + bytes(20)])
+
+
+def test_host_is_this_machine_and_others_are_named(monkeypatch):
+    assert resolve_targets(["host"]) == [host_target()]
+    assert resolve_targets(["x86_64-windows", "host", "x86_64-linux"])[0] == "x86_64-linux"
+    monkeypatch.setattr(compiler, "machine", lambda: "ARM64")
+    monkeypatch.setattr(compiler, "system", lambda: "Darwin")
+    assert host_target() == "aarch64-darwin"
+    monkeypatch.setattr(compiler, "machine", lambda: "riscv64")
+    with pytest.raises(InputError, match=r"riscv64-darwin.*x86_64-linux"):
+        host_target()
+    with pytest.raises(InputError, match="allowed are host"):
+        resolve_targets([])
+
+
+SANITIZED = r"""
+#include <stdio.h>
+#include "fmi3Functions.h"
+#include "model.h"
+
+/* Every kind of call once and ten thousand samples, for the sanitizers to look at. */
+int main(void) {
+    const fmi3ValueReference input = 1, output = 2;
+    double position = 0.0, force = 0.0, reached, seed = 1.0, sensitivity;
+    fmi3Boolean a, b, c, d, e;
+    fmi3FMUState state = NULL, copy = NULL;
+    fmi3Byte bytes[8192];
+    size_t size;
+    fmi3Instance i = fmi3InstantiateCoSimulation("x", MODEL.token, NULL, 0, 0, 1, 0, NULL, 0, NULL, NULL, NULL);
+    if (!i || fmi3EnterInitializationMode(i, 0, 0, 0, 0, 0) || fmi3ExitInitializationMode(i)) return 1;
+    for (int k = 0; k < 10000; ++k) {
+        position += (k % 7 - 3) * 0.05;
+        if (fmi3SetFloat64(i, &input, 1, &position, 1) || fmi3GetFloat64(i, &output, 1, &force, 1)) return 2;
+        if (fmi3UpdateDiscreteStates(i, &a, &b, &c, &d, &e, &reached) || fmi3EnterStepMode(i)) return 3;
+        if (fmi3DoStep(i, k * MODEL.sampling_time, MODEL.sampling_time, 1, &a, &b, &c, &reached)) return 4;
+        if (fmi3EnterEventMode(i)) return 5;
+    }
+    if (fmi3GetFMUState(i, &state) || fmi3SerializedFMUStateSize(i, state, &size) || size > sizeof bytes) return 6;
+    if (fmi3SerializeFMUState(i, state, bytes, size) || fmi3DeserializeFMUState(i, bytes, size, &copy)) return 7;
+    if (fmi3SetFMUState(i, copy) || fmi3FreeFMUState(i, &state) || fmi3FreeFMUState(i, &copy)) return 8;
+    fmi3GetDirectionalDerivative(i, &output, 1, &input, 1, &seed, 1, &sensitivity, 1);
+    if (fmi3Reset(i) || fmi3Terminate(i)) return 9;
+    fmi3FreeInstance(i);
+    return 0;
+}
+"""
+
+
+@on_linux
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc's sanitizers are not installed")
+@pytest.mark.parametrize("index", [0, 2], ids=["linear", "effects"])
+def test_sanitizers_find_nothing(index, tmp_path):
+    """Address and undefined-behaviour sanitizers of gcc: another compiler than the FMUs are built with."""
+    files = write_sources(some_models()[index], tmp_path)
+    (tmp_path / "main.c").write_text(SANITIZED)
+    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    command = ["gcc", *flags, "main.c", *files, "-lm", "-o", "main"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    done = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_reference_of_the_fmu_is_what_its_version_gives():
+    model = some_models()[0]
+    time, inputs, forces = reference_push(model, "3.0")
+    _, _, late = reference_push(model, "2.0")
+    assert np.abs(forces).max() == pytest.approx(model.output_limit / 2)
+    through = model.dynamics.slope * (inputs - np.concatenate([inputs[:1], inputs[:-1]]))
+    np.testing.assert_allclose(forces - late, through, atol=1e-6)
+    assert len(time) == len(inputs) == len(forces)

@@ -1,0 +1,60 @@
+/* A base model with effects, sample by sample:
+ *
+ *   position --(input forms)--> position at the tissue --(base and parallel forms, summed)--> force --(output forms)-->
+ *
+ * The forms and their numbers are in model_data.h, which is written at export. Velocity and acceleration are backward
+ * differences of the sampled position: no later sample is known while the device runs.
+ */
+#include <math.h>
+
+#include "effect_forms.h"
+#include "model.h"
+
+typedef struct {
+    form_function *run;
+    const double *parameters;
+    int memory; /* where its part of the state begins */
+} term;
+
+#include "model_data.h"
+
+const model_constants MODEL = MODEL_CONSTANTS;
+
+/* The state: samples taken, motion of the tool, motion at the tissue, then the forms' memories. */
+enum { SAMPLES_TAKEN, TOOL, TISSUE = TOOL + 3 };
+enum { POSITION, VELOCITY, PATH };
+
+static motion moved_to(double position, double samples_taken, const double x[], double next[]) {
+    bool first = samples_taken == 0.0;
+    motion now = {.first = first, .time = samples_taken * MODEL.sampling_time, .position = position};
+    if (!first) {
+        now.step = position - x[POSITION];
+        now.velocity = now.step / MODEL.sampling_time;
+        now.acceleration = (now.velocity - x[VELOCITY]) / MODEL.sampling_time;
+        now.path = x[PATH] + fabs(now.step);
+    }
+    next[POSITION] = now.position;
+    next[VELOCITY] = now.velocity;
+    next[PATH] = now.path;
+    return now;
+}
+
+double model_sample(const double x[], double u, double next[]) {
+    const term *form = MODEL_TERMS;
+    double samples_taken = x[SAMPLES_TAKEN];
+    next[SAMPLES_TAKEN] = samples_taken + 1.0;
+    motion tool = moved_to(u, samples_taken, x + TOOL, next + TOOL);
+    double position = u;
+    for (int i = 0; i < MODEL_INPUT_FORMS; ++i, ++form) {
+        position = form->run(form->parameters, x + form->memory, next + form->memory, &tool, position);
+    }
+    motion tissue = moved_to(position, samples_taken, x + TISSUE, next + TISSUE);
+    double force = 0.0;
+    for (int i = 0; i < MODEL_PARALLEL_FORMS; ++i, ++form) {
+        force += form->run(form->parameters, x + form->memory, next + form->memory, &tissue, 0.0);
+    }
+    for (int i = 0; i < MODEL_OUTPUT_FORMS; ++i, ++form) {
+        force = form->run(form->parameters, x + form->memory, next + form->memory, &tool, force);
+    }
+    return force;
+}

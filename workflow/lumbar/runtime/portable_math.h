@@ -1,0 +1,15 @@
+/* Elementary functions that give the same bits on every platform: C libraries differ in the last one. */
+#ifndef LUMBAR_PORTABLE_MATH_H
+#define LUMBAR_PORTABLE_MATH_H
+
+double portable_expm1(double x);     /* e^x - 1 */
+double portable_decay(double x);     /* e^-x */
+double portable_tanh(double x);
+double portable_sinh(double x);
+double portable_arctan(double x);
+double portable_power(double base, double exponent); /* of a base >= 0 */
+double portable_softplus(double x);  /* ln(1 + e^x) */
+double portable_sine(double turns);  /* sin(2 pi turns) */
+double portable_cosine(double turns);
+
+#endif

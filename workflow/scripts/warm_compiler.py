@@ -1,0 +1,17 @@
+"""The C compiler's cache: what it needs of each platform, built once."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Compile a few lines for every target; write which targets are ready."""
+    from pathlib import Path
+
+    from lumbar.files import write_json
+    from lumbar.runtime.compiler import resolve_targets, warm_cache
+
+    warm_cache(params.targets, Path(params.compiler_cache))
+    write_json(output.targets, {"targets": resolve_targets(params.targets)})
+
+
+run(main, snakemake)
