@@ -222,7 +222,8 @@ def areas_table(boa: pd.DataFrame, data: str) -> Table:
     # Counts with empty cells: as objects they print as whole numbers.
     counts = pd.Series([None if pd.isna(item) else int(item) for item in boa["control_exits"]], dtype=object)
     frame = boa[list(COLUMNS)].assign(control_exits=counts.to_numpy())
-    optional = {"control_exits", "sos_margin_difference", "sos_taylor_difference"}
+    optional = {"control_exits", "proved_share", "proved_area_ratio"}
+    optional |= {name for name in COLUMNS if name.startswith("sos_")}
     optional |= {"violation_share", "unsolved_share", "euler_error"}
     return Table(
         title="Areas of all basins of attraction, and what was checked of each.",

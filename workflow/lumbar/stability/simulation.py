@@ -10,7 +10,6 @@ from lumbar.errors import NumericalError
 from lumbar.stability.funnel import ClosedLoops, Funnels
 from lumbar.stability.invariance import normal_axes
 from lumbar.stability.pendulum import remainder
-from lumbar.stability.riccati import gain
 
 LEVEL_TOLERANCE = 1e-6
 """Relative excess of V over ρ that still counts as the boundary: starts lie on it."""
@@ -106,7 +105,7 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
         The knots are too far apart for the closed loop's fastest mode.
     """
     pendulums = loops.pendulums
-    angle_gain, velocity_gain = gain(pendulums, loops.weights.control, loops.cost)
+    angle_gain, velocity_gain = np.moveaxis(loops.gains, -1, 0)
     a21, a22, _ = pendulums.linearised(pendulums.angle)
     inertia = pendulums.inertia
     stiffness, damping = a21 - angle_gain / inertia, a22 - velocity_gain / inertia
