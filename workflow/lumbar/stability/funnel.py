@@ -10,6 +10,7 @@ with the true sine. The other engines (`certified_funnel`, `bilinear_alternation
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -184,21 +185,37 @@ def funnel_variants(
 
 
 def _backward(loops: ClosedLoops, goal_level: float, changes: np.ndarray) -> np.ndarray:
-    """Integrate ln ρ backward and return ρ, shape (knots, variants, pendulums).
-
-    Adams–Bashforth's method of order 4 from knot to knot, started by Runge–Kutta steps: the equation for ln ρ
-    is not stiff, and each knot costs one search of the boundary. `changes` has shape (variants, 2): margin and
-    overstated share of `funnel_variants`.
-    """
-    pendulums = loops.pendulums
+    """Return ρ, shape (knots, variants, pendulums); `changes` are margin and overstated share of each variant."""
     margin, overstated = changes[:, :1], changes[:, 1:]
 
     def slope(point, log_level):
         growth = boundary_growth(loops.form(point), np.exp(log_level))
         return growth + margin - overstated * np.abs(growth)
 
-    log_level = np.empty((loops.knots, len(changes), len(pendulums.labels)))
-    log_level[-1] = np.log(goal_level)
+    goal = np.full((len(changes), len(loops.pendulums.labels)), np.log(goal_level))
+    return np.exp(integrate_backward(loops, goal, slope))
+
+
+def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) -> np.ndarray:
+    """Integrate ln ρ backward from its value at T, from knot to knot.
+
+    Adams–Bashforth's method of order 4, started by Runge–Kutta steps: the equation for ln ρ is not stiff, and
+    each knot costs one search of the boundary.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    goal : numpy.ndarray, shape (..., pendulums)
+        ln ρ(T).
+    slope : callable
+        d ln ρ/dt of (point of the grid, ln ρ).
+
+    Returns
+    -------
+    numpy.ndarray, shape (knots, ..., pendulums)
+    """
+    log_level = np.empty((loops.knots, *goal.shape))
+    log_level[-1] = goal
     step = loops.step
     history: list[np.ndarray] = []
     for knot in range(loops.knots - 1, 0, -1):
@@ -212,7 +229,7 @@ def _backward(loops: ClosedLoops, goal_level: float, changes: np.ndarray) -> np.
         else:
             mean = (55 * history[0] - 59 * history[1] + 37 * history[2] - 9 * history[3]) / 24
         log_level[knot - 1] = now - step * mean
-    return np.exp(log_level)
+    return log_level
 
 
 def reachable_area(loops: ClosedLoops, goal_level: float = 1.0) -> np.ndarray:

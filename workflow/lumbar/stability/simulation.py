@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,7 +39,9 @@ class Attack:
     share_high: np.ndarray
 
 
-def attack(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -> Attack:
+def attack(
+    loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int], disturbance: Callable | None = None
+) -> Attack:
     """Simulate starts of the first cross-section, half of them on its boundary, half inside.
 
     Parameters
@@ -49,6 +52,8 @@ def attack(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -
     starts : int
         Per pendulum.
     seed : list of int
+    disturbance : callable, optional
+        As for `simulate`.
 
     Returns
     -------
@@ -75,7 +80,7 @@ def attack(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -
     if rest:
         raise NumericalError(f"{len(funnels.level)} levels do not lie evenly among {loops.knots} knots")
     inside = np.ones((count, starts), dtype=bool)
-    for knot, state in simulate(loops, start):
+    for knot, state in simulate(loops, start, disturbance):
         index, between = divmod(knot, stride)
         if not between:
             value = quadratic_form(funnels.cost[index], state)
@@ -84,7 +89,7 @@ def attack(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -
     return Attack(starts, exits, upper_share(exits, starts))
 
 
-def simulate(loops: ClosedLoops, start: np.ndarray):
+def simulate(loops: ClosedLoops, start: np.ndarray, disturbance: Callable | None = None):
     """Follow errors x̄ through the closed loop with the true sine.
 
     Parameters
@@ -92,6 +97,9 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
     loops : ClosedLoops
     start : numpy.ndarray, shape (2, pendulums, starts)
         Error of angle (rad) and angular velocity (rad/s) at t = 0.
+    disturbance : callable, optional
+        Angular acceleration in rad/s², shape (pendulums, starts), that is added to the loop's, of (point of
+        the grid, state).
 
     Yields
     ------
@@ -116,7 +124,10 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
     def rate(point, state):
         error, velocity = state
         restoring = stiffness[point][:, None] * error + damping[point][:, None] * velocity
-        return np.stack([velocity, restoring - gravity * remainder(pendulums.angle[point][:, None], error)])
+        acceleration = restoring - gravity * remainder(pendulums.angle[point][:, None], error)
+        if disturbance is not None:
+            acceleration = acceleration + disturbance(point, state)
+        return np.stack([velocity, acceleration])
 
     state = start
     yield 0, state
