@@ -32,6 +32,7 @@ include: "workflow/rules/runtime.smk"
 include: "workflow/rules/survey.smk"
 include: "workflow/rules/lifting.smk"
 include: "workflow/rules/stability.smk"
+include: "workflow/rules/perturbations.smk"
 include: "workflow/rules/claims.smk"
 include: "workflow/rules/targets.smk"
 

@@ -29,7 +29,7 @@ SETTINGS = {
     "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5, "rational": True},
     "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
     "attack": {"starts": 400, "control_overstated": 0.3},
-    "limits": {"torque_N_m": 60.0, "mass_share": 0.05},
+    "limits": {"torque_N_m": 60.0, "mass_share": 0.05, "knots": 101},
     "lyapunov_shares": [0.0, 1.0],
     "sensitivity_factor": 2,
 }

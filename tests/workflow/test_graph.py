@@ -12,7 +12,17 @@ from running import copy_project, snakemake
 
 pytestmark = pytest.mark.workflow
 
-CHAPTERS = ["surgeon", "signals", "tissue", "runtime", "survey", "lifting", "stability", "claims"]
+CHAPTERS = [
+    "surgeon",
+    "signals",
+    "tissue",
+    "runtime",
+    "survey",
+    "lifting",
+    "stability",
+    "perturbations",
+    "claims",
+]
 
 
 @pytest.fixture(scope="module")

@@ -31,7 +31,8 @@ CATEGORIES = {
     "survey": "5 Survey",
     "lifting": "6 Lifting",
     "stability": "7 Basins of attraction",
-    "claims": "8 Claims",
+    "perturbations": "8 Perturbed movements",
+    "claims": "9 Claims",
 }
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 

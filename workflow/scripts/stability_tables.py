@@ -28,7 +28,10 @@ def main(input, output, params):
         output.table_4_1_html.removesuffix(".html")
     )
     extended = pd.concat(
-        [pd.read_csv(path, dtype={"torque_exits": "Int64", "uncertain_mass_exits": "Int64"}) for path in input.extended],
+        [
+            pd.read_csv(path, dtype={"torque_exits": "Int64", "uncertain_mass_exits": "Int64"})
+            for path in input.extended
+        ],
         ignore_index=True,
     )
     extended_table(extended, params.settings, params.data).write(

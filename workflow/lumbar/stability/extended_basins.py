@@ -58,8 +58,8 @@ def extended_basins(trajectories: list[Trajectory], settings: dict, seed: int) -
     """
     import pandas as pd
 
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
     goal, starts, limits = settings["goal_level"], settings["attack"]["starts"], settings["limits"]
+    loops = close_loops(trajectories, settings["pendulum"]["sign"], {**settings, "knots": limits["knots"]})
     first = trajectories[0]
     stream = [seed, zlib.crc32(f"{first.subject} {first.box_mass_kg:g} limits".encode())]
     columns = {"mean_area": exact_funnels(loops, goal).mean_area}

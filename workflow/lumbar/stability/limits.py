@@ -148,9 +148,10 @@ def _growth(loops, point, level, limits, reference, position) -> np.ndarray:
     a, p, q = (axis[:, None] for axis in normal_axes(loops.cost[point]))
     state = np.stack(np.broadcast_arrays(root * a * c, root * (p * c + q * s)))
     sine = remainder(form.angle[:, None], state[0])
-    nominal = -(
-        form.alpha[:, None] * c**2 + 2 * form.beta[:, None] * c * s + form.gamma[:, None] * s**2
-    ) - form.coupling[:, None] / root * s * sine
+    nominal = (
+        -(form.alpha[:, None] * c**2 + 2 * form.beta[:, None] * c * s + form.gamma[:, None] * s**2)
+        - form.coupling[:, None] / root * s * sine
+    )
     weight = 2 * np.sqrt(loops.cost[point][:, 2])[:, None] / root * s
     changes = [
         extra_acceleration(loops, reference, limits.torque, ratio, point, state) for ratio in limits.ratios

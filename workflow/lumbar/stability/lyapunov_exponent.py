@@ -62,7 +62,9 @@ def maximum_exponent(
     ahead = round(horizon / step)
     shortest = min(len(trial) for trial in trials)
     if shortest < 2 * ahead:
-        raise InputError(f"trial of {shortest * step:g} s; at least twice the horizon of {horizon:g} s is needed")
+        raise InputError(
+            f"trial of {shortest * step:g} s; at least twice the horizon of {horizon:g} s is needed"
+        )
     scale = np.concatenate(trials).std(axis=0)
     scaled = [trial / scale for trial in trials]
     divergence = []

@@ -90,7 +90,9 @@ def with_lyapunov_function(loops: ClosedLoops, share: float) -> ClosedLoops:
     lost = ~((cost[..., 0] > 0) & (cost[..., 0] * cost[..., 2] > cost[..., 1] ** 2))
     if lost.any():
         index = int(np.argwhere(lost)[-1][1])
-        raise NumericalError(f"{pendulums.labels[index]}: the Lyapunov function of share {share:g} is indefinite")
+        raise NumericalError(
+            f"{pendulums.labels[index]}: the Lyapunov function of share {share:g} is indefinite"
+        )
     return replace(loops, cost=cost, decay=share * loops.decay)
 
 
@@ -120,7 +122,12 @@ def best_of_family(loops: ClosedLoops, goal_level: float, shares: list[float], m
         loops, cost=pick([item.cost for item in members]), decay=pick([item.decay for item in members])
     )
     largest, smaller = (
-        Funnels("best of family", loops.pendulums.duration, best.cost[::2], pick([item[which].level for item in funnels]))
+        Funnels(
+            "best of family",
+            loops.pendulums.duration,
+            best.cost[::2],
+            pick([item[which].level for item in funnels]),
+        )
         for which in (0, 1)
     )
     return BestOfFamily(np.array(shares)[chosen], best, largest, smaller)

@@ -190,10 +190,14 @@ def table_4_1(
                     entry[f"{plane}_{name}_percent"] = compared[name][index][plane]
             entry[f"{plane}_lowest_percent"], entry[f"{plane}_highest_percent"] = min(spread), max(spread)
         for plane in PLANES:
-            others = {_CHANGES.get(name, name): compared[name][index][plane] for name in (*varied, "other_sign")}
+            others = {
+                _CHANGES.get(name, name): compared[name][index][plane] for name in (*varied, "other_sign")
+            }
             null = others.pop(_CHANGES["null"])
             interval = _interval(columns["percent"], row["comparison"], row["com"], plane, seed)
-            entry[f"{plane}_verdict"] = verdict(_number(row[plane]), _number(null), _numbers(others), interval)
+            entry[f"{plane}_verdict"] = verdict(
+                _number(row[plane]), _number(null), _numbers(others), interval
+            )
         rows.append(entry)
     frame = pd.DataFrame(rows)
     numbers = frozenset(name for name in frame.columns if name.endswith("percent"))

@@ -70,8 +70,6 @@ def bootstrap_percent(before: np.ndarray, after: np.ndarray, seed: int) -> tuple
     if min(len(before), len(after)) < FEWEST_TRIALS:
         return None
     generator = np.random.default_rng(seed)
-    means = [
-        generator.choice(values, (RESAMPLES, len(values))).mean(axis=1) for values in (before, after)
-    ]
+    means = [generator.choice(values, (RESAMPLES, len(values))).mean(axis=1) for values in (before, after)]
     low, high = np.quantile(100 * (means[1] - means[0]) / means[0], [0.025, 0.975])
     return float(low), float(high)
