@@ -113,12 +113,24 @@ def test_taylor_degree_decides_what_the_certificate_covers():
     """A large basin: degree 3 misjudges the sine, degree 7 hardly, and the engine says by how much."""
     wide = regulate(pendulums_of([minimum_jerk(start=0.9)], "hanging", knots=101), WEIGHTS)
     differences = [
-        certified_funnels(wide, 30.0, degree, 11, alternations=2, margin=1e-4, rational=False)[1]
+        certified_funnels(wide, 8.0, degree, 11, alternations=2, margin=1e-4, rational=False)[1]
         for degree in (3, 5, 7)
     ]
     values = [float(item.taylor_difference[0]) for item in differences]
     assert values[0] > 5 * values[1] > 25 * values[2]
     assert all(item.rational_share is None for item in differences)
+
+
+def test_funnels_beyond_the_taylor_range_are_no_result():
+    """A range of 5 %: (0.05·24)^(1/4) = 1.05 rad at degree 3; what is refused there passes at degree 7."""
+    wide = regulate(pendulums_of([minimum_jerk(start=0.9)], "hanging", knots=101), WEIGHTS)
+    options = {"knots": 11, "alternations": 2, "margin": 1e-4, "rational": False}
+    message = (
+        r"expert 23 kg, abdomen, .*beyond the range of the sine's Taylor polynomial of degree 3 \(1\.05 rad\)"
+    )
+    with pytest.raises(NumericalError, match=message):
+        certified_funnels(wide, 150.0, 3, **options)
+    certified_funnels(wide, 150.0, 7, **options)
 
 
 def test_linear_loop_has_the_eigenvalue_as_its_certified_rate():

@@ -226,6 +226,12 @@ def test_basin_of_many_turns_is_no_result():
         exact_funnels(loops)
 
 
+def test_goal_set_beyond_every_funnel_is_named():
+    loops = loops_of([minimum_jerk()], "hanging")
+    with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, .*the goal set reaches 3\.1[0-9] rad"):
+        exact_funnels(loops, (np.pi + 1e-6) ** 2 * 100)
+
+
 def test_knots_too_far_apart_for_the_loop_are_named():
     strong = Weights(WEIGHTS.state, WEIGHTS.control / 1000, WEIGHTS.terminal)
     loops = regulate(pendulums_of([minimum_jerk(mass=3.0, length=0.3)], "hanging", knots=51), strong)

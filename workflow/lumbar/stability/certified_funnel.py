@@ -23,7 +23,7 @@ from lumbar.errors import NumericalError
 from lumbar.stability.circle_certificate import CircleCertificate, CircleProgramme
 from lumbar.stability.funnel import ClosedLoops, Funnels, even_knots
 from lumbar.stability.invariance import boundary_growth
-from lumbar.stability.polynomials import circle_maximum, growth_polynomial
+from lumbar.stability.polynomials import circle_maximum, growth_polynomial, require_taylor_range
 from lumbar.stability.rational_certificate import rational_certificate
 
 MOST_ALTERNATIONS = 8
@@ -128,6 +128,7 @@ def certified_funnels(
         differences = np.maximum(differences, found)
         if rational:
             rational_knots += _rational(certificates, coefficients, guess, degree)
+    require_taylor_range(loops.pendulums, loops.cost[2 * chosen], np.exp(log_level), degree)
     share = rational_knots / (len(chosen) - 1) if rational else None
     funnels = Funnels("sum_of_squares", loops.pendulums.duration, loops.cost[2 * chosen], np.exp(log_level))
     return funnels, Agreement(*differences, share, most)

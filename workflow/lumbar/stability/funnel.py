@@ -162,6 +162,7 @@ def funnel_variants(
         As `exact_funnels`.
     """
     pendulums = loops.pendulums
+    _require_goal_within_reach(loops, goal_level)
     changes = np.unique([(0.0, 0.0), (margin, 0.0), (0.0, overstated)], axis=0)
     which = [
         int(np.flatnonzero((changes == row).all(axis=1))[0]) for row in ((0, 0), (margin, 0), (0, overstated))
@@ -182,6 +183,17 @@ def funnel_variants(
         replace(exact, method=f"exact, margin {margin:g} 1/s", level=level[:, 1]),
         replace(exact, method=f"exact, overstated by {overstated:g}", level=level[:, 2]),
     )
+
+
+def _require_goal_within_reach(loops: ClosedLoops, goal_level: float) -> None:
+    """Refuse a goal set that contains the pendulum in every position: no funnel about a trajectory holds it."""
+    swing = np.sqrt(goal_level) * normal_axes(loops.cost[-1])[0]
+    if (swing >= np.pi).any():
+        index = int(swing.argmax())
+        raise NumericalError(
+            f"{loops.pendulums.labels[index]}: the goal set reaches {swing[index]:.3g} rad from the trajectory's end, "
+            "outside any funnel (π rad); lower stability.goal_level or raise the regulator's terminal_weight"
+        )
 
 
 def _backward(loops: ClosedLoops, goal_level: float, changes: np.ndarray) -> np.ndarray:

@@ -10,7 +10,9 @@ from math import factorial
 
 import numpy as np
 
-from lumbar.stability.invariance import NormalForm
+from lumbar.errors import NumericalError
+from lumbar.stability.invariance import NormalForm, normal_axes
+from lumbar.stability.pendulum import Pendulums
 
 
 def monomials(degree: int) -> list[tuple[int, int]]:
@@ -46,6 +48,40 @@ def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.nd
         taylor = derivatives[power % 4] / factorial(power)
         coefficients[..., index[power, 1]] = -kappa * taylor * swing**power
     return coefficients
+
+
+TAYLOR_ERROR = 0.05
+"""Error of the sine's Taylor polynomial up to which an engine that uses it is in its range."""
+
+
+def require_taylor_range(pendulums: Pendulums, cost: np.ndarray, level: np.ndarray, degree: int) -> None:
+    """Refuse funnels that reach further than the Taylor polynomial of the sine does.
+
+    Its remainder is at most |e|^(d + 1)/(d + 1)!; where that exceeds `TAYLOR_ERROR` on the ellipse, certificates
+    of the polynomial say nothing of the pendulum.
+
+    Parameters
+    ----------
+    pendulums : Pendulums
+        Without gravity there is no sine and no limit.
+    cost : numpy.ndarray, shape (knots, pendulums, 3)
+    level : numpy.ndarray, shape (knots, pendulums)
+    degree : int
+
+    Raises
+    ------
+    NumericalError
+        Names the pendulum, how far its ellipse reaches and how far it may.
+    """
+    reach = (TAYLOR_ERROR * factorial(degree + 1)) ** (1 / (degree + 1))
+    swing = (np.sqrt(level) * normal_axes(cost)[0]).max(axis=0)
+    swing = np.where(pendulums.gravity_torque == 0, 0.0, swing)
+    if (swing > reach).any():
+        index = int(swing.argmax())
+        raise NumericalError(
+            f"{pendulums.labels[index]}: the basin reaches {swing[index]:.3g} rad from its trajectory, beyond the range of the "
+            f"sine's Taylor polynomial of degree {degree} ({reach:.3g} rad); raise the degree or use the exact engine"
+        )
 
 
 @cache
