@@ -75,6 +75,7 @@ if study.has("stability"):
     rule stability_figures:
         input:
             funnels=[f"<results>/stability/{lift}/funnel.csv" for lift in study.lifts],
+            states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
             sources=library_sources("stability_figures.py"),
         output:
@@ -92,6 +93,13 @@ if study.has("stability"):
                 labels={"artefact": "Figure 4.4"},
             ),
             figure_4_4_pdf="<results>/figures/figure_4_4.pdf",
+            basin_comparison_svg=report(
+                "<results>/figures/basin_comparison.svg",
+                caption=caption("basin_comparison"),
+                category=CATEGORIES["stability"],
+                labels={"artefact": "Basins by engine"},
+            ),
+            basin_comparison_pdf="<results>/figures/basin_comparison.pdf",
         log:
             "<logs>/stability_figures.log",
         benchmark:
@@ -99,7 +107,7 @@ if study.has("stability"):
         conda:
             CONDA
         params:
-            goal_level=config["stability"]["goal_level"],
+            settings=config["stability"],
             data=DATA,
         message:
             "Figures 4.3 and 4.4: basins of attraction"

@@ -79,8 +79,9 @@ def require_taylor_range(pendulums: Pendulums, cost: np.ndarray, level: np.ndarr
     if (swing > reach).any():
         index = int(swing.argmax())
         raise NumericalError(
-            f"{pendulums.labels[index]}: the basin reaches {swing[index]:.3g} rad from its trajectory, beyond the range of the "
-            f"sine's Taylor polynomial of degree {degree} ({reach:.3g} rad); raise the degree or use the exact engine"
+            f"{pendulums.labels[index]}: the basin reaches {swing[index]:.3g} rad from its trajectory, beyond the "
+            f"range of the sine's Taylor polynomial of degree {degree} ({reach:.3g} rad); raise the degree or use "
+            "the exact engine"
         )
 
 
