@@ -11,7 +11,11 @@ from running import copy_project, snakemake
 
 pytestmark = pytest.mark.end_to_end
 
-FOLDERS = {"davinci_tool": ".", "box_transfer": "lifting/s2m_box_transfer"}
+FOLDERS = {
+    "davinci_tool": ".",
+    "box_transfer": "lifting/s2m_box_transfer",
+    "sit_to_stand": "lifting/sts_trunk_flexion_trc",
+}
 
 
 @pytest.fixture(scope="module")
@@ -68,3 +72,15 @@ def test_box_transfer(folder, shared):
     table = pd.read_csv(results / "tables" / "table_4_1.csv")
     assert table.lateral_bending_percent.isna().all()
     assert table.status.str.contains("not testable").all()
+
+
+def test_sit_to_stand(folder, shared):
+    """Undisturbed trials lie in the basin of the others' mean, and the table says what is assumed and missing."""
+    results = run_study(folder, shared, "sit_to_stand")
+    table = pd.read_csv(results / "tables" / "perturbed_trials.csv")
+    assert table.groupby("group").size().to_dict() == {"perturbed": 5, "unperturbed": 5}
+    largest = table.groupby("group")["largest_value"].median()
+    assert largest["perturbed"] > 5 * largest["unperturbed"]
+    page = (results / "tables" / "perturbed_trials.html").read_text(encoding="utf-8")
+    assert "insufficient data: 5 trials" in page and "assumed 70 kg" in page
+    assert page.count("trials lie inside throughout") == 2

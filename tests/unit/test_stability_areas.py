@@ -25,9 +25,12 @@ SETTINGS = {
     },
     "goal_level": 1.0,
     "knots": 201,
-    "sum_of_squares": {"degree": 3, "knots": 5},
+    "proof": {"margin_1_s": 0.05},
+    "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5, "rational": True},
     "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
     "attack": {"starts": 400, "control_overstated": 0.3},
+    "limits": {"torque_N_m": 60.0, "mass_share": 0.05, "knots": 101},
+    "lyapunov_shares": [0.0, 1.0],
     "sensitivity_factor": 2,
 }
 
@@ -189,7 +192,7 @@ def test_table_4_1_of_a_study_and_of_one_lift(project, basins):
     published = pd.read_csv(project / "resources" / "thesis" / "table_4_1.csv")
     light = basins_of_lift(lift(box=15.0, mass=28.0), SETTINGS, seed=1).summary
     items = [*lift(), *lift(box=15.0, mass=28.0)]
-    both = table_4_1(pd.concat([basins.summary, light]), items, SETTINGS, "test").frame
+    both = table_4_1(pd.concat([basins.summary, light]), items, SETTINGS, "test", items, 1).frame
     assert both[["comparison", "com"]].equals(published[["comparison", "com"]])
     assert set(published.columns) <= set(both.columns)
     computed = both[both["status"] == "computed"]
@@ -197,7 +200,7 @@ def test_table_4_1_of_a_study_and_of_one_lift(project, basins):
     for plane in PLANES:
         low, value, high = (computed[f"{plane}_{name}percent"] for name in ("lowest_", "", "highest_"))
         assert ((low <= value) & (value <= high)).all()
-    alone = table_4_1(basins.summary, lift(), SETTINGS, "test")
+    alone = table_4_1(basins.summary, lift(), SETTINGS, "test", lift(), 1)
     assert alone.frame["status"].str.startswith("not testable").all()
     assert alone.frame["lateral_bending_percent"].isna().all()
     assert "–" in alone.to_html() and "nan" not in alone.to_latex()

@@ -9,8 +9,8 @@ import pytest
 from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.errors import NumericalError
-from lumbar.stability.funnel import exact_and_overstated_funnels, exact_funnels, reachable_area, regulate
-from lumbar.stability.invariance import boundary_growth, normal_axes, normal_form
+from lumbar.stability.funnel import exact_funnels, funnel_variants, reachable_area, regulate
+from lumbar.stability.invariance import boundary_growth, normal_axes
 from lumbar.stability.riccati import Weights, cost_to_go, determinant, gain, riccati_rate
 from lumbar.stability.simulation import attack, quadratic_form, simulate, upper_share
 
@@ -54,7 +54,7 @@ def test_boundary_growth_against_brute_force(sign, level):
     items = [minimum_jerk(), minimum_jerk(start=-1.2, end=1.0, mass=12.0, length=0.5)]
     loops = loops_of(items, sign)
     for knot in (0, 137, 400):
-        form = normal_form(loops.pendulums, WEIGHTS, loops.pendulums.angle[2 * knot], loops.cost[2 * knot])
+        form = loops.form(2 * knot)
         found = boundary_growth(form, np.full(2, level))
         for index in range(2):
             expected = growth_by_brute_force(loops, knot, index, level)
@@ -64,7 +64,7 @@ def test_boundary_growth_against_brute_force(sign, level):
 def test_boundary_growth_finds_the_global_maximum_of_random_forms():
     generator = np.random.default_rng(5)
     loops = loops_of([minimum_jerk(start=start) for start in generator.uniform(-2.5, 2.5, 40)], "inverted")
-    form = normal_form(loops.pendulums, WEIGHTS, loops.pendulums.angle[0], loops.cost[0])
+    form = loops.form(0)
     level = 10 ** generator.uniform(-2, 3, 40)
     found = boundary_growth(form, level)
     expected = [growth_by_brute_force(loops, 0, index, level[index]) for index in range(40)]
@@ -125,7 +125,7 @@ def test_small_goal_sets_scale():
 def test_no_simulated_start_leaves_and_the_control_does(sign):
     items = [minimum_jerk(), minimum_jerk(start=0.1, end=-0.1, mass=18, length=0.95)]
     loops = loops_of(items, sign)
-    exact, control = exact_and_overstated_funnels(loops, 1.0, 0.3)
+    exact, _, control = funnel_variants(loops, 1.0, overstated=0.3)
     assert exact.level == pytest.approx(exact_funnels(loops).level, rel=1e-12)
     assert attack(loops, exact, 2000, [1]).exits.tolist() == [0, 0]
     assert (attack(loops, control, 2000, [1]).exits > 0).all()
@@ -224,6 +224,12 @@ def test_basin_of_many_turns_is_no_result():
     loops = regulate(pendulums_of([minimum_jerk(duration=8.0)], "hanging"), strong)
     with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, .*the basin reaches"):
         exact_funnels(loops)
+
+
+def test_goal_set_beyond_every_funnel_is_named():
+    loops = loops_of([minimum_jerk()], "hanging")
+    with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, .*the goal set reaches 3\.1[0-9] rad"):
+        exact_funnels(loops, (np.pi + 1e-6) ** 2 * 100)
 
 
 def test_knots_too_far_apart_for_the_loop_are_named():

@@ -12,7 +12,19 @@ from running import copy_project, snakemake
 
 pytestmark = pytest.mark.workflow
 
-CHAPTERS = ["surgeon", "signals", "tissue", "runtime", "survey", "lifting", "stability", "claims"]
+CHAPTERS = [
+    "surgeon",
+    "signals",
+    "tissue",
+    "improvement",
+    "runtime",
+    "survey",
+    "lifting",
+    "stability",
+    "perturbations",
+    "claims",
+]
+DEFAULT_CHAPTERS = [name for name in CHAPTERS if name != "perturbations"]
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +40,8 @@ def artefacts(project):
 def test_every_rule_of_the_sheet_is_planned_in_a_full_run(fresh, project):
     run = snakemake(fresh, "--dry-run", "--cores", "1")
     assert run.status == 0, run.text[-3000:]
-    assert {row["rule"] for row in artefacts(project)} <= set(run.jobs)
+    planned = {row["rule"] for row in artefacts(project) if row["chapter"] in DEFAULT_CHAPTERS}
+    assert planned <= set(run.jobs)
 
 
 def test_sheet_names_each_artefact_of_the_thesis_once(project):
@@ -52,7 +65,7 @@ def test_sheet_follows_the_chapters_in_order(project):
     assert order == sorted(order)
 
 
-@pytest.mark.parametrize("target", [*CHAPTERS, "table_3_1", "figure_4_4"])
+@pytest.mark.parametrize("target", [*DEFAULT_CHAPTERS, "table_3_1", "figure_4_4"])
 def test_chapters_and_artefacts_are_targets(fresh, target):
     run = snakemake(fresh, "--dry-run", "--cores", "1", target)
     assert run.status == 0, run.text[-3000:]

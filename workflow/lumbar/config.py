@@ -27,11 +27,12 @@ CHAPTERS = (
     "survey",
     "lifting",
     "stability",
+    "perturbations",
     "claims",
 )
 NEEDS = {"signals": ["surgeon"], "improvement": ["tissue"], "runtime": ["tissue"], "stability": ["lifting"]}
 """Chapters that build on another one of the same study."""
-RECORDED = ("surgeon", "tissue", "improvement", "survey", "lifting")
+RECORDED = ("surgeon", "tissue", "improvement", "survey", "lifting", "perturbations")
 """Chapters that read recordings."""
 
 
@@ -157,6 +158,8 @@ def load_study(config: dict, root: Path) -> Study:
         missing = [needed for needed in NEEDS.get(chapter, []) if needed not in chapters]
         if missing:
             problems.add("chapters", f"{chapter} without {', '.join(missing)}", "it builds on it: add it")
+    if "perturbations" in chapters and config["perturbations"] is None:
+        problems.add("perturbations", "null", "the chapter needs its trials")
     problems.raise_if_any()
     name = config["subject"]["name"] if "subject" in config else config["study"]
     lifts = {
@@ -326,6 +329,9 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
             trial[key] for trial in study.lifts.values() for key in ("markers", "hip_moment") if key in trial
         ],
     }
+    if study.has("perturbations"):
+        settings = config["perturbations"]
+        files["perturbations"] = [*settings["unperturbed"], *settings["perturbed"]]
     return {chapter: names for chapter, names in files.items() if names and study.has(chapter)}
 
 
@@ -356,6 +362,16 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
             for entry in settings["record_sets"]:
                 readings = [_column_reading(study, "tissue", record) for record in entry.get("records", [])]
                 plan += [{**reading, "chapter": chapter, "set": entry["name"]} for reading in readings]
+        elif chapter == "perturbations":
+            plan += [
+                {
+                    "chapter": chapter,
+                    "reader": "markers",
+                    "path": study.recording(name),
+                    "layout": settings["markers"],
+                }
+                for name in (*settings["unperturbed"], *settings["perturbed"])
+            ]
         elif chapter == "survey":
             path = study.recording(settings["file"])
             plan.append({"chapter": chapter, "reader": "ratings", "path": path, "layout": settings["layout"]})

@@ -32,6 +32,7 @@ CATEGORIES = {
     "survey": "6 Survey",
     "lifting": "7 Lifting",
     "stability": "8 Basins of attraction",
+    "perturbations": "8 Basins of attraction",
     "claims": "9 Claims",
 }
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")

@@ -9,6 +9,7 @@ rule basins_of_lift:
     output:
         boa="<results>/stability/{lift}/boa.csv",
         funnel="<results>/stability/{lift}/funnel.csv",
+        extended="<results>/stability/{lift}/extended.csv",
     log:
         "<logs>/basins_of_lift/{lift}.log",
     benchmark:
@@ -29,6 +30,7 @@ if study.has("stability"):
     rule stability_tables:
         input:
             boa=[f"<results>/stability/{lift}/boa.csv" for lift in study.lifts],
+            extended=[f"<results>/stability/{lift}/extended.csv" for lift in study.lifts],
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
             sources=library_sources("stability_tables.py"),
@@ -48,6 +50,13 @@ if study.has("stability"):
                 category=CATEGORIES["stability"],
                 labels={"artefact": "Areas of all basins"},
             ),
+            extended_basins=multiext("<results>/tables/extended_basins", ".csv", ".tex"),
+            extended_basins_html=report(
+                "<results>/tables/extended_basins.html",
+                caption=caption("extended_basins"),
+                category=CATEGORIES["stability"],
+                labels={"artefact": "Limits, uncertain mass, better V"},
+            ),
         log:
             "<logs>/stability_tables.log",
         benchmark:
@@ -56,6 +65,7 @@ if study.has("stability"):
             CONDA
         params:
             settings=config["stability"],
+            seed=config["seed"],
             data=DATA,
         message:
             "Table 4.1 and the areas of all basins"
@@ -65,6 +75,7 @@ if study.has("stability"):
     rule stability_figures:
         input:
             funnels=[f"<results>/stability/{lift}/funnel.csv" for lift in study.lifts],
+            states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
             sources=library_sources("stability_figures.py"),
         output:
@@ -82,6 +93,13 @@ if study.has("stability"):
                 labels={"artefact": "Figure 4.4"},
             ),
             figure_4_4_pdf="<results>/figures/figure_4_4.pdf",
+            basin_comparison_svg=report(
+                "<results>/figures/basin_comparison.svg",
+                caption=caption("basin_comparison"),
+                category=CATEGORIES["stability"],
+                labels={"artefact": "Basins by engine"},
+            ),
+            basin_comparison_pdf="<results>/figures/basin_comparison.pdf",
         log:
             "<logs>/stability_figures.log",
         benchmark:
@@ -89,7 +107,7 @@ if study.has("stability"):
         conda:
             CONDA
         params:
-            goal_level=config["stability"]["goal_level"],
+            settings=config["stability"],
             data=DATA,
         message:
             "Figures 4.3 and 4.4: basins of attraction"

@@ -9,6 +9,7 @@ def main(input, output, params):
 
     from lumbar.files import read_json, write_csv
     from lumbar.stability.basins import basins_of_lift
+    from lumbar.stability.extended_basins import extended_basins
     from lumbar.stability.trajectory import trajectories_of_lift
 
     mass = params.settings["pendulum"]["mass"]
@@ -16,6 +17,7 @@ def main(input, output, params):
     basins = basins_of_lift(trajectories, params.settings, params.seed)
     write_csv(output.boa, basins.summary)
     write_csv(output.funnel, basins.funnels)
+    write_csv(output.extended, extended_basins(trajectories, params.settings, params.seed))
 
 
 run(main, snakemake)

@@ -11,18 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.stability.bilinear_alternation import Alternation, alternate
-from lumbar.stability.funnel import (
-    ClosedLoops,
-    Funnels,
-    exact_and_overstated_funnels,
-    reachable_area,
-    regulate,
-)
+from lumbar.stability.engines import ENGINES, EngineResult, chosen_engines
+from lumbar.stability.funnel import ClosedLoops, Funnels, reachable_area, regulate
 from lumbar.stability.pendulum import SIGNS, feedforward_torque, gather
 from lumbar.stability.riccati import Weights, check_weights
 from lumbar.stability.simulation import attack
-from lumbar.stability.sum_of_squares import Agreement, certified_funnels
 from lumbar.stability.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -52,9 +45,15 @@ COLUMNS = {
     "exits": "starts that left the basin",
     "exits_high": "upper end of the exact 95 % interval of the share that leaves",
     "control_exits": "exits from a basin made too large on purpose (positive control: must not be 0)",
+    "proved_share": "share of the time axis on which the funnel with a margin is proved invariant between the "
+    "knots too (interval arithmetic, true sine, cubic interpolants)",
+    "proved_area_ratio": "average cross-section of the funnel with a margin, divided by mean_area",
     "sos_margin_difference": "largest difference in 1/s of certified rate and maximum of the same Taylor "
     "polynomial",
     "sos_taylor_difference": "largest difference in 1/s of certified rate and maximum with the true sine",
+    "sos_taylor_optimism": "largest V̇/ρ with the true sine less ρ̇/ρ in 1/s: positive where the certificate of "
+    "the Taylor polynomial does not hold for the sine",
+    "sos_rational_share": "share of the intervals whose certificate was proved in rational arithmetic",
     "violation_share": "share of the knots at which ρ̇ is below the largest V̇ on the boundary (true sine)",
     "unsolved_share": "share of the thesis's programmes without multiplier or maximum",
     "euler_error": "relative error of the initial ellipse's area by Euler integration of equation 4.2",
@@ -124,17 +123,11 @@ def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) ->
     rows: list[dict] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
         loops = close_loops(trajectories, sign, settings)
-        overstated = settings["attack"]["control_overstated"]
-        exact, control = exact_and_overstated_funnels(loops, settings["goal_level"], overstated)
-        rows += _rows(trajectories, loops, exact, settings, seed, sign, control)
-        if sign == published:
-            frame = _funnel_frame(trajectories, loops, exact, settings)
-            if settings["sum_of_squares"]:
-                certified, agreement = certified_funnels(loops, exact, **settings["sum_of_squares"])
-                rows += _rows(trajectories, loops, certified, settings, seed, sign, agreement)
-            if settings["thesis_method"]:
-                alternation = alternate(loops, **settings["thesis_method"])
-                rows += _rows(trajectories, loops, alternation.funnels, settings, seed, sign, alternation)
+        for method in chosen_engines(settings) if sign == published else ["exact"]:
+            result = ENGINES[method](loops, settings)
+            rows += _rows(trajectories, loops, result, settings, seed, sign)
+            if sign == published and method == "exact":
+                frame = _funnel_frame(trajectories, loops, result.funnels, settings)
     summary = pd.DataFrame(rows, columns=list(COLUMNS)).astype(DTYPES)
     return LiftBasins(summary, frame)
 
@@ -142,14 +135,13 @@ def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) ->
 def _rows(
     trajectories: list[Trajectory],
     loops: ClosedLoops,
-    funnels: Funnels,
+    result: EngineResult,
     settings: dict,
     seed: int,
     sign: str,
-    check: Agreement | Alternation | Funnels,
 ) -> list[dict]:
-    """Return one row of the summary per trajectory; `check` is the method's own (funnels: the control)."""
-    first = trajectories[0]
+    """Return one row of the summary per trajectory."""
+    first, funnels = trajectories[0], result.funnels
     stream = [seed, zlib.crc32(f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}".encode())]
     starts = settings["attack"]["starts"]
     attacked = attack(loops, funnels, starts, stream)
@@ -161,16 +153,10 @@ def _rows(
         "liouville_area": reachable_area(loops, settings["goal_level"]),
         "exits": attacked.exits,
         "exits_high": attacked.share_high,
+        **result.checks,
     }
-    if isinstance(check, Agreement):
-        columns["sos_margin_difference"] = check.margin_difference
-        columns["sos_taylor_difference"] = check.taylor_difference
-    elif isinstance(check, Alternation):
-        columns["violation_share"] = check.violation_share
-        columns["unsolved_share"] = check.unsolved_share
-        columns["euler_error"] = check.euler_error
-    else:
-        columns["control_exits"] = attack(loops, check, starts, stream).exits
+    if result.control is not None:
+        columns["control_exits"] = attack(loops, result.control, starts, stream).exits
     pendulum = settings["pendulum"]
     return [
         {

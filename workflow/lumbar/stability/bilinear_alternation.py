@@ -18,16 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.stability.funnel import ClosedLoops, Funnels
+from lumbar.stability.funnel import ClosedLoops, Funnels, even_knots
 from lumbar.stability.invariance import NormalForm, boundary_growth, normal_form
-from lumbar.stability.riccati import cost_to_go_euler, determinant
-from lumbar.stability.sum_of_squares import (
-    Certificate,
-    GramProgramme,
-    circle_map,
-    even_knots,
-    growth_polynomial,
-)
+from lumbar.stability.polynomials import circle_map, growth_polynomial
+from lumbar.stability.riccati import cost_to_go_euler, decay_matrix, determinant
+from lumbar.stability.sum_of_squares import Certificate, GramProgramme
 
 MOST_DECREASES = 10
 """Geometric decreases after which a knot counts as infeasible and keeps its ρ."""
@@ -124,7 +119,8 @@ def alternate(
     chosen = even_knots(loops.knots, knots)
     pendulums = loops.pendulums
     cost = cost_to_go_euler(pendulums, loops.weights)[chosen]
-    form = normal_form(pendulums, loops.weights, pendulums.angle[2 * chosen], cost)
+    decay = decay_matrix(pendulums, loops.weights, cost)
+    form = normal_form(pendulums, pendulums.angle[2 * chosen], cost, decay)
     step = loops.step * (chosen[1] - chosen[0])
     level = np.full((len(chosen), len(pendulums.labels)), initial_level)
     unsolved = np.zeros(level.shape[1])

@@ -5,19 +5,20 @@ in the goal set solves, backward from ρ(T), the scalar equation
 
     d ln ρ/dt = max over V = ρ of V̇/ρ
 
-with the true sine. The other engines (`sum_of_squares`, `bilinear_alternation`) return the same `Funnels`.
+with the true sine. The other engines (`certified_funnel`, `bilinear_alternation`) return the same `Funnels`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lumbar.errors import NumericalError
-from lumbar.stability.invariance import LARGEST_SWING, boundary_growth, normal_axes, normal_form
+from lumbar.stability.invariance import LARGEST_SWING, NormalForm, boundary_growth, normal_axes, normal_form
 from lumbar.stability.pendulum import Pendulums
-from lumbar.stability.riccati import Weights, cost_to_go, determinant, gain
+from lumbar.stability.riccati import Weights, cost_to_go, decay_matrix, determinant, gain
 
 
 @dataclass(frozen=True)
@@ -29,12 +30,18 @@ class ClosedLoops:
     pendulums : Pendulums
     weights : Weights
     cost : numpy.ndarray, shape (points, pendulums, 3)
-        S(t) at the knots and halfway between them.
+        S(t) of V = x̄ᵀSx̄ at the knots and halfway between them.
+    decay : numpy.ndarray, shape (points, pendulums, 3)
+        M(t) of V̇ = −x̄ᵀMx̄ along the linear loop.
+    gains : numpy.ndarray, shape (points, pendulums, 2)
+        K1 (N·m/rad) and K2 (N·m·s/rad) of the feedback.
     """
 
     pendulums: Pendulums
     weights: Weights
     cost: np.ndarray
+    decay: np.ndarray
+    gains: np.ndarray
 
     @property
     def knots(self) -> int:
@@ -45,6 +52,10 @@ class ClosedLoops:
     def step(self) -> np.ndarray:
         """Seconds between knots, shape (pendulums,)."""
         return self.pendulums.duration / (self.knots - 1)
+
+    def form(self, point) -> NormalForm:
+        """Return V̇/ρ in normal coordinates at points of the grid (an index or a slice)."""
+        return normal_form(self.pendulums, self.pendulums.angle[point], self.cost[point], self.decay[point])
 
 
 @dataclass(frozen=True)
@@ -93,7 +104,13 @@ class Funnels:
 
 def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
     """Close the loop with the finite-horizon regulator (equations 4.2 and 4.4)."""
-    return ClosedLoops(pendulums, weights, cost_to_go(pendulums, weights))
+    return with_cost(pendulums, weights, cost_to_go(pendulums, weights))
+
+
+def with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> ClosedLoops:
+    """Close the loop with the gain of a given solution S of the Riccati equation."""
+    gains = np.stack(gain(pendulums, weights.control, cost), axis=-1)
+    return ClosedLoops(pendulums, weights, cost, decay_matrix(pendulums, weights, cost), gains)
 
 
 def exact_funnels(loops: ClosedLoops, goal_level: float = 1.0) -> Funnels:
@@ -114,20 +131,43 @@ def exact_funnels(loops: ClosedLoops, goal_level: float = 1.0) -> Funnels:
     NumericalError
         A basin reaches further than `LARGEST_SWING` from its trajectory: its settings make no sense.
     """
-    return exact_and_overstated_funnels(loops, goal_level, 0.0)[0]
+    return funnel_variants(loops, goal_level)[0]
 
 
-def exact_and_overstated_funnels(
-    loops: ClosedLoops, goal_level: float, overstated: float
-) -> tuple[Funnels, Funnels]:
-    """Compute the exact funnels, and others that are wrong on purpose, in one pass.
+def funnel_variants(
+    loops: ClosedLoops, goal_level: float = 1.0, margin: float = 0.0, overstated: float = 0.0
+) -> tuple[Funnels, Funnels, Funnels]:
+    """Compute the exact funnels, slightly smaller and wrong ones in one pass.
 
-    In the latter ρ falls faster by the share `overstated` of |d ln ρ/dt|: they are too large and starts on
-    their boundary leave, which is the positive control of `simulation.attack`. (Scaling ρ itself would be no
-    control: a linear loop's funnel stays invariant.) Parameters and errors as for `exact_funnels`.
+    Parameters
+    ----------
+    loops : ClosedLoops
+    goal_level : float
+        ρ(T).
+    margin : float
+        In 1/s: in the second result d ln ρ/dt is greater by it than the largest V̇/ρ, so that a proof with
+        finite precision can succeed (`between_knots`); its area is about exp(−margin·T/2) of the exact one.
+    overstated : float
+        In the third ρ falls faster by this share of |d ln ρ/dt|: it is too large and starts on its boundary
+        leave, the positive control of `simulation.attack`. (Scaling ρ itself would be no control: a linear
+        loop's funnel stays invariant.)
+
+    Returns
+    -------
+    exact, with_margin, overstated : Funnels
+
+    Raises
+    ------
+    NumericalError
+        As `exact_funnels`.
     """
     pendulums = loops.pendulums
-    level = _backward(loops, goal_level, np.array([[0.0], [overstated]] if overstated else [[0.0]]))
+    _require_goal_within_reach(loops, goal_level)
+    changes = np.unique([(0.0, 0.0), (margin, 0.0), (0.0, overstated)], axis=0)
+    which = [
+        int(np.flatnonzero((changes == row).all(axis=1))[0]) for row in ((0, 0), (margin, 0), (0, overstated))
+    ]
+    level = _backward(loops, goal_level, changes)[:, which]
     swing = normal_axes(loops.cost[::2])[0] * np.sqrt(level[:, 0])
     lost = ~(swing < LARGEST_SWING)
     if lost.any():
@@ -138,24 +178,56 @@ def exact_and_overstated_funnels(
             "lower its state weight"
         )
     exact = Funnels("exact", pendulums.duration, loops.cost[::2], level[:, 0])
-    return exact, replace(exact, method=f"exact, overstated by {overstated:g}", level=level[:, -1])
+    return (
+        exact,
+        replace(exact, method=f"exact, margin {margin:g} 1/s", level=level[:, 1]),
+        replace(exact, method=f"exact, overstated by {overstated:g}", level=level[:, 2]),
+    )
 
 
-def _backward(loops: ClosedLoops, goal_level: float, overstated: np.ndarray) -> np.ndarray:
-    """Integrate ln ρ backward and return ρ, shape (knots, variants, pendulums).
+def _require_goal_within_reach(loops: ClosedLoops, goal_level: float) -> None:
+    """Refuse a goal set that contains the pendulum in every position: no funnel about a trajectory holds it."""
+    swing = np.sqrt(goal_level) * normal_axes(loops.cost[-1])[0]
+    if (swing >= np.pi).any():
+        index = int(swing.argmax())
+        raise NumericalError(
+            f"{loops.pendulums.labels[index]}: the goal set reaches {swing[index]:.3g} rad from the trajectory's end, "
+            "outside any funnel (π rad); lower stability.goal_level or raise the regulator's terminal_weight"
+        )
 
-    Adams–Bashforth's method of order 4 from knot to knot, started by Runge–Kutta steps: the equation for ln ρ
-    is not stiff, and each knot costs one search of the boundary. `overstated` has shape (variants, 1).
-    """
-    pendulums = loops.pendulums
+
+def _backward(loops: ClosedLoops, goal_level: float, changes: np.ndarray) -> np.ndarray:
+    """Return ρ, shape (knots, variants, pendulums); `changes` are margin and overstated share of each variant."""
+    margin, overstated = changes[:, :1], changes[:, 1:]
 
     def slope(point, log_level):
-        form = normal_form(pendulums, loops.weights, pendulums.angle[point], loops.cost[point])
-        growth = boundary_growth(form, np.exp(log_level))
-        return growth - overstated * np.abs(growth)
+        growth = boundary_growth(loops.form(point), np.exp(log_level))
+        return growth + margin - overstated * np.abs(growth)
 
-    log_level = np.empty((loops.knots, len(overstated), len(pendulums.labels)))
-    log_level[-1] = np.log(goal_level)
+    goal = np.full((len(changes), len(loops.pendulums.labels)), np.log(goal_level))
+    return np.exp(integrate_backward(loops, goal, slope))
+
+
+def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) -> np.ndarray:
+    """Integrate ln ρ backward from its value at T, from knot to knot.
+
+    Adams–Bashforth's method of order 4, started by Runge–Kutta steps: the equation for ln ρ is not stiff, and
+    each knot costs one search of the boundary.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    goal : numpy.ndarray, shape (..., pendulums)
+        ln ρ(T).
+    slope : callable
+        d ln ρ/dt of (point of the grid, ln ρ).
+
+    Returns
+    -------
+    numpy.ndarray, shape (knots, ..., pendulums)
+    """
+    log_level = np.empty((loops.knots, *goal.shape))
+    log_level[-1] = goal
     step = loops.step
     history: list[np.ndarray] = []
     for knot in range(loops.knots - 1, 0, -1):
@@ -169,7 +241,7 @@ def _backward(loops: ClosedLoops, goal_level: float, overstated: np.ndarray) -> 
         else:
             mean = (55 * history[0] - 59 * history[1] + 37 * history[2] - 9 * history[3]) / 24
         log_level[knot - 1] = now - step * mean
-    return np.exp(log_level)
+    return log_level
 
 
 def reachable_area(loops: ClosedLoops, goal_level: float = 1.0) -> np.ndarray:
@@ -186,7 +258,14 @@ def reachable_area(loops: ClosedLoops, goal_level: float = 1.0) -> np.ndarray:
     from scipy.integrate import simpson
 
     pendulums = loops.pendulums
-    _, velocity_gain = gain(pendulums, loops.weights.control, loops.cost)
-    rate = (pendulums.damping + velocity_gain) / pendulums.inertia
+    rate = (pendulums.damping + loops.gains[..., 1]) / pendulums.inertia
     exponent = pendulums.duration * simpson(rate, x=np.linspace(0.0, 1.0, len(rate)), axis=0)
     return np.pi * goal_level / np.sqrt(determinant(loops.cost[-1])) * np.exp(exponent)
+
+
+def even_knots(available: int, wanted: int) -> np.ndarray:
+    """Return evenly spaced knots, first and last included, as near to `wanted` as the spacing allows."""
+    intervals = available - 1
+    divisors = [number for number in range(1, intervals + 1) if intervals % number == 0]
+    nearest = min(divisors, key=lambda number: abs(number - (wanted - 1)))
+    return np.arange(0, available, intervals // nearest)

@@ -4,12 +4,13 @@ The ellipse is the unit circle in normal coordinates z, chosen so that the first
 
     e = √ρ·a·z1,   ω = √ρ·(p·z1 + q·z2),   a = √(s22/det S),  p = −a·s12/s22,  q = 1/√s22
 
-so that s12·e + s22·ω = √(ρ·s22)·z2 and, along S(t) of the Riccati equation 4.2 with feedback 4.4,
+so that s12·e + s22·ω = √(ρ·s22)·z2 and, along an S(t) with −Ṡ = M + SA_c + A_cᵀS under the linear loop A_c,
 
     V̇/ρ = −(α·z1² + 2β·z1·z2 + γ·z2²) − κ·z2·h(√ρ·a·z1),   κ = 2·(σmgℓ/I)·√(s22/ρ)
 
-where [[α, β], [β, γ]] is Q + SBR⁻¹BᵀS in normal coordinates and h the remainder of the sine. On the
-circle this is a function of one angle; its maximum is found by sampling and Newton's method.
+where [[α, β], [β, γ]] is M in normal coordinates and h the remainder of the sine. For the Riccati equation
+4.2 with feedback 4.4 M is Q + SBR⁻¹BᵀS. On the circle this is a function of one angle; its maximum is found by
+sampling and Newton's method.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from functools import cache
 import numpy as np
 
 from lumbar.stability.pendulum import Pendulums, remainder
-from lumbar.stability.riccati import Weights, determinant
+from lumbar.stability.riccati import determinant
 
 SAMPLES = 48
 """Points on the boundary among which Newton's starts are chosen, for swings up to `SMALL_SWING`."""
@@ -56,24 +57,19 @@ class NormalForm:
     """2·(σmgℓ/I)·√s22: κ is this divided by √ρ."""
 
 
-def normal_form(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost: np.ndarray) -> NormalForm:
+def normal_form(pendulums: Pendulums, angle: np.ndarray, cost: np.ndarray, decay: np.ndarray) -> NormalForm:
     """Bring the closed loop into normal coordinates.
 
     Parameters
     ----------
     pendulums : Pendulums
-    weights : Weights
     angle : numpy.ndarray, shape (..., pendulums)
         θ0 in rad.
-    cost : numpy.ndarray, shape (..., pendulums, 3)
-        S of the Riccati equation.
+    cost, decay : numpy.ndarray, shape (..., pendulums, 3)
+        S of V = x̄ᵀSx̄ and M = −V̇ of the linear loop.
     """
-    s12, s22 = cost[..., 1], cost[..., 2]
-    control = 1 / (pendulums.inertia**2 * weights.control)
-    # M = Q + SBR⁻¹BᵀS
-    m11 = weights.state[..., 0] + control * s12**2
-    m12 = weights.state[..., 1] + control * s12 * s22
-    m22 = weights.state[..., 2] + control * s22**2
+    s22 = cost[..., 2]
+    m11, m12, m22 = np.moveaxis(decay, -1, 0)
     a, p, q = normal_axes(cost)
     return NormalForm(
         angle=angle,

@@ -78,6 +78,13 @@ def gain(pendulums: Pendulums, control_weight: np.ndarray, cost: np.ndarray) -> 
     return scale * cost[..., 1], scale * cost[..., 2]
 
 
+def decay_matrix(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> np.ndarray:
+    """Return Q + SBR⁻¹BᵀS = Q + KᵀRK: how fast V falls along the linear loop, V̇ = −x̄ᵀ(Q + KᵀRK)x̄."""
+    first, second = gain(pendulums, weights.control, cost)
+    feedback = np.stack([first**2, first * second, second**2], axis=-1)
+    return weights.state + np.asarray(weights.control)[..., None] * feedback
+
+
 def riccati_rate(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost: np.ndarray) -> np.ndarray:
     """Return −Ṡ = Q − SBR⁻¹BᵀS + SA + AᵀS (equation 4.2), shape (pendulums, 3)."""
     a21, a22, b2 = pendulums.linearised(angle)

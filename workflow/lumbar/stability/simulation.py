@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,6 @@ from lumbar.errors import NumericalError
 from lumbar.stability.funnel import ClosedLoops, Funnels
 from lumbar.stability.invariance import normal_axes
 from lumbar.stability.pendulum import remainder
-from lumbar.stability.riccati import gain
 
 LEVEL_TOLERANCE = 1e-6
 """Relative excess of V over ρ that still counts as the boundary: starts lie on it."""
@@ -39,7 +39,9 @@ class Attack:
     share_high: np.ndarray
 
 
-def attack(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -> Attack:
+def attack(
+    loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int], disturbance: Callable | None = None
+) -> Attack:
     """Simulate starts of the first cross-section, half of them on its boundary, half inside.
 
     Parameters
@@ -50,6 +52,8 @@ def attack(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -
     starts : int
         Per pendulum.
     seed : list of int
+    disturbance : callable, optional
+        As for `simulate`.
 
     Returns
     -------
@@ -76,7 +80,7 @@ def attack(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -
     if rest:
         raise NumericalError(f"{len(funnels.level)} levels do not lie evenly among {loops.knots} knots")
     inside = np.ones((count, starts), dtype=bool)
-    for knot, state in simulate(loops, start):
+    for knot, state in simulate(loops, start, disturbance):
         index, between = divmod(knot, stride)
         if not between:
             value = quadratic_form(funnels.cost[index], state)
@@ -85,7 +89,7 @@ def attack(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -
     return Attack(starts, exits, upper_share(exits, starts))
 
 
-def simulate(loops: ClosedLoops, start: np.ndarray):
+def simulate(loops: ClosedLoops, start: np.ndarray, disturbance: Callable | None = None):
     """Follow errors x̄ through the closed loop with the true sine.
 
     Parameters
@@ -93,6 +97,9 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
     loops : ClosedLoops
     start : numpy.ndarray, shape (2, pendulums, starts)
         Error of angle (rad) and angular velocity (rad/s) at t = 0.
+    disturbance : callable, optional
+        Angular acceleration in rad/s², shape (pendulums, starts), that is added to the loop's, of (point of
+        the grid, state).
 
     Yields
     ------
@@ -105,30 +112,66 @@ def simulate(loops: ClosedLoops, start: np.ndarray):
     NumericalError
         The knots are too far apart for the closed loop's fastest mode.
     """
+    rate, stiffness, damping = _dynamics(loops, disturbance)
+    stride = _stride(loops, stiffness, damping)
+    state = start
+    yield 0, state
+    # A step spans 2·stride points of the grid, whose middle is a point of it too.
+    for point in range(0, len(loops.cost) - 1, 2 * stride):
+        state = _runge_kutta(rate, point, stride, (loops.step * stride)[:, None], state)
+        yield point // 2 + stride, state
+
+
+def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
+    """Follow states at T backward to t = 0 with the true sine: the edge of a goal set becomes that of all states
+    that reach it.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    edge : numpy.ndarray, shape (2, pendulums, points)
+        Errors x̄ at T.
+
+    Raises
+    ------
+    NumericalError
+        As `simulate`.
+    """
+    rate, stiffness, damping = _dynamics(loops, None)
+    _stride(loops, stiffness, damping)
+    state = edge
+    for point in range(len(loops.cost) - 1, 0, -2):
+        state = _runge_kutta(rate, point, -1, -loops.step[:, None], state)
+    return state
+
+
+def _dynamics(loops: ClosedLoops, disturbance: Callable | None):
+    """Return the rate of the state, of (point, state), and stiffness and damping of the linear loop."""
     pendulums = loops.pendulums
-    angle_gain, velocity_gain = gain(pendulums, loops.weights.control, loops.cost)
+    angle_gain, velocity_gain = np.moveaxis(loops.gains, -1, 0)
     a21, a22, _ = pendulums.linearised(pendulums.angle)
     inertia = pendulums.inertia
     stiffness, damping = a21 - angle_gain / inertia, a22 - velocity_gain / inertia
-    stride = _stride(loops, stiffness, damping)
-    h = (loops.step * stride)[:, None]
     gravity = (pendulums.gravity_torque / inertia)[:, None]
 
     def rate(point, state):
         error, velocity = state
         restoring = stiffness[point][:, None] * error + damping[point][:, None] * velocity
-        return np.stack([velocity, restoring - gravity * remainder(pendulums.angle[point][:, None], error)])
+        acceleration = restoring - gravity * remainder(pendulums.angle[point][:, None], error)
+        if disturbance is not None:
+            acceleration = acceleration + disturbance(point, state)
+        return np.stack([velocity, acceleration])
 
-    state = start
-    yield 0, state
-    # A step spans 2·stride points of the grid, whose middle is a point of it too.
-    for point in range(0, len(pendulums.angle) - 1, 2 * stride):
-        slope1 = rate(point, state)
-        slope2 = rate(point + stride, state + 0.5 * h * slope1)
-        slope3 = rate(point + stride, state + 0.5 * h * slope2)
-        slope4 = rate(point + 2 * stride, state + h * slope3)
-        state = state + h / 6 * (slope1 + 2 * slope2 + 2 * slope3 + slope4)
-        yield point // 2 + stride, state
+    return rate, stiffness, damping
+
+
+def _runge_kutta(rate: Callable, point: int, stride: int, h: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """Take one step of order 4 from a point of the grid over 2·stride points; h is its length in s."""
+    slope1 = rate(point, state)
+    slope2 = rate(point + stride, state + 0.5 * h * slope1)
+    slope3 = rate(point + stride, state + 0.5 * h * slope2)
+    slope4 = rate(point + 2 * stride, state + h * slope3)
+    return state + h / 6 * (slope1 + 2 * slope2 + 2 * slope3 + slope4)
 
 
 def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> int:

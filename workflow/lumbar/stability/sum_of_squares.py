@@ -1,79 +1,19 @@
-"""Sum-of-squares certificates at knots of the funnel: semidefinite programmes solved by Clarabel.
+"""Sum-of-squares programmes with their multiplier written out, as equations 4.5 and 4.6 have them.
 
 At one knot, in the normal coordinates of `invariance`, with h expanded to a Taylor polynomial v(z) of V̇/ρ:
 
     minimise r  subject to  r − v(z) − L(z)·(1 − |z|²)  is a sum of squares,   L free of degree d − 1
 
-(equations 4.5 and 4.6 with ρ̇/ρ = r as a variable). r is the smallest certified rate of ρ; against the
-largest V̇/ρ on the circle it leaves a margin that is zero for a tight certificate. Coordinates scaled by
-√ρ·S^(−1/2), division by ρ and by the largest coefficient keep the programmes well conditioned; a status
-other than "optimal" is never a result.
+The thesis's alternation needs L and uses these; `certified_funnel` uses the smaller, equivalent programmes of
+`circle_certificate`. A status other than "solved" is never a result.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache
-from math import factorial
-
 import numpy as np
 
 from lumbar.errors import NumericalError
-from lumbar.stability.funnel import ClosedLoops, Funnels
-from lumbar.stability.invariance import NormalForm, boundary_growth, normal_form
-from lumbar.stability.pendulum import Pendulums
-
-
-def monomials(degree: int) -> list[tuple[int, int]]:
-    """Exponents of all monomials in two variables up to a degree."""
-    return [(total - second, second) for total in range(degree + 1) for second in range(total + 1)]
-
-
-def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.ndarray:
-    """Coefficients of V̇/ρ in z with the sine's Taylor polynomial of a degree.
-
-    Parameters
-    ----------
-    form : NormalForm
-        Entries of shape (...,).
-    level : numpy.ndarray, shape (...)
-        ρ.
-    degree : int
-        Of the Taylor polynomial of sin(θ0 + e) in e.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., monomials of degree + 1)
-    """
-    index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
-    coefficients = np.zeros((*np.shape(level), len(index)))
-    coefficients[..., index[2, 0]] = -form.alpha
-    coefficients[..., index[1, 1]] = -2 * form.beta
-    coefficients[..., index[0, 2]] = -form.gamma
-    swing, kappa = form.amplitude * np.sqrt(level), form.coupling / np.sqrt(level)
-    sine, cosine = np.sin(form.angle), np.cos(form.angle)
-    derivatives = (sine, cosine, -sine, -cosine)
-    for power in range(2, degree + 1):
-        taylor = derivatives[power % 4] / factorial(power)
-        coefficients[..., index[power, 1]] = -kappa * taylor * swing**power
-    return coefficients
-
-
-@cache
-def _monomials_on_circle(degree: int, samples: int) -> np.ndarray:
-    circle = np.linspace(0.0, 2 * np.pi, samples, endpoint=False)
-    return np.stack([np.cos(circle) ** i * np.sin(circle) ** j for i, j in monomials(degree)])
-
-
-def circle_maximum(coefficients: np.ndarray, degree: int, samples: int = 4096) -> np.ndarray:
-    """Return the largest value on the unit circle, by a dense grid and a parabola at its best point."""
-    values = coefficients @ _monomials_on_circle(degree, samples)
-    best = values.argmax(axis=-1)[..., None]
-    left, middle, right = (
-        np.take_along_axis(values, (best + shift) % samples, -1)[..., 0] for shift in (-1, 0, 1)
-    )
-    curvature = np.maximum(2 * middle - left - right, np.finfo(float).tiny)
-    return middle + np.where(right == left, 0.0, (right - left) ** 2 / (8 * curvature))
+from lumbar.stability.polynomials import circle_map, gram_map, monomials
 
 
 class GramProgramme:
@@ -155,110 +95,3 @@ class Certificate:
         if found is None:
             raise NumericalError(f"{label}: the sum-of-squares programme ended as {self._programme.status}")
         return float(found[0]) * scale, found[1:] * scale
-
-
-def gram_map(degree: int) -> np.ndarray:
-    """Matrix that takes the scaled upper triangle of G, column by column, to the coefficients of bᵀGb."""
-    index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
-    basis = monomials((degree + 1) // 2)
-    triangle = [(row, column) for column in range(len(basis)) for row in range(column + 1)]
-    matrix = np.zeros((len(index), len(triangle)))
-    for entry, (row, column) in enumerate(triangle):
-        exponents = (basis[row][0] + basis[column][0], basis[row][1] + basis[column][1])
-        matrix[index[exponents], entry] = 1.0 if row == column else np.sqrt(2.0)
-    return matrix
-
-
-def circle_map(degree: int) -> np.ndarray:
-    """Matrix that takes the coefficients of L to those of L·(1 − |z|²)."""
-    index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
-    matrix = np.zeros((len(index), len(monomials(degree - 1))))
-    for column, (i, j) in enumerate(monomials(degree - 1)):
-        matrix[index[i, j], column] += 1.0
-        matrix[index[i + 2, j], column] -= 1.0
-        matrix[index[i, j + 2], column] -= 1.0
-    return matrix
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How certificates and exact maxima compare, per pendulum, in 1/s.
-
-    Attributes
-    ----------
-    margin_difference : numpy.ndarray, shape (pendulums,)
-        Largest |certified rate − largest V̇/ρ of the same Taylor polynomial|: the error of the programme.
-    taylor_difference : numpy.ndarray, shape (pendulums,)
-        Largest |certified rate − largest V̇/ρ with the true sine|: what the Taylor polynomial changes.
-    """
-
-    margin_difference: np.ndarray
-    taylor_difference: np.ndarray
-
-
-def certified_funnels(
-    loops: ClosedLoops, exact: Funnels, degree: int, knots: int
-) -> tuple[Funnels, Agreement]:
-    """Solve for the funnel with certified rates in place of exact ones.
-
-    What is integrated, backward by the trapezoidal rule with an Euler predictor, is the small difference
-    y = ln ρ − ln ρ_exact, dy/dt = r_certified(ρ) − r_exact(ρ_exact), so that few knots are enough.
-
-    Parameters
-    ----------
-    loops : ClosedLoops
-    exact : Funnels
-        Of the same loops.
-    degree : {3, 5}
-        Taylor degree of the sine.
-    knots : int
-        Knots of certificates; the nearest number that divides those of `exact` evenly is taken.
-
-    Returns
-    -------
-    Funnels, Agreement
-
-    Raises
-    ------
-    NumericalError
-        A programme was not solved to optimality.
-    """
-    certificate = Certificate(degree)
-    chosen = even_knots(loops.knots, knots)
-    step = loops.step * (chosen[1] - chosen[0])
-    count = len(loops.pendulums.labels)
-    excess = np.zeros((len(chosen), count))
-    margins = np.zeros((2, len(chosen), count))
-    slope = np.zeros(count)
-    for position in range(len(chosen) - 1, -1, -1):
-        knot, point = chosen[position], 2 * chosen[position]
-        form = normal_form(loops.pendulums, loops.weights, loops.pendulums.angle[point], loops.cost[point])
-        at_goal = position == len(chosen) - 1
-        before = 0.0 if at_goal else excess[position + 1]
-        level = exact.level[knot] * np.exp(before if at_goal else before - step * slope)
-        coefficients = growth_polynomial(form, level, degree)
-        certified = _solve_all(certificate, coefficients, loops.pendulums)
-        now = certified - boundary_growth(form, exact.level[knot])
-        if not at_goal:
-            excess[position] = before - 0.5 * step * (slope + now)
-        slope = now
-        margins[0, position] = np.abs(certified - circle_maximum(coefficients, degree + 1))
-        margins[1, position] = np.abs(certified - boundary_growth(form, level))
-    funnels = Funnels(
-        "sum_of_squares", exact.duration, exact.cost[chosen], exact.level[chosen] * np.exp(excess)
-    )
-    return funnels, Agreement(*margins.max(axis=1))
-
-
-def _solve_all(certificate: Certificate, coefficients: np.ndarray, pendulums: Pendulums) -> np.ndarray:
-    return np.array(
-        [certificate.solve(row, label)[0] for row, label in zip(coefficients, pendulums.labels, strict=True)]
-    )
-
-
-def even_knots(available: int, wanted: int) -> np.ndarray:
-    """Return evenly spaced knots, first and last included, as near to `wanted` as the spacing allows."""
-    intervals = available - 1
-    divisors = [number for number in range(1, intervals + 1) if intervals % number == 0]
-    nearest = min(divisors, key=lambda number: abs(number - (wanted - 1)))
-    return np.arange(0, available, intervals // nearest)

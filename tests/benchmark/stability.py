@@ -1,0 +1,201 @@
+"""Basins of attraction: how fast and how good, in one run beside cvxpy and, where installed, pydrake.
+
+    python tests/benchmark/stability.py [--starts 10000] [--knots 1000] [--output results/benchmarks/stability.csv]
+
+Takes the pendulums of the default study (`snakemake lifting` makes them). Prints each figure with its target and
+writes the table as CSV. Times are CPU time of one core unless stated; they say nothing on a busy machine but ratios.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ[variable] = "1"
+PROJECT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(PROJECT / "workflow"))
+
+import numpy as np  # noqa: E402
+import pandas as pd  # noqa: E402
+import yaml  # noqa: E402
+
+from lumbar.stability.basins import close_loops  # noqa: E402
+from lumbar.stability.between_knots import proved_share  # noqa: E402
+from lumbar.stability.certified_funnel import certified_funnels  # noqa: E402
+from lumbar.stability.circle_certificate import CircleProgramme  # noqa: E402
+from lumbar.stability.cvxpy_reference import certified_rate  # noqa: E402
+from lumbar.stability.funnel import exact_funnels, funnel_variants  # noqa: E402
+from lumbar.stability.lyapunov_family import best_of_family  # noqa: E402
+from lumbar.stability.polynomials import growth_polynomial  # noqa: E402
+from lumbar.stability.simulation import attack  # noqa: E402
+from lumbar.stability.trajectory import trajectories_of_lift  # noqa: E402
+
+ROWS: list[dict] = []
+
+
+def report(quantity: str, value: float, target: str, met: bool | None) -> None:
+    """Print one figure and keep it for the CSV file."""
+    verdict = {True: "met", False: "MISSED", None: ""}[met]
+    print(f"{quantity:74s} {value:12.6g}   {target:14s} {verdict}", flush=True)
+    ROWS.append({"quantity": quantity, "value": f"{value:.6g}", "target": target, "verdict": verdict})
+
+
+def study():
+    """Trajectories and settings of the default study."""
+    settings = yaml.safe_load((PROJECT / "config" / "config.yaml").read_text(encoding="utf-8"))["stability"]
+    folders = sorted((PROJECT / "results" / "thesis" / "lifting").glob("*/pendulum.csv"))
+    if not folders:
+        sys.exit("no pendulums in results/thesis/lifting: run 'snakemake --cores 2 lifting' first")
+    trajectories = [
+        trajectory
+        for path in folders
+        for trajectory in trajectories_of_lift(
+            pd.read_csv(path), json.loads(path.with_suffix(".json").read_text(encoding="utf-8")), "with_box"
+        )
+    ]
+    return trajectories, settings
+
+
+def best_time(job, repeats: int = 3) -> tuple[float, object]:
+    """Smallest CPU time of some runs, and the last result."""
+    times = []
+    for _ in range(repeats):
+        start = time.process_time()
+        result = job()
+        times.append(time.process_time() - start)
+    return min(times), result
+
+
+def attacked(part: tuple) -> np.ndarray:
+    """Exits of exact and overstated basins of some trajectories (one process of the pool)."""
+    trajectories, settings, starts, seed = part
+    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
+    exact, _, control = funnel_variants(loops, settings["goal_level"], overstated=1.0)
+    return np.array([attack(loops, exact, starts, [seed]).exits, attack(loops, control, 500, [seed]).exits])
+
+
+def exact_engine(trajectories, settings, starts: int):
+    """Speed, exits, convergence and the interval proof of the exact engine."""
+    sign, goal = settings["pendulum"]["sign"], settings["goal_level"]
+    seconds, exact = best_time(lambda: exact_funnels(close_loops(trajectories, sign, settings), goal))
+    report("exact: 24 BOAs with Riccati equation, one core, s", seconds, "<= 1", seconds <= 1)
+    start = time.perf_counter()
+    parts = [(trajectories[index::2], settings, starts, index) for index in range(2)]
+    with ProcessPoolExecutor(2) as pool:
+        exits = np.concatenate(list(pool.map(attacked, parts)), axis=1)
+    seconds = time.perf_counter() - start
+    report(f"exact: 24 BOAs with {starts} starts each, 2 cores, wall s", seconds, "<= 20", seconds <= 20)
+    total = int(exits[0].sum())
+    report(f"exits in {starts * len(trajectories)} starts at 1e-6", total, "0", total == 0)
+    report("fewest exits of a positive control, of 500", exits[1].min(), "> 0", bool(exits[1].min() > 0))
+    finer = {**settings, "knots": 2 * settings["knots"] - 1}
+    doubled = exact_funnels(close_loops(trajectories, sign, finer), goal)
+    change = 100 * float(np.abs(doubled.mean_area / exact.mean_area - 1).max())
+    report("largest change of area from N to 2N, %", change, "<= 0.1", change <= 0.1)
+    for other in ("hanging", "inverted"):
+        loops = close_loops(trajectories, other, settings)
+        largest, smaller, _ = funnel_variants(loops, goal, settings["proof"]["margin_1_s"])
+        start = time.process_time()
+        share = proved_share(loops, smaller)
+        seconds = time.process_time() - start
+        report(
+            f"proved share of the time axis, least, {other}",
+            share.min(),
+            ">= 0.97",
+            bool(share.min() >= 0.97),
+        )
+        thorax = np.array([item.com == "thorax" for item in trajectories])
+        report(f"  of the thorax, {other}", share[thorax].min(), ">= 0.99", bool(share[thorax].min() >= 0.99))
+        ratio = (smaller.mean_area / largest.mean_area).min()
+        report(f"  at this share of the area, least, {other}", ratio, ">= 0.96", bool(ratio >= 0.96))
+        report(f"  CPU s for {len(trajectories)} BOAs, {other}", seconds, "", None)
+    return exact
+
+
+def better_v(trajectories, settings) -> None:
+    """Area gained by the best V of the family, attacked and proved."""
+    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
+    best = best_of_family(loops, settings["goal_level"], settings["lyapunov_shares"], margin=0.01)
+    gained = best.funnels.mean_area / exact_funnels(loops, settings["goal_level"]).mean_area
+    report("better V: area gained, least (x)", gained.min(), "> 1", bool(gained.min() > 1))
+    report("better V: area gained, most (x)", gained.max(), "", None)
+    exits = attack(best.loops, best.funnels, 2000, [9]).exits.sum()
+    report("better V: exits in 48000 starts", exits, "0", bool(exits == 0))
+
+
+def certificates(trajectories, settings, exact, knots: int) -> None:
+    """Speed and agreement of the sum-of-squares engine."""
+    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
+    options = {"alternations": 2, "margin": settings["sum_of_squares"]["margin_1_s"]}
+    for degree, count in ((3, knots), (5, min(knots, 112)), (7, min(knots, 38))):
+        funnels, found = certified_funnels(
+            loops, settings["goal_level"], degree=degree, knots=count, rational=True, **options
+        )
+        ratio = (funnels.mean_area / exact.mean_area).min()
+        name = f"sum of squares, Taylor {degree}, {len(funnels.level)} knots"
+        report(f"{name}: certified/exact area, least", ratio, ">= 0.9999", bool(ratio >= 0.9999))
+        margin = found.margin_difference.max()
+        report(f"{name}: margins against exact, 1/s", margin, "<= 1e-6", bool(margin <= 1e-6))
+        report(f"{name}: against the true sine, 1/s", found.taylor_difference.max(), "", None)
+        share = 100 * found.rational_share.min()
+        report(f"{name}: rational certificates, %", share, "100", bool(share == 100))
+
+
+def programmes(trajectories, settings, exact) -> None:
+    """One programme per knot at Taylor 3, against cvxpy and pydrake on the same polynomials."""
+    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
+    chosen = range(0, loops.knots, 37)
+    rows = np.concatenate([growth_polynomial(loops.form(2 * k), exact.level[k], 3) for k in chosen])
+    programme = CircleProgramme(3)
+    ours, rates = best_time(lambda: [programme.solve(row, "benchmark").rate for row in rows])
+    ours *= 1000 / len(rows)
+    report("Clarabel by hand: ms per knot", ours, "<= 0.4", ours <= 0.4)
+    few = rows[:: max(1, len(rows) // 40)]
+    slow, reference = best_time(lambda: [certified_rate(row, 3) for row in few], 1)
+    slow *= 1000 / len(few)
+    report("cvxpy built anew: ms per knot", slow, "", None)
+    report("  times slower", slow / ours, ">= 15", slow / ours >= 15)
+    difference = np.abs(np.array(rates)[:: max(1, len(rows) // 40)] - reference).max()
+    report("  largest difference of rates, 1/s", difference, "<= 1e-5", bool(difference <= 1e-5))
+    try:
+        from drake_reference import drake_rate
+    except ImportError:
+        print("pydrake is not installed here: no comparison")
+        return
+    slow, reference = best_time(lambda: [drake_rate(row) for row in few], 2)
+    slow *= 1000 / len(few)
+    report("pydrake (Clarabel): ms per knot", slow, "", None)
+    report("  times slower", slow / ours, ">= 3", slow / ours >= 3)
+    difference = np.abs(np.array(rates)[:: max(1, len(rows) // 40)] - reference).max()
+    report("  largest difference of rates, 1/s", difference, "<= 1e-5", bool(difference <= 1e-5))
+
+
+def main() -> None:
+    """Run everything, print it, write the CSV file."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--starts", type=int, default=10_000)
+    parser.add_argument("--knots", type=int, default=1000)
+    parser.add_argument("--output", type=Path, default=PROJECT / "results" / "benchmarks" / "stability.csv")
+    options = parser.parse_args()
+    trajectories, settings = study()
+    exact = exact_engine(trajectories, settings, options.starts)
+    programmes(trajectories, settings, exact)
+    better_v(trajectories, settings)
+    certificates(trajectories, settings, exact, options.knots)
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    with options.output.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, ["quantity", "value", "target", "verdict"], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(ROWS)
+    print(f"written: {options.output}")
+
+
+if __name__ == "__main__":
+    main()

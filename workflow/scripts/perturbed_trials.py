@@ -1,0 +1,27 @@
+"""Perturbed and unperturbed trials against the basin of the unperturbed mean."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Read all trials, compare them, write table and figure."""
+    from lumbar.figures.perturbed_trials import trials_figure
+    from lumbar.figures.style import save
+    from lumbar.records.markers import read_markers
+    from lumbar.stability.perturbed_trials import compare_trials, trial_of, trials_table
+
+    settings = params.settings
+    trials = [
+        trial_of(read_markers(path, settings["markers"]), group, settings, params.lifting)
+        for group in ("unperturbed", "perturbed")
+        for path in input[group]
+    ]
+    frame = compare_trials(trials, settings, params.stability)
+    trials_table(frame, trials, settings, params.stability, params.data).write(
+        output.table_html.removesuffix(".html")
+    )
+    figure = trials_figure(trials, settings, params.stability)
+    save(figure, output.figure_svg.removesuffix(".svg"), params.data)
+
+
+run(main, snakemake)
