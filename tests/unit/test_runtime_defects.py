@@ -94,6 +94,7 @@ BOTH = {
     "nominal of zero": edited('nominal="1.0"', 'nominal="0.0"'),
     "bounds the wrong way round": edited('min="0.0" max="10.0"', 'min="20.0" max="10.0"'),
     "start that is no number": edited('start="1.0"', 'start="NaN"'),
+    "nominal that is a word": edited('nominal="1.0"', 'nominal="one"'),
     "negative step": edited('stepSize="0.01"', 'stepSize="-0.01"'),
     "stop before start": edited('stopTime="10.0"', 'stopTime="-1.0"'),
     "input without start": edited('unit="mm" start="0.0"', 'unit="mm"'),
@@ -122,6 +123,8 @@ ONLY = {
     ("build of another model", 3): edited(
         'modelIdentifier="KB"', 'modelIdentifier="KC"', "sources/buildDescription.xml"
     ),
+    ("build description cut off", 3): edited("</BuildConfiguration>", "", "sources/buildDescription.xml"),
+    ("terminals cut off", 3): edited("</Terminals>", "", "terminalsAndIcons/terminalsAndIcons.xml"),
     ("terminal of no variable", 3): edited(
         'variableName="force"', 'variableName="torque"', "terminalsAndIcons/terminalsAndIcons.xml"
     ),

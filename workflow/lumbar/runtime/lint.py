@@ -60,18 +60,29 @@ def lint_fmu(path: Path) -> list[str]:
     return problems
 
 
+def _numbers(attributes: dict[str, str], keys: tuple[str, ...]) -> tuple[dict[str, float], list[str]]:
+    """Return the attributes that are finite numbers, and words on those that are not."""
+    given, problems = {}, []
+    for key in keys:
+        if key in attributes:
+            try:
+                given[key] = float(attributes[key])
+            except ValueError:
+                given[key] = math.nan
+            if not math.isfinite(given[key]):
+                problems.append(f"{key} is {attributes[key]}, no finite number")
+                del given[key]
+    return given, problems
+
+
 def _lint_steps(root: ElementTree.Element, simulation: ElementTree.Element) -> list[str]:
     experiment = root.find("DefaultExperiment")
-    given = experiment.attrib if experiment is not None else {}
-    steps = {
-        "stepSize": given.get("stepSize"),
-        "fixedInternalStepSize": simulation.get("fixedInternalStepSize"),
-    }
-    problems = [
-        f"{name} is {value}, not above 0" for name, value in steps.items() if value and not float(value) > 0
-    ]
-    if not float(given.get("startTime", 0)) < float(given.get("stopTime", math.inf)):
-        problems.append(f"stopTime {given['stopTime']} is not after startTime {given.get('startTime', 0)}")
+    attributes = {**simulation.attrib, **(experiment.attrib if experiment is not None else {})}
+    steps = ("stepSize", "fixedInternalStepSize")
+    given, problems = _numbers(attributes, (*steps, "startTime", "stopTime"))
+    problems += [f"{key} is {given[key]:g}, not above 0" for key in steps if not given.get(key, 1.0) > 0]
+    if not given.get("startTime", 0.0) < given.get("stopTime", math.inf):
+        problems.append(f"stopTime {given['stopTime']:g} is not after startTime")
     return problems
 
 
@@ -125,17 +136,15 @@ def _lint_structure(variables: list[tuple[str, dict]], root: ElementTree.Element
 
 
 def _lint_variable(name: str, attributes: dict[str, str]) -> list[str]:
-    given = {key: float(attributes[key]) for key in ("min", "max", "start", "nominal") if key in attributes}
-    problems = [
-        f"{name}: {key} is {value}, not finite" for key, value in given.items() if not math.isfinite(value)
-    ]
-    low, high = given.get("min", float("-inf")), given.get("max", float("inf"))
+    given, unsound = _numbers(attributes, ("min", "max", "start", "nominal"))
+    problems = [f"{name}: {text}" for text in unsound]
+    low, high = given.get("min", -math.inf), given.get("max", math.inf)
     if not low <= high:
         problems.append(f"{name}: min {low:g} above max {high:g}")
-    if "start" in given and not low <= given["start"] <= high:
+    if not low <= given.get("start", low) <= high:
         problems.append(f"{name}: start {given['start']:g} outside [{low:g}, {high:g}]")
-    if "start" not in given and attributes.get("causality") in ("input", "parameter"):
+    if "start" not in attributes and attributes.get("causality") in ("input", "parameter"):
         problems.append(f"{name}: no start value")
-    if "nominal" in given and not given["nominal"] > 0:
+    if not given.get("nominal", 1.0) > 0:
         problems.append(f"{name}: nominal {given['nominal']:g}, not above 0")
     return problems

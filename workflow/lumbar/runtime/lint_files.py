@@ -64,6 +64,15 @@ def lint_binaries(files: Mapping[str, bytes], identifier: str, token: str, versi
     return problems
 
 
+def _parsed(data: bytes, name: str, problems: list[str]) -> ElementTree.Element:
+    """Return the root of a document; an empty one, and a problem more, where it is no XML."""
+    try:
+        return ElementTree.fromstring(data)
+    except ElementTree.ParseError as error:
+        problems.append(f"{name} is no XML: {error}")
+        return ElementTree.Element("nothing")
+
+
 def lint_sources(
     files: Mapping[str, bytes], simulation: ElementTree.Element, identifier: str, version: str
 ) -> list[str]:
@@ -71,7 +80,7 @@ def lint_sources(
     problems = []
     listed = [file.get("name") for file in simulation.findall("SourceFiles/File")]
     if "sources/buildDescription.xml" in files:
-        build = ElementTree.fromstring(files["sources/buildDescription.xml"])
+        build = _parsed(files["sources/buildDescription.xml"], "buildDescription.xml", problems)
         listed += [file.get("name") for file in build.iter("SourceFile")]
         for configuration in build.iter("BuildConfiguration"):
             if configuration.get("modelIdentifier") != identifier:
@@ -104,7 +113,7 @@ def lint_resources(files: Mapping[str, bytes], variables: list[tuple[str, dict]]
     terminals = files.get("terminalsAndIcons/terminalsAndIcons.xml")
     if terminals is not None:
         known = {name for name, _ in variables}
-        for member in ElementTree.fromstring(terminals).iter("TerminalMemberVariable"):
+        for member in _parsed(terminals, "terminalsAndIcons.xml", problems).iter("TerminalMemberVariable"):
             if member.get("variableName") not in known:
                 problems.append(f"a terminal has {member.get('variableName')!r}, which is no variable")
     return problems
