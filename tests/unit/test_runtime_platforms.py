@@ -260,6 +260,6 @@ def test_reference_of_the_fmu_is_what_its_version_gives():
     time, inputs, forces = reference_push(model, "3.0")
     _, _, late = reference_push(model, "2.0")
     assert np.abs(forces).max() == pytest.approx(model.output_limit / 2)
-    through = model.dynamics.slope * (inputs - np.concatenate([inputs[:1], inputs[:-1]]))
+    through = model.dynamics.state_space.D * (inputs - np.concatenate([inputs[:1], inputs[:-1]]))
     np.testing.assert_allclose(forces - late, through, atol=1e-6)
     assert len(time) == len(inputs) == len(forces)

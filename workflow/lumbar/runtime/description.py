@@ -150,10 +150,6 @@ def _number(value: float) -> str:
     return repr(float(value))
 
 
-def _flag(value: bool) -> str:
-    return "true" if value else "false"
-
-
 def _attributes(variable: Variable) -> dict[str, str]:
     """Attributes that both versions have under the same names."""
     given = {"min": variable.low, "max": variable.high, "nominal": variable.nominal, "start": variable.start}
@@ -239,7 +235,7 @@ def _fmi2(model: ExportModel, data: str) -> ElementTree.Element:
             "canHandleVariableCommunicationStepSize": "true",
             "canGetAndSetFMUstate": "true",
             "canSerializeFMUstate": "true",
-            "providesDirectionalDerivative": _flag(model.dynamics.slope is not None),
+            "providesDirectionalDerivative": "true",
         },
     )
     files = ElementTree.SubElement(simulation, "SourceFiles")
@@ -283,7 +279,7 @@ def _fmi3(model: ExportModel, data: str) -> ElementTree.Element:
             "modelIdentifier": model.identifier,
             "canGetAndSetFMUState": "true",
             "canSerializeFMUState": "true",
-            "providesDirectionalDerivatives": _flag(model.dynamics.slope is not None),
+            "providesDirectionalDerivatives": "true",
             "canHandleVariableCommunicationStepSize": "true",
             "fixedInternalStepSize": _number(model.sampling_time),
             "mightReturnEarlyFromDoStep": "true",

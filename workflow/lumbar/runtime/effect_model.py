@@ -65,7 +65,6 @@ class EffectModel:
     headers = ("effect_forms.h", "portable_math.h")
     waits_for_input = True
     feedthrough = True
-    slope = None
 
     @cached_property
     def states(self) -> int:

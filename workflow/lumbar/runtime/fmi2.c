@@ -232,7 +232,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
         for (size_t j = 0; j < n_knowns; ++j) {
             double derivative;
             if (force_derivative(&self->state, unknowns[i], knowns[j], &derivative) != VALUE_OK) {
-                return failed(self, "fmi2GetDirectionalDerivative: not of this variable, or not of this model.");
+                return failed(self, "fmi2GetDirectionalDerivative: of the output by inputs and parameters only.");
             }
             sensitivity[i] += derivative * seed[j];
         }

@@ -189,7 +189,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
         for (size_t j = 0; j < n_knowns; ++j) {
             double derivative;
             if (force_derivative(&self->state, unknowns[i], knowns[j], &derivative) != VALUE_OK) {
-                return failed(self, "fmi3GetDirectionalDerivative: not of this variable, or not of this model.");
+                return failed(self, "fmi3GetDirectionalDerivative: of the output by inputs and parameters only.");
             }
             sensitivity[i] += derivative * seed[j];
         }

@@ -52,11 +52,6 @@ class LinearModel:
         """Whether the output depends on the input of the same sample."""
         return self.state_space.D != 0.0
 
-    @property
-    def slope(self) -> float | None:
-        """Derivative of the output by the input of the same sample; None where it is not constant."""
-        return self.state_space.D
-
     def problems(self) -> list[tuple[str, str, str]]:
         """What keeps the model from being exported: place, what was found, what is allowed."""
         if self.states <= MAX_STATES:

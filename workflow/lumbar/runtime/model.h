@@ -17,8 +17,6 @@ typedef struct {
     double output_offset;    /* output at rest */
     double output_limit;     /* largest magnitude of the output that the device may receive */
     double gain_limit;       /* largest factor on the model's output */
-    double slope;            /* derivative of the output by the input of the same sample, where it is constant */
-    int differentiable;      /* 1 where `slope` holds */
     int window;              /* samples of the moving average on the input, 1 = off, at most MODEL_MAX_WINDOW */
     int feedthrough;         /* 1 where the output depends on the input of the same sample */
     int waits_for_input;     /* 1 where an output without the input of its sample would be meaningless */
@@ -28,5 +26,8 @@ extern const model_constants MODEL;
 
 /* Sample k: returns y[k] = h(x[k], u[k]) and writes x[k+1] = f(x[k], u[k]) to `next`, which must not be `x`. */
 double model_sample(const double x[], double u, double next[]);
+
+/* Derivative of y[k] by u[k]. */
+double model_slope(const double x[], double u);
 
 #endif

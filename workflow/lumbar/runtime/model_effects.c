@@ -58,3 +58,10 @@ double model_sample(const double x[], double u, double next[]) {
     }
     return force;
 }
+
+/* Central difference: the forms have kinks, where a derivative does not exist; far from them it is good to 1e-6. */
+double model_slope(const double x[], double u) {
+    static const double STEP = 0x1p-23; /* about 1e-7 of the input's unit; a power of two is added without error */
+    double next[MODEL_STATES];
+    return (model_sample(x, u + STEP, next) - model_sample(x, u - STEP, next)) / (2.0 * STEP);
+}

@@ -83,10 +83,11 @@ value_status force_get(const force_state *state, uint32_t reference, double *val
 }
 
 value_status force_derivative(const force_state *state, uint32_t unknown, uint32_t known, double *value) {
-    if (!MODEL.differentiable || unknown != VR_OUTPUT) return VALUE_UNKNOWN;
+    if (unknown != VR_OUTPUT) return VALUE_UNKNOWN;
     double force = unlimited_force(state);
     bool limited = fabs(force) > state->output_limit;
-    double by_input = follows_input(state) ? state->gain * MODEL.slope / MODEL.window : 0.0;
+    double by_input = 0.0;
+    if (follows_input(state)) by_input = state->gain * model_slope(state->x, averaged_input(state)) / MODEL.window;
     switch (known) {
         case VR_INPUT: *value = limited ? 0.0 : by_input; return VALUE_OK;
         case VR_INPUT_OFFSET: *value = limited ? 0.0 : -by_input; return VALUE_OK;

@@ -49,7 +49,7 @@ void force_reset(force_state *state, bool event_mode);
 void force_start(force_state *state, double start_time);
 
 value_status force_get(const force_state *state, uint32_t reference, double *value);
-/* Derivative of one variable by another at this moment; VALUE_UNKNOWN where the model has none. */
+/* Derivative of one variable by another at this moment. Not for time or of anything but the output. */
 value_status force_derivative(const force_state *state, uint32_t unknown, uint32_t known, double *value);
 
 value_status force_set(force_state *state, uint32_t reference, double value);

@@ -67,7 +67,6 @@ def _model_size(model: ExportModel) -> str:
 
 def _model_data(model: ExportModel, token: str) -> str:
     """Numbers as hexadecimal floats: exact, and the same text on every machine."""
-    slope = model.dynamics.slope
     constants = {
         "token": f'"{token}"',
         "sampling_time": model.sampling_time.hex(),
@@ -75,8 +74,6 @@ def _model_data(model: ExportModel, token: str) -> str:
         "output_offset": model.output.offset.hex(),
         "output_limit": model.output_limit.hex(),
         "gain_limit": model.gain_limit.hex(),
-        "slope": float(slope or 0.0).hex(),
-        "differentiable": str(int(slope is not None)),
         "window": str(model.moving_average),
         "feedthrough": str(int(model.feedthrough)),
         "waits_for_input": str(int(model.dynamics.waits_for_input)),
