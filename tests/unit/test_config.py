@@ -8,7 +8,7 @@ import shutil
 import pytest
 import yaml
 
-from lumbar.config import Artefact, load_study, read_artefacts, reading_plan, recordings_of
+from lumbar.config import Artefact, load_study, name_lifts, read_artefacts, reading_plan, recordings_of
 from lumbar.errors import InputError
 
 
@@ -209,3 +209,15 @@ def test_every_key_has_a_description(project, schema):
 
     content = yaml.safe_load((project / "workflow" / "schemas" / schema).read_text(encoding="utf-8"))
     assert list(undescribed(content, "")) == []
+
+
+def test_repeated_trials_with_one_box_are_lifts_of_their_own():
+    trials = [{"box_mass_kg": 23, "markers": "a.c3d"}, {"box_mass_kg": 15, "markers": "b.c3d"}]
+    trials += [{"box_mass_kg": 23, "markers": "c.c3d"}]
+    lifts = name_lifts({"expert": {"trials": trials}, "novice": {"trials": trials[:1]}})
+    assert {name: lift["markers"] for name, lift in lifts.items()} == {
+        "expert_23kg": "a.c3d",
+        "expert_15kg": "b.c3d",
+        "expert_23kg_2": "c.c3d",
+        "novice_23kg": "a.c3d",
+    }

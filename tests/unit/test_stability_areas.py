@@ -206,6 +206,21 @@ def test_table_4_1_of_a_study_and_of_one_lift(project, basins):
     assert "–" in alone.to_html() and "nan" not in alone.to_latex()
 
 
+def test_repeated_trials_give_an_interval(basins):
+    """Three trials with each box, 1 % apart: the verdict carries a bootstrap interval about the percentage."""
+    settings = {**SETTINGS, "sum_of_squares": None, "thesis_method": None, "proof": None}
+    rows, items = [], []
+    for box, mass in ((23.0, 33.0), (15.0, 28.0)):
+        for repetition in range(3):
+            items += lift(box=box, mass=mass * (1 + 0.01 * repetition))
+            rows.append(basins_of_lift(items[-6:], settings, seed=1).summary)
+    frame = table_4_1(pd.concat(rows), items, settings, "test", items, 1).frame
+    row = frame[frame["comparison"] == "decrease_in_mass_expert"].iloc[0]
+    low, high = map(float, row["lateral_bending_verdict"].split("[")[1].split("]")[0].split(","))
+    assert low < row["lateral_bending_percent"] < high
+    assert high - low < 10
+
+
 def test_variants_are_what_they_say():
     items = lift()[:2]
     varied = varied_areas(items, SETTINGS)

@@ -93,7 +93,7 @@ def value_of(coefficients, angle):
 def test_g_is_half_of_growth_less_rate(case):
     """At the knots max g is (V̇/ρ − ρ̇/ρ)/2, which the engine knows from another derivation: −margin/2."""
     loops, exact, smaller, _ = case
-    circle = np.linspace(0, 2 * np.pi, 4001)
+    circle = np.linspace(0, 2 * np.pi, 601)
     for funnels, expected in ((exact, 0.0), (smaller, -0.01)):
         curves = interpolants(loops, funnels)
         for interval in (7, 200, 390):

@@ -46,7 +46,7 @@ def random_polynomials(degree, count, seed):
 @pytest.mark.parametrize("degree", [3, 5, 7])
 def test_rate_is_the_maximum_on_a_dense_grid(degree):
     programme = CircleProgramme(degree)
-    angle = np.linspace(0, 2 * np.pi, 200_001)
+    angle = np.linspace(0, 2 * np.pi, 40_001)
     for row in random_polynomials(degree, 4, 11):
         values = sum(
             c * np.cos(angle) ** i * np.sin(angle) ** j

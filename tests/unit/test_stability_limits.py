@@ -83,12 +83,12 @@ def torque_limited_pendulum(limit):
     weights = check_weights([[10, 0], [0, 1]], 15.0, [[1, 0], [0, 1]])
     weights = replace(weights, terminal=np.array([cost[0, 0], cost[0, 1], cost[1, 1]]))
     still = minimum_jerk(start=0.0, end=0.0, duration=6.0, mass=1.0, length=0.5)
-    loops = regulate(pendulums_of([still], "inverted", damping=damping, gravity=9.8, knots=1001), weights)
+    loops = regulate(pendulums_of([still], "inverted", damping=damping, gravity=9.8, knots=601), weights)
     gain = cost[1] / (inertia * 15.0)
 
     def growth(level):
         """V̇ on V = level, written down anew, with saturated torque."""
-        circle = np.linspace(0, 2 * np.pi, 40001)
+        circle = np.linspace(0, 2 * np.pi, 8001)
         x = np.linalg.inv(np.linalg.cholesky(cost)).T @ np.stack([np.cos(circle), np.sin(circle)])
         x = x * np.sqrt(level)
         torque = np.clip(-gain @ x, -limit, limit)
@@ -104,7 +104,7 @@ def test_torque_limited_pendulum_of_the_literature(limit):
     from scipy.optimize import brentq
 
     loops, growth = torque_limited_pendulum(limit)
-    levels = np.geomspace(1e-2, 1e4, 400)
+    levels = np.geomspace(1e-2, 1e4, 120)
     first = int(np.argmax([growth(level) > 0 for level in levels]))
     expected = brentq(growth, levels[first - 1], levels[first])
     found = limited_funnels(loops, 0.2 * expected, Limits(torque=limit))

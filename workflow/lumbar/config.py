@@ -162,11 +162,7 @@ def load_study(config: dict, root: Path) -> Study:
         problems.add("perturbations", "null", "the chapter needs its trials")
     problems.raise_if_any()
     name = config["subject"]["name"] if "subject" in config else config["study"]
-    lifts = {
-        f"{subject}_{trial['box_mass_kg']:g}kg": {"subject": subject, **trial}
-        for subject, content in subjects.items()
-        for trial in content["trials"]
-    }
+    lifts = name_lifts(subjects)
     artefacts = read_artefacts(root / "config" / "artefacts.tsv")
     study = Study(
         name=name,
@@ -186,6 +182,25 @@ def load_study(config: dict, root: Path) -> Study:
     _check_records(study, problems)
     problems.raise_if_any()
     return study
+
+
+def name_lifts(subjects: dict[str, dict]) -> dict[str, dict]:
+    """Return every trial by the name of its lift: ``expert_23kg``, and ``expert_23kg_2`` where it is repeated.
+
+    Parameters
+    ----------
+    subjects : dict of str to dict
+        Subject files by name.
+    """
+    lifts: dict[str, dict] = {}
+    for subject, content in subjects.items():
+        masses = []
+        for trial in content["trials"]:
+            masses.append(trial["box_mass_kg"])
+            repetition = masses.count(trial["box_mass_kg"])
+            name = f"{subject}_{trial['box_mass_kg']:g}kg"
+            lifts[name if repetition == 1 else f"{name}_{repetition}"] = {"subject": subject, **trial}
+    return lifts
 
 
 def read_artefacts(path: Path) -> list[Artefact]:

@@ -38,7 +38,9 @@ def comparison_figure(trajectories: list[Trajectory], settings: dict):
     matplotlib.figure.Figure
     """
     shown = [item for item in trajectories if item.com == "abdomen"]
-    loops = close_loops(shown, settings["pendulum"]["sign"], settings)
+    # A picture needs no more knots than the other variants.
+    fewer = {**settings, "knots": settings["limits"]["knots"]}
+    loops = close_loops(shown, settings["pendulum"]["sign"], fewer)
     without_proof = {**settings, "proof": None}
     sections = {name: ENGINES[name](loops, without_proof).funnels for name in chosen_engines(settings)}
     best = best_of_family(loops, settings["goal_level"], settings["lyapunov_shares"], margin=0.0)

@@ -123,7 +123,9 @@ def varied_areas(trajectories: list[Trajectory], settings: dict) -> dict[str, np
 
 def taylor_areas(trajectories: list[Trajectory], settings: dict) -> dict[str, np.ndarray]:
     """Average cross-sections (exact engine) with the sine replaced by its Taylor polynomials, by their name."""
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
+    # Percentages need no more knots than the other variants.
+    fewer = {**settings, "knots": settings["limits"]["knots"]}
+    loops = close_loops(trajectories, settings["pendulum"]["sign"], fewer)
     goal = np.full(len(trajectories), np.log(settings["goal_level"]))
     areas = {}
     for degree in TAYLOR_DEGREES:
