@@ -27,6 +27,22 @@ rule diagnose_records:
         ),
         ladder="<results>/improvement/{record_set}/ladder.csv",
         refined="<results>/improvement/{record_set}/refined.json",
+        compare="<results>/improvement/{record_set}/compare.csv",
+        compare_tex="<results>/improvement/{record_set}/compare.tex",
+        compare_html=report(
+            "<results>/improvement/{record_set}/compare.html",
+            caption=caption("comparison"),
+            category=CATEGORIES["improvement"],
+            labels={"artefact": "Base model against the records {record_set}"},
+        ),
+        location="<results>/improvement/{record_set}/location.csv",
+        location_tex="<results>/improvement/{record_set}/location.tex",
+        location_html=report(
+            "<results>/improvement/{record_set}/location.html",
+            caption=caption("location"),
+            category=CATEGORIES["improvement"],
+            labels={"artefact": "Where the base model fails on the records {record_set}"},
+        ),
         ladder_svg=report(
             "<results>/improvement/{record_set}/ladder.svg",
             caption=caption("error_ladder"),

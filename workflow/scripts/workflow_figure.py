@@ -21,7 +21,7 @@ def main(input, output, params):
         "--configfile",
         input.config,
     ]
-    command += ["--rulegraph", "dot", "--forceall", "--nolock", "--quiet", "all"]
+    command += ["--rulegraph", "dot", "--forceall", "--nolock", "all"]
     answer = subprocess.run(command, capture_output=True, text=True, check=False)
     if answer.returncode:
         raise LumbarError(f"Snakemake could not draw its rule graph:\n{answer.stderr}")

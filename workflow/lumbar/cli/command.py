@@ -15,6 +15,8 @@ COMMANDS = (
     "bandwidth",
     "signals",
     "identify",
+    "compare",
+    "locate",
     "diagnose",
     "refine",
     "export",

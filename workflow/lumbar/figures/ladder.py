@@ -44,11 +44,18 @@ def ladder_figure(rungs: list[dict], unit: str, floor: float | None):
     for place, rung in zip(places, rungs, strict=True):
         for shift, key in ((-0.19, "train_rms"), (0.19, "test_rms")):
             axes.annotate(
-                f"{rung[key]:.2g}", (place + shift, rung[key]), (0, 1), textcoords="offset points", ha="center", size=6
+                f"{rung[key]:.2g}",
+                (place + shift, rung[key]),
+                (0, 1),
+                textcoords="offset points",
+                ha="center",
+                size=6,
             )
     if floor is not None:
         axes.axhline(floor, color="black", linestyle="--", linewidth=0.9, label="noise floor")
-    smallest = min([rung[key] for rung in rungs for key in ("train_rms", "test_rms")] + ([floor] if floor else []))
+    smallest = min(
+        [rung[key] for rung in rungs for key in ("train_rms", "test_rms")] + ([floor] if floor else [])
+    )
     largest = max(rung[key] for rung in rungs for key in ("train_rms", "test_rms"))
     if largest > 8 * smallest:
         axes.set_yscale("log")

@@ -8,6 +8,7 @@ spread many times; they are found and taken out first (`lumbar.improvement.nonre
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,11 +27,13 @@ from lumbar.records.record import Record
 
 __all__ = ["NoiseFloor", "find_period", "noise_floor"]
 
+WHITENING_ORDER = 12
+"""Order of the autoregressive model of the noise."""
 _INPUT_REPEATS_EXACTLY = 1e-4
 _NORMAL_975 = 1.959964
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NoiseFloor:
     """What of an output does not repeat with a periodic input, less what is structured in it.
 
@@ -51,7 +54,7 @@ class NoiseFloor:
         1/period.
     degrees_of_freedom : float
         Of `rms`, the noise's colour taken into account.
-    period : float
+    period, sampling_time : float
         Seconds.
     periods : int
         Periods used, the transient left out.
@@ -66,13 +69,48 @@ class NoiseFloor:
     spectrum: tuple[np.ndarray, np.ndarray]
     degrees_of_freedom: float
     period: float
+    sampling_time: float
     periods: int
+
+    @cached_property
+    def whitening(self) -> np.ndarray:
+        """FIR filter that makes the noise white and keeps its variance; ``[1]`` where it is white already.
+
+        Autoregressive, of order `WHITENING_ORDER`, by the Yule–Walker equations. It is used where it predicts the noise
+        better than it would predict white noise by chance.
+        """
+        density = self.spectrum[1].copy()
+        density[0] *= 2  # one-sided: the lines at 0 and, of an even number, at the end count once
+        if round(self.period / self.sampling_time) % 2 == 0:
+            density[-1] *= 2
+        covariance = np.fft.irfft(density, round(self.period / self.sampling_time))
+        order = min(WHITENING_ORDER, len(covariance) // 4)
+        prediction, gain = prediction_error_filter(covariance[: order + 1])
+        chance = (order + 4 * np.sqrt(2 * order)) / self.degrees_of_freedom
+        return prediction * np.sqrt(gain) if gain > 1 + chance else np.ones(1)
 
     def density(self, frequency: np.ndarray) -> np.ndarray:
         """Noise level at any frequencies (Hz): the spectrum smoothed over bands, for whitening; unit²/Hz."""
         lines, density = self.spectrum
         level = smooth_power(density, max(self.periods - 1, 1))
         return np.interp(frequency, lines[1:], level[1:])
+
+
+def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
+    """Yule–Walker: coefficients 1, −a₁, …, −aₙ of the prediction error, and variance over that of the error.
+
+    Parameters
+    ----------
+    covariance : numpy.ndarray, shape (n + 1,)
+        Of a signal, at lags 0 to n samples.
+    """
+    order = len(covariance) - 1
+    if order < 1 or covariance[0] <= 0:
+        return np.ones(1), 1.0
+    lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
+    coefficients = np.linalg.lstsq(covariance[lags], covariance[1:], rcond=1e-12)[0]
+    error = covariance[0] - coefficients @ covariance[1:]
+    return np.concatenate([[1.0], -coefficients]), float(covariance[0] / max(error, 1e-12 * covariance[0]))
 
 
 def noise_floor(
@@ -121,6 +159,7 @@ def noise_floor(
         spectrum=_density(power, folding.samples, record.sampling_time),
         degrees_of_freedom=float(effective),
         period=float(period),
+        sampling_time=record.sampling_time,
         periods=len(folded),
     )
 
@@ -156,7 +195,9 @@ def _relaxed(rows: np.ndarray, samples: int) -> np.ndarray:
 def _share_of_white(power: np.ndarray, rows: float) -> float:
     """How many degrees of freedom the variance of coloured noise has, relative to white: (ΣS)²/(n ΣS²)."""
     level = smooth_power(power, rows)[1:]
-    return float(level.sum() ** 2 / (level.size * np.sum(level**2))) if level.size else 1.0
+    if not level.size or power.max() <= 0:
+        return 1.0
+    return float(level.sum() ** 2 / (level.size * np.sum(level**2)))
 
 
 def _rms_together(parts: list[Part], variance: float) -> float:
@@ -198,10 +239,9 @@ def _words(part: Part, mean_period: np.ndarray, unit: str, sampling_time: float)
         gain = 100 * (part.values @ response) / np.sum(response**2)
         return f"amplitude change: {gain[-1] - gain[0]:+.3g} % from period 2 to period {last}"
     if part.kind == LINE:
-        amplitude = np.sqrt(2 * np.mean(part.values**2))
         harmonics = f" with harmonics up to the {part.harmonics}th" if part.harmonics > 1 else ""
         frequency = part.frequency / sampling_time
-        return f"off-grid line at {frequency:.4g} Hz{harmonics}, amplitude {amplitude:.3g} {unit}"
+        return f"off-grid line at {frequency:.4g} Hz{harmonics}, amplitude {part.amplitude:.3g} {unit}"
     energy = np.sum(part.values**2, axis=1)
     odd_one = int(energy.argmax())
     if energy[odd_one] > 0.7 * energy.sum():

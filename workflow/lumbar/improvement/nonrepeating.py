@@ -57,6 +57,8 @@ class Part:
         Cycles per sample of an off-grid line.
     harmonics : int
         Multiples of `frequency` that belong to it, itself included.
+    amplitude : float
+        Of a line: root of the summed squares of its harmonics' amplitudes.
     """
 
     kind: str
@@ -64,6 +66,7 @@ class Part:
     degrees: float
     frequency: float | None = None
     harmonics: int = 1
+    amplitude: float = 0.0
 
     def rms(self, noise_variance: float) -> float:
         """RMS less what the noise contributes to it."""
@@ -150,8 +153,8 @@ def smooth_power(power: np.ndarray, degrees: float, fewest: int = _FEWEST_LINES)
         slope = (
             np.log(levels[1] / levels[0]) / np.log(centres[1] / centres[0]) if min(levels[:2]) > 0 else 0.0
         )
-        centres.insert(0, 0.5)
-        levels.insert(0, levels[0] * (0.5 / centres[1]) ** np.clip(slope, -2, 0))
+        centres.insert(0, max(0.5, centres[0] / 4))
+        levels.insert(0, levels[0] * (centres[0] / centres[1]) ** np.clip(slope, -2, 0))
     # Median of a mean of squares, by Wilson and Hilferty's cube root.
     levels = np.array(levels) / (1 - 1 / (9 * max(degrees, 0.5))) ** 3
     levels = np.maximum(levels, 1e-12 * power.max() + 1e-300)
@@ -267,7 +270,7 @@ class _Search:
 
     def _spectrum_between_lines(self) -> np.ndarray:
         """Power of the whole rest over the noise level, at 0, 1, 2, … cycles per record; 0 where periods repeat."""
-        periods, samples = self.rest.shape
+        periods, _ = self.rest.shape
         level = self._level(self.rest, self.free_rows, _FEWEST_LINES)
         power = np.abs(np.fft.rfft(self.rest.ravel() * taper(self.rest.size))) ** 2 / self.rest.size
         bins = np.arange(len(power))
@@ -286,12 +289,12 @@ class _Search:
         peak = int(spectrum.argmax())
         if spectrum[peak] > np.log(len(spectrum)) + limit:
             found.append(Part(LINE, np.zeros_like(self.rest), 3, _refined_line(self.rest, peak / size)))
-        for line in (part for part in self.parts if part.kind == LINE and part.harmonics == 1):
-            multiples = np.arange(2, min(int(0.5 / line.frequency), _MOST_HARMONICS) + 1)
+        for line in (part for part in self.parts if part.kind == LINE):
+            multiples = np.arange(line.harmonics + 1, min(int(0.5 / line.frequency), _MOST_HARMONICS) + 1)
             places = np.round(multiples * line.frequency * size).astype(int)
             nearby = np.minimum(places[:, None] + np.array([-1, 0, 1]), len(spectrum) - 1)
             standing_out = np.flatnonzero(spectrum[nearby].max(axis=1) > np.log(3 * len(nearby) + 1) + limit)
-            if standing_out.size >= 2:
+            if standing_out.size >= (2 if line.harmonics == 1 else 1):
                 count = int(multiples[standing_out[-1]])
                 found.append(Part(LINE, np.zeros_like(self.rest), 2 * count + 1, line.frequency, count))
         return found
@@ -337,8 +340,11 @@ class _Search:
         if not blocks:
             return np.zeros_like(rows)
         coefficients = _least_squares(list(np.concatenate(blocks)), rows)
-        for part, block in zip([*(part for part in courses if part.kind == DRIFT), *lines], blocks, strict=True):
+        for part, block in zip(
+            [*(part for part in courses if part.kind == DRIFT), *lines], blocks, strict=True
+        ):
             part.values = np.tensordot(coefficients[: len(block)], block, 1)
+            part.amplitude = float(np.sqrt(np.sum(coefficients[: len(block)] ** 2)))
             coefficients = coefficients[len(block) :]
         return sum(part.values for part in courses)
 

@@ -1,0 +1,51 @@
+"""``lumbar compare``: compare a model of tissue tests with every record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lumbar.cli.settings import add_data, add_output, load_settings, new_command
+from lumbar.cli.tissue_folder import add_selection, read_folder, selection
+
+
+def add(commands) -> None:
+    """Add the command to the parser."""
+    parser = new_command(
+        commands,
+        "compare",
+        "compare a model of tissue tests with every record: errors with intervals and the part that could be explained",
+        "lumbar compare recordings/tissue --output out",
+    )
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="one file per excitation")
+    parser.add_argument(
+        "--add",
+        action="append",
+        default=[],
+        metavar="EFFECT",
+        help="effect added to the base; may be given several times",
+    )
+    add_selection(parser)
+    add_output(parser)
+    add_data(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options) -> None:
+    """Fit the model, simulate it on every record, write the table and tell it."""
+    from lumbar.improvement.compare import comparison_table
+    from lumbar.improvement.refinement import refine
+    from lumbar.improvement.simulated import compare_and_locate
+
+    settings = load_settings(options.config, "tissue", "improvement")
+    records = read_folder(options.folder, settings["tissue"])
+    chosen = selection(options, settings["improvement"])
+    experiment, ladder = refine(records, options.add, chosen)
+    comparisons, _ = compare_and_locate(
+        records, ladder[-1].fit, experiment.floor, experiment.training.name, settings["seed"], chosen.centre
+    )
+    data = options.data or options.folder.name
+    comparison_table(comparisons, data).write(options.output / "compare")
+    for item in comparisons:
+        print(
+            f"{item.record}: {item.vaf.value:.1f} %VAF, RMS error {item.rms.value:.3g} {experiment.output_unit}"
+        )
