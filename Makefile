@@ -40,8 +40,11 @@ update-reference: results ## take the default study's numbers as the new referen
 	python tests/reference/check_results.py --update
 
 benchmark: environment ## accuracy of the diagnosis over hundreds of experiments; timings and memory, printed
-	snakemake --cores $(CORES) hidden_effects --configfile config/hidden_effects_full.yaml
+	snakemake --cores $(CORES) lifting tissue
 	python tests/benchmark/run.py
+	python tests/benchmark/stability.py
+	python tests/benchmark/runtime.py
+	snakemake --cores $(CORES) hidden_effects --configfile config/hidden_effects_full.yaml
 
 lint: environment ## what the continuous integration checks before the tests
 	ruff check .

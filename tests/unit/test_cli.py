@@ -270,3 +270,40 @@ def test_an_output_that_cannot_be_written(run, project, tmp_path):
     status, _, err = run("survey", sheet, "--output", tmp_path / "file")
     assert status == 1
     assert "Traceback" not in err
+
+
+def test_compare_locate_diagnose_and_refine_a_folder(run, tissue, tmp_path):
+    status, out, err = run("compare", tissue, "--output", tmp_path)
+    assert status == 0, err
+    assert "%VAF" in out
+    assert (tmp_path / "compare.csv").is_file()
+    status, out, err = run("locate", tissue, "--output", tmp_path)
+    assert status == 0, err
+    assert (tmp_path / "location.html").is_file()
+    status, out, err = run("diagnose", tissue, "--output", tmp_path, "--train", "long")
+    assert status == 0, err
+    content = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
+    assert content["schema"] == "lumbar.diagnosis/1"
+    assert content["train"] == "long"
+    assert {"diagnosis.html", "ladder.csv"} <= {path.name for path in tmp_path.iterdir()}
+    status, out, err = run("refine", tissue, "--add", "quadratic_stiffness", "--output", tmp_path)
+    assert status == 0, err
+    models = json.loads((tmp_path / "refined.json").read_text(encoding="utf-8"))["models"]
+    assert [model["name"] for model in models] == ["KB", "KB+quadratic_stiffness"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("diagnose", "--period", "long"), "NAME=SECONDS"),
+        (("diagnose", "--period", "other=3"), "no record 'other'"),
+        (("diagnose", "--base", "HO"), "unknown base model"),
+        (("refine", "--add", "glue"), "unknown effect glue"),
+    ],
+)
+def test_wrong_wishes_of_a_diagnosis(run, tissue, tmp_path, arguments, message):
+    command, *options = arguments
+    status, _, err = run(command, tissue, *options, "--output", tmp_path / "out")
+    assert status == 1
+    assert message in err
+    assert not (tmp_path / "out").exists()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from lumbar.cli.settings import add_data, add_output, load_settings, new_command
-from lumbar.cli.tissue_folder import add_selection, read_folder, selection
+from lumbar.cli.settings import add_data, add_output, new_command
+from lumbar.cli.tissue_folder import add_model, fitted_model
 
 
 def add(commands) -> None:
@@ -16,15 +14,7 @@ def add(commands) -> None:
         "see where a model of tissue tests fails: time, frequency, motion, depth, reversals, correlations",
         "lumbar locate recordings/tissue --output out",
     )
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="one file per excitation")
-    parser.add_argument(
-        "--add",
-        action="append",
-        default=[],
-        metavar="EFFECT",
-        help="effect added to the base; may be given several times",
-    )
-    add_selection(parser)
+    add_model(parser)
     add_output(parser)
     add_data(parser)
     parser.set_defaults(run=run)
@@ -33,13 +23,9 @@ def add(commands) -> None:
 def run(options) -> None:
     """Fit the model, simulate it on every record, write the table and tell it."""
     from lumbar.improvement.locate import location_table
-    from lumbar.improvement.refinement import refine
     from lumbar.improvement.simulated import compare_and_locate
 
-    settings = load_settings(options.config, "tissue", "improvement")
-    records = read_folder(options.folder, settings["tissue"])
-    chosen = selection(options, settings["improvement"])
-    experiment, ladder = refine(records, options.add, chosen)
+    settings, records, chosen, experiment, ladder = fitted_model(options)
     _, locations = compare_and_locate(
         records, ladder[-1].fit, experiment.floor, experiment.training.name, settings["seed"], chosen.centre
     )

@@ -5,8 +5,44 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lumbar.cli.settings import record_files
+from lumbar.cli.settings import load_settings, record_files
 from lumbar.errors import InputError
+
+
+def add_model(parser: argparse.ArgumentParser, effects_required: bool = False) -> None:
+    """Add the folder, ``--add EFFECT`` and the options of `add_selection`."""
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="one file per excitation")
+    parser.add_argument(
+        "--add",
+        action="append",
+        default=[],
+        required=effects_required,
+        metavar="EFFECT",
+        help="effect added to the base; may be given several times",
+    )
+    add_selection(parser)
+
+
+def fitted_model(options):
+    """Read the folder and fit the base with the effects of ``--add``.
+
+    Returns
+    -------
+    dict
+        The settings.
+    list of Record
+    Settings
+        Of `lumbar.improvement.diagnosis`.
+    Experiment
+    list of Candidate
+        The ladder: base, base and first effect, ….
+    """
+    from lumbar.improvement.refinement import refine
+
+    settings = load_settings(options.config, "tissue", "improvement")
+    records = read_folder(options.folder, settings["tissue"])
+    chosen = selection(options, settings["improvement"])
+    return settings, records, chosen, *refine(records, options.add, chosen)
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:

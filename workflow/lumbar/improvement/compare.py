@@ -21,7 +21,7 @@ from lumbar.tissue.metrics import (
 RESAMPLES = 300
 CONFIDENCE = 0.95
 _FEWEST_BLOCKS = 8
-_BLOCK = 4
+_BLOCK = 3
 """Blocks are this many times as long as energies are correlated."""
 
 
@@ -219,7 +219,7 @@ def _estimates(measured: np.ndarray, modelled: np.ndarray, period: int | None, s
 def block_groups(signals: list[np.ndarray], period: int | None) -> list[np.ndarray]:
     """Indices of the samples that are resampled together.
 
-    Blocks of equal length, four times as long as the energy of any of the signals is correlated but at least eight to a record
+    Blocks of equal length, three times as long as the energy of any of the signals is correlated but at least eight to a record
     or period.
     """
     size = len(signals[0])

@@ -98,8 +98,10 @@ class Residual:
 
     @cached_property
     def whitening(self) -> np.ndarray:
-        """FIR filter that makes the noise white; ``[1]`` where it is white or unknown."""
-        return self.floor.whitening if self.floor is not None else np.ones(1)
+        """FIR filter that makes the noise white; ``[1]`` where it is white or unknown, or known at another rate only."""
+        if self.floor is None or abs(self.floor.sampling_time / self.sampling_time - 1) > 1e-3:
+            return np.ones(1)
+        return self.floor.whitening
 
     @cached_property
     def _noise_model(self) -> tuple[np.ndarray, float]:
