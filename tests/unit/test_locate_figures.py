@@ -5,13 +5,14 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from periodic_records import STEP, noise, noisy_record, record, relaxing_force
+
 from lumbar.figures.comparison import comparison_figure, default_segment
 from lumbar.figures.location import location_figure
 from lumbar.figures.style import save
 from lumbar.improvement.compare import compare_record
 from lumbar.improvement.locate import locate
 from lumbar.improvement.noise_floor import noise_floor
-from periodic_records import STEP, noise, noisy_record, record, relaxing_force
 
 
 @pytest.fixture(autouse=True)
@@ -84,8 +85,8 @@ def test_location_has_six_panels_with_what_was_found(tests):
     assert depth.lines[0].get_ydata() == pytest.approx(location.views["depth"].table["mean"], nan_ok=True)
     assert turning.lines[0].get_ydata() == pytest.approx(location.views["reversals"].table["mean"])
     curves = [line for line in correlations.lines if not line.get_label().startswith("_")]
-    assert len({str(line.get_linestyle()) for line in curves}) == len(curves) == 4
-    assert len({str(line.get_linestyle()) for line in depth.lines[:3]}) == 3
+    assert len({str(line._dash_pattern) for line in curves}) == len(curves) == 4
+    assert len({str(line._dash_pattern) for line in depth.lines[:3]}) == 3
     assert f"map: {100 * location.views['position and velocity'].share:.0f} %" in plane.get_title(loc="right")
     assert "noise 0.3" in figure.get_suptitle()
 

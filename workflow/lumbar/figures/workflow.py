@@ -110,7 +110,15 @@ def _draw_boxes(axis, lines, chapters) -> dict[str, tuple[float, float]]:
                 zorder=3,
             )
             axis.add_patch(box)
-            axis.text(x, -row, rule.replace("_", " "), ha="center", va="center", fontsize=6, zorder=4)
+            axis.text(
+                x,
+                -row,
+                rule.replace("_", " "),
+                ha="center",
+                va="center",
+                fontsize=6 if len(rule) < 24 else 5.2,
+                zorder=4,
+            )
             places[rule] = (x, -row)
     return places
 
