@@ -88,7 +88,7 @@ def test_location_has_six_panels_with_what_was_found(tests):
     assert len({str(line._dash_pattern) for line in curves}) == len(curves) == 4
     assert len({str(line._dash_pattern) for line in depth.lines[:3]}) == 3
     assert f"map: {100 * location.views['position and velocity'].share:.0f} %" in plane.get_title(loc="right")
-    assert "noise 0.3" in figure.get_suptitle()
+    assert f"noise {location.residual.floor.rms:.3g} N" in figure.get_suptitle()
 
 
 def test_location_of_noise_says_so(tests):

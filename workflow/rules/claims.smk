@@ -2,6 +2,8 @@
 
 
 rule run_config:
+    input:
+        checked=ALL_CHECKED,
     output:
         config="<results>/run_config.yaml",
         environment="<results>/run_environment.json",

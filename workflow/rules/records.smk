@@ -6,6 +6,10 @@
 from lumbar.config import reading_plan, recordings_of
 
 RECORDED_CHAPTERS = sorted(recordings_of(study))
+# What rules without recordings of their own wait for: nothing is made from a study whose recordings are not sound.
+ALL_CHECKED = (
+    [] if study.synthetic else [f"<results>/checked/{chapter}.json" for chapter in RECORDED_CHAPTERS]
+)
 CHECKS = (
     {chapter: [chapter] for chapter in RECORDED_CHAPTERS} if study.synthetic else {"all": RECORDED_CHAPTERS}
 )

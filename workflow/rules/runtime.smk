@@ -8,6 +8,7 @@ FMUS = [
 
 rule warm_compiler:
     input:
+        checked=ALL_CHECKED,
         sources=library_sources("warm_compiler.py"),
     output:
         targets="<results>/runtime/targets.json",

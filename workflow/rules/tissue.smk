@@ -9,6 +9,7 @@ TRAINING = config["tissue"]["training"]
 
 rule viscoelastic_models:
     input:
+        checked=ALL_CHECKED,
         sources=library_sources("viscoelastic_models.py"),
     output:
         csv="<results>/tables/table_2_1.csv",

@@ -12,16 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from lumbar.improvement.nonrepeating import (
-    AMPLITUDE,
-    DRIFT,
-    LINE,
-    Part,
-    excess,
-    line_power,
-    remove_structure,
-    smooth_power,
-)
+from lumbar.improvement.noise_spectrum import excess, line_power, smooth_power
+from lumbar.improvement.nonrepeating import AMPLITUDE, DRIFT, LINE, Part, remove_structure
 from lumbar.improvement.periods import Folding, find_period, fold_periods
 from lumbar.records.record import Record
 

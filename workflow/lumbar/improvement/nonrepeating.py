@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lumbar.improvement.noise_spectrum import FEWEST_LINES, excess, line_power, smooth_power, taper
+
 SIGNIFICANT = 4.5
 """Standard deviations by which a part must exceed what noise would give; a part missed here raises the floor
 by less than a percent."""
@@ -33,11 +35,8 @@ _SETTLING_TIMES = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Periods in which a drift settles; these and a straight line span every monotonic course closely."""
 _TAPERED = 2 / 3
 """Share of the samples that a sine taper leaves: (Σw²)²/(n Σw⁴)."""
-_FEWEST_LINES = 5
-"""Lines of a band whose median is deaf to a sinusoid in it."""
 _FEWEST_VALUES = 12
 """A band's median is taken of at least so many values, one per line and free row."""
-_MOST_LINES = 24
 
 DRIFT, AMPLITUDE, LINE, OTHER = "drift", "amplitude change", "off-grid line", "other change"
 
@@ -103,68 +102,6 @@ def remove_structure(
             break
         search.add(found)
     return search.rest, search.parts, search.degrees
-
-
-def taper(samples: int) -> np.ndarray:
-    """Half a sine of RMS 1: without it the jump from a row's end to its start covers the weak end of a spectrum."""
-    return np.sqrt(2) * np.sin(np.pi * (np.arange(samples) + 0.5) / samples)
-
-
-def line_power(rows: np.ndarray, degrees: float) -> np.ndarray:
-    """Mean power of the rows at 0, 1, 2, … cycles per row, as variance per sample.
-
-    Parameters
-    ----------
-    rows : numpy.ndarray, shape (periods, samples)
-    degrees : float
-        Rows' worth of degrees of freedom that are left in them.
-    """
-    return np.sum(np.abs(np.fft.rfft(rows, axis=1)) ** 2, axis=0) / (rows.shape[1] * degrees)
-
-
-def smooth_power(power: np.ndarray, degrees: float, fewest: int = _FEWEST_LINES) -> np.ndarray:
-    """Level of a noise spectrum: medians over bands that widen with frequency, deaf to single lines.
-
-    Parameters
-    ----------
-    power : numpy.ndarray, shape (lines,)
-        Power at 0, 1, 2, … cycles per row, mean of `degrees` rows.
-    degrees : float
-    fewest : int
-        Lines in the narrowest band.
-
-    Returns
-    -------
-    numpy.ndarray, shape (lines,)
-        Positive.
-    """
-    centres, levels, start, last = [], [], 1, len(power) - 1
-    while start < last:
-        stop = min(start + min(max(fewest, start // 3), _MOST_LINES), last)
-        if last - stop < fewest:
-            stop = last
-        centres.append(0.5 * (start + stop - 1))
-        levels.append(np.median(power[start:stop]))
-        start = stop
-    if not levels:
-        centres, levels = [1.0], [power.mean()]
-    # Towards frequency 0 a spectrum may go on rising as it does between the lowest two bands.
-    if len(centres) > 1:
-        slope = (
-            np.log(levels[1] / levels[0]) / np.log(centres[1] / centres[0]) if min(levels[:2]) > 0 else 0.0
-        )
-        centres.insert(0, max(0.5, centres[0] / 4))
-        levels.insert(0, levels[0] * (centres[0] / centres[1]) ** np.clip(slope, -2, 0))
-    # Median of a mean of squares, by Wilson and Hilferty's cube root.
-    levels = np.array(levels) / (1 - 1 / (9 * max(degrees, 0.5))) ** 3
-    levels = np.maximum(levels, 1e-12 * power.max() + 1e-300)
-    return np.exp(np.interp(np.arange(len(power)), centres, np.log(levels)))
-
-
-def excess(statistic: float, degrees: float) -> float:
-    """Standard deviations of a χ² statistic above its mean (Wilson and Hilferty, PNAS 17, 1931)."""
-    spread = 2 / (9 * degrees)
-    return ((statistic / degrees) ** (1 / 3) - (1 - spread)) / np.sqrt(spread)
 
 
 class _Search:
@@ -251,7 +188,7 @@ class _Search:
         quick = self.rest - self.slow_courses @ (self.slow_courses.T @ self.rest)
         rows = self.free_rows - (self.slow_courses.shape[1] - 1)
         if rows < 1:
-            return self._level(self.rest, self.free_rows, _FEWEST_LINES)
+            return self._level(self.rest, self.free_rows, FEWEST_LINES)
         return self._level(quick, rows, 3)
 
     def _whitened(self, rows: np.ndarray, level: np.ndarray) -> np.ndarray:
@@ -271,7 +208,7 @@ class _Search:
     def _spectrum_between_lines(self) -> np.ndarray:
         """Power of the whole rest over the noise level, at 0, 1, 2, … cycles per record; 0 where periods repeat."""
         periods, _ = self.rest.shape
-        level = self._level(self.rest, self.free_rows, _FEWEST_LINES)
+        level = self._level(self.rest, self.free_rows, FEWEST_LINES)
         power = np.abs(np.fft.rfft(self.rest.ravel() * taper(self.rest.size))) ** 2 / self.rest.size
         bins = np.arange(len(power))
         power /= np.interp(bins / periods, np.arange(len(level)), level)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.improvement.nonrepeating import excess, remove_structure
+from lumbar.improvement.noise_spectrum import excess
+from lumbar.improvement.nonrepeating import remove_structure
 from lumbar.improvement.residual import SIGNIFICANT, Residual
 from lumbar.improvement.view import View, percent, probability
 
