@@ -38,8 +38,9 @@ def test_the_label_of_the_data_stands_on_the_figure(tmp_path):
 def test_figures_do_not_stay_open(tmp_path):
     import matplotlib.pyplot as plt
 
+    open_before = plt.get_fignums()
     save(draw(), tmp_path / "figure", "")
-    assert plt.get_fignums() == []
+    assert plt.get_fignums() == open_before
 
 
 @pytest.mark.parametrize("kind", ["linestyle", "marker", "hatch"])

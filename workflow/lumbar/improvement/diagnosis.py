@@ -38,6 +38,8 @@ COMPLETE = 1.2
 """Remaining error, in noise floors, up to which a model counts as complete."""
 TIED = 9.2
 """Difference in twice the log-likelihood below which two effects cannot be told apart (odds of 100 to 1)."""
+STRUCTURED = 0.2
+"""What differs between periods and is no noise, in noise floors, from which on a model is not adequate."""
 WORTHWHILE = 0.007
 """A further effect must remove this share of what the base leaves to explain on unseen records, and as much as the
 noise itself: the wrong mathematical form of the first effect leaves a little that any other one can mop up."""
@@ -388,7 +390,10 @@ class _Search:
 
     def verdict(self, model: Candidate, tied: list[Candidate], share: float) -> str:
         if model is self.base:
-            lacking = self.experiment.floor is not None and not is_adequate(self.base, self.experiment)
+            floor = self.experiment.floor
+            # Periods that differ by more than noise show that something is missing, even where it raises the floor.
+            differing = floor is not None and floor.structured_rms > STRUCTURED * floor.rms
+            lacking = floor is not None and (differing or not is_adequate(self.base, self.experiment))
             return "unexplained" if lacking else "adequate"
         if share < 0.5 and not is_adequate(model, self.experiment):
             return "unexplained"
