@@ -70,6 +70,12 @@ CONTACT_LOSS = Effect(
     ),
 )
 
+
+def _rounded_clip(force, limit, sharpness):
+    """Clipping at ±limit with a knee that is the rounder the smaller the sharpness."""
+    return force * (1 + np.abs(force / limit) ** sharpness) ** (-1 / sharpness)
+
+
 SATURATION = Effect(
     name="saturation",
     mechanism="The force channel clips.",
@@ -89,6 +95,16 @@ SATURATION = Effect(
             place=Place.OUTPUT,
             shapes=(Shape("limit", "{y}", "force", 0.6, 4.0, 6, reach=(0.4, 3.0)),),
             output_transform=lambda force, motion, shapes: shapes[0] * np.tanh(force / shapes[0]),
+        ),
+        Form(
+            name="rounded",
+            equation=r"F \to F\,(1 + |F/F_s|^p)^{-1/p}",
+            place=Place.OUTPUT,
+            shapes=(
+                Shape("limit", "{y}", "force", 0.6, 1.5, 4, reach=(0.4, 3.0)),
+                Shape("sharpness", "1", "one", 3.0, 10.0, 2, reach=(0.5, 2.0)),
+            ),
+            output_transform=lambda force, motion, shapes: _rounded_clip(force, shapes[0], shapes[1]),
         ),
     ),
 )

@@ -85,6 +85,16 @@ HYSTERESIS = Effect(
             shapes=(_DISTANCE,),
             columns=lambda motion, shapes: [elastoplastic(motion, shapes[0])],
         ),
+        Form(
+            name="iwan",
+            equation=r"\sum_{n=0}^{3} F_n\,(z - \mathrm{play}_{d_n}(z))/d_n,\quad d_n = d/2^n",
+            place=Place.PARALLEL,
+            amplitudes=tuple(Amplitude(f"friction_limit_{order}", "{y}") for order in range(4)),
+            shapes=(Shape("largest_distance", "{x}", "position", 0.2, 1.5, 3, reach=(0.5, 1.5)),),
+            columns=lambda motion, shapes: [
+                elastoplastic(motion, shapes[0] / 2**order) for order in range(4)
+            ],
+        ),
     ),
 )
 

@@ -7,8 +7,8 @@ import numpy as np
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 
 
-def _hunt_crossley(motion, _):
-    depth = np.maximum(motion.position, 0.0)
+def _hunt_crossley(motion, exponent):
+    depth = np.maximum(motion.position, 0.0) ** exponent
     return [depth * motion.velocity, motion.velocity]
 
 
@@ -36,7 +36,18 @@ DEPTH_DEPENDENT_DAMPING = Effect(
                 Amplitude("damping_per_depth", "{y} s/{x}^2"),
                 Amplitude("damping_at_zero", "{y} s/{x}"),
             ),
-            columns=_hunt_crossley,
+            columns=lambda motion, _: _hunt_crossley(motion, 1.0),
+        ),
+        Form(
+            name="hunt_crossley",
+            equation=r"\lambda \max(z/z_1, 0)^n v + c v,\quad z_1 = \text{1 unit}",
+            place=Place.PARALLEL,
+            amplitudes=(
+                Amplitude("damping_at_depth", "{y} s/{x}"),
+                Amplitude("damping_at_zero", "{y} s/{x}"),
+            ),
+            shapes=(Shape("exponent", "1", "one", 0.5, 2.0, 3, reach=(0.6, 1.5)),),
+            columns=lambda motion, shapes: _hunt_crossley(motion, shapes[0]),
         ),
     ),
 )
