@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lumbar.effects.c_step import CStep
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 from lumbar.effects.motion import Motion
 
@@ -19,6 +20,7 @@ DRIFT = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("drift_rate", "{y}/s", sign=0),),
             columns=lambda motion, _: [motion.time],
+            c_step=CStep("drift_rate * time"),
         ),
         Form(
             name="settling",
@@ -27,6 +29,7 @@ DRIFT = Effect(
             amplitudes=(Amplitude("drift_force", "{y}", sign=0),),
             shapes=(Shape("settling_time", "s", "duration", 0.01, 1.0, 7, reach=(0.3, 5.0)),),
             columns=lambda motion, shapes: [-np.expm1(-motion.time / shapes[0])],
+            c_step=CStep("drift_force * -portable_expm1(-time / settling_time)"),
         ),
     ),
 )
@@ -78,6 +81,10 @@ PERIODIC_DISTURBANCE = Effect(
                 np.cos(2 * np.pi * shapes[0] * motion.time),
             ],
             starts=strongest_lines,
+            c_step=CStep(
+                "sine_amplitude * portable_sine(turns) + cosine_amplitude * portable_cosine(turns)",
+                "double turns = frequency * time;",
+            ),
         ),
     ),
 )

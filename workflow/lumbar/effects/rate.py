@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lumbar.effects.c_step import CStep
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 
 
@@ -27,6 +28,7 @@ DEPTH_DEPENDENT_DAMPING = Effect(
                 Amplitude("damping_at_zero", "{y} s/{x}"),
             ),
             columns=lambda motion, _: [motion.position * motion.velocity, motion.velocity],
+            c_step=CStep("damping_per_depth * (position * velocity) + damping_at_zero * velocity"),
         ),
         Form(
             name="one_sided",
@@ -37,6 +39,10 @@ DEPTH_DEPENDENT_DAMPING = Effect(
                 Amplitude("damping_at_zero", "{y} s/{x}"),
             ),
             columns=_hunt_crossley,
+            c_step=CStep(
+                "damping_per_depth * (depth * velocity) + damping_at_zero * velocity",
+                "double depth = position > 0 ? position : 0.0;",
+            ),
         ),
     ),
 )
@@ -53,6 +59,7 @@ QUADRATIC_DAMPING = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("quadratic_damping", "{y} s^2/{x}^2"),),
             columns=lambda motion, _: [motion.velocity * np.abs(motion.velocity)],
+            c_step=CStep("quadratic_damping * (velocity * fabs(velocity))"),
         ),
         Form(
             name="power",
@@ -61,6 +68,7 @@ QUADRATIC_DAMPING = Effect(
             amplitudes=(Amplitude("damping_force", "{y}"),),
             shapes=(Shape("exponent", "1", "one", 1.5, 3.0, 3, reach=(0.85, 1.3)),),
             columns=lambda motion, shapes: [np.sign(motion.velocity) * np.abs(motion.velocity) ** shapes[0]],
+            c_step=CStep("damping_force * (sign(velocity) * portable_power(fabs(velocity), exponent))"),
         ),
         Form(
             name="sinh",
@@ -69,6 +77,7 @@ QUADRATIC_DAMPING = Effect(
             amplitudes=(Amplitude("damping_force", "{y}"),),
             shapes=(Shape("speed_constant", "{x}/s", "speed", 0.2, 2.0, 4, reach=(0.4, 2.0)),),
             columns=lambda motion, shapes: [np.sinh(motion.velocity / shapes[0])],
+            c_step=CStep("damping_force * portable_sinh(velocity / speed_constant)"),
         ),
     ),
 )
@@ -85,6 +94,7 @@ INERTIA = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("mass", "{y} s^2/{x}"),),
             columns=lambda motion, _: [motion.acceleration],
+            c_step=CStep("mass * acceleration"),
         ),
     ),
 )

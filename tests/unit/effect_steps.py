@@ -1,7 +1,7 @@
-"""Models with effects sample by sample in Python: what the C code of an FMU is checked against.
+"""Models with effects sample by sample in Python: an account of the catalogue's C code that is independent of it.
 
-Every operation stands in the order in which ``effect_forms.c`` has it, so that with the same elementary functions
-the bits are the same.
+Every operation stands in the order in which the forms' C code has it, so that with the same elementary functions the
+bits are the same.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lumbar.effects.effect import Place
 from lumbar.errors import NumericalError
-from lumbar.runtime.effect_forms import Place
 
 NEGLIGIBLE = 1e-200
 """Numbers below this are flushed to zero, as in ``sampled_force.c``."""
@@ -55,6 +55,7 @@ class Motion:
     velocity: float
     acceleration: float
     path: float
+    sampling_time: float
 
 
 class Tracker:
@@ -68,14 +69,22 @@ class Tracker:
         """Return the motion at the next sample."""
         time = sample * self.sampling_time
         if self.last is None:
-            now = Motion(time, True, position, 0.0, 0.0, 0.0, 0.0)
+            now = Motion(time, True, position, 0.0, 0.0, 0.0, 0.0, self.sampling_time)
         else:
             step = position - self.last.position
             velocity = step / self.sampling_time
             acceleration = (velocity - self.last.velocity) / self.sampling_time
-            now = Motion(time, False, position, step, velocity, acceleration, self.last.path + abs(step))
+            path = self.last.path + abs(step)
+            now = Motion(time, False, position, step, velocity, acceleration, path, self.sampling_time)
         self.last = Motion(
-            time, False, _flushed(position), 0.0, _flushed(now.velocity), 0.0, _flushed(now.path)
+            time,
+            False,
+            _flushed(position),
+            0.0,
+            _flushed(now.velocity),
+            0.0,
+            _flushed(now.path),
+            self.sampling_time,
         )
         return now
 
@@ -121,8 +130,8 @@ def _sine(p, m: Motion, f: Functions) -> float:
 
 
 _STATIC = {
-    "base/spring": lambda p, m, f: p[0] * m.position,
-    "base/dashpot": lambda p, m, f: p[0] * m.velocity,
+    "base/LE": lambda p, m, f: p[0] * m.position,
+    "base/KV": lambda p, m, f: p[0] * m.position + p[1] * m.velocity,
     "hardening_stiffness/cubic": lambda p, m, f: p[0] * (m.position * m.position * m.position),
     "hardening_stiffness/exponential": lambda p, m, f: (
         p[0] * (_sign(m.position) * f.expm1(abs(m.position) / p[1]))
@@ -152,9 +161,20 @@ _STATIC = {
 """Parallel forms without memory: from parameters and motion to force."""
 
 
-def _relax(share: float, p, m: Motion, f: Functions) -> tuple[float, float]:
-    share = p[1] * share + p[2] * m.step
-    return share, p[0] * share
+def _relaxed(elongation: float, relaxation_time: float, m: Motion) -> float:
+    """Ramp-invariant: the pole is e^(−T/τ), the gain (1 − e^(−T/τ)) τ/T."""
+    ratio = m.sampling_time / relaxation_time
+    return math.exp(-ratio) * elongation + -math.expm1(-ratio) / ratio * m.step
+
+
+def _relax(elongation: float, p, m: Motion, f: Functions) -> tuple[float, float]:
+    elongation = _relaxed(elongation, p[1], m)
+    return elongation, p[0] * elongation
+
+
+def _relax_beside_spring(elongation: float, p, m: Motion, f: Functions) -> tuple[float, float]:
+    elongation = _relaxed(elongation, p[2], m)
+    return elongation, p[0] * m.position + p[1] * elongation
 
 
 def _friction(rule):
@@ -171,7 +191,8 @@ def _elastoplastic(slider: float, p, m: Motion, f: Functions) -> tuple[float, fl
 
 
 _REMEMBERING = {
-    "base/maxwell_branch": _relax,
+    "base/Maxwell": _relax,
+    "base/KB": _relax_beside_spring,
     "second_relaxation/maxwell_branch": _relax,
     "hysteresis/dahl": _friction(_dahl),
     "hysteresis/bouc_wen": _friction(_bouc_wen),
@@ -180,15 +201,15 @@ _REMEMBERING = {
 """Parallel forms with one number of memory: from it, parameters and motion to the next one and the force."""
 
 
-def _delayed(past: list[float], p, position: float, first: bool) -> float:
+def _delayed(past: list[float], samples: float, position: float, first: bool) -> float:
     """Position some samples ago, linear in between; `past` holds the positions before, newest first."""
-    whole = int(p[0])
+    whole = math.floor(samples)
     if first:
         past[:] = [_flushed(position)] * (whole + 1)
         return position
     newer, older = (position if whole == 0 else past[whole - 1]), past[whole]
     past[:] = [_flushed(position), *past[:-1]]
-    return newer + p[1] * (older - newer)
+    return newer + (samples - whole) * (older - newer)
 
 
 _OUTPUT = {
@@ -200,11 +221,15 @@ _OUTPUT = {
 }
 
 
+def _parameters(term) -> tuple[float, ...]:
+    return (*term.amplitudes, *term.shapes)
+
+
 class Simulation:
     """A model with effects and what it remembers between samples."""
 
     def __init__(self, model, functions: Functions):
-        self.terms = model.terms
+        self.terms, self.sampling_time = model.terms, model.sampling_time
         self.functions = functions
         self.samples = 0
         self.tool, self.tissue = Tracker(model.sampling_time), Tracker(model.sampling_time)
@@ -221,7 +246,7 @@ class Simulation:
         for index, term in self._at(Place.PARALLEL):
             force += self._added(index, term, tissue)
         for _, term in self._at(Place.OUTPUT):
-            force = _OUTPUT[term.form.key](term.parameters, tool, self.functions, force)
+            force = _OUTPUT[term.form.key](_parameters(term), tool, self.functions, force)
         self.samples += 1
         return force
 
@@ -230,13 +255,13 @@ class Simulation:
 
     def _reaching_tissue(self, index: int, term, position: float, first: bool) -> float:
         if term.form.key == "delay/pure":
-            return _delayed(self.past[index], term.parameters, position, first)
-        position = _play(self.memory[index], position, term.parameters[0], first)
+            return _delayed(self.past[index], _parameters(term)[0] / self.sampling_time, position, first)
+        position = _play(self.memory[index], position, _parameters(term)[0], first)
         self.memory[index] = _flushed(position)
         return position
 
     def _added(self, index: int, term, tissue: Motion) -> float:
-        key, parameters = term.form.key, term.parameters
+        key, parameters = term.form.key, _parameters(term)
         if key in _STATIC:
             return _STATIC[key](parameters, tissue, self.functions)
         kept, force = _REMEMBERING[key](self.memory[index], parameters, tissue, self.functions)
@@ -269,7 +294,7 @@ def simulate(model, positions: Sequence[float], functions: Functions | None = No
     try:
         forces = np.array([simulation.take(float(position)) for position in positions])
     except OverflowError as error:
-        raise NumericalError(f"{model.base} with effects: the force overflows ({error})") from error
+        raise NumericalError(f"{model.base.name} with effects: the force overflows ({error})") from error
     if not np.isfinite(forces).all():
-        raise NumericalError(f"{model.base} with effects: the force overflows")
+        raise NumericalError(f"{model.base.name} with effects: the force overflows")
     return forces
