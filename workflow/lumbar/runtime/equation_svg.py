@@ -34,7 +34,7 @@ def equation_svg(latex: str) -> str:
     from matplotlib.textpath import TextPath
 
     try:
-        path = TextPath((0, 0), f"${latex}$", size=_HEIGHT * _GRID)
+        path = TextPath((0, 0), f"${' '.join(latex.split())}$", size=_HEIGHT * _GRID)
     except ValueError as error:
         raise InputError(f"equation {latex!r} is not in LaTeX that can be set: {error}") from error
     # Pixels grow downwards.
