@@ -16,6 +16,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from lumbar.effects.c_step import CStep
 from lumbar.effects.motion import Motion
 
 
@@ -111,6 +112,8 @@ class Form:
         shapes to the measured force.
     starts : callable, optional
         Starting shapes from the motion and the residual force, instead of the shapes' grids.
+    c_step : CStep, optional
+        The same in C, sample by sample; a form without it cannot be exported to a haptic device.
     """
 
     name: str
@@ -122,6 +125,7 @@ class Form:
     input_transform: InputTransform | None = None
     output_transform: OutputTransform | None = None
     starts: Starts | None = None
+    c_step: CStep | None = None
     effect: str = field(default="", compare=True)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lumbar.effects.c_step import CStep
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 from lumbar.effects.motion import Motion
 
@@ -20,6 +21,7 @@ DRIFT = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("drift_rate", "{y}/s", sign=0),),
             columns=lambda motion, _: [motion.time],
+            c_step=CStep("drift_rate * time"),
         ),
         Form(
             name="settling",
@@ -28,6 +30,7 @@ DRIFT = Effect(
             amplitudes=(Amplitude("drift_force", "{y}", sign=0),),
             shapes=(Shape("settling_time", "s", "duration", 0.01, 1.0, 7, reach=(0.3, 5.0)),),
             columns=lambda motion, shapes: [-np.expm1(-motion.time / shapes[0])],
+            c_step=CStep("drift_force * -portable_expm1(-time / settling_time)"),
         ),
         Form(
             name="power",
@@ -36,6 +39,7 @@ DRIFT = Effect(
             amplitudes=(Amplitude("drift_force", "{y}", sign=0),),
             shapes=(Shape("exponent", "1", "one", 0.3, 2.0, 3, reach=(0.5, 1.5)),),
             columns=lambda motion, shapes: [motion.time ** shapes[0]],
+            c_step=CStep("drift_force * portable_power(time, exponent)"),
         ),
     ),
 )
@@ -71,6 +75,13 @@ _OVERTONES = 7
 """Highest multiple of a disturbance's frequency."""
 
 
+_OVERTONES_IN_C = " + ".join(
+    f"sine_amplitude_{order} * portable_sine({order} * turns)"
+    f" + cosine_amplitude_{order} * portable_cosine({order} * turns)"
+    for order in range(1, _OVERTONES + 1)
+)
+
+
 def _overtones(motion, shapes):
     phase = 2 * np.pi * shapes[0] * motion.time
     return [wave(order * phase) for order in range(1, _OVERTONES + 1) for wave in (np.sin, np.cos)]
@@ -96,6 +107,10 @@ PERIODIC_DISTURBANCE = Effect(
                 np.cos(2 * np.pi * shapes[0] * motion.time),
             ],
             starts=strongest_lines,
+            c_step=CStep(
+                "sine_amplitude * portable_sine(turns) + cosine_amplitude * portable_cosine(turns)",
+                "double turns = frequency * time;",
+            ),
         ),
         Form(
             name="overtones",
@@ -108,6 +123,7 @@ PERIODIC_DISTURBANCE = Effect(
             ),
             shapes=(Shape("frequency", "Hz", "time", 0.01, 50.0, 1, lines=0.7),),
             columns=_overtones,
+            c_step=CStep(_OVERTONES_IN_C, "double turns = frequency * time;"),
             starts=strongest_lines,
         ),
     ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lumbar.effects.c_step import RELAX, CStep, ramp_relaxation
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 from lumbar.effects.operators import relaxation
 
@@ -21,6 +22,7 @@ HARDENING = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("cubic_stiffness", "{y}/{x}^3", sign=0),),
             columns=lambda motion, _: [motion.position * motion.position * motion.position],
+            c_step=CStep("cubic_stiffness * (position * position * position)"),
         ),
         Form(
             name="exponential",
@@ -31,6 +33,9 @@ HARDENING = Effect(
             columns=lambda motion, shapes: [
                 np.sign(motion.position) * np.expm1(np.abs(motion.position) / shapes[0]),
             ],
+            c_step=CStep(
+                "hardening_force * (sign(position) * portable_expm1(fabs(position) / hardening_length))"
+            ),
         ),
         Form(
             name="bilinear",
@@ -41,6 +46,10 @@ HARDENING = Effect(
             columns=lambda motion, shapes: [
                 np.sign(motion.position) * np.maximum(np.abs(motion.position) - shapes[0], 0.0)
             ],
+            c_step=CStep(
+                "added_stiffness * (sign(position) * (beyond > 0 ? beyond : 0.0))",
+                "double beyond = fabs(position) - knee;",
+            ),
         ),
         Form(
             name="power",
@@ -49,6 +58,7 @@ HARDENING = Effect(
             amplitudes=(Amplitude("hardening_force", "{y}"),),
             shapes=(Shape("exponent", "1", "one", 2.0, 6.0, 3, reach=(0.8, 1.5)),),
             columns=lambda motion, shapes: [np.sign(motion.position) * np.abs(motion.position) ** shapes[0]],
+            c_step=CStep("hardening_force * (sign(position) * portable_power(fabs(position), exponent))"),
         ),
     ),
 )
@@ -65,6 +75,7 @@ QUADRATIC = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("quadratic_stiffness", "{y}/{x}^2", sign=0),),
             columns=lambda motion, _: [motion.position**2],
+            c_step=CStep("quadratic_stiffness * (position * position)"),
         ),
         Form(
             name="two_sided",
@@ -72,6 +83,7 @@ QUADRATIC = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("half_difference_of_stiffness", "{y}/{x}", sign=0),),
             columns=lambda motion, _: [np.abs(motion.position)],
+            c_step=CStep("half_difference_of_stiffness * fabs(position)"),
         ),
         Form(
             name="rounded",
@@ -80,6 +92,10 @@ QUADRATIC = Effect(
             amplitudes=(Amplitude("half_difference_of_stiffness", "{y}/{x}", sign=0),),
             shapes=(Shape("corner_radius", "{x}", "position", 0.05, 0.8, 4, reach=(0.2, 3.0)),),
             columns=lambda motion, shapes: [np.hypot(motion.position, shapes[0]) - shapes[0]],
+            c_step=CStep(
+                "half_difference_of_stiffness"
+                " * (sqrt(position * position + corner_radius * corner_radius) - corner_radius)"
+            ),
         ),
         Form(
             name="deep",
@@ -88,6 +104,7 @@ QUADRATIC = Effect(
             amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
             shapes=(_KNEE,),
             columns=lambda motion, shapes: [np.maximum(motion.position - shapes[0], 0.0)],
+            c_step=CStep("added_stiffness * (position > knee ? position - knee : 0.0)"),
         ),
         Form(
             name="shallow",
@@ -96,6 +113,7 @@ QUADRATIC = Effect(
             amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
             shapes=(_KNEE,),
             columns=lambda motion, shapes: [np.minimum(motion.position + shapes[0], 0.0)],
+            c_step=CStep("added_stiffness * (position < -knee ? position + knee : 0.0)"),
         ),
     ),
 )
@@ -120,6 +138,7 @@ SOFTENING = Effect(
             amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
             shapes=(Shape("path_constant", "{x}", "path", 0.02, 3.0, 6),),
             columns=lambda motion, shapes: [-motion.position * np.expm1(-motion.path / shapes[0])],
+            c_step=CStep("stiffness_lost * (-position * portable_expm1(-path / path_constant))"),
         ),
         Form(
             name="time",
@@ -128,6 +147,7 @@ SOFTENING = Effect(
             amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
             shapes=(Shape("time_constant", "s", "duration", 0.02, 3.0, 6),),
             columns=lambda motion, shapes: [-motion.position * np.expm1(-motion.time / shapes[0])],
+            c_step=CStep("stiffness_lost * (-position * portable_expm1(-time / time_constant))"),
         ),
         Form(
             name="path_to_floor",
@@ -136,6 +156,10 @@ SOFTENING = Effect(
             amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
             shapes=(Shape("path_constant", "{x}", "path", 0.05, 1.0, 5, reach=(0.2, 1.5)),),
             columns=lambda motion, shapes: [motion.position * np.minimum(motion.path / shapes[0], 1.0)],
+            c_step=CStep(
+                "stiffness_lost * (position * (share < 1 ? share : 1.0))",
+                "double share = path / path_constant;",
+            ),
         ),
         Form(
             name="whole_force",
@@ -146,6 +170,7 @@ SOFTENING = Effect(
                 Shape("path_constant", "{x}", "path", 0.05, 1.0, 3),
             ),
             output_transform=lambda force, motion, shapes: force * (1 - _worn(motion, shapes[0], shapes[1])),
+            c_step=CStep("force * (1.0 + share_lost * portable_expm1(-path / path_constant))"),
         ),
     ),
 )
@@ -163,6 +188,7 @@ SECOND_RELAXATION = Effect(
             amplitudes=(Amplitude("branch_stiffness", "{y}/{x}"),),
             shapes=(Shape("relaxation_time", "s", "time", 0.008, 20.0, 12, reach=(0.4, 5.0)),),
             columns=lambda motion, shapes: [relaxation(motion, shapes[0])],
+            c_step=CStep("branch_stiffness * next[0]", RELAX, memory=1, constants=ramp_relaxation),
         ),
     ),
 )

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from lumbar.effects.base import BASES
-from lumbar.effects.catalogue import TISSUE, load_effects
+from lumbar.effects.catalogue import TISSUE, catalogue_with
 from lumbar.effects.effect import Effect
 from lumbar.effects.structure import Structure
 from lumbar.errors import InputError
@@ -85,14 +84,11 @@ class Settings:
         periods: dict[str, float] | None = None,
     ) -> Settings:
         """Settings from a study's section ``improvement``; what is given beside it comes first."""
-        catalogue = dict(TISSUE)
-        for file in config["effect_files"]:
-            catalogue.update(load_effects(Path(file)))
         return cls(
             base=base or config["base"],
             train=train or config.get("train"),
             periods=periods or {},
-            catalogue=catalogue,
+            catalogue=catalogue_with(config["effect_files"]),
             most_effects=config["most_effects"],
             centre=config["centre"],
         )

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from lumbar.effects.catalogue import TISSUE
+from lumbar.effects.effect import Effect
 from lumbar.errors import InputError, NumericalError, Problems
-from lumbar.runtime.effect_model import EffectModel, effect_model
+from lumbar.runtime.effect_entry import effect_model
+from lumbar.runtime.effect_model import EffectModel
 from lumbar.runtime.linear_model import LinearModel
 from lumbar.runtime.rate import at_rate
 
@@ -126,7 +130,9 @@ def identifier(name: str) -> str:
     return cleaned if re.match(r"[A-Za-z_]", cleaned) else f"_{cleaned}"
 
 
-def select_models(content: dict, settings: dict) -> list[ExportModel]:
+def select_models(
+    content: dict, settings: dict, catalogue: Mapping[str, Effect] = TISSUE
+) -> list[ExportModel]:
     """Pick the models to export from the identified ones.
 
     Parameters
@@ -136,6 +142,8 @@ def select_models(content: dict, settings: dict) -> list[ExportModel]:
     settings : dict
         Section ``runtime`` of the configuration: ``models``, ``trained_on``, ``estimator``, ``unstable``,
         ``moving_average``, ``output_limit``, ``gain_limit``, ``rate_Hz``.
+    catalogue : mapping of str to Effect
+        Effects that models may name, those of the user's own included.
 
     Returns
     -------
@@ -159,7 +167,7 @@ def select_models(content: dict, settings: dict) -> list[ExportModel]:
     for name in settings["models"]:
         entry = _find(content["models"], name, settings, problems)
         if entry is not None:
-            models.append(_export_model(entry, content, settings))
+            models.append(_export_model(entry, content, settings, catalogue))
     problems.raise_if_any()
     if settings["unstable"] == "refuse":
         _refuse_unstable(models)
@@ -203,14 +211,14 @@ def _find(entries: list[dict], name: str, settings: dict, problems: Problems) ->
     return None
 
 
-def _export_model(entry: dict, content: dict, settings: dict) -> ExportModel:
+def _export_model(entry: dict, content: dict, settings: dict, catalogue: Mapping[str, Effect]) -> ExportModel:
     signals = {}
     for side in ("input", "output"):
         described = entry.get(side) or content[side]
         signals[side] = Signal(
             described["quantity"], described["unit"], float(entry.get(f"{side}_offset") or 0.0)
         )
-    dynamics, sampling_time = _dynamics(entry, content, settings["rate_Hz"])
+    dynamics, sampling_time = _dynamics(entry, content, settings["rate_Hz"], catalogue)
     return ExportModel(
         name=entry["name"],
         dynamics=dynamics,
@@ -223,12 +231,14 @@ def _export_model(entry: dict, content: dict, settings: dict) -> ExportModel:
     )
 
 
-def _dynamics(entry: dict, content: dict, rate: float | None) -> tuple[LinearModel | EffectModel, float]:
+def _dynamics(
+    entry: dict, content: dict, rate: float | None, catalogue: Mapping[str, Effect]
+) -> tuple[LinearModel | EffectModel, float]:
     """Model and sampling time in seconds, at the rate asked for."""
     own = float(entry.get("sampling_time_s") or content["sampling_time_s"])
     wanted = own if rate is None else 1.0 / rate
     if entry.get("base") is not None:
-        return effect_model(entry, wanted), wanted
+        return effect_model(entry, wanted, catalogue), wanted
     coefficients = (tuple(map(float, entry[key])) for key in ("numerator", "denominator"))
     linear = LinearModel(*coefficients, name=entry["name"])
     return (linear if rate is None else at_rate(linear, own, wanted)), wanted
