@@ -49,10 +49,11 @@ HOST = "host"
 """The platform of this machine."""
 
 # -ffp-contract=off: the same rounding on every platform. The rest keeps paths, dates and names of the build
-# machine out, so that every build of the same model is the same file.
+# machine out, so that every build of the same model is the same file. -Os: as fast as -O2 here, and the Windows library
+# is a seventh smaller.
 FLAGS = (
     "-std=c99",
-    "-O2",
+    "-Os",
     "-Wall",
     "-Wextra",
     "-Werror",
