@@ -129,6 +129,14 @@ def _sine(p, m: Motion, f: Functions) -> float:
     return p[0] * f.sine(turns) + p[1] * f.cosine(turns)
 
 
+def _overtones(p, m: Motion, f: Functions) -> float:
+    turns, force = p[14] * m.time, 0.0
+    for order in range(1, 8):
+        force += p[2 * order - 2] * f.sine(order * turns)
+        force += p[2 * order - 1] * f.cosine(order * turns)
+    return force
+
+
 _STATIC = {
     "base/LE": lambda p, m, f: p[0] * m.position,
     "base/KV": lambda p, m, f: p[0] * m.position + p[1] * m.velocity,
@@ -139,8 +147,14 @@ _STATIC = {
     "hardening_stiffness/bilinear": lambda p, m, f: (
         p[0] * (_sign(m.position) * max(abs(m.position) - p[1], 0.0))
     ),
+    "hardening_stiffness/power": lambda p, m, f: p[0] * (_sign(m.position) * f.power(abs(m.position), p[1])),
     "quadratic_stiffness/quadratic": lambda p, m, f: p[0] * (m.position * m.position),
     "quadratic_stiffness/two_sided": lambda p, m, f: p[0] * abs(m.position),
+    "quadratic_stiffness/rounded": lambda p, m, f: (
+        p[0] * (math.sqrt(m.position * m.position + p[1] * p[1]) - p[1])
+    ),
+    "quadratic_stiffness/deep": lambda p, m, f: p[0] * max(m.position - p[1], 0.0),
+    "quadratic_stiffness/shallow": lambda p, m, f: p[0] * min(m.position + p[1], 0.0),
     "coulomb_friction/coulomb": lambda p, m, f: p[0] * f.tanh(m.velocity / p[1]),
     "coulomb_friction/arctangent": lambda p, m, f: p[0] * (2 / math.pi * f.arctan(m.velocity / p[1])),
     "coulomb_friction/stribeck": _stribeck,
@@ -148,15 +162,21 @@ _STATIC = {
     "depth_dependent_damping/one_sided": lambda p, m, f: (
         p[0] * (max(m.position, 0.0) * m.velocity) + p[1] * m.velocity
     ),
+    "depth_dependent_damping/hunt_crossley": lambda p, m, f: (
+        p[0] * (f.power(max(m.position, 0.0), p[2]) * m.velocity) + p[1] * m.velocity
+    ),
     "quadratic_damping/quadratic": lambda p, m, f: p[0] * (m.velocity * abs(m.velocity)),
     "quadratic_damping/power": lambda p, m, f: p[0] * (_sign(m.velocity) * f.power(abs(m.velocity), p[1])),
     "quadratic_damping/sinh": lambda p, m, f: p[0] * f.sinh(m.velocity / p[1]),
     "inertia/mass": lambda p, m, f: p[0] * m.acceleration,
     "drift/linear": lambda p, m, f: p[0] * m.time,
     "drift/settling": lambda p, m, f: p[0] * -f.expm1(-m.time / p[1]),
+    "drift/power": lambda p, m, f: p[0] * f.power(m.time, p[1]),
     "softening/path": lambda p, m, f: p[0] * (-m.position * f.expm1(-m.path / p[1])),
     "softening/time": lambda p, m, f: p[0] * (-m.position * f.expm1(-m.time / p[1])),
+    "softening/path_to_floor": lambda p, m, f: p[0] * (m.position * min(m.path / p[1], 1.0)),
     "periodic_disturbance/sine": _sine,
+    "periodic_disturbance/overtones": _overtones,
 }
 """Parallel forms without memory: from parameters and motion to force."""
 
@@ -190,6 +210,19 @@ def _elastoplastic(slider: float, p, m: Motion, f: Functions) -> tuple[float, fl
     return slider, p[0] * ((m.position - slider) / p[1])
 
 
+def _iwan(sliders, p, m: Motion, f: Functions) -> tuple[tuple, float]:
+    distances = [p[4] / 2**order for order in range(4)]
+    before = sliders if isinstance(sliders, tuple) else (sliders,) * 4
+    sliders = tuple(
+        _play(slider, m.position, distance, m.first)
+        for slider, distance in zip(before, distances, strict=True)
+    )
+    force = 0.0
+    for limit, slider, distance in zip(p, sliders, distances, strict=False):
+        force += limit * ((m.position - slider) / distance)
+    return sliders, force
+
+
 _REMEMBERING = {
     "base/Maxwell": _relax,
     "base/KB": _relax_beside_spring,
@@ -197,6 +230,7 @@ _REMEMBERING = {
     "hysteresis/dahl": _friction(_dahl),
     "hysteresis/bouc_wen": _friction(_bouc_wen),
     "hysteresis/elastoplastic": _elastoplastic,
+    "hysteresis/iwan": _iwan,
 }
 """Parallel forms with one number of memory: from it, parameters and motion to the next one and the force."""
 
@@ -212,10 +246,18 @@ def _delayed(past: list[float], samples: float, position: float, first: bool) ->
     return newer + (samples - whole) * (older - newer)
 
 
+def _at_most_one(ratio: float) -> float:
+    return 1.0 / ratio if ratio > 1 else ratio
+
+
 _OUTPUT = {
     "contact_loss/sharp": lambda p, m, f, force: max(force, -p[0]),
     "contact_loss/soft": lambda p, m, f, force: p[1] * f.softplus((force + p[0]) / p[1]) - p[0],
     "saturation/sharp": lambda p, m, f, force: min(max(force, -p[0]), p[0]),
+    "saturation/rounded": lambda p, m, f, force: (
+        min(max(force, -p[0]), p[0])
+        / f.power(1.0 + f.power(_at_most_one(abs(force / p[0])), p[1]), 1.0 / p[1])
+    ),
     "saturation/soft": lambda p, m, f, force: p[0] * f.tanh(force / p[0]),
     "softening/whole_force": lambda p, m, f, force: force * (1.0 + p[0] * f.expm1(-m.path / p[1])),
 }
@@ -265,7 +307,7 @@ class Simulation:
         if key in _STATIC:
             return _STATIC[key](parameters, tissue, self.functions)
         kept, force = _REMEMBERING[key](self.memory[index], parameters, tissue, self.functions)
-        self.memory[index] = _flushed(kept)
+        self.memory[index] = tuple(map(_flushed, kept)) if isinstance(kept, tuple) else _flushed(kept)
         return force
 
 

@@ -23,6 +23,7 @@ ACCURACY = {
     "coulomb_friction/stribeck": REVERSAL,
     "depth_dependent_damping/bilinear": BACKWARD,
     "depth_dependent_damping/one_sided": BACKWARD,
+    "depth_dependent_damping/hunt_crossley": BACKWARD,
     "quadratic_damping/quadratic": BACKWARD,
     "quadratic_damping/power": BACKWARD,
     "quadratic_damping/sinh": BACKWARD,
@@ -33,6 +34,7 @@ ACCURACY = {
     "contact_loss/sharp": 1e-3,
     "contact_loss/soft": 1e-3,
     "saturation/sharp": 1e-3,
+    "saturation/rounded": 1e-3,
     "saturation/soft": 1e-3,
     "softening/whole_force": 1e-3,
 }

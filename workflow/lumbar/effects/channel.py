@@ -97,6 +97,15 @@ CONTACT_LOSS = Effect(
     ),
 )
 
+
+def _rounded_clip(force, limit, sharpness):
+    """Clipping at ±limit with a knee that is the rounder the smaller the sharpness."""
+    ratio = np.abs(force / limit)
+    # The smaller of the ratio and its inverse: a high power of a large number overflows.
+    smaller = np.where(ratio > 1, 1 / np.maximum(ratio, 1.0), ratio)
+    return np.clip(force, -limit, limit) / (1 + smaller**sharpness) ** (1 / sharpness)
+
+
 SATURATION = Effect(
     name="saturation",
     mechanism="The force channel clips.",
@@ -118,6 +127,21 @@ SATURATION = Effect(
             shapes=(Shape("limit", "{y}", "force", 0.6, 4.0, 6, reach=(0.4, 3.0)),),
             output_transform=lambda force, motion, shapes: shapes[0] * np.tanh(force / shapes[0]),
             c_step=CStep("limit * portable_tanh(force / limit)"),
+        ),
+        Form(
+            name="rounded",
+            equation=r"F \to F\,(1 + |F/F_s|^p)^{-1/p}",
+            place=Place.OUTPUT,
+            shapes=(
+                Shape("limit", "{y}", "force", 0.6, 1.5, 4, reach=(0.4, 3.0)),
+                Shape("sharpness", "1", "one", 3.0, 10.0, 2, reach=(0.5, 2.0)),
+            ),
+            output_transform=lambda force, motion, shapes: _rounded_clip(force, shapes[0], shapes[1]),
+            c_step=CStep(
+                "clipped(force, -limit, limit)"
+                " / portable_power(1.0 + portable_power(ratio > 1 ? 1.0 / ratio : ratio, sharpness), inverse)",
+                "double ratio = fabs(force / limit), inverse = 1.0 / sharpness;",
+            ),
         ),
     ),
 )

@@ -150,6 +150,8 @@ class Effect:
         Reference.
     experiment : str
         Which excitation shows it best, for ties.
+    accumulates : bool
+        Whether it grows with time or path from each record's start, so that short records hardly show it.
     """
 
     name: str
@@ -157,6 +159,7 @@ class Effect:
     forms: tuple[Form, ...]
     source: str
     experiment: str = ""
+    accumulates: bool = False
 
     def __post_init__(self):
         named = tuple(

@@ -63,6 +63,16 @@ COULOMB = Effect(
 
 _DISTANCE = Shape("presliding_distance", "{x}", "position", 0.005, 1.5, 9, reach=(0.2, 3.0))
 _LIMIT = Amplitude("friction_limit", "{y}")
+_ELEMENTS = 4
+"""Jenkins elements of an Iwan model; each slides at half the distance of the one before."""
+_IWAN_STEP = "\n".join(
+    f"next[{order}] = behind_gap(memory[{order}], position, largest_distance / {2**order}, first);"
+    for order in range(_ELEMENTS)
+)
+_IWAN_FORCE = " + ".join(
+    f"friction_limit_{order} * ((position - next[{order}]) / (largest_distance / {2**order}))"
+    for order in range(_ELEMENTS)
+)
 _DAHL_STEP = """\
 // Share of the limit: along one direction it approaches 1 exponentially with the distance.
 double direction = sign(step);
@@ -123,6 +133,17 @@ HYSTERESIS = Effect(
                 "next[0] = behind_gap(memory[0], position, presliding_distance, first);  // the slider",
                 memory=1,
             ),
+        ),
+        Form(
+            name="iwan",
+            equation=r"\sum_{n=0}^{3} F_n\,(z - \mathrm{play}_{d_n}(z))/d_n,\quad d_n = d/2^n",
+            place=Place.PARALLEL,
+            amplitudes=tuple(Amplitude(f"friction_limit_{order}", "{y}") for order in range(_ELEMENTS)),
+            shapes=(Shape("largest_distance", "{x}", "position", 0.2, 1.5, 3, reach=(0.5, 1.5)),),
+            columns=lambda motion, shapes: [
+                elastoplastic(motion, shapes[0] / 2**order) for order in range(_ELEMENTS)
+            ],
+            c_step=CStep(_IWAN_FORCE, _IWAN_STEP, memory=_ELEMENTS),
         ),
     ),
 )

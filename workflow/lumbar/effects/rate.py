@@ -8,8 +8,8 @@ from lumbar.effects.c_step import CStep
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 
 
-def _hunt_crossley(motion, _):
-    depth = np.maximum(motion.position, 0.0)
+def _hunt_crossley(motion, exponent):
+    depth = np.maximum(motion.position, 0.0) ** exponent
     return [depth * motion.velocity, motion.velocity]
 
 
@@ -38,10 +38,25 @@ DEPTH_DEPENDENT_DAMPING = Effect(
                 Amplitude("damping_per_depth", "{y} s/{x}^2"),
                 Amplitude("damping_at_zero", "{y} s/{x}"),
             ),
-            columns=_hunt_crossley,
+            columns=lambda motion, _: _hunt_crossley(motion, 1.0),
             c_step=CStep(
                 "damping_per_depth * (depth * velocity) + damping_at_zero * velocity",
                 "double depth = position > 0 ? position : 0.0;",
+            ),
+        ),
+        Form(
+            name="hunt_crossley",
+            equation=r"\lambda \max(z/z_1, 0)^n v + c v,\quad z_1 = \text{1 unit}",
+            place=Place.PARALLEL,
+            amplitudes=(
+                Amplitude("damping_at_depth", "{y} s/{x}"),
+                Amplitude("damping_at_zero", "{y} s/{x}"),
+            ),
+            shapes=(Shape("exponent", "1", "one", 0.5, 2.0, 3, reach=(0.6, 1.5)),),
+            columns=lambda motion, shapes: _hunt_crossley(motion, shapes[0]),
+            c_step=CStep(
+                "damping_at_depth * (depth * velocity) + damping_at_zero * velocity",
+                "double depth = portable_power(position > 0 ? position : 0.0, exponent);",
             ),
         ),
     ),

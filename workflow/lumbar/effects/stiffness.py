@@ -8,6 +8,8 @@ from lumbar.effects.c_step import RELAX, CStep, ramp_relaxation
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 from lumbar.effects.operators import relaxation
 
+_KNEE = Shape("knee", "{x}", "position", 0.1, 0.8, 5, reach=(0.2, 1.2))
+
 HARDENING = Effect(
     name="hardening_stiffness",
     mechanism="The tissue gets stiffer with depth, alike in both directions.",
@@ -40,7 +42,7 @@ HARDENING = Effect(
             equation=r"k_b\,\mathrm{sign}(z)\,\max(|z| - z_b, 0)",
             place=Place.PARALLEL,
             amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
-            shapes=(Shape("knee", "{x}", "position", 0.1, 0.8, 5, reach=(0.2, 1.2)),),
+            shapes=(_KNEE,),
             columns=lambda motion, shapes: [
                 np.sign(motion.position) * np.maximum(np.abs(motion.position) - shapes[0], 0.0)
             ],
@@ -48,6 +50,15 @@ HARDENING = Effect(
                 "added_stiffness * (sign(position) * (beyond > 0 ? beyond : 0.0))",
                 "double beyond = fabs(position) - knee;",
             ),
+        ),
+        Form(
+            name="power",
+            equation=r"k_n\,\mathrm{sign}(z)\,|z/z_1|^n,\quad z_1 = \text{1 unit}",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("hardening_force", "{y}"),),
+            shapes=(Shape("exponent", "1", "one", 2.0, 6.0, 3, reach=(0.8, 1.5)),),
+            columns=lambda motion, shapes: [np.sign(motion.position) * np.abs(motion.position) ** shapes[0]],
+            c_step=CStep("hardening_force * (sign(position) * portable_power(fabs(position), exponent))"),
         ),
     ),
 )
@@ -74,6 +85,36 @@ QUADRATIC = Effect(
             columns=lambda motion, _: [np.abs(motion.position)],
             c_step=CStep("half_difference_of_stiffness * fabs(position)"),
         ),
+        Form(
+            name="rounded",
+            equation=r"k_\pm (\sqrt{z^2 + r^2} - r)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("half_difference_of_stiffness", "{y}/{x}", sign=0),),
+            shapes=(Shape("corner_radius", "{x}", "position", 0.05, 0.8, 4, reach=(0.2, 3.0)),),
+            columns=lambda motion, shapes: [np.hypot(motion.position, shapes[0]) - shapes[0]],
+            c_step=CStep(
+                "half_difference_of_stiffness"
+                " * (sqrt(position * position + corner_radius * corner_radius) - corner_radius)"
+            ),
+        ),
+        Form(
+            name="deep",
+            equation=r"k_d \max(z - z_d, 0)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
+            shapes=(_KNEE,),
+            columns=lambda motion, shapes: [np.maximum(motion.position - shapes[0], 0.0)],
+            c_step=CStep("added_stiffness * (position > knee ? position - knee : 0.0)"),
+        ),
+        Form(
+            name="shallow",
+            equation=r"k_d \min(z + z_d, 0)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
+            shapes=(_KNEE,),
+            columns=lambda motion, shapes: [np.minimum(motion.position + shapes[0], 0.0)],
+            c_step=CStep("added_stiffness * (position < -knee ? position + knee : 0.0)"),
+        ),
     ),
 )
 
@@ -88,6 +129,7 @@ SOFTENING = Effect(
     mechanism="The tissue softens with the path travelled or with time (preconditioning, damage).",
     source="Mullins, Rubber Chem. Technol. 42 (1969) 339-362; Fung (1993), section 7.5",
     experiment="repeat the same short record several times after another without rest",
+    accumulates=True,
     forms=(
         Form(
             name="path",
@@ -106,6 +148,18 @@ SOFTENING = Effect(
             shapes=(Shape("time_constant", "s", "duration", 0.02, 3.0, 6),),
             columns=lambda motion, shapes: [-motion.position * np.expm1(-motion.time / shapes[0])],
             c_step=CStep("stiffness_lost * (-position * portable_expm1(-time / time_constant))"),
+        ),
+        Form(
+            name="path_to_floor",
+            equation=r"-k_s z \min(s/s_0, 1)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
+            shapes=(Shape("path_constant", "{x}", "path", 0.05, 1.0, 5, reach=(0.2, 1.5)),),
+            columns=lambda motion, shapes: [motion.position * np.minimum(motion.path / shapes[0], 1.0)],
+            c_step=CStep(
+                "stiffness_lost * (position * (share < 1 ? share : 1.0))",
+                "double share = path / path_constant;",
+            ),
         ),
         Form(
             name="whole_force",

@@ -23,6 +23,7 @@ from lumbar.improvement.search import (
     gain,
     is_adequate,
     judge,
+    later_improvement,
     pairs,
     unseen_improvement,
 )
@@ -40,8 +41,9 @@ TIED = 9.2
 STRUCTURED = 0.2
 """What differs between periods and is no noise, in noise floors, from which on a model is not adequate."""
 WORTHWHILE = 0.007
-"""A further effect must remove this share of what the base leaves to explain on unseen records, and as much as the
-noise itself: the wrong mathematical form of the first effect leaves a little that any other one can mop up."""
+"""A further effect must remove this share of what the base leaves to explain of the training record, and as much as
+the noise itself: the wrong mathematical form of the first effect leaves a little that any other one can mop up. (On
+unseen records, where forms are extrapolated, that little may be a lot.)"""
 WORTHWHILE_BLIND = 0.02
 """The same, of the base's squared error, where the noise floor is unknown."""
 
@@ -270,15 +272,19 @@ class _Search:
         """Whether an effect may be selected: no false alarm in training, and surely better on unseen records."""
         if after.test_rms >= before.test_rms or self.p_value(before, after) > LEVEL:
             return False
-        return unseen_improvement(before, after, self.experiment) > UNSEEN
+        if unseen_improvement(before, after, self.experiment) > UNSEEN:
+            return True
+        added = set(after.effects) - set(before.effects)
+        accumulating = any(self.settings.catalogue[name].accumulates for name in added)
+        return accumulating and later_improvement(before, after, self.experiment) > UNSEEN
 
     def worthwhile(self, before: Candidate, after: Candidate) -> bool:
         """Whether a further effect explains more than the form of the effects before it being slightly wrong."""
-        removed = before.test_rms**2 - after.test_rms**2
+        removed = before.train_rms**2 - after.train_rms**2
         floor = self.experiment.floor
         if floor is None:
-            return removed >= WORTHWHILE_BLIND * self.base.test_rms**2
-        explainable = max(self.base.test_rms**2 - floor.rms**2, 0.0)
+            return removed >= WORTHWHILE_BLIND * self.base.train_rms**2
+        explainable = max(self.base.train_rms**2 - floor.rms**2, 0.0)
         return removed >= max(WORTHWHILE * explainable, floor.rms**2)
 
     def climb(self) -> list[Candidate]:
@@ -388,7 +394,7 @@ class _Search:
         if model is self.base:
             floor = self.experiment.floor
             # Periods that differ by more than noise show that something is missing, even where it raises the floor.
-            differing = floor is not None and floor.structured_rms > STRUCTURED * floor.rms
+            differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
             lacking = floor is not None and (differing or not is_adequate(self.base, self.experiment))
             return "unexplained" if lacking else "adequate"
         if share < 0.5 and not is_adequate(model, self.experiment):
