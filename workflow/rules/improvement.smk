@@ -43,6 +43,20 @@ rule diagnose_records:
             category=CATEGORIES["improvement"],
             labels={"artefact": "Where the base model fails on the records {record_set}"},
         ),
+        comparison_svg=report(
+            "<results>/improvement/{record_set}/comparison.svg",
+            caption=caption("comparison_figure"),
+            category=CATEGORIES["improvement"],
+            labels={"artefact": "Base model beside the least explained of the records {record_set}"},
+        ),
+        comparison_pdf="<results>/improvement/{record_set}/comparison.pdf",
+        location_svg=report(
+            "<results>/improvement/{record_set}/location.svg",
+            caption=caption("location_figure"),
+            category=CATEGORIES["improvement"],
+            labels={"artefact": "Where the base model fails: pictures of the records {record_set}"},
+        ),
+        location_pdf="<results>/improvement/{record_set}/location.pdf",
         ladder_svg=report(
             "<results>/improvement/{record_set}/ladder.svg",
             caption=caption("error_ladder"),
