@@ -31,15 +31,13 @@ def undecided(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
 def _range(diagnosis: Diagnosis) -> list[str]:
     experiment = diagnosis.experiment
     motions = [item.motion for item in (experiment.training, *experiment.tests)]
-    low, high = (
-        pick(pick(item.position) for item in motions) + experiment.input_offset for pick in (min, max)
-    )
+    positions = np.concatenate([item.position for item in motions]) + experiment.input_offset
     speed = max(float(np.abs(item.velocity).max()) for item in motions)
     bottom, top = band(experiment.training.motion)
     unit = experiment.input_unit
     return [
-        f"Anything outside {low:.3g} to {high:.3g} {unit}, above {speed:.3g} {unit}/s or outside {bottom:.2g} to "
-        f"{top:.2g} Hz: the tool did not move there."
+        f"Anything outside {positions.min():.3g} to {positions.max():.3g} {unit}, above {speed:.3g} {unit}/s or outside "
+        f"{bottom:.2g} to {top:.2g} Hz: the tool did not move there."
     ]
 
 
@@ -108,5 +106,6 @@ def _too_small(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
     )
     return [
         f"Effects too small to be seen. To be selected, one must add at least {easiest.easiest:.2g} {unit} RMS to the "
-        f"training record ({readable(easiest.effect)}); hardest to see in this excitation, depending on their parameters: {listed} {unit}."
+        f"training record ({readable(easiest.effect)}); hardest to see in this excitation, depending on their "
+        f"parameters: {listed} {unit}."
     ]
