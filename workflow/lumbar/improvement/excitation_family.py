@@ -17,6 +17,8 @@ _SHARES = (0.25, 1.0, 1.5)
 """Amplitudes tried, as shares of the training record's half range."""
 _ROUNDED = 0.08
 """Seconds over which corners are rounded: a machine cannot turn at once."""
+_ONSET = 1.0
+"""Seconds over which motion sets in after rest."""
 _POWER_KEPT = 0.99
 
 
@@ -160,9 +162,11 @@ def _strokes(time, middle, size, speed, unit) -> Iterator[tuple[str, np.ndarray]
 def _rest_and_longer(reference: Motion, time: np.ndarray, unit: str) -> Iterator[tuple[str, np.ndarray]]:
     position = reference.position
     half = len(time) // 2
+    moved = position[: len(time) - half] - position[0]
+    onset = 0.5 - 0.5 * np.cos(np.pi * np.minimum(time[: len(moved)] / _ONSET, 1.0))
     yield (
         f"rest for {time[half]:.3g} s, then the beginning of your record",
-        np.concatenate([np.full(half, position[0]), position[: len(time) - half]]),
+        position[0] + np.concatenate([np.zeros(half), onset * moved]),
     )
     if abs(position[-1] - position[0]) < 0.05 * np.ptp(position):
         yield (

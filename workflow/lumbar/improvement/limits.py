@@ -46,8 +46,8 @@ def _unseen(diagnosis: Diagnosis) -> list[str]:
     if experiment.tests[0].name != experiment.training.name:
         return []
     return [
-        "Whether the model holds for another excitation: there is one record only, and its last part stands in for an unseen one. Record "
-        "a second excitation."
+        "Whether the model holds for another excitation: there is one record only, and its last part stands in for an "
+        "unseen one. Record a second excitation."
     ]
 
 
