@@ -111,6 +111,14 @@ def test_all_bad_cells_of_all_files_are_named_with_their_lines(folder):
         ("uneven", lambda rows: rows.__delitem__(slice(100, 140)), ("sampled evenly",)),
         ("short", lambda rows: rows.__delitem__(slice(4, None)), ("samples",)),
         ("empty", lambda rows: rows.clear(), ("no data rows",)),
+        (
+            "clipped",
+            lambda rows: rows.__setitem__(
+                slice(None),
+                [f"{row.rsplit(',', 1)[0]},{min(float(row.rsplit(',', 1)[1]), 0.1):.5f}" for row in rows],
+            ),
+            ("clipped",),
+        ),
     ],
 )
 def test_unsound_record_is_refused_before_anything_runs(folder, name, change, words):

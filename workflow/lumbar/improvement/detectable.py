@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.effects.effect import Effect, Form, Place
+from lumbar.effects.effect import Effect, Form
 from lumbar.improvement.diagnosis import LEVEL, Diagnosis
-from lumbar.improvement.fitting import Fit, FitData, previous_amplitudes, start_shapes
+from lumbar.improvement.fitting import Fit, FitData, start_shapes
 from lumbar.improvement.null_gains import NullGains
-from lumbar.improvement.tangent import beyond, tangent_basis
+from lumbar.improvement.tangent import added_forces, beyond, tangent_basis
 from lumbar.improvement.ties import noise_rms
 
 _STARTS = 3
@@ -78,19 +78,9 @@ def _shares_left(fit: Fit, form: Form, data: FitData, basis: np.ndarray) -> list
     chosen = [starts[index] for index in sorted({0, len(starts) // 2, len(starts) - 1})][:_STARTS]
     shares = []
     for start in chosen:
-        for signal in _signals(fit, form, data, start).T:
+        for signal in added_forces(fit, form, data, start).T:
             energy = float(signal @ signal)
             left = beyond(basis, signal)
             if energy > 0 and left @ left > _NOTHING * energy:
                 shares.append(float(left @ left) / energy)
     return shares
-
-
-def _signals(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.ndarray:
-    """Forces that a form adds, one per amplitude; of forms without amplitudes the change it makes."""
-    if form.place is Place.PARALLEL:
-        return np.stack([data.counted(column) for column in form.columns(data.motion, start)], axis=1)
-    structure = fit.structure.with_form(form)
-    shapes = np.concatenate([fit.shapes, start])
-    changed = structure.simulate(data.motion, previous_amplitudes(fit, form), shapes)
-    return data.counted(changed - fit.simulate(data.motion))[:, None]

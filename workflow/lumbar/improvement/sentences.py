@@ -39,6 +39,11 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
     """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
     unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
     lines = []
+    if not diagnosis.model.fit.converged:
+        lines.append(
+            f"The fit of {effects_text(diagnosis.selected)} did not converge: its parameters are where the optimiser "
+            "stopped and no result."
+        )
     if floor is None:
         lines.append("No record repeats, so the noise floor is unknown and completeness cannot be judged.")
     else:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.improvement.fitting import Fit, FitData
+from lumbar.effects.effect import Form, Place
+from lumbar.improvement.fitting import Fit, FitData, previous_amplitudes
 from lumbar.improvement.uncertainty import sensitivities
 
 _SMALLEST = 1e-9
@@ -36,3 +37,13 @@ def beyond(basis: np.ndarray, signals: np.ndarray) -> np.ndarray:
 def simulated_over(fit: Fit, records: list[FitData]) -> np.ndarray:
     """Whitened free run over all samples that count of these records, one record after another."""
     return np.concatenate([record.counted(fit.simulate(record.motion)) for record in records])
+
+
+def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.ndarray:
+    """Whitened forces that a form adds, one per amplitude; of forms without amplitudes the change it makes."""
+    if form.place is Place.PARALLEL:
+        return np.stack([data.counted(column) for column in form.columns(data.motion, start)], axis=1)
+    structure = fit.structure.with_form(form)
+    shapes = np.concatenate([fit.shapes, start])
+    changed = structure.simulate(data.motion, previous_amplitudes(fit, form), shapes)
+    return data.counted(changed - fit.simulate(data.motion))[:, None]

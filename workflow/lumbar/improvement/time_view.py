@@ -82,7 +82,9 @@ def _edges(residual: Residual) -> np.ndarray:
     if residual.folding is None:
         return np.linspace(0, size, min(_WINDOWS, size // 8) + 1).astype(int)[:-1]
     starts = residual.folding.rows[:, 0]
-    return np.insert(starts, 0, 0) if starts[0] > _LEAST_CYCLE * residual.folding.samples else starts
+    if starts[0] > _LEAST_CYCLE * residual.folding.samples:
+        return np.insert(starts, 0, 0)
+    return np.insert(starts[1:], 0, 0)
 
 
 def level_trend(residual: Residual) -> tuple[float, float]:
