@@ -41,7 +41,7 @@ def time_view(residual: Residual) -> View:
     if residual.folding is None:
         significant = average.p_value < SIGNIFICANT
         level = (
-            f"the mean error changes from window to window by more than noise would: {percent(average.share)} of the "
+            f"the mean error changes from window to window by more than noise would: {_counted(average.share)} of the "
             f"{residual.base_words}"
             if significant
             else "the mean error of the windows is no more than chance"
@@ -69,6 +69,10 @@ def time_view(residual: Residual) -> View:
             "disturbance at a frequency of its own."
         )
     return View("time", share if p_value < SIGNIFICANT else 0.0, p_value, sentence, table, numbers)
+
+
+def _counted(share: float) -> str:
+    return percent(share) if share > 0 else "no more than of any smooth error, 0 %"
 
 
 def _word(residual: Residual, count: int) -> str:
