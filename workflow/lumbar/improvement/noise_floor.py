@@ -82,7 +82,9 @@ class NoiseFloor:
         covariance = np.fft.irfft(density, round(self.period / self.sampling_time))
         order = min(WHITENING_ORDER, len(covariance) // 4)
         full_gain = prediction_error_filter(covariance[: order + 1])[1]
-        if full_gain <= 1 + (order + 4 * np.sqrt(2 * order)) / self.degrees_of_freedom:
+        # Degrees of freedom that white noise would have: those of coloured noise are fewer just because it is coloured.
+        white = (self.periods - 1) * round(self.period / self.sampling_time)
+        if full_gain <= 1 + (order + 4 * np.sqrt(2 * order)) / white:
             return np.ones(1)
         filters = (prediction_error_filter(covariance[: lower + 1]) for lower in range(1, order + 1))
         return next(taps * np.sqrt(gain) for taps, gain in filters if gain >= _NEARLY * full_gain)
