@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lumbar.effects.motion import Motion
+from lumbar.improvement.angle import for_base
 from lumbar.improvement.compare import Comparison, compare_record
 from lumbar.improvement.fitting import Fit
 from lumbar.improvement.locate import Location, locate
@@ -38,11 +39,9 @@ def compare_and_locate(
     list of Location
     """
     comparisons, locations = [], []
-    for number, record in enumerate(records):
-        position, level = record["input"], 0.0
-        if centre:
-            position, level = position - position.mean(), float(record["output"].mean())
-        simulated = fit.simulate(Motion(record.time - record.time[0], position, record.sampling_time)) + level
+    for number, record in enumerate(for_base(record, fit.structure.base) for record in records):
+        offset, level = (float(record[role].mean()) if centre else 0.0 for role in ("input", "output"))
+        simulated = fit.simulate(Motion.of(record, offset=offset)) + level
         source = "" if record.name == floor_from else floor_from
         comparisons.append(compare_record(record, simulated, floor, source, seed=seed + number))
         locations.append(locate(record, simulated, floor, source))
