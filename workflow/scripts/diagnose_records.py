@@ -22,10 +22,10 @@ def main(input, output, params):
         read_record(path, params.layout, entry["name"], entry.get("period_s"), params.rate)
         for entry, path in zip(params.records, input.recordings, strict=True)
     ]
-    settings = Settings.from_config(params.improvement)
+    settings = Settings.from_config(params.improvement, params.base)
     diagnosis = diagnose(records, settings)
     folder = Path(output.diagnosis).parent
-    write_diagnosis(diagnosis, settings.catalogue, folder, params.data)
+    write_diagnosis(diagnosis, settings.candidates, folder, params.data)
     write_json(output.refined, refined_document(diagnosis.ladder, diagnosis.experiment, params.data))
     content = read_json(output.diagnosis)
     floor, training = diagnosis.experiment.floor, diagnosis.experiment.training.name

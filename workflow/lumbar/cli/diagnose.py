@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lumbar.cli.settings import add_data, add_output, load_settings, new_command
-from lumbar.cli.tissue_folder import add_selection, read_folder, selection
+from lumbar.cli.settings import add_data, add_output, new_command
+from lumbar.cli.tissue_folder import add_selection, read_and_choose
 
 
 def add(commands) -> None:
@@ -34,11 +34,9 @@ def run(options) -> None:
     from lumbar.improvement.report import write_diagnosis
     from lumbar.improvement.sentences import details, headline
 
-    settings = load_settings(options.config, "tissue", "improvement")
-    records = read_folder(options.folder, settings["tissue"])
-    chosen = selection(options, settings["improvement"])
+    _, records, chosen = read_and_choose(options)
     diagnosis = diagnose(records, chosen)
-    write_diagnosis(diagnosis, chosen.catalogue, options.output, options.data or options.folder.name)
+    write_diagnosis(diagnosis, chosen.candidates, options.output, options.data or options.folder.name)
     print(headline(diagnosis))
-    for line in details(diagnosis, chosen.catalogue):
+    for line in details(diagnosis, chosen.candidates):
         print(f"  {line}")
