@@ -48,12 +48,14 @@ def run(options) -> None:
     from lumbar.effects.catalogue import catalogue_with
     from lumbar.files import read_json
     from lumbar.runtime.export_model import select_models
+    from lumbar.runtime.models_document import check_document
     from lumbar.runtime.package import export_fmus
 
     settings = load_settings(options.config, "runtime", "improvement")
     runtime = dict(settings["runtime"])
     content = read_json(options.models)
-    trained_on = {model.get("trained_on") for model in content.get("models", [])} - {None}
+    check_document(content)
+    trained_on = {model.get("trained_on") for model in content["models"]} - {None}
     if options.trained_on or len(trained_on) == 1:
         runtime["trained_on"] = options.trained_on or trained_on.pop()
     runtime["models"] = options.model or runtime["models"]

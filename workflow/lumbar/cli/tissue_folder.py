@@ -56,9 +56,29 @@ def read_and_choose(options):
     """
     from lumbar.config import record_layout
 
-    settings = load_settings(options.config, "tissue", "improvement", "lifting")
+    settings = load_settings(options.config, "tissue", "improvement", "lifting", "signals")
     chosen = selection(options, settings["improvement"])
     return settings, read_folder(options.folder, *record_layout(settings, chosen.base)), chosen
+
+
+def simulated_model(options):
+    """Fit the model of the options and simulate it on every record of the folder.
+
+    Returns
+    -------
+    str
+        Name of the model.
+    list of Simulated
+    str
+        Label of the data.
+    """
+    from lumbar.improvement.refined_model import model_name
+    from lumbar.improvement.simulated import compare_and_locate
+
+    settings, records, chosen, experiment, ladder = fitted_model(options)
+    fit, training = ladder[-1].fit, experiment.training.name
+    simulated = compare_and_locate(records, fit, experiment.floor, training, settings["seed"], chosen.centre)
+    return model_name(fit), simulated, options.data or options.folder.name
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:

@@ -34,8 +34,8 @@ def _held(motion: Motion, distance: float, sign: float) -> np.ndarray:
 
 _DISTANCE = Shape("hand_distance", "m", "one", 0.25, 0.75, 2, reach=(0.2, 3.0))
 _TIMES = (
-    Shape("grasp_time", "s", "duration", 0.01, 1.0, 1, reach=(0.01, 1.0)),
-    Shape("release_time", "s", "duration", 0.01, 1.0, 1, reach=(0.1, 1.2)),
+    Shape("grasp_time", "s", "duration", 0.01, 0.3, 1, reach=(0.01, 3.3)),
+    Shape("release_time", "s", "duration", 0.3, 1.0, 1, reach=(0.003, 1.2)),
 )
 
 

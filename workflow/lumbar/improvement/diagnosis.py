@@ -139,6 +139,8 @@ class Diagnosis:
         Sets of effects, best first.
     explainable_share_removed : float
         Share of the base's explainable variance on unseen records that the selected effects remove.
+    verdict_after : str
+        The refined model diagnosed again: ``adequate`` or ``unexplained``; what could be named is in it already.
     not_tried : list of (Form, tuple of str)
         Forms that need channels which the records do not have, with these channels.
     """
@@ -151,6 +153,7 @@ class Diagnosis:
     tied_with: list[Candidate]
     ranking: list[Ranked]
     explainable_share_removed: float
+    verdict_after: str
     not_tried: list[tuple[Form, tuple[str, ...]]] = field(default_factory=list)
 
     @property
@@ -173,6 +176,7 @@ class Diagnosis:
             "unit": self.experiment.output_unit,
             "verdict": self.verdict,
             "complete": self.complete,
+            "verdict_after": self.verdict_after,
             "selected": list(self.selected),
             "tied_with": [_new_effects(item, self.selected) for item in self.tied_with],
             "noise_floor_rms": None if floor is None else floor.rms,
@@ -295,6 +299,7 @@ class _Search:
             tied_with=tied,
             ranking=self.ranking(model),
             explainable_share_removed=share,
+            verdict_after=self.verdict_after(model),
         )
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
@@ -432,6 +437,13 @@ class _Search:
         if share < 0.5 and not is_adequate(model, self.experiment):
             return "unexplained"
         return "tied" if tied else "named"
+
+    def verdict_after(self, model: Candidate) -> str:
+        """Verdict on a model to which no further effect could be added."""
+        if model is self.base:
+            return self.verdict(model, [], 0.0)
+        known = self.experiment.floor is not None
+        return "unexplained" if known and not is_adequate(model, self.experiment) else "adequate"
 
     def complete(self, model: Candidate) -> bool | None:
         floor = self.experiment.floor

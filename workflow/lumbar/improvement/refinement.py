@@ -8,6 +8,7 @@ from lumbar.effects.effect import Effect
 from lumbar.effects.structure import Structure
 from lumbar.errors import InputError, NumericalError
 from lumbar.improvement.diagnosis import Settings, prepare_for
+from lumbar.improvement.excited import check_excited
 from lumbar.improvement.fitting import fit_base
 from lumbar.improvement.preparation import Experiment
 from lumbar.improvement.refined_model import model_name
@@ -37,7 +38,8 @@ def refine(
     Raises
     ------
     InputError
-        For an unknown effect, and for one that needs channels which the records do not have.
+        For an unknown effect, for one that needs channels which the records do not have, and for one that the training
+        record does not excite.
     NumericalError
         If a fit does not converge, or an effect makes the model worse on the record it is fitted to.
     """
@@ -53,6 +55,9 @@ def refine(
                 f"{name}: added to {model_name(ladder[-1].fit)} it raises the error on {experiment.training.name} from "
                 f"{ladder[-1].train_rms:.4g} to {rung.train_rms:.4g} {experiment.output_unit}; leave it out"
             )
+        form = rung.fit.structure.forms[-1]
+        shapes = rung.fit.shapes[len(ladder[-1].fit.shapes) :]
+        check_excited(ladder[-1].fit, form, experiment.training, shapes, model_name(ladder[-1].fit))
         ladder.append(rung)
     if len(chosen) > 1:
         # Forms were chosen one by one; with all effects in place another form of one may fit better.

@@ -13,8 +13,8 @@ _HEIGHT = 16
 _GRID = 8
 """Points of the outlines lie on a grid of this many lines per pixel: whole numbers pack well."""
 _MARGIN = 2 * _GRID
-_LETTERS = {1: "m", 2: "l", 3: "q", 4: "c"}
-"""SVG's letters for the path codes of matplotlib; with small letters points count from the one before."""
+_LETTERS = {2: "l", 3: "q", 4: "c"}
+"""SVG's letters for the path codes of matplotlib, which are one more than a code has points."""
 _CLOSE = 79
 
 
@@ -37,32 +37,30 @@ def equation_svg(latex: str) -> str:
         path = TextPath((0, 0), f"${' '.join(latex.split())}$", size=_HEIGHT * _GRID)
     except ValueError as error:
         raise InputError(f"equation {latex!r} is not in LaTeX that can be set: {error}") from error
-    # Pixels grow downwards.
-    points = np.rint(path.vertices * (1, -1)).astype(int)
-    left, top = points.min(axis=0) - _MARGIN
-    width, height = points.max(axis=0) + _MARGIN - (left, top)
+    points = path.vertices * (1, -1)  # pixels grow downwards
+    left, top = np.floor(points.min(axis=0)).astype(int) - _MARGIN
+    width, height = np.ceil(points.max(axis=0)).astype(int) + _MARGIN - (left, top)
+    starts = np.flatnonzero(path.codes == path.MOVETO)
+    outlines = zip(np.split(points, starts[1:]), np.split(path.codes, starts[1:]), strict=True)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" role="img" width="{width / _GRID:g}" height="{height / _GRID:g}" '
         f'viewBox="{left} {top} {width} {height}"><title>{html.escape(latex)}</title>'
-        f'<path d="{_commands(points, path.codes)}"/></svg>'
+        f'<path d="{"".join(_outline(*outline) for outline in outlines)}"/></svg>'
     )
 
 
-def _commands(points: np.ndarray, codes: np.ndarray) -> str:
-    """Outlines as SVG writes them, relative to the point before; a curve's points follow its letter."""
-    parts, index, pen = [], 0, np.zeros(2, dtype=int)
-    start = pen
-    while index < len(codes):
-        code = int(codes[index])
-        if code == _CLOSE:
-            parts.append("z")
-            pen = start
-            index += 1
-            continue
-        count = max(1, code - 1)
-        steps = points[index : index + count] - pen
-        parts.append(_LETTERS[code] + " ".join(map(str, steps.ravel())).replace(" -", "-"))
-        pen = points[index + count - 1]
-        start = pen if _LETTERS[code] == "m" else start
-        index += count
-    return "".join(parts)
+def _outline(points: np.ndarray, codes: np.ndarray) -> str:
+    """One closed line as SVG writes it.
+
+    Points are rounded relative to the first one and count from the one before: the same letter is then the same text
+    wherever it stands, which packs well.
+    """
+    x, y = np.rint(points[0]).astype(int)
+    offsets = np.rint(points - points[0]).astype(int)
+    parts, index = [f"M{x} {y}"], 1
+    while codes[index] != _CLOSE:
+        last = index + int(codes[index]) - 2
+        steps = offsets[index : last + 1] - offsets[index - 1]
+        parts.append(_LETTERS[int(codes[index])] + " ".join(map(str, steps.ravel())).replace(" -", "-"))
+        index = last + 1
+    return "".join([*parts, "z"])

@@ -9,16 +9,18 @@ from dataclasses import dataclass
 
 from lumbar.effects.catalogue import TISSUE
 from lumbar.effects.effect import Effect
-from lumbar.errors import InputError, NumericalError, Problems
+from lumbar.errors import NumericalError, Problems
 from lumbar.runtime.effect_entry import effect_model
 from lumbar.runtime.effect_model import EffectModel
 from lumbar.runtime.linear_model import LinearModel
+from lumbar.runtime.models_document import check_document
 from lumbar.runtime.rate import at_rate
 
-SCHEMA = "lumbar.models/1"
 MAX_WINDOW = 16
 """Room for the moving average in an FMU's memory, as in ``model.h``."""
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]*")
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+"""What no file can be called on Windows, whatever its ending."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +77,9 @@ class ExportModel:
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
-        if not _NAME.fullmatch(self.name):
-            problems.add(
-                "name", repr(self.name), "a letter, then letters, digits, _ . + - (it becomes a file name)"
-            )
+        if not _NAME.fullmatch(self.name) or _DEVICE.fullmatch(self.name):
+            allowed = "a letter, then letters, digits, _ . + -, at most 200, and no device of Windows"
+            problems.add("name", repr(self.name), f"{allowed} (it becomes a file name)")
         if not 1 <= self.moving_average <= MAX_WINDOW:
             problems.add("runtime.moving_average", f"{self.moving_average}", f"allowed are 1 to {MAX_WINDOW}")
         for problem in self.dynamics.problems():
@@ -158,8 +159,7 @@ def select_models(
     NumericalError
         A model is unstable and ``unstable`` is ``"refuse"``.
     """
-    if content.get("schema") != SCHEMA:
-        raise InputError(f"models.json: schema is {content.get('schema')!r}; allowed is {SCHEMA!r}")
+    check_document(content)
     problems = Problems("runtime.models")
     for text in _duplicate_identifiers(settings["models"]):
         problems.add("", text, "rename one: both would have the same name in C")
