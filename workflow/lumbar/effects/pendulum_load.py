@@ -35,7 +35,7 @@ def _held(motion: Motion, distance: float, sign: float) -> np.ndarray:
 _DISTANCE = Shape("hand_distance", "m", "one", 0.25, 0.75, 2, reach=(0.2, 3.0))
 _TIMES = (
     Shape("grasp_time", "s", "duration", 0.01, 0.3, 1, reach=(0.01, 3.3)),
-    Shape("release_time", "s", "duration", 0.3, 1.0, 1, reach=(0.003, 1.2)),
+    Shape("release_time", "s", "duration", 0.9, 1.2, 1, reach=(0.001, 1.0)),
 )
 
 
@@ -126,8 +126,7 @@ VARIABLE_LENGTH = Effect(
         ),
         Form(
             name="linear_in_angle",
-            equation=r"a_1 \frac{d}{dt}(\theta\dot\theta) + a_2 \frac{d}{dt}(\theta^2\dot\theta) + a_g\theta\sin\theta,"
-            r"\quad \ell = \ell_0 + \ell_1\theta",
+            equation=r"\frac{d}{dt}[(a_1\theta + a_2\theta^2)\dot\theta] + a_g\theta\sin\theta",
             place=Place.PARALLEL,
             amplitudes=(
                 Amplitude("inertia_per_angle", "{y} s^2/{x}^2", sign=0),
@@ -142,7 +141,7 @@ VARIABLE_LENGTH = Effect(
         ),
         Form(
             name="quadratic_in_angle",
-            equation=r"a_2 \frac{d}{dt}(\theta^2\dot\theta) + a_g\theta^2\sin\theta,\quad \ell = \ell_0 + \ell_2\theta^2",
+            equation=r"\frac{d}{dt}[a_2\theta^2\dot\theta] + a_g\theta^2\sin\theta",
             place=Place.PARALLEL,
             amplitudes=(
                 Amplitude("inertia_per_squared_angle", "{y} s^2/{x}^3", sign=0),
@@ -152,8 +151,7 @@ VARIABLE_LENGTH = Effect(
         ),
         Form(
             name="oscillating",
-            equation=r"\frac{d}{dt}(\Delta I\,\dot\theta) + \Delta G \sin\theta,\quad "
-            r"\Delta I, \Delta G = (\cdot)_s \sin 2\pi f t + (\cdot)_c \cos 2\pi f t",
+            equation=r"\frac{d}{dt}[I(t)\dot\theta] + G(t)\sin\theta,\quad I, G = (\cdot)_s \sin 2\pi f t + (\cdot)_c \cos 2\pi f t",
             place=Place.PARALLEL,
             amplitudes=(
                 Amplitude("inertia_sine", "{y} s^2/{x}", sign=0),
