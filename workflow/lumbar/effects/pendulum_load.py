@@ -151,7 +151,8 @@ VARIABLE_LENGTH = Effect(
         ),
         Form(
             name="oscillating",
-            equation=r"\frac{d}{dt}[I(t)\dot\theta] + G(t)\sin\theta,\quad I, G = (\cdot)_s \sin 2\pi f t + (\cdot)_c \cos 2\pi f t",
+            equation=r"\frac{d}{dt}[I(t)\dot\theta] + G(t)\sin\theta,"
+            r"\quad I, G = (\cdot)_s \sin 2\pi f t + (\cdot)_c \cos 2\pi f t",
             place=Place.PARALLEL,
             amplitudes=(
                 Amplitude("inertia_sine", "{y} s^2/{x}", sign=0),
