@@ -58,7 +58,7 @@ def study():
         for path in folders
         for trajectory in trajectories_of_lift(
             pd.read_csv(path), json.loads(path.with_suffix(".json").read_text(encoding="utf-8")), "with_box"
-        )
+        )[0]
     ]
     return trajectories, settings
 

@@ -31,7 +31,7 @@ def test_without_limits_it_is_the_exact_engine(sign):
     loops = loops_of([minimum_jerk(), minimum_jerk(start=-0.3)], sign)
     found = limited_funnels(loops, 1.0, Limits())
     assert found.held.all()
-    assert found.funnels.level == pytest.approx(exact_funnels(loops).level, rel=1e-6)
+    assert found.exact.level == pytest.approx(exact_funnels(loops).level, rel=1e-6)
 
 
 def test_reference_torque_is_inverse_dynamics():
@@ -54,9 +54,9 @@ def test_limited_basins_hold_in_simulation_and_the_unlimited_do_not(sign, kind):
     found = limited_funnels(loops, goal, limits)
     exact = exact_funnels(loops, goal)
     assert found.held.all()
-    assert found.funnels.mean_area[0] < 0.9999 * exact.mean_area[0]
+    assert found.exact.mean_area[0] < 0.9999 * exact.mean_area[0]
     disturbance = disturbance_of(loops, limits, 2000, [5])
-    assert attack(loops, found.funnels, 2000, [4], disturbance).exits[0] == 0
+    assert attack(loops, found.exact, 2000, [4], disturbance).exits[0] == 0
     assert attack(loops, exact, 2000, [4], disturbance).exits[0] > 0
 
 
@@ -109,8 +109,8 @@ def test_torque_limited_pendulum_of_the_literature(limit):
     expected = brentq(growth, levels[first - 1], levels[first])
     found = limited_funnels(loops, 0.2 * expected, Limits(torque=limit))
     assert found.held.all()
-    assert found.funnels.level[0, 0] == pytest.approx(expected, rel=2e-3)
-    assert (found.funnels.level[:, 0] < expected * (1 + 1e-6)).all()
+    assert found.exact.level[0, 0] == pytest.approx(expected, rel=2e-3)
+    assert (found.exact.level[:, 0] < expected * (1 + 1e-6)).all()
 
 
 def test_share_one_is_the_riccati_solution():

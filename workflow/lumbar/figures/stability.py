@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PLANE_TITLES = {"flexion_extension": "Flexion/extension", "lateral_bending": "Lateral bending"}
+NO_BASIN = "no basin: see tables/missing_basins"
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 81)
 
 
@@ -51,10 +52,12 @@ def figure_4_3(funnels: pd.DataFrame, goal_level: float):
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, subplot_kw={"projection": "3d"})
     for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
         rows = funnels[(funnels["com"] == "abdomen") & (funnels["plane"] == plane)]
-        _draw_funnel(axis, rows, goal_level)
         axis.set_title(title)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+        if len(rows):
+            _draw_funnel(axis, rows, goal_level)
+        else:
+            axis.text2D(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
+    shared_legend(figure, axes, ncols=4)
     return figure
 
 
@@ -119,15 +122,27 @@ def figure_4_4(funnels: pd.DataFrame):
     for row, (com, colour) in zip(axes, SEGMENTS.items(), strict=True):
         for axis, (plane, title) in zip(row, PLANE_TITLES.items(), strict=True):
             rows = funnels[(funnels["com"] == com) & (funnels["plane"] == plane)]
-            _draw_basin(axis, rows, colour)
+            if len(rows):
+                _draw_basin(axis, rows, colour)
+            else:
+                axis.text(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
             if com == "thorax":
                 axis.set_title(title)
         row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta$ (rad/s)")
     for axis in axes[-1]:
         axis.set_xlabel("θ (rad)")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    shared_legend(figure, axes.ravel(), ncols=4)
     return figure
+
+
+def shared_legend(figure, axes, ncols: int) -> None:
+    """Put the labels of all axes, each once, above the figure."""
+    labelled = {}
+    for axis in axes:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            labelled.setdefault(label, handle)
+    if labelled:
+        figure.legend(labelled.values(), labelled.keys(), loc="outside upper center", ncols=ncols)
 
 
 def _draw_basin(axis, rows: pd.DataFrame, colour: str) -> None:

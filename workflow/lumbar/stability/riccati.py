@@ -47,9 +47,18 @@ def check_weights(state, control: float, terminal) -> Weights:
     InputError
         Q not symmetric and positive semidefinite, R not positive, Qf not symmetric and positive definite.
     """
+    weight_problems(state, control, terminal).raise_if_any()
+    entries = [np.asarray(matrix, dtype=float)[[0, 0, 1], [0, 1, 1]] for matrix in (state, terminal)]
+    return Weights(entries[0], np.asarray(float(control)), entries[1])
+
+
+def weight_problems(state_weight, control_weight: float, terminal_weight) -> Problems:
+    """Collect what keeps the weights of a configuration from being admissible; arguments as for `check_weights`."""
     problems = Problems("stability.regulator")
-    entries = {}
-    for name, matrix, definite in (("state_weight", state, False), ("terminal_weight", terminal, True)):
+    for name, matrix, definite in (
+        ("state_weight", state_weight, False),
+        ("terminal_weight", terminal_weight, True),
+    ):
         values = np.asarray(matrix, dtype=float)
         kind = "definite" if definite else "semidefinite"
         if values.shape != (2, 2) or not np.isfinite(values).all() or values[0, 1] != values[1, 0]:
@@ -60,11 +69,9 @@ def check_weights(state, control: float, terminal) -> Weights:
         lowest = np.linalg.eigvalsh(values)[0]
         if lowest < 0 or (definite and lowest == 0):
             problems.add(name, f"smallest eigenvalue {lowest:g}", f"it must be positive {kind}")
-        entries[name] = np.array([values[0, 0], values[0, 1], values[1, 1]])
-    if not (np.isfinite(control) and control > 0):
-        problems.add("control_weight", f"{control:g}", "it must be positive")
-    problems.raise_if_any()
-    return Weights(entries["state_weight"], np.asarray(float(control)), entries["terminal_weight"])
+    if not (np.isfinite(control_weight) and control_weight > 0):
+        problems.add("control_weight", f"{control_weight:g}", "it must be positive")
+    return problems
 
 
 def determinant(matrix: np.ndarray) -> np.ndarray:
