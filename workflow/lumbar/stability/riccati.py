@@ -13,6 +13,8 @@ from lumbar.errors import NumericalError, Problems
 from lumbar.stability.pendulum import Pendulums
 
 RELATIVE_TOLERANCE = 1e-10
+STIFF = 3000.0
+"""Fastest rate times duration from which the implicit method is quicker than the explicit one."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,9 @@ def riccati_rate(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost
 
 
 def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
-    """Integrate the Riccati equation backward from S(T) = Qf, adaptively (Dormand–Prince of order 8).
+    """Integrate the Riccati equation backward from S(T) = Qf, adaptively.
+
+    Dormand–Prince of order 8, or for small inertias, whose loop is stiff, Radau's implicit method of order 5.
 
     Returns
     -------
@@ -134,15 +138,17 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
         rate = riccati_rate(pendulums, weights, reference(1.0 - remaining), flat.reshape(count, 3))
         return (pendulums.duration[:, None] * rate).ravel()
 
-    solution = solve_ivp(
-        backward,
-        (0.0, 1.0),
-        terminal.ravel(),
-        method="DOP853",
-        t_eval=phase,
-        rtol=RELATIVE_TOLERANCE,
-        atol=RELATIVE_TOLERANCE * float(np.abs(terminal).max()),
-    )
+    # A trial step too long for a small inertia may overflow; the solver rejects it and halves the step.
+    with np.errstate(over="ignore", invalid="ignore"):
+        solution = solve_ivp(
+            backward,
+            (0.0, 1.0),
+            terminal.ravel(),
+            method="Radau" if _stiffness(pendulums, weights) > STIFF else "DOP853",
+            t_eval=phase,
+            rtol=RELATIVE_TOLERANCE,
+            atol=RELATIVE_TOLERANCE * float(np.abs(terminal).max()),
+        )
     if not solution.success:
         raise NumericalError(
             f"Riccati equation of {pendulums.labels[0]} and {count - 1} more: {solution.message}"
@@ -150,6 +156,12 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
     cost = solution.y.T.reshape(points, count, 3)[::-1]
     _require_definite(pendulums, cost)
     return cost
+
+
+def _stiffness(pendulums: Pendulums, weights: Weights) -> float:
+    """Fastest rate of the steady closed loop, √(Q22/R)/I, times the duration: steps that an explicit method needs."""
+    rate = np.sqrt(weights.state[..., 2] / weights.control) / pendulums.inertia
+    return float((rate * pendulums.duration).max())
 
 
 def cost_to_go_euler(pendulums: Pendulums, weights: Weights) -> np.ndarray:
