@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from lumbar.figures.stability import NO_BASIN, shared_legend
+from lumbar.figures.stability import NO_BASIN, PLANE_TITLES, shared_legend
 from lumbar.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, new_figure
 from lumbar.stability.basins import close_loops
 from lumbar.stability.engines import ENGINES, chosen_engines
@@ -17,7 +17,6 @@ from lumbar.stability.lyapunov_family import best_of_family
 from lumbar.stability.simulation import preimage
 from lumbar.stability.trajectory import Trajectory
 
-TITLES = {"lateral_bending": "Lateral bending", "flexion_extension": "Flexion/extension"}
 STYLES = {
     "exact": ("exact", {"color": SEGMENTS["abdomen"], "linewidth": 1.8}),
     "sum_of_squares": ("sum of squares", {"color": MEASURED, "linewidth": 0.9, "linestyle": (0, (2, 2))}),
@@ -42,7 +41,7 @@ def comparison_figure(trajectories: list[Trajectory], settings: dict):
     matplotlib.figure.Figure
     """
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, sharex=True, sharey=True)
-    for axis, (plane, title) in zip(axes, TITLES.items(), strict=True):
+    for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
         shown = [item for item in trajectories if (item.com, item.plane) == ("abdomen", plane)]
         drawn = shown and _draw(axis, shown, settings)
         if not drawn:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 PLANE_TITLES = {"flexion_extension": "Flexion/extension", "lateral_bending": "Lateral bending"}
 NO_BASIN = "no basin: see tables/missing_basins"
+SECTIONS = 10
+"""Cross-sections drawn per basin, at equal intervals."""
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 81)
 
 
@@ -131,7 +133,8 @@ def figure_4_4(funnels: pd.DataFrame):
         row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta$ (rad/s)")
     for axis in axes[-1]:
         axis.set_xlabel("θ (rad)")
-    shared_legend(figure, axes.ravel(), ncols=4)
+    drawn = [axis for axis in axes.ravel() if axis.collections]
+    shared_legend(figure, drawn[:1], ncols=5)
     return figure
 
 
@@ -149,15 +152,18 @@ def _draw_basin(axis, rows: pd.DataFrame, colour: str) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgba
 
-    every = rows.iloc[np.linspace(0, len(rows) - 1, 30).round().astype(int)]
+    every = rows.iloc[np.linspace(0, len(rows) - 1, SECTIONS).round().astype(int)]
     angle, velocity = ellipses(every, every["rho"].to_numpy())
+    later = np.linspace(0.25, 1.0, SECTIONS)
     stack = PolyCollection(
         np.stack([angle, velocity], axis=-1),
-        facecolors=to_rgba(colour, 0.06),
-        edgecolors=to_rgba(colour, 0.6),
-        linewidths=0.4,
+        facecolors=to_rgba(colour, 0.05),
+        edgecolors=[to_rgba(colour, alpha) for alpha in later],
+        linewidths=0.8,
+        label=f"{SECTIONS} sections, darker later",
     )
     axis.add_collection(stack)
+    axis.set_axisbelow(True)
     axis.plot(
         angle[0], velocity[0], color=colour, linewidth=1.4, linestyle=(0, (4, 1.5)), label="basin at t = 0"
     )

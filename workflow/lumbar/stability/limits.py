@@ -100,17 +100,21 @@ class LimitedFunnels:
 
 
 def reference_of(pendulums: Pendulums) -> Reference:
-    """Return u0 and θ̇0 of the cubic spline through the grid of θ0 (equation 4.1 solved for u)."""
+    """Return u0 and θ̇0 of the cubic spline through the knots of θ0 (equation 4.1 solved for u).
+
+    The spline is the interpolant about which `between_knots` proves: its second derivative, and with it the
+    saturated torque, is that of no finer one.
+    """
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, 1.0, len(pendulums.angle))
-    spline = CubicSpline(phase, pendulums.angle)
+    spline = CubicSpline(phase[::2], pendulums.angle[::2])
     velocity = spline(phase, 1) / pendulums.duration
     acceleration = spline(phase, 2) / pendulums.duration**2
     torque = (
         pendulums.inertia * acceleration
         + pendulums.damping * velocity
-        + pendulums.gravity_torque * np.sin(pendulums.angle)
+        + pendulums.gravity_torque * np.sin(spline(phase))
     )
     return Reference(torque, velocity)
 
