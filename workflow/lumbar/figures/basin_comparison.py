@@ -68,8 +68,8 @@ def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
         def funnels(items, engine=engine):
             return engine(close_loops(items, settings["pendulum"]["sign"], fewer))
 
-        _, found, _ = computed(shown, funnels, name)
-        if found:
+        results, _ = computed(shown, funnels, name)
+        for _, found in results:
             sections[name] = found
     if "exact" not in sections:
         return False

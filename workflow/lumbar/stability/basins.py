@@ -142,7 +142,7 @@ def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) ->
     weights_of(settings)
     published = settings["pendulum"]["sign"]
     rows: list[dict] = []
-    frame = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
+    frames: list[pd.DataFrame] = []
     failures: list[Failure] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
         for method in chosen_engines(settings) if sign == published else ["exact"]:
@@ -152,16 +152,15 @@ def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) ->
                 result = ENGINES[method](loops, settings)
                 return loops, result, basin_rows(items, loops, result, settings, seed, sign)
 
-            sound, found, failed = computed(trajectories, compute, f"{method}, {sign}")
+            results, failed = computed(trajectories, compute, f"{method}, {sign}")
             failures += failed
-            if not sound:
-                continue
-            loops, result, own = found
-            rows += own
-            if sign == published and method == "exact":
-                frame = _funnel_frame(sound, loops, result.funnels, settings)
+            for items, (loops, result, own) in results:
+                rows += own
+                if sign == published and method == "exact":
+                    frames.append(_funnel_frame(items, loops, result.funnels, settings))
     summary = pd.DataFrame(rows, columns=list(COLUMNS)).astype(DTYPES)
-    return LiftBasins(summary, frame, failures)
+    empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
+    return LiftBasins(summary, pd.concat(frames, ignore_index=True) if frames else empty, failures)
 
 
 def basin_rows(

@@ -41,6 +41,8 @@ from lumbar.stability.saturation_cases import Case, case_maximum, saturation_cas
 
 MOST_ALTERNATIONS = 8
 """Alternations after which a margin that is still negative is an error."""
+LONGER_ARCS = (0.0, 0.01, 0.05)
+"""By how much in rad an arc is made longer at each end where its programme is not solved; then the whole circle."""
 SAFETY = 0.05
 """Share of the last change of r by which the next r is enlarged: covers what the change of ρ does to it."""
 
@@ -142,7 +144,7 @@ def certified_funnels(
                 degree,
             )
             certificates = [
-                [programme.solve(case.coefficients, label, case.side) for case in own]
+                [_certify(programme, case, label) for case in own]
                 for own, label in zip(cases, loops.pendulums.labels, strict=True)
             ]
             certified = np.array([max(item.rate for item in own) for own in certificates])
@@ -188,6 +190,22 @@ def _extrapolate(rates: list[np.ndarray], largest: Callable, log_level: np.ndarr
     if len(rates) < 3:
         return rates[0]
     return 3 * rates[0] - 3 * rates[1] + rates[2]
+
+
+def _certify(programme: CircleProgramme, case: Case, label: str) -> CircleCertificate:
+    """Solve one programme; where an arc is no solvable problem, that of a longer one: it covers the arc too."""
+    for longer in LONGER_ARCS if case.side is not None else ():
+        constant, *slope = case.side
+        swing = np.hypot(*slope)
+        half = np.arccos(np.clip(-constant / swing, -1.0, 1.0)) + longer
+        if half >= np.pi:
+            break
+        side = case.side if not longer else np.array([-swing * np.cos(half), *slope])
+        try:
+            return programme.solve(case.coefficients, label, side)
+        except NumericalError:
+            continue
+    return programme.solve(case.coefficients, label)
 
 
 def _next_rate(guess: np.ndarray, certified: np.ndarray, margin: float, before: tuple | None) -> np.ndarray:

@@ -117,8 +117,8 @@ def extended_basins(
                     for index, row in enumerate(found)
                 ]
 
-            _, found, failed = computed(trajectories, compute, f"{name}, {method}, {sign}")
-            rows += found or []
+            results, failed = computed(trajectories, compute, f"{name}, {method}, {sign}")
+            rows += [row for _, own in results for row in own]
             failures += failed
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COUNTS), failures
 

@@ -54,8 +54,8 @@ class Failure:
 
 def computed(
     trajectories: list[Trajectory], compute: Callable[[list[Trajectory]], Any], basin: str
-) -> tuple[list[Trajectory], Any, list[Failure]]:
-    """Compute something for all trajectories at once; where one fails, for those that do not.
+) -> tuple[list[tuple[list[Trajectory], Any]], list[Failure]]:
+    """Compute something for all trajectories at once; where that fails, for each by itself.
 
     Parameters
     ----------
@@ -67,26 +67,22 @@ def computed(
 
     Returns
     -------
-    sound : list of Trajectory
-        Those that have a result.
-    result : Any
-        Of `compute` for them; None where there are none.
+    results : list of (list of Trajectory, Any)
+        Trajectories and what `compute` returned for them: all in one, or one by one without those that failed.
     failures : list of Failure
     """
     if not trajectories:
-        return [], None, []
+        return [], []
     try:
-        return trajectories, compute(trajectories), []
+        return [(trajectories, compute(trajectories))], []
     except NumericalError:
-        sound, failures = [], []
+        results, failures = [], []
     for item in trajectories:
         try:
-            compute([item])
+            results.append(([item], compute([item])))
         except NumericalError as error:
             failures.append(Failure.of(item, basin, str(error)))
-        else:
-            sound.append(item)
-    return sound, compute(sound) if sound else None, failures
+    return results, failures
 
 
 def failures_frame(failures: list[Failure]) -> pd.DataFrame:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lumbar.errors import NumericalError
 from lumbar.stability.basins import COLUMNS, close_loops
 from lumbar.stability.failures import Failure, computed, failures_frame, joined
 from lumbar.stability.funnel import exact_funnels
@@ -69,12 +70,19 @@ def variants(
         loops = close_loops(items, settings["pendulum"]["sign"], settings)
         return exact_funnels(loops, settings["goal_level"]).mean_area
 
-    def table(items, areas):
-        keys = [{name: getattr(item, name) for name in _KEYS} for item in items]
-        return pd.DataFrame(keys, columns=list(_KEYS)).assign(mean_area=[] if areas is None else areas)
+    def table(results):
+        rows = [
+            {name: getattr(item, name) for name in _KEYS} | {"mean_area": area}
+            for items, areas in results
+            for item, area in zip(items, areas, strict=True)
+        ]
+        return pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
 
-    # All at once is fastest; only where one has no basin is each computed by itself.
-    sound, at_once, _ = computed(trajectories, lambda items: varied_areas(items, settings), "variants")
+    # All variants at once are fastest; only where one has no basin is each computed by itself.
+    try:
+        at_once = varied_areas(trajectories, settings) if trajectories else {}
+    except NumericalError:
+        at_once = {}
     plans = {
         **{
             name: (trajectories, lambda items, name=name: varied_areas(items, settings, [name])[name])
@@ -91,11 +99,11 @@ def variants(
     }
     areas, failures = {}, []
     for name, (items, compute) in plans.items():
-        if name in VARIANTS and len(sound) == len(trajectories) and at_once:
-            areas[name] = table(trajectories, at_once[name])
+        if name in at_once:
+            areas[name] = table([(trajectories, at_once[name])])
             continue
-        found, values, failed = computed(items, compute, f"Table 4.1, {_CHANGES.get(name, 'exact')}")
-        areas[name] = table(found, values)
+        results, failed = computed(items, compute, f"Table 4.1, {_CHANGES.get(name, 'exact')}")
+        areas[name] = table(results)
         failures += failed
     return areas, failures
 
