@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from lumbar.effects.effect import Effect
-from lumbar.improvement.diagnosis import Diagnosis
-from lumbar.improvement.search import Candidate
+from lumbar.improvement.diagnosis import Diagnosis, Ranked
 
 
 def readable(name: str) -> str:
@@ -40,6 +39,11 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
     """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
     unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
     lines = []
+    if not diagnosis.model.fit.converged:
+        lines.append(
+            f"The fit of {effects_text(diagnosis.selected)} did not converge: its parameters are where the optimiser "
+            "stopped and no result."
+        )
     if floor is None:
         lines.append("No record repeats, so the noise floor is unknown and completeness cannot be judged.")
     else:
@@ -56,13 +60,15 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
             f"The selected effects remove {100 * diagnosis.explainable_share_removed:.1f} % of the variance that a model "
             "could explain."
         )
+        lines.append(_diagnosed_again(diagnosis))
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
         ]
-    runner_up = _runner_up(diagnosis)
-    if runner_up is not None:
+    second = runner_up(diagnosis)
+    if second is not None:
         lines.append(
-            f"Runner-up: {effects_text(runner_up.effects)}, error on unseen records {runner_up.test_rms:.3g} {unit}."
+            f"Runner-up: {effects_text(second.candidate.effects)}, error on unseen records "
+            f"{second.candidate.test_rms:.3g} {unit}."
         )
     for item in diagnosis.tied_with:
         new = [name for name in item.effects if name not in diagnosis.selected]
@@ -72,8 +78,18 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
     return lines
 
 
-def _runner_up(diagnosis: Diagnosis) -> Candidate | None:
-    others = [
-        item.candidate for item in diagnosis.ranking if set(item.candidate.effects) != set(diagnosis.selected)
-    ]
-    return others[0] if others else None
+def _diagnosed_again(diagnosis: Diagnosis) -> str:
+    unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
+    if floor is None:
+        return "Diagnosed again, no further effect passes."
+    rms = max(diagnosis.model.train_rms, diagnosis.model.test_rms)
+    left = f"its error is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} {unit})"
+    if diagnosis.verdict_after == "adequate":
+        return f"Diagnosed again, the refined model is adequate: {left}."
+    return f"Diagnosed again, something is left that no further effect of the catalogue explains: {left}."
+
+
+def runner_up(diagnosis: Diagnosis) -> Ranked | None:
+    """Best of the ranked sets of effects that is not the selected one."""
+    chosen = set(diagnosis.selected)
+    return next((item for item in diagnosis.ranking if set(item.candidate.effects) != chosen), None)
