@@ -57,8 +57,9 @@ format: environment ## put the sources into the house's format
 	ruff format .
 	snakefmt Snakefile workflow/rules
 
-docs: environment ## renew the reference of all configuration keys
+docs: environment ## renew the references of all configuration keys and of the catalogue of effects
 	python -m lumbar.config_reference config/README.md
+	python -m lumbar.effects_reference docs/effects.md
 
 lock: ## renew envs/ from pyproject.toml (needs uv)
 	uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \

@@ -49,6 +49,13 @@ def recording(samples=2000, seed=1):
     ]
 
 
+def clip_at_median(rows):
+    """Clip the force: half of it then lies at one value."""
+    cells = [row.rsplit(",", 1) for row in rows]
+    limit = float(np.median([float(force) for _, force in cells]))
+    rows[:] = [f"{rest},{min(float(force), limit):.5f}" for rest, force in cells]
+
+
 def text(rows):
     return "\n".join(["time_s,position_mm,force_N", *rows]) + "\n"
 
@@ -111,6 +118,7 @@ def test_all_bad_cells_of_all_files_are_named_with_their_lines(folder):
         ("uneven", lambda rows: rows.__delitem__(slice(100, 140)), ("sampled evenly",)),
         ("short", lambda rows: rows.__delitem__(slice(4, None)), ("samples",)),
         ("empty", lambda rows: rows.clear(), ("no data rows",)),
+        ("clipped", clip_at_median, ("output: clipped",)),
     ],
 )
 def test_unsound_record_is_refused_before_anything_runs(folder, name, change, words):

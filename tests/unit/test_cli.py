@@ -7,6 +7,7 @@ import subprocess
 import sys
 import zipfile
 import zlib
+from html import unescape
 
 import numpy as np
 import pytest
@@ -275,11 +276,21 @@ def test_an_output_that_cannot_be_written(run, project, tmp_path):
 def test_compare_locate_diagnose_and_refine_a_folder(run, tissue, tmp_path):
     status, out, err = run("compare", tissue, "--output", tmp_path)
     assert status == 0, err
-    assert "%VAF" in out
-    assert (tmp_path / "compare.csv").is_file()
+    assert "long: the model explains" in out
+    made = {path.name for path in tmp_path.iterdir()}
+    assert {f"compare.{ending}" for ending in ("csv", "tex", "html")} <= made
+    assert {f"comparison_{name}.{ending}" for name in ("long", "short") for ending in ("svg", "pdf")} <= made
+    page = (tmp_path / "compare_page.html").read_text(encoding="utf-8")
+    assert page.count('<img src="data:image/svg+xml;base64,') == 2
+    assert all(line in unescape(page) for line in out.splitlines())
     status, out, err = run("locate", tissue, "--output", tmp_path)
     assert status == 0, err
-    assert (tmp_path / "location.html").is_file()
+    made = {path.name for path in tmp_path.iterdir()}
+    assert {f"location.{ending}" for ending in ("csv", "tex", "html")} <= made
+    assert {f"location_{name}.{ending}" for name in ("long", "short") for ending in ("svg", "pdf")} <= made
+    page = (tmp_path / "location_page.html").read_text(encoding="utf-8")
+    assert page.count('<img src="data:image/svg+xml;base64,') == 2
+    assert all(line.strip() in unescape(page) for line in out.splitlines())
     status, out, err = run("diagnose", tissue, "--output", tmp_path, "--train", "long")
     assert status == 0, err
     content = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))

@@ -154,3 +154,12 @@ def test_an_effect_of_the_users_own(tmp_path):
         load_effects(path)
     with pytest.raises(InputError, match="not a Python file"):
         load_effects(tmp_path / "absent.py")
+
+
+def test_the_catalogue_page_says_what_the_definitions_say(project):
+    from lumbar.effects_reference import effects_page
+
+    page = project / "docs" / "effects.md"
+    assert page.read_text(encoding="utf-8") == effects_page("images/effects"), "run make docs"
+    for name in TISSUE:
+        assert (page.parent / "images" / "effects" / f"{name}.svg").is_file()

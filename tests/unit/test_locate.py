@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 from scipy.signal import lfilter
-from scipy.stats import chi2, kendalltau
+from scipy.stats import chi2, kendalltau, spearmanr
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
 from lumbar.errors import InputError
+from lumbar.improvement.cycle_view import rank_correlation
 from lumbar.improvement.frequency_view import EVEN, EXCITED, ODD, excited_lines, line_classes
 from lumbar.improvement.locate import locate, location_table
 from lumbar.improvement.noise_floor import noise_floor
@@ -316,3 +317,28 @@ def test_hidden_effects(shared):
             assert location.is_noise or "all but noise" in location.headline, case
         elif len(label["effects"]) == 1 and label["effects"][0] in FIRST_VIEWS:
             assert location.ranking[0].name in FIRST_VIEWS[label["effects"][0]], (case, location.headline)
+
+
+def test_errors_of_large_and_of_fast_cycles_are_told_apart():
+    hardening = located(ERRORS["cubic"]).views["cycles"]
+    assert hardening.numbers["rank_with_amplitude"] > 0.5
+    assert "grows with their amplitude" in hardening.sentence
+    drag = located(lambda z, v, t: 1e-3 * v * np.abs(v)).views["cycles"]
+    assert drag.numbers["rank_with_speed"] > max(0.5, drag.numbers["rank_with_amplitude"])
+    assert "too few" in located(ERRORS["cubic"], lines=[1], periods=4).views["cycles"].sentence
+
+
+def test_cycles_hold_the_error_between_their_turning_points():
+    location = located(ERRORS["cubic"])
+    table, residual = location.views["cycles"].table, location.residual
+    third = (residual.time >= table["start"][2] - 1e-9) & (residual.time < table["stop"][2] - 1e-9)
+    assert table["rms"][2] == pytest.approx(np.sqrt(np.mean(residual.values[third] ** 2)))
+    assert table["amplitude"][2] == pytest.approx(np.ptp(residual.position[third]) / 2)
+
+
+def test_rank_correlation_against_scipy():
+    first, second = noise(40, 1), noise(40, 2) + 0.5 * noise(40, 1)
+    expected = spearmanr(first, second)
+    correlation, p_value = rank_correlation(first, second)
+    assert correlation == pytest.approx(expected.statistic)
+    assert p_value == pytest.approx(expected.pvalue)

@@ -68,12 +68,12 @@ def test_the_default_segment_is_typical():
     assert 2000 * STEP <= low < high <= 8000 * STEP + STEP
 
 
-def test_location_has_six_panels_with_what_was_found(tests):
+def test_location_has_nine_panels_with_what_was_found(tests):
     periodic, simulated = tests[0]
     location = locate(periodic, simulated, noise_floor(periodic))
     figure = location_figure(location)
-    time, frequency, plane, depth, turning, correlations, *_ = figure.axes
-    for axis in figure.axes[:6]:
+    time, cycles, frequency, depth, turning, plane, whiteness, odd, even, *_ = figure.axes
+    for axis in figure.axes[:9]:
         assert axis.get_xlabel() and axis.get_ylabel()
     assert time.patches[0].get_data().values == pytest.approx(location.views["time"].table["rms"])
     shown = np.concatenate([line.get_ydata() for line in frequency.lines[:-1]])
@@ -84,8 +84,12 @@ def test_location_has_six_panels_with_what_was_found(tests):
     )
     assert depth.lines[0].get_ydata() == pytest.approx(location.views["depth"].table["mean"], nan_ok=True)
     assert turning.lines[0].get_ydata() == pytest.approx(location.views["reversals"].table["mean"])
-    curves = [line for line in correlations.lines if not line.get_label().startswith("_")]
-    assert len({str(line._dash_pattern) for line in curves}) == len(curves) == 4
+    assert cycles.lines[0].get_ydata() == pytest.approx(location.views["cycles"].table["rms"])
+    assert whiteness.lines[0].get_ydata() == pytest.approx(location.views["whiteness"].table["correlation"])
+    for axis, names in ((odd, {"with z", "with v"}), (even, {"with z²", "with |v|"})):
+        curves = [line for line in axis.lines if not line.get_label().startswith("_")]
+        assert names <= {line.get_label() for line in curves}
+        assert len({str(line._dash_pattern) for line in curves}) == len(curves)
     assert len({str(line._dash_pattern) for line in depth.lines[:3]}) == 3
     assert f"map: {100 * location.views['position and velocity'].share:.0f} %" in plane.get_title(loc="right")
     assert f"noise {location.residual.floor.rms:.3g} N" in figure.get_suptitle()
@@ -102,6 +106,7 @@ def test_location_without_reversals_or_floor():
     test = record(position, 0.5 * position + 0.1 * noise(600, 1), "ramp")
     figure = location_figure(locate(test, 0.4 * position))
     assert "too few reversals" in [text.get_text() for text in figure.axes[4].texts]
+    assert "too few cycles" in [text.get_text() for text in figure.axes[1].texts]
     assert "noise unknown" in figure.get_suptitle()
 
 

@@ -44,6 +44,27 @@ rule diagnose_records:
             category=CATEGORIES["improvement"],
             labels={"artefact": "Where the base model fails on the records {record_set}"},
         ),
+        comparison_svg=report(
+            "<results>/improvement/{record_set}/comparison.svg",
+            caption=caption("comparison_figure"),
+            category=CATEGORIES["improvement"],
+            labels={"artefact": "Base model beside the least explained of the records {record_set}"},
+        ),
+        comparison_pdf="<results>/improvement/{record_set}/comparison.pdf",
+        location_svg=report(
+            "<results>/improvement/{record_set}/location.svg",
+            caption=caption("location_figure"),
+            category=CATEGORIES["improvement"],
+            labels={"artefact": "Where the base model fails: pictures of the records {record_set}"},
+        ),
+        location_pdf="<results>/improvement/{record_set}/location.pdf",
+        signatures_svg=report(
+            "<results>/improvement/{record_set}/signatures.svg",
+            caption=caption("signatures"),
+            category=CATEGORIES["improvement"],
+            labels={"artefact": "Signatures of the effects named for the records {record_set}"},
+        ),
+        signatures_pdf="<results>/improvement/{record_set}/signatures.pdf",
         ladder_svg=report(
             "<results>/improvement/{record_set}/ladder.svg",
             caption=caption("error_ladder"),
@@ -64,6 +85,7 @@ rule diagnose_records:
         layout=config["tissue"]["layout"],
         rate=config["tissue"]["rate_Hz"],
         improvement={key: value for key, value in config["improvement"].items() if key != "record_sets"},
+        machine=config["signals"]["machine"],
         seed=config["seed"],
         data=DATA,
     message:

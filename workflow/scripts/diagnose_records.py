@@ -7,34 +7,36 @@ def main(input, output, params):
     """Read the records, diagnose them, write the evidence."""
     from pathlib import Path
 
-    from lumbar.figures.ladder import ladder_figure, ladder_rungs
-    from lumbar.figures.style import save
-    from lumbar.files import read_json, write_json
+    from lumbar.files import write_json, write_text
     from lumbar.improvement.compare import comparison_table
     from lumbar.improvement.diagnosis import Settings, diagnose
+    from lumbar.improvement.evidence import gather_evidence
     from lumbar.improvement.locate import location_table
     from lumbar.improvement.refined_model import refined_document
     from lumbar.improvement.report import write_diagnosis
     from lumbar.improvement.simulated import compare_and_locate
+    from lumbar.pages.diagnosis import diagnosis_page
+    from lumbar.pages.diagnosis_pictures import draw_pictures
     from lumbar.records.columns import read_record
 
     records = [
         read_record(path, params.layout, entry["name"], entry.get("period_s"), params.rate)
         for entry, path in zip(params.records, input.recordings, strict=True)
     ]
-    settings = Settings.from_config(params.improvement)
+    settings, folder = Settings.from_config(params.improvement), Path(output.diagnosis).parent
     diagnosis = diagnose(records, settings)
-    folder = Path(output.diagnosis).parent
-    write_diagnosis(diagnosis, settings.catalogue, folder, params.data)
-    write_json(output.refined, refined_document(diagnosis.ladder, diagnosis.experiment, params.data))
-    content = read_json(output.diagnosis)
+    evidence = gather_evidence(diagnosis, records, settings, params.seed, params.machine)
     floor, training = diagnosis.experiment.floor, diagnosis.experiment.training.name
-    base = diagnosis.base.fit
-    comparisons, locations = compare_and_locate(records, base, floor, training, params.seed, settings.centre)
-    comparison_table(comparisons, params.data).write(output.compare.removesuffix(".csv"))
-    location_table(locations, params.data).write(output.location.removesuffix(".csv"))
-    figure = ladder_figure(ladder_rungs(content), content["unit"], content["noise_floor_rms"])
-    save(figure, output.ladder_svg.removesuffix(".svg"), params.data)
+    simulated = compare_and_locate(records, diagnosis.base.fit, floor, training, params.seed, settings.centre)
+    pictures = draw_pictures(diagnosis, simulated, settings.catalogue, folder, params.data)
+    comparisons = comparison_table([item.comparison for item in simulated], params.data)
+    comparisons.write(output.compare.removesuffix(".csv"))
+    locations = location_table([item.location for item in simulated], params.data)
+    locations.write(output.location.removesuffix(".csv"))
+    write_json(output.refined, refined_document(diagnosis.ladder, diagnosis.experiment, params.data))
+    page = diagnosis_page(diagnosis, evidence, settings.catalogue, params.data, pictures)
+    write_text(output.page, page)
+    write_diagnosis(diagnosis, evidence, folder, params.data)
 
 
 run(main, snakemake)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lumbar.cli.settings import add_data, add_output, new_command
-from lumbar.cli.tissue_folder import add_model, fitted_model
+from lumbar.cli.tissue_folder import add_model, simulated_model
 
 
 def add(commands) -> None:
@@ -21,17 +21,22 @@ def add(commands) -> None:
 
 
 def run(options) -> None:
-    """Fit the model, simulate it on every record, write the table and tell it."""
+    """Fit the model, simulate it on every record, write table, pictures and page, and tell it."""
+    from lumbar.figures.comparison import comparison_figure
+    from lumbar.figures.style import save
+    from lumbar.files import write_text
     from lumbar.improvement.compare import comparison_table
-    from lumbar.improvement.simulated import compare_and_locate
+    from lumbar.pages.records import comparison_page
 
-    settings, records, chosen, experiment, ladder = fitted_model(options)
-    comparisons, _ = compare_and_locate(
-        records, ladder[-1].fit, experiment.floor, experiment.training.name, settings["seed"], chosen.centre
-    )
-    data = options.data or options.folder.name
-    comparison_table(comparisons, data).write(options.output / "compare")
+    model, simulated, data = simulated_model(options)
+    comparisons = [item.comparison for item in simulated]
+    table = comparison_table(comparisons, data)
+    pictures = {}
+    for item in simulated:
+        stem = options.output / f"comparison_{item.record.name}"
+        save(comparison_figure(item.record, item.values, comparisons, model), stem, data)
+        pictures[item.record.name] = stem.with_name(f"{stem.name}.svg")
+    table.write(options.output / "compare")
+    write_text(options.output / "compare_page.html", comparison_page(simulated, model, data, pictures))
     for item in comparisons:
-        print(
-            f"{item.record}: {item.vaf.value:.1f} %VAF, RMS error {item.rms.value:.3g} {experiment.output_unit}"
-        )
+        print(item.sentence)

@@ -23,22 +23,42 @@ def add(commands) -> None:
         help="one file per excitation (time_s,position_mm,force_N unless the layout says otherwise)",
     )
     add_selection(parser)
+    parser.add_argument(
+        "--pictures",
+        action="store_true",
+        help="draw comparison, location, ladder and signatures too; takes a few seconds more",
+    )
     add_output(parser)
     add_data(parser)
     parser.set_defaults(run=run)
 
 
 def run(options) -> None:
-    """Diagnose, write diagnosis.json, diagnosis.html and ladder.csv, print the verdict."""
+    """Diagnose, write the verdict with its evidence, a page and the error ladder, print the verdict."""
+    from lumbar.files import write_text
     from lumbar.improvement.diagnosis import diagnose
+    from lumbar.improvement.evidence import gather_evidence
     from lumbar.improvement.report import write_diagnosis
     from lumbar.improvement.sentences import details, headline
+    from lumbar.improvement.separating_excitation import separation_sentence
+    from lumbar.pages.diagnosis import diagnosis_page
 
-    settings = load_settings(options.config, "tissue", "improvement")
+    settings = load_settings(options.config, "tissue", "improvement", "signals")
     records = read_folder(options.folder, settings["tissue"])
     chosen = selection(options, settings["improvement"])
+    data = options.data or options.folder.name
     diagnosis = diagnose(records, chosen)
-    write_diagnosis(diagnosis, chosen.catalogue, options.output, options.data or options.folder.name)
+    evidence = gather_evidence(diagnosis, records, chosen, settings["seed"], settings["signals"]["machine"])
+    pictures = {}
+    if options.pictures:
+        from lumbar.pages.diagnosis_pictures import diagnosis_pictures
+
+        pictures = diagnosis_pictures(diagnosis, records, chosen, settings["seed"], options.output, data)
+    page = diagnosis_page(diagnosis, evidence, chosen.catalogue, data, pictures)
+    write_diagnosis(diagnosis, evidence, options.output, data)
+    write_text(options.output / "diagnosis.html", page)
     print(headline(diagnosis))
     for line in details(diagnosis, chosen.catalogue):
         print(f"  {line}")
+    if evidence.separation is not None:
+        print(f"  {separation_sentence(evidence.separation, diagnosis)}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lumbar.cli.settings import add_data, add_output, new_command
-from lumbar.cli.tissue_folder import add_model, fitted_model
+from lumbar.cli.tissue_folder import add_model, simulated_model
 
 
 def add(commands) -> None:
@@ -21,15 +21,21 @@ def add(commands) -> None:
 
 
 def run(options) -> None:
-    """Fit the model, simulate it on every record, write the table and tell it."""
+    """Fit the model, simulate it on every record, write table, pictures and page, and tell it."""
+    from lumbar.figures.location import location_figure
+    from lumbar.figures.style import save
+    from lumbar.files import write_text
     from lumbar.improvement.locate import location_table
-    from lumbar.improvement.simulated import compare_and_locate
+    from lumbar.pages.records import location_page
 
-    settings, records, chosen, experiment, ladder = fitted_model(options)
-    _, locations = compare_and_locate(
-        records, ladder[-1].fit, experiment.floor, experiment.training.name, settings["seed"], chosen.centre
-    )
-    data = options.data or options.folder.name
-    location_table(locations, data).write(options.output / "location")
-    for item in locations:
-        print("\n  ".join(item.sentences))
+    model, simulated, data = simulated_model(options)
+    table = location_table([item.location for item in simulated], data)
+    pictures = {}
+    for item in simulated:
+        stem = options.output / f"location_{item.record.name}"
+        save(location_figure(item.location), stem, data)
+        pictures[item.record.name] = stem.with_name(f"{stem.name}.svg")
+    table.write(options.output / "location")
+    write_text(options.output / "location_page.html", location_page(simulated, model, data, pictures))
+    for item in simulated:
+        print("\n  ".join(item.location.sentences))

@@ -45,6 +45,26 @@ def fitted_model(options):
     return settings, records, chosen, *refine(records, options.add, chosen)
 
 
+def simulated_model(options):
+    """Fit the model of the options and simulate it on every record of the folder.
+
+    Returns
+    -------
+    str
+        Name of the model.
+    list of Simulated
+    str
+        Label of the data.
+    """
+    from lumbar.improvement.refined_model import model_name
+    from lumbar.improvement.simulated import compare_and_locate
+
+    settings, records, chosen, experiment, ladder = fitted_model(options)
+    fit, training = ladder[-1].fit, experiment.training.name
+    simulated = compare_and_locate(records, fit, experiment.floor, training, settings["seed"], chosen.centre)
+    return model_name(fit), simulated, options.data or options.folder.name
+
+
 def add_selection(parser: argparse.ArgumentParser) -> None:
     """Add ``--base``, ``--train`` and ``--period``."""
     parser.add_argument(

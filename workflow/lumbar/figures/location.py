@@ -1,4 +1,4 @@
-"""Where a model fails: six views of its error on one page."""
+"""Where a model fails: nine views of its error on one page."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from lumbar.figures.style import DOUBLE_COLUMN, SERIES, label_panels, new_figure
 from lumbar.improvement.frequency_view import ABOVE, BELOW, BETWEEN, EVEN, EXCITED, ODD
 from lumbar.improvement.locate import Location
 from lumbar.improvement.residual import SIGNIFICANT
+from lumbar.improvement.residual_tests import EVEN_FUNCTIONS, LINEAR_FUNCTIONS
 from lumbar.improvement.view import View, percent
 
 _LINES = {
@@ -21,15 +22,16 @@ _LINES = {
 _STYLES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 _BAND = {"color": "#cccccc", "linewidth": 0}
 _SHORT = {"position and velocity": "map"}
-_CURVES = 4
-"""Functions of the input whose correlations are drawn: the most related ones."""
+_ODD_CURVES = 2
+"""Odd functions of the input whose correlations are drawn beside the linear ones: the most related."""
 _SIGNIFICANT_Z = 3.0
 
 
 def location_figure(location: Location):
-    """Draw time, spectrum, the plane of position and velocity, depth, reversals and correlations.
+    """Draw the views of a location, row by row: when and how fast, where in the motion, related to what.
 
-    Grey bands are 95 % limits under noise alone.
+    Time, cycles of the motion, spectrum; depth, reversals, position and velocity; autocorrelation, correlation with
+    the input and odd functions of it, with even functions of it. Grey bands are 95 % limits under noise alone.
 
     Parameters
     ----------
@@ -39,20 +41,28 @@ def location_figure(location: Location):
     -------
     matplotlib.figure.Figure
     """
-    figure, axes = new_figure(DOUBLE_COLUMN, 4.7, nrows=2, ncols=3)
+    figure, axes = new_figure(DOUBLE_COLUMN, 6.6, nrows=3, ncols=3)
     views, residual = location.views, location.residual
-    panels = dict(
-        zip(("time", "frequency", "map", "depth", "reversals", "correlations"), axes.ravel(), strict=True)
-    )
-    _draw_time(panels["time"], views["time"], location)
-    _draw_spectrum(panels["frequency"], views["frequency"], residual.unit)
-    _draw_map(figure, panels["map"], views["position and velocity"], location)
-    _draw_depth(panels["depth"], views["depth"], location)
-    _draw_reversals(panels["reversals"], views["reversals"], residual.unit)
-    _draw_correlations(panels["correlations"], views["correlations"])
+    (time, cycles, spectrum), (depth, turning, plane), (whiteness, odd, even) = axes
+    _draw_time(time, views["time"], location)
+    _draw_cycles(cycles, views["cycles"], location)
+    _draw_spectrum(spectrum, views["frequency"], residual.unit)
+    _draw_map(figure, plane, views["position and velocity"], location)
+    _draw_depth(depth, views["depth"], location)
+    _draw_reversals(turning, views["reversals"], residual.unit)
+    _draw_whiteness(whiteness, views["whiteness"])
+    correlations = views["correlations"]
+    _draw_correlations(odd, correlations, [*LINEAR_FUNCTIONS, *_strongest_odd(correlations)])
+    _draw_correlations(even, correlations, EVEN_FUNCTIONS)
+    even.set_ylabel("… with even functions")
+    even.set_ylim(odd.get_ylim())
     label_panels(axes.ravel())
-    for name in ("time", "position and velocity", "depth", "reversals"):
-        axis = panels["map" if name == "position and velocity" else name]
+    for name, axis in (
+        ("time", time),
+        ("position and velocity", plane),
+        ("depth", depth),
+        ("reversals", turning),
+    ):
         axis.set_title(_with_share(views[name]), loc="right", fontsize=7)
     floor = "noise unknown" if residual.floor is None else f"noise {residual.floor.rms:.3g} {residual.unit}"
     figure.suptitle(
@@ -100,6 +110,30 @@ def _room_for_legend(axis, share: float, **legend) -> None:
     bottom, top = axis.get_ylim()
     axis.set_ylim(bottom, top + share * (top - bottom))
     axis.legend(loc="upper center", handlelength=1.6, columnspacing=1.0, handletextpad=0.5, **legend)
+
+
+def _draw_cycles(axis, view: View, location: Location) -> None:
+    table, residual = view.table, location.residual
+    axis.set_xlabel(f"Amplitude of the cycle ({residual.position_unit})")
+    axis.set_ylabel(f"Error in the cycle ({residual.unit} RMS)")
+    if not len(table["rms"]):
+        axis.annotate("too few cycles", (0.5, 0.5), xycoords="axes fraction", ha="center")
+        return
+    axis.plot(
+        table["amplitude"],
+        table["rms"],
+        linestyle="none",
+        marker="o",
+        markersize=2,
+        markerfacecolor="none",
+        markeredgewidth=0.5,
+        color=SERIES[0],
+    )
+    if residual.floor is not None:
+        axis.axhline(residual.floor.rms, color="black", linestyle="--", linewidth=0.8, label="noise floor")
+        _room_for_legend(axis, 0.15)
+    axis.set_xlim(left=0)
+    axis.set_ylim(bottom=0)
 
 
 def _draw_spectrum(axis, view: View, unit: str) -> None:
@@ -209,13 +243,36 @@ def _draw_reversals(axis, view: View, unit: str) -> None:
     axis.plot(table["time"], table["mean"], color=SERIES[0], marker="o", markersize=2.5)
     axis.axhline(0, color="black", linewidth=0.5)
     axis.axvline(0, color="black", linestyle="--", linewidth=0.8)
+    axis.locator_params(axis="x", nbins=4)
 
 
-def _draw_correlations(axis, view: View) -> None:
+def _draw_whiteness(axis, view: View) -> None:
     table = view.table
-    names = list(dict.fromkeys(table["function"]))
+    limit = table["limit"][0]
+    axis.axhspan(-limit, limit, **_BAND)
+    axis.vlines(table["lag"], 0, table["correlation"], color=SERIES[0], linewidth=1.0)
+    axis.plot(
+        table["lag"], table["correlation"], linestyle="none", marker="o", markersize=2.2, color=SERIES[0]
+    )
+    axis.axhline(0, color="black", linewidth=0.5)
+    axis.set_xlabel("Lag (s)")
+    axis.set_ylabel("Autocorrelation of the error")
+    verdict = "not white" if view.p_value < SIGNIFICANT else "as noise"
+    axis.set_title(f"whiteness: {verdict}", loc="right", fontsize=7)
+
+
+def _strongest_odd(view: View) -> list[str]:
+    """Odd functions of the input that the error is most related to."""
+    table = view.table
+    names = [
+        name for name in dict.fromkeys(table["function"]) if name not in (*LINEAR_FUNCTIONS, *EVEN_FUNCTIONS)
+    ]
     strength = {name: np.abs(table["correlation"][table["function"] == name]).max() for name in names}
-    shown = sorted(names, key=lambda name: -strength[name])[:_CURVES]
+    return sorted(names, key=lambda name: -strength[name])[:_ODD_CURVES]
+
+
+def _draw_correlations(axis, view: View, shown) -> None:
+    table = view.table
     limit = max(table["limit"][table["function"] == name][0] for name in shown)
     axis.axhspan(-limit, limit, **_BAND)
     for name, color, line in zip(shown, SERIES, _STYLES, strict=False):
@@ -230,5 +287,5 @@ def _draw_correlations(axis, view: View) -> None:
         )
     axis.axhline(0, color="black", linewidth=0.5)
     axis.set_xlabel("Lag behind the input (s)")
-    axis.set_ylabel("Correlation of the error")
+    axis.set_ylabel("Correlation of the error …")
     _room_for_legend(axis, 0.35, ncols=2)

@@ -14,6 +14,8 @@ import matplotlib as mpl
 mpl.use("Agg")
 
 import matplotlib.pyplot as plt
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 
 from lumbar.files import replacing
 
@@ -131,7 +133,9 @@ def save(figure, stem: str | os.PathLike, data: str) -> None:
     if data:
         figure.supxlabel(words, x=0.995, ha="right", fontsize=6, color="#555555")
     _settle_layout(figure)
-    for ending, metadata in _METADATA.items():
-        with replacing(stem.with_name(f"{stem.name}.{ending}")) as temporary:
-            figure.savefig(temporary, metadata=metadata(words))
+    # savefig would draw everything once more before each format, to lay out what is laid out already.
+    with replacing(stem.with_name(f"{stem.name}.svg")) as temporary:
+        FigureCanvasSVG(figure).print_svg(temporary, metadata=_METADATA["svg"](words))
+    with replacing(stem.with_name(f"{stem.name}.pdf")) as temporary:
+        FigureCanvasPdf(figure).print_pdf(temporary, metadata=_METADATA["pdf"](words))
     plt.close(figure)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.improvement.compare import counted_from
+from lumbar.improvement.cycle_view import cycle_view
 from lumbar.improvement.fitting import SETTLING
 from lumbar.improvement.frequency_view import frequency_view
 from lumbar.improvement.noise_floor import NoiseFloor
@@ -21,6 +22,7 @@ from lumbar.tables import Table
 
 VIEWS = (
     time_view,
+    cycle_view,
     frequency_view,
     map_view,
     depth_view,

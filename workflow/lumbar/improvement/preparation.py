@@ -8,6 +8,7 @@ import numpy as np
 
 from lumbar.effects.motion import Motion
 from lumbar.errors import InputError
+from lumbar.improvement.excitation_checks import check_excitation, check_response
 from lumbar.improvement.fitting import SETTLING, FitData
 from lumbar.improvement.noise_floor import NoiseFloor, noise_floor
 from lumbar.records.record import Record, same_units
@@ -83,10 +84,12 @@ def prepare(
                 f"{record.source or record.name}: {record.duration:g} s is too short: the first {SETTLING} s settle, "
                 "and at least as much and 50 samples must follow"
             )
+    check_excitation(chosen, [record for record in records if record is not chosen])
     # A study's own period of a record with fewer than three of them says nothing about noise; one that is asked for
     # here and cannot be used is an error.
     known = chosen.period if chosen.period and chosen.duration >= 3 * chosen.period else None
     floor = noise_floor(replace(chosen, period=known), (periods or {}).get(chosen.name))
+    check_response(chosen, floor)
     training, tests = _split(chosen, [item for item in records if item is not chosen])
     whitening = np.ones(1) if floor is None else floor.whitening
     return Experiment(

@@ -7,6 +7,7 @@ from lumbar.effects.catalogue import choose
 from lumbar.effects.structure import Structure
 from lumbar.errors import NumericalError
 from lumbar.improvement.diagnosis import Settings
+from lumbar.improvement.excited import check_excited
 from lumbar.improvement.fitting import fit_base
 from lumbar.improvement.preparation import Experiment, prepare
 from lumbar.improvement.refined_model import model_name
@@ -36,7 +37,7 @@ def refine(
     Raises
     ------
     InputError
-        For an unknown effect.
+        For an unknown effect, and for one that the training record does not excite.
     NumericalError
         If a fit does not converge, or an effect makes the model worse on the record it is fitted to.
     """
@@ -51,6 +52,9 @@ def refine(
                 f"{name}: added to {model_name(ladder[-1].fit)} it raises the error on {experiment.training.name} from "
                 f"{ladder[-1].train_rms:.4g} to {rung.train_rms:.4g} {experiment.output_unit}; leave it out"
             )
+        form = rung.fit.structure.forms[-1]
+        shapes = rung.fit.shapes[len(ladder[-1].fit.shapes) :]
+        check_excited(ladder[-1].fit, form, experiment.training, shapes, model_name(ladder[-1].fit))
         ladder.append(rung)
     if len(chosen) > 1:
         # Forms were chosen one by one; with all effects in place another form of one may fit better.

@@ -201,15 +201,16 @@ def _promising(fit: Fit, forms: list[Form], experiment: Experiment, most: int, a
 def pairs(
     base: Candidate, singles: list[Candidate], catalogue: dict[str, Effect], experiment: Experiment
 ) -> list[Candidate]:
-    """Pairs of effects that begin with one of the best single ones, best first."""
-    return sorted(
-        (
-            pair
-            for first in best_by_effect(singles)[:LOOK_AHEAD]
-            for pair in extend(first, catalogue, experiment, REFITTED, all_forms=False)
-        ),
-        key=lambda item: item.score,
-    )
+    """Pairs of effects that begin with one of the best single ones, best first.
+
+    Further first effects are not tried once a pair leaves nothing but noise; `exchange` looks for others like it.
+    """
+    found: list[Candidate] = []
+    for first in best_by_effect(singles)[:LOOK_AHEAD]:
+        found += extend(first, catalogue, experiment, REFITTED, all_forms=False)
+        if any(is_adequate(pair, experiment) for pair in found):
+            break
+    return sorted(found, key=lambda item: item.score)
 
 
 def exchange(model: Candidate, catalogue: dict[str, Effect], experiment: Experiment) -> Candidate:

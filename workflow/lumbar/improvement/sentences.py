@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from lumbar.effects.effect import Effect
-from lumbar.improvement.diagnosis import Diagnosis
-from lumbar.improvement.search import Candidate
+from lumbar.improvement.diagnosis import Diagnosis, Ranked
 
 
 def readable(name: str) -> str:
@@ -40,6 +39,11 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
     """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
     unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
     lines = []
+    if not diagnosis.model.fit.converged:
+        lines.append(
+            f"The fit of {effects_text(diagnosis.selected)} did not converge: its parameters are where the optimiser "
+            "stopped and no result."
+        )
     if floor is None:
         lines.append("No record repeats, so the noise floor is unknown and completeness cannot be judged.")
     else:
@@ -59,10 +63,11 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
         ]
-    runner_up = _runner_up(diagnosis)
-    if runner_up is not None:
+    second = runner_up(diagnosis)
+    if second is not None:
         lines.append(
-            f"Runner-up: {effects_text(runner_up.effects)}, error on unseen records {runner_up.test_rms:.3g} {unit}."
+            f"Runner-up: {effects_text(second.candidate.effects)}, error on unseen records "
+            f"{second.candidate.test_rms:.3g} {unit}."
         )
     for item in diagnosis.tied_with:
         new = [name for name in item.effects if name not in diagnosis.selected]
@@ -72,8 +77,7 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
     return lines
 
 
-def _runner_up(diagnosis: Diagnosis) -> Candidate | None:
-    others = [
-        item.candidate for item in diagnosis.ranking if set(item.candidate.effects) != set(diagnosis.selected)
-    ]
-    return others[0] if others else None
+def runner_up(diagnosis: Diagnosis) -> Ranked | None:
+    """Best of the ranked sets of effects that is not the selected one."""
+    chosen = set(diagnosis.selected)
+    return next((item for item in diagnosis.ranking if set(item.candidate.effects) != chosen), None)

@@ -2,12 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numpy as np
+
 from lumbar.effects.motion import Motion
 from lumbar.improvement.compare import Comparison, compare_record
 from lumbar.improvement.fitting import Fit
 from lumbar.improvement.locate import Location, locate
 from lumbar.improvement.noise_floor import NoiseFloor
 from lumbar.records.record import Record
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A record beside a model's free run, and what is seen of the error.
+
+    Attributes
+    ----------
+    record : Record
+    values : numpy.ndarray, shape (samples,)
+        Free run.
+    comparison : Comparison
+    location : Location
+    """
+
+    record: Record
+    values: np.ndarray
+    comparison: Comparison
+    location: Location
 
 
 def compare_and_locate(
@@ -17,7 +40,7 @@ def compare_and_locate(
     floor_from: str,
     seed: int,
     centre: bool = False,
-) -> tuple[list[Comparison], list[Location]]:
+) -> list[Simulated]:
     """Simulate a fitted model on every record, compare it, and see where it fails.
 
     Parameters
@@ -31,19 +54,19 @@ def compare_and_locate(
         Seed of the intervals.
     centre : bool
         Whether the fit was made on records less their means.
-
-    Returns
-    -------
-    list of Comparison
-    list of Location
     """
-    comparisons, locations = [], []
+    found = []
     for number, record in enumerate(records):
         position, level = record["input"], 0.0
         if centre:
             position, level = position - position.mean(), float(record["output"].mean())
-        simulated = fit.simulate(Motion(record.time - record.time[0], position, record.sampling_time)) + level
+        values = fit.simulate(Motion(record.time - record.time[0], position, record.sampling_time)) + level
         source = "" if record.name == floor_from else floor_from
-        comparisons.append(compare_record(record, simulated, floor, source, seed=seed + number))
-        locations.append(locate(record, simulated, floor, source))
-    return comparisons, locations
+        comparison = compare_record(record, values, floor, source, seed=seed + number)
+        found.append(Simulated(record, values, comparison, locate(record, values, floor, source)))
+    return found
+
+
+def least_explained(simulated: list[Simulated]) -> Simulated:
+    """The record of whose output the model explains the smallest share."""
+    return min(simulated, key=lambda item: item.comparison.vaf.value)

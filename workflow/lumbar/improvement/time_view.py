@@ -41,7 +41,7 @@ def time_view(residual: Residual) -> View:
     if residual.folding is None:
         significant = average.p_value < SIGNIFICANT
         level = (
-            f"the mean error changes from window to window by more than noise would: {percent(average.share)} of the "
+            f"the mean error changes from window to window by more than noise would: {_counted(average.share)} of the "
             f"{residual.base_words}"
             if significant
             else "the mean error of the windows is no more than chance"
@@ -71,6 +71,10 @@ def time_view(residual: Residual) -> View:
     return View("time", share if p_value < SIGNIFICANT else 0.0, p_value, sentence, table, numbers)
 
 
+def _counted(share: float) -> str:
+    return percent(share) if share > 0 else "no more than of any smooth error, 0 %"
+
+
 def _word(residual: Residual, count: int) -> str:
     word = "window" if residual.folding is None else "period"
     return word if count == 1 else f"{word}s"
@@ -82,7 +86,9 @@ def _edges(residual: Residual) -> np.ndarray:
     if residual.folding is None:
         return np.linspace(0, size, min(_WINDOWS, size // 8) + 1).astype(int)[:-1]
     starts = residual.folding.rows[:, 0]
-    return np.insert(starts, 0, 0) if starts[0] > _LEAST_CYCLE * residual.folding.samples else starts
+    if starts[0] > _LEAST_CYCLE * residual.folding.samples:
+        return np.insert(starts, 0, 0)
+    return np.insert(starts[1:], 0, 0)
 
 
 def level_trend(residual: Residual) -> tuple[float, float]:

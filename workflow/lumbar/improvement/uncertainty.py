@@ -35,7 +35,7 @@ def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> lis
     Gauss–Newton covariance s²(JᵀJ)⁻¹ of amplitudes and of logarithms of shapes (shapes are positive, their intervals
     asymmetric); s² from the whitened residual. Parameters at a bound have an interval that ends there.
     """
-    jacobian = _jacobian(fit, data)
+    jacobian = sensitivities(fit, data)
     size = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
     variance = fit.squared_error / max(data.size - jacobian.shape[1], 1)
     inverse = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-12)
@@ -66,8 +66,13 @@ def _unit(template: str, input_unit: str, output_unit: str) -> str:
     return template.replace("{x}", input_unit).replace("{y}", output_unit)
 
 
-def _jacobian(fit: Fit, data: FitData) -> np.ndarray:
-    """Derivatives of the whitened simulation by amplitudes and logarithms of shapes, by central differences."""
+def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
+    """Derivatives of the whitened simulation by amplitudes and logarithms of shapes, by central differences.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples that count, amplitudes and shapes)
+    """
     structure, motion = fit.structure, data.motion
 
     def simulated(amplitudes, logarithms):

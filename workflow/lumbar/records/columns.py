@@ -7,6 +7,7 @@ A layout is plain data from a study's YAML::
     header: true            # a line of column names before the data
     comment: "%"            # lines that start with it are skipped
     decimal: "."
+    clipped: refuse         # or accept: flat tops of force and position
     columns:
       time:   {column: time_s, quantity: time, unit: s}
       input:  {column: 2, quantity: angle, unit: rad, scale: 7.6699e-4, offset: 0}
@@ -27,6 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.errors import InputError, Problems
+from lumbar.records.clipping import check_clipping
 from lumbar.records.record import Channel, Record, check_record
 
 TIME = "time"
@@ -87,6 +89,8 @@ def read_record(
         period=period,
     )
     check_record(record)
+    if layout.get("clipped", "refuse") == "refuse":
+        check_clipping(record)
     if rate is not None:
         from lumbar.records.resampling import resample
 

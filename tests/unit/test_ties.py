@@ -1,0 +1,211 @@
+"""Ties: angles between added forces, their clusters, and the excitation that breaks a tie when it is recorded.
+
+Records come from the independent generator; the hidden effect is read by assertions alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hidden_effects_cases import recorded_motion
+from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.spatial.distance import squareform
+
+from lumbar.effects.base import BASES
+from lumbar.effects.catalogue import TISSUE
+from lumbar.effects.motion import Motion
+from lumbar.effects.structure import Structure
+from lumbar.improvement.diagnosis import TIED, Settings, diagnose
+from lumbar.improvement.excitation_family import band, excitation_family
+from lumbar.improvement.fitting import FitData, fit
+from lumbar.improvement.separating_excitation import (
+    excitation_csv,
+    separating_excitation,
+    separation_sentence,
+)
+from lumbar.improvement.tangent import beyond, tangent_basis
+from lumbar.improvement.ties import angles_between, complete_linkage, signal_angles
+from lumbar.records.record import Channel, Record
+from lumbar.signals.machine_limits import Kinematics, peak_kinematics
+from lumbar.twin.hidden_effects.catalogue import form_named
+from lumbar.twin.hidden_effects.form import Scales
+from lumbar.twin.hidden_effects.motion import RATE_HZ, line_spectrum_motion
+from lumbar.twin.hidden_effects.simulation import calibrated, simulate
+from lumbar.twin.hidden_effects.tissue import Tissue
+
+TRUE_TISSUE = Tissue(elastic=0.5, relaxing=0.6, relaxation_s=0.15)
+ONE_LINE = 10
+"""Line of 0.1 Hz that is excited: one sine shows little of a nonlinearity."""
+
+
+def test_angles_between_known_signals():
+    signals = np.array([[1.0, 2.0, 0.0, -1.0, 1.0, 0.0], [0.0, 0.0, 3.0, 0.0, 1e-9, 0.0]])
+    angles = angles_between(signals)
+    assert angles[0, :4] == pytest.approx([0.0, 0.0, 90.0, 180.0])
+    assert angles[0, 4] == pytest.approx(np.degrees(1e-9), rel=1e-6)
+    assert angles[0, 5] == 90.0
+    assert np.array_equal(angles, angles.T)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_clusters_are_those_of_scipy(seed):
+    signals = np.random.default_rng(seed).standard_normal((3, 9))
+    angles = angles_between(signals)
+    ours = complete_linkage(angles, 60.0)
+    labels = fcluster(linkage(squareform(angles, checks=False), "complete"), 60.0, "distance")
+    theirs = sorted(np.flatnonzero(labels == label).tolist() for label in set(labels))
+    assert ours == theirs
+    assert ours[0][0] == 0
+
+
+def test_a_refit_takes_up_what_lies_in_the_tangent_space():
+    structure = Structure(BASES["KB"])
+    time = np.arange(2000) / 100
+    motion = Motion(time, np.cos(time) + np.cos(4.1 * time), 0.01)
+    truth = structure.simulate(motion, np.array([0.5, 0.6]), np.array([0.15]))
+    fitted = fit(structure, FitData("a", motion, truth), np.array([0.14]))
+    basis = tangent_basis(fitted, [FitData("a", motion, truth)])
+    nearby = structure.simulate(motion, np.array([0.51, 0.59]), np.array([0.1505]))
+    assert basis.shape[1] == 3
+    left = np.linalg.norm(beyond(basis, (nearby - truth)[50:]))
+    assert left < 1e-3 * np.linalg.norm((nearby - truth)[50:])
+    cubic = motion.position[50:] ** 3
+    data = FitData("a", motion, truth + 1e-3 * motion.position**3)
+    refitted = fit(structure, data, fitted.shapes)
+    assert np.sqrt(refitted.squared_error) == pytest.approx(
+        1e-3 * np.linalg.norm(beyond(basis, cubic)), rel=0.01
+    )
+
+
+def recorded(motion, effect, noise: float, seed: int) -> Record:
+    force = motion.sampled(simulate(motion, TRUE_TISSUE, [effect]))
+    force = force + noise * np.random.default_rng(seed).standard_normal(len(force))
+    position = motion.sampled(motion.position)
+    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
+    return Record(motion.record, np.arange(len(force)) / RATE_HZ, channels, motion.record)
+
+
+def one_sine(name: str, seed: int, seconds: float):
+    phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, ONE_LINE)
+    return line_spectrum_motion(name, (np.arange(ONE_LINE) == ONE_LINE - 1) * 1.0, phase, 0.1, seconds, 3.0)
+
+
+def tied_experiment(label: str, strength: float, seed: int):
+    """Records of single sines with a hidden effect, tied by construction; the effect and the noise."""
+    motion, other = one_sine("sine", seed, 60.0), one_sine("other_sine", seed + 10, 20.0)
+    scales = Scales.of(motion, TRUE_TISSUE)
+    noise, form = 0.01 * scales.force, form_named(label)
+    shape = form.draw(np.random.default_rng(seed), scales)
+    effect = calibrated(form, shape, strength * noise, motion, TRUE_TISSUE, scales)
+    return (
+        [recorded(motion, effect, noise, seed + 5), recorded(other, effect, noise, seed + 60)],
+        effect,
+        noise,
+    )
+
+
+@pytest.mark.parametrize(
+    ("label", "strength", "seed"),
+    [("saturation:tanh", 0.2, 3), ("saturation:tanh", 0.35, 4), ("saturation:clip", 0.2, 5)],
+)
+def test_the_proposed_excitation_breaks_the_tie(label, strength, seed):
+    records, effect, noise = tied_experiment(label, strength, seed)
+    before = diagnose(records)
+    assert before.verdict == "tied"
+    rivals = {before.selected, *(item.effects for item in before.tied_with)}
+    assert ("saturation",) in rivals
+    found = separating_excitation(before, Kinematics(30.0, 1000.0, 20000.0))
+    assert found.separates
+    assert found.distance > 2 * found.recorded
+    assert found.recorded**2 < TIED * 2
+    motion = found.excitation.motion
+    proposed = recorded(recorded_motion("proposed", motion.time, motion.position), effect, noise, 7)
+    after = diagnose([*records, proposed], Settings(train="proposed"))
+    assert (after.verdict, after.selected) == ("named", ("saturation",))
+
+
+def test_tied_effects_lie_in_one_cluster():
+    records, _, _ = tied_experiment("saturation:tanh", 0.2, 3)
+    diagnosis = diagnose(records)
+    ties = signal_angles(diagnosis)
+    names = [item.effects for item in ties.candidates]
+    assert names[0] == diagnosis.selected
+    members = [names[index] for index in ties.clusters[0]]
+    assert all(item.effects in members for item in diagnosis.tied_with)
+    content = ties.to_json()
+    assert content["angle_to_first_deg"]["saturation"] == 0.0
+    assert sum(map(len, content["clusters"])) == len(names)
+
+
+def test_the_proposal_is_a_sentence_and_a_file_to_play():
+    records, _, _ = tied_experiment("saturation:tanh", 0.35, 4)
+    diagnosis = diagnose(records)
+    found = separating_excitation(diagnosis)
+    sentence = separation_sentence(found, diagnosis)
+    assert sentence.startswith("To tell saturation from hysteresis, record a ")
+    assert "your record sine: " in sentence
+    header, first, *rows = excitation_csv(found, diagnosis).splitlines()
+    assert header == "time_s,position_mm"
+    assert first.startswith("0,")
+    assert len(rows) == len(found.excitation.motion) - 1
+
+
+def test_without_a_tie_nothing_is_proposed():
+    records, _, _ = tied_experiment("hardening_stiffness:cubic", 6.0, 3)
+    diagnosis = diagnose(records)
+    assert diagnosis.verdict == "named"
+    assert separating_excitation(diagnosis) is None
+    assert ties_of_others(diagnosis) == []
+
+
+def ties_of_others(diagnosis) -> list:
+    return [index for index in signal_angles(diagnosis).clusters[0] if index != 0]
+
+
+def test_nothing_is_compared_where_nothing_is_selected():
+    motion = one_sine("sine", 1, 60.0)
+    effect = calibrated(
+        form_named("hardening_stiffness:cubic"), {}, 1e-6, motion, TRUE_TISSUE, Scales.of(motion, TRUE_TISSUE)
+    )
+    diagnosis = diagnose(
+        [recorded(motion, effect, 0.05, 2), recorded(one_sine("b", 2, 20.0), effect, 0.05, 3)]
+    )
+    assert diagnosis.selected == ()
+    assert signal_angles(diagnosis) is None
+
+
+def test_excitations_keep_to_the_machine():
+    time = np.arange(3000) / 100
+    motion = Motion(time, 4 * np.sin(2 * np.pi * 0.5 * time) + 1.0, 0.01)
+    limits = Kinematics(5.5, 20.0, 100.0)
+    family = excitation_family(motion, "mm", limits)
+    assert len(family) > 10
+    for item in family:
+        peaks = peak_kinematics(item.motion.position, 100.0)
+        assert peaks.displacement <= limits.displacement + 1e-6
+        assert peaks.velocity <= limits.velocity + 1e-6
+        assert peaks.acceleration <= limits.acceleration + 1e-6
+        inside = item.motion.position.min() >= -3.1 and item.motion.position.max() <= 5.1
+        assert item.within == inside, item.words
+    assert len(excitation_family(motion, "mm", None)) > len(family)
+    kinds = (
+        "multisine (full",
+        "multisine (odd",
+        "triangle",
+        "sine of",
+        "ramp and hold",
+        "strokes",
+        "rest for",
+    )
+    for kind in kinds:
+        assert any(kind in item.words for item in excitation_family(motion, "mm", None)), kind
+
+
+def test_the_band_of_a_motion():
+    time = np.arange(4000) / 100
+    motion = Motion(time, np.cos(2 * np.pi * 0.5 * time) + 0.1 * np.cos(2 * np.pi * 4.0 * time), 0.01)
+    assert band(motion) == pytest.approx((0.5, 4.0), abs=0.06)
+
+
+def test_every_effect_of_the_catalogue_is_known_to_the_experimenter():
+    assert all(effect.experiment for effect in TISSUE.values())

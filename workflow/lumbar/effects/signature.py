@@ -1,0 +1,107 @@
+"""What an effect's force looks like: its definition simulated on a standard motion, beside a standard tissue."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from lumbar.effects.base import BASES
+from lumbar.effects.effect import Effect, Form, Place
+from lumbar.effects.motion import Motion
+from lumbar.effects.structure import Structure
+
+BASE = "KB"
+STIFFNESSES = (1.0, 1.0)
+"""kₑ and k_b of the standard tissue, force per unit of position."""
+RELAXATION = 0.1
+"""Seconds."""
+SHARE = 0.3
+"""RMS of the force that a pictured effect adds, as a share of the tissue's own."""
+RATES = (0.5, 2.0)
+"""Frequencies of the standard motion, Hz."""
+_SAMPLING_TIME = 0.01
+_DURATION = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class Signature:
+    """Forces of one form on one motion.
+
+    Attributes
+    ----------
+    motion : Motion
+        A sine of amplitude 1 whose size grows over the first cycle.
+    base : numpy.ndarray, shape (samples,)
+        Force of the tissue alone.
+    force : numpy.ndarray, shape (samples,)
+        With the effect.
+    """
+
+    motion: Motion
+    base: np.ndarray
+    force: np.ndarray
+
+    @property
+    def added(self) -> np.ndarray:
+        """What the effect adds."""
+        return self.force - self.base
+
+
+def standard_motion(frequency: float) -> Motion:
+    """Sine of amplitude 1 that grows from rest over its first cycle."""
+    time = _SAMPLING_TIME * np.arange(round(_DURATION / _SAMPLING_TIME))
+    size = np.minimum(time * frequency, 1.0)
+    return Motion(time, size * np.sin(2 * np.pi * frequency * time), _SAMPLING_TIME)
+
+
+def signatures(effect: Effect, form: Form | None = None) -> list[Signature]:
+    """Simulate an effect, in its first form by default, at the standard rates.
+
+    Shapes are taken from the middle of their starting range, amplitudes so that the effect adds `SHARE` of the tissue's RMS at
+    the lower rate; of forms without amplitudes that starting shape is taken which comes nearest to it.
+    """
+    form = form or effect.forms[0]
+    tissue = Structure(BASES[BASE])
+    structure = tissue.with_form(form)
+    motions = [standard_motion(frequency) for frequency in RATES]
+    bases = [tissue.simulate(motion, np.array(STIFFNESSES), np.array([RELAXATION])) for motion in motions]
+    amplitudes, shapes = _pictured(structure, form, motions[0], bases[0])
+    return [
+        Signature(motion, base, structure.simulate(motion, amplitudes, shapes))
+        for motion, base in zip(motions, bases, strict=True)
+    ]
+
+
+def _pictured(
+    structure: Structure, form: Form, motion: Motion, base: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitudes and shapes of the picture."""
+    wanted = SHARE * _rms(base)
+    if form.place is Place.PARALLEL:
+        middle = [
+            np.sqrt(shape.low * shape.high) * _scale(shape.scale, motion, base) for shape in form.shapes
+        ]
+        shapes = np.concatenate([[RELAXATION], middle])
+        directions = np.array([amplitude.sign or 1 for amplitude in form.amplitudes], dtype=float)
+        columns = np.array(form.columns(motion, np.array(middle))).T
+        sizes = directions / np.maximum([_rms(column) for column in columns.T], 1e-12)
+        scale = wanted / _rms(columns @ sizes)
+        return np.concatenate([STIFFNESSES, scale * sizes]), shapes
+    best = None
+    for point in product(*(shape.grid(_scale(shape.scale, motion, base)) for shape in form.shapes)):
+        shapes = np.array([RELAXATION, *point])
+        force = structure.simulate(motion, np.array(STIFFNESSES), shapes)
+        distance = abs(_rms(force - base) - wanted)
+        if best is None or distance < best[0]:
+            best = (distance, shapes)
+    return np.array(STIFFNESSES), best[1]
+
+
+def _scale(kind: str, motion: Motion, base: np.ndarray) -> float:
+    return float(np.abs(base).max()) if kind == "force" else motion.scale(kind)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,49 @@
+"""What the parameters of a fitted model can take up of a signal, and what is left of it.
+
+To first order a refit moves the simulation within the tangent space of the model, the span of its sensitivities; only
+what lies outside tells another model from it (Bates and Watts, Nonlinear Regression Analysis, 1988, chapter 2).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.effects.effect import Form, Place
+from lumbar.improvement.fitting import Fit, FitData, previous_amplitudes
+from lumbar.improvement.uncertainty import sensitivities
+
+_SMALLEST = 1e-9
+"""Directions whose singular value is below this share of the largest are rounding."""
+
+
+def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
+    """Orthonormal basis of the tangent space over all samples that count of these records, one record after another.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples, directions)
+    """
+    columns = np.concatenate([sensitivities(fit, record) for record in records])
+    size = np.sqrt(np.sum(columns**2, axis=0))
+    left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return left[:, values > _SMALLEST * values[0]]
+
+
+def beyond(basis: np.ndarray, signals: np.ndarray) -> np.ndarray:
+    """Part of signals (samples first) that is orthogonal to a basis."""
+    return signals - basis @ (basis.T @ signals)
+
+
+def simulated_over(fit: Fit, records: list[FitData]) -> np.ndarray:
+    """Whitened free run over all samples that count of these records, one record after another."""
+    return np.concatenate([record.counted(fit.simulate(record.motion)) for record in records])
+
+
+def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.ndarray:
+    """Whitened forces that a form adds, one per amplitude; of forms without amplitudes the change it makes."""
+    if form.place is Place.PARALLEL:
+        return np.stack([data.counted(column) for column in form.columns(data.motion, start)], axis=1)
+    structure = fit.structure.with_form(form)
+    shapes = np.concatenate([fit.shapes, start])
+    changed = structure.simulate(data.motion, previous_amplitudes(fit, form), shapes)
+    return data.counted(changed - fit.simulate(data.motion))[:, None]

@@ -1,0 +1,91 @@
+"""Flat tops of a channel: samples that lie exactly at its extreme, as of a converter at the end of its range.
+
+A force that a mechanism limits (contact that is lost, a gripper that slips) carries the sensor's noise on top and does not
+repeat to the last digit; a converter's limit does. What a clipped channel would have shown is not in the file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.errors import Problems
+from lumbar.records.record import Record
+
+_SHORTEST_RUN = 3
+"""Samples in a row at the extreme that make a flat top."""
+_FEWEST_SAMPLES = 6
+_CROWDED = 5
+"""Times as many samples at the extreme as at the value next to it: a coarse converter repeats its other values too."""
+_ENTRY_SPREAD = 1.5
+"""Ratio of the speeds at which a position enters its flat tops: a commanded hold is always entered alike."""
+_FEWEST_TOPS = 3
+RESPONSES = ("output", "moment")
+EXCITATIONS = ("input",)
+"""Roles that are looked at; surgeons and people rest where they like."""
+
+
+@dataclass(frozen=True)
+class FlatTop:
+    """Samples at one extreme of a channel.
+
+    Attributes
+    ----------
+    level : float
+    samples : int
+        In flat tops.
+    starts : numpy.ndarray of int
+        First sample of every flat top.
+    """
+
+    level: float
+    samples: int
+    starts: np.ndarray
+
+
+def flat_tops(values: np.ndarray) -> list[FlatTop]:
+    """Flat tops at the largest and at the smallest value; empty where a channel is not clipped."""
+    levels, counts = np.unique(values, return_counts=True)
+    found = []
+    if len(levels) < 3:
+        return found
+    for extreme, beside in ((-1, -2), (0, 1)):
+        at = np.concatenate([[False], values == levels[extreme], [False]])
+        starts, stops = np.flatnonzero(~at[:-1] & at[1:]), np.flatnonzero(at[:-1] & ~at[1:])
+        long = stops - starts >= _SHORTEST_RUN
+        samples = int(np.sum((stops - starts)[long]))
+        if samples >= _FEWEST_SAMPLES and counts[extreme] > _CROWDED * counts[beside]:
+            found.append(FlatTop(float(levels[extreme]), samples, starts[long]))
+    return found
+
+
+def _is_hold(top: FlatTop, values: np.ndarray) -> bool:
+    """Whether a position rests at its extreme by command: few times, or always entered at the same speed."""
+    entries = top.starts[top.starts >= 2]
+    speeds = np.abs(values[entries - 1] - values[entries - 2])
+    return len(entries) < _FEWEST_TOPS or speeds.max() <= _ENTRY_SPREAD * speeds.min()
+
+
+def check_clipping(record: Record) -> None:
+    """Refuse a record whose force is clipped, or whose position is and does not merely rest there.
+
+    Raises
+    ------
+    InputError
+        With level, number of samples and stretches of every clipped channel.
+    """
+    problems = Problems(record.source or record.name)
+    for role, channel in record.channels.items():
+        if role not in (*RESPONSES, *EXCITATIONS):
+            continue
+        for top in flat_tops(channel.values):
+            if role in EXCITATIONS and _is_hold(top, channel.values):
+                continue
+            problems.add(
+                role,
+                f"clipped: {top.samples} samples lie exactly at {top.level:g} {channel.unit}, in {len(top.starts)} stretches "
+                f"from data row {top.starts[0] + 1} on",
+                "record with a larger range, cut the stretches out, or accept them with the layout's 'clipped: accept'",
+            )
+    problems.raise_if_any()
