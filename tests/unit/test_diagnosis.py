@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from lumbar.effects.catalogue import TISSUE
+from lumbar.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.errors import InputError, NumericalError
 from lumbar.improvement.diagnosis import Settings, diagnose
 from lumbar.improvement.null_gains import NullGains, shipped
@@ -89,6 +89,13 @@ def test_json_keeps_the_contract(blind):
     assert {"value", "low", "high", "unit"} <= set(first["parameters"]["coulomb_force"])
     assert [rung["effects"] for rung in content["ladder"]] == [[], ["coulomb_friction"]]
     assert content["ladder"][1]["test_rms"] < content["ladder"][0]["test_rms"]
+
+
+def test_the_refined_model_is_diagnosed_again(blind, labels, shared):
+    assert {blind[name].verdict_after for name in labels} == {"adequate"}
+    one_of_two = diagnose(records_of(shared / "hidden_effects" / "case_13"), Settings(most_effects=1))
+    assert (one_of_two.verdict, one_of_two.verdict_after) == ("named", "unexplained")
+    assert any("something is left that no further effect" in line for line in details(one_of_two, TISSUE))
 
 
 def test_sentences_name_effect_and_runner_up(blind):
@@ -178,4 +185,5 @@ def test_p_values_of_the_null_table():
     assert table.p_value(40.0) == pytest.approx(np.exp(-20), rel=0.5)
     assert table.p_value(10.0, forms=56) == pytest.approx(2 * table.p_value(10.0))
     assert len(shipped().gains) >= 200
-    assert shipped().forms == sum(len(effect.forms) for effect in TISSUE.values())
+    for system, catalogue in CATALOGUES.items():
+        assert shipped(system).forms == sum(len(effect.forms) for effect in catalogue.values())

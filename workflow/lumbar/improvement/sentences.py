@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lumbar.effects.effect import Effect
+from lumbar.effects.pendulum_load import CHANNELS
 from lumbar.improvement.diagnosis import Diagnosis, Ranked
 
 
@@ -60,6 +61,7 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
             f"The selected effects remove {100 * diagnosis.explainable_share_removed:.1f} % of the variance that a model "
             "could explain."
         )
+        lines.append(_diagnosed_again(diagnosis))
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
         ]
@@ -74,7 +76,29 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
         lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in new]
     if diagnosis.tied_with:
         lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in diagnosis.selected]
-    return lines
+    return lines + not_tried(diagnosis)
+
+
+def not_tried(diagnosis: Diagnosis) -> list[str]:
+    """Say which candidates the records left out, and what would have to be recorded for them."""
+    columns: dict[str, dict[str, None]] = {}
+    for form, missing in diagnosis.not_tried:
+        columns.setdefault(form.effect, {}).update({CHANNELS.get(role, role): None for role in missing})
+    return [
+        f"Not tried: {readable(name)} as measured, for want of {' and '.join(missing)} in the records."
+        for name, missing in columns.items()
+    ]
+
+
+def _diagnosed_again(diagnosis: Diagnosis) -> str:
+    unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
+    if floor is None:
+        return "Diagnosed again, no further effect passes."
+    rms = max(diagnosis.model.train_rms, diagnosis.model.test_rms)
+    left = f"its error is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} {unit})"
+    if diagnosis.verdict_after == "adequate":
+        return f"Diagnosed again, the refined model is adequate: {left}."
+    return f"Diagnosed again, something is left that no further effect of the catalogue explains: {left}."
 
 
 def runner_up(diagnosis: Diagnosis) -> Ranked | None:
