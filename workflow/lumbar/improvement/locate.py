@@ -90,7 +90,7 @@ class Location:
         if offset > 0.05:
             told += f"; a constant offset of {np.mean(residual.values):+.3g} {residual.unit} is {percent(offset)} of it"
         if residual.floor is None:
-            return f"{self.record}: of the error {told}; the views overlap."
+            return f"{self.record}: of the error's {np.sqrt(residual.variance):.3g} {residual.unit}, {told}; the views overlap."
         return (
             f"{self.record}: {np.sqrt(residual.explainable):.3g} {residual.unit} of the error's {np.sqrt(residual.variance):.3g} "
             f"{residual.unit} are not noise; {told}; the views overlap."

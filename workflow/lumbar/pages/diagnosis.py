@@ -172,11 +172,11 @@ def _ties(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
     words = (
         "Angle between the force that each candidate adds and that of the selected one, beyond what the base's own "
         "parameters take up, over all records: 0° is the same force, 90° has nothing in common. "
-        f"Noise would hide {ties.resolution:.2g}°."
+        f"{'Noise' if diagnosis.experiment.floor else 'What the model leaves'} would hide {ties.resolution:.2g}°."
     )
     cluster = (
         f"In one cluster with {names[0]}, their forces pairwise within {max(ALIKE, ties.resolution):.2g}°: {', '.join(alike)}"
-        f"{'' if diagnosis.tied_with else '; the noise is small enough to tell them apart all the same'}."
+        f"{'' if diagnosis.tied_with else '; the likelihood tells them apart all the same'}."
         if alike
         else f"No other candidate adds a force like that of {names[0]}."
     )
