@@ -34,11 +34,12 @@ def _range(diagnosis: Diagnosis) -> list[str]:
     motions = [item.motion for item in (experiment.training, *experiment.tests)]
     positions = np.concatenate([item.position for item in motions]) + experiment.input_offset
     speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
-    bottom, top = band(experiment.training.motion)
+    bottom, top = (f"{frequency:.2g}" for frequency in band(experiment.training.motion))
+    frequencies = f"outside {bottom} to {top} Hz" if bottom != top else f"at a frequency other than {top} Hz"
     unit = experiment.input_unit
     return [
-        f"Anything outside {positions.min():.3g} to {positions.max():.3g} {unit}, above {speed:.3g} {unit}/s or outside "
-        f"{bottom:.2g} to {top:.2g} Hz: the tool did not move there."
+        f"Anything outside {positions.min():.3g} to {positions.max():.3g} {unit}, above {speed:.3g} {unit}/s or "
+        f"{frequencies}: the tool did not move there."
     ]
 
 
