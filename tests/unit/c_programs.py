@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from effect_steps import Functions
 
 from lumbar.runtime.compiler import TARGETS, compile_library
-from lumbar.runtime.effect_steps import Functions
 from lumbar.runtime.export_model import ExportModel
 from lumbar.runtime.sources import c_files, source_files
 

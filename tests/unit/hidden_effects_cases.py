@@ -27,10 +27,13 @@ def recorded_motion(name: str, time: np.ndarray, position: np.ndarray) -> Motion
     return Motion(name, step, spline(fine), spline(fine, 1), spline(fine, 2))
 
 
-def diagnosis(verdict: str, selected=(), tied_with=(), test_rms: float = 1.0, complete=True) -> dict:
+def diagnosis(
+    verdict: str, selected=(), tied_with=(), test_rms: float = 1.0, complete=True, after="adequate"
+) -> dict:
     """A diagnosis as the benchmark reads it."""
     return {
         "verdict": verdict,
+        "verdict_after": after,
         "selected": list(selected),
         "tied_with": list(tied_with),
         "complete": complete,

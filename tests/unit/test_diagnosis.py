@@ -91,6 +91,13 @@ def test_json_keeps_the_contract(blind):
     assert content["ladder"][1]["test_rms"] < content["ladder"][0]["test_rms"]
 
 
+def test_the_refined_model_is_diagnosed_again(blind, labels, shared):
+    assert {blind[name].verdict_after for name in labels} == {"adequate"}
+    one_of_two = diagnose(records_of(shared / "hidden_effects" / "case_13"), Settings(most_effects=1))
+    assert (one_of_two.verdict, one_of_two.verdict_after) == ("named", "unexplained")
+    assert any("something is left that no further effect" in line for line in details(one_of_two, TISSUE))
+
+
 def test_sentences_name_effect_and_runner_up(blind):
     diagnosis = blind["case_03"]
     assert "missing coulomb friction" in headline(diagnosis)

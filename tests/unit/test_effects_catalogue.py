@@ -67,7 +67,13 @@ EQUATIONS = {
     "coulomb_friction/coulomb": lambda z, v, a, t, s: [np.tanh(v / s[0])],
     "depth_dependent_damping/bilinear": lambda z, v, a, t, s: [z * v, v],
     "quadratic_damping/quadratic": lambda z, v, a, t, s: [np.sign(v) * v**2],
+    "hardening_stiffness/power": lambda z, v, a, t, s: [z * np.abs(z) ** (s[0] - 1)],
+    "quadratic_stiffness/rounded": lambda z, v, a, t, s: [np.sqrt(z**2 + s[0] ** 2) - s[0]],
+    "quadratic_stiffness/deep": lambda z, v, a, t, s: [np.where(z > s[0], z - s[0], 0)],
+    "quadratic_stiffness/shallow": lambda z, v, a, t, s: [np.where(z < -s[0], z + s[0], 0)],
+    "depth_dependent_damping/hunt_crossley": lambda z, v, a, t, s: [np.where(z > 0, z, 0) ** s[0] * v, v],
     "inertia/mass": lambda z, v, a, t, s: [a],
+    "drift/power": lambda z, v, a, t, s: [t ** s[0]],
     "drift/settling": lambda z, v, a, t, s: [1 - np.exp(-t / s[0])],
     "periodic_disturbance/sine": lambda z, v, a, t, s: [
         np.sin(2 * np.pi * s[0] * t),
@@ -97,6 +103,33 @@ def test_output_forms_limit_the_force(motion):
     assert (clipped.min(), clipped.max()) == (-6.0, 6.0)
     soft = limits["contact_loss/soft"].output_transform(force, motion, np.array([4.0, 1e-3]))
     assert np.allclose(soft, lost, atol=1e-2)
+
+
+def test_a_rounded_limit_tends_to_the_sharp_one_and_does_not_overflow(motion):
+    force = np.concatenate([10 * motion.position, [1e30, -1e30]])
+    forms = {form.key: form.output_transform for form in FORMS if form.place is Place.OUTPUT}
+    rounded = forms["saturation/rounded"](force, motion, np.array([6.0, 400.0]))
+    assert np.allclose(rounded, np.clip(force, -6, 6), atol=0.02)
+    expected = force[:-2] / (1 + np.abs(force[:-2] / 6.0) ** 5) ** 0.2
+    assert np.allclose(forms["saturation/rounded"](force, motion, np.array([6.0, 5.0]))[:-2], expected)
+
+
+def test_iwans_elements_slide_one_after_the_other():
+    """Pushed from rest, stiffness falls by one element's share whenever it begins to slide."""
+    position = np.linspace(0, 4, 401)
+    form = next(form for form in FORMS if form.key == "hysteresis/iwan")
+    columns = form.columns(Motion(0.01 * np.arange(401), position, 0.01), np.array([2.0]))
+    for distance, column in zip((2.0, 1.0, 0.5, 0.25), columns, strict=True):
+        assert np.allclose(column, np.minimum(position / distance, 1.0))
+
+
+def test_overtones_span_any_wave_of_their_period(motion):
+    form = next(form for form in FORMS if form.key == "periodic_disturbance/overtones")
+    columns = np.array(form.columns(motion, np.array([0.31]))).T
+    wave = np.sign(np.sin(2 * np.pi * 0.31 * motion.time + 0.4))
+    left = wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]
+    # A square wave's odd harmonics 1, 3, 5, 7 hold 8/π² (1 + 1/9 + 1/25 + 1/49) of its power.
+    assert np.mean(left**2) == pytest.approx(1 - 8 / np.pi**2 * (1 + 1 / 9 + 1 / 25 + 1 / 49), abs=0.02)
 
 
 def test_unknown_effect_lists_the_known_ones():

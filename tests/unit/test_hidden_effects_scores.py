@@ -51,6 +51,7 @@ FRICTION, HARDENING = "coulomb_friction", "hardening_stiffness"
         ),
         ("outside", ["outside"], diagnosis("unexplained"), "unexplained"),
         ("outside", ["outside"], diagnosis("named", ["drift"]), "wrong"),
+        ("outside", ["outside"], diagnosis("named", ["drift"], after="unexplained"), "incomplete"),
         ("null", [], diagnosis("adequate"), "adequate"),
         ("null", [], diagnosis("named", [FRICTION]), "accused"),
         ("null", [], diagnosis("unexplained"), "accused"),

@@ -54,7 +54,9 @@ def test_names_that_would_be_the_same_in_c_are_refused():
         select(content, models=["KB+drift", "KB-drift"])
 
 
-@pytest.mark.parametrize("name", ["../KB", "KB/x", "", "KB x", "1KB", 'KB"', "KB\n"])
+@pytest.mark.parametrize(
+    "name", ["../KB", "KB/x", "", "KB x", "1KB", 'KB"', "KB\n", "aux", "CON.x", "K" * 201]
+)
 def test_names_that_are_no_file_names_are_refused(name):
     with pytest.raises(InputError, match="name"):
         select(models_json(entry(name, [1.0], [1.0])), models=[name])
@@ -89,6 +91,33 @@ def test_models_that_cannot_be_exported_are_named(change, words):
     broken = {**entry("KB", [1.0], [1.0]), **change}
     with pytest.raises(InputError, match=words):
         select(models_json(broken), models=["KB"])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"numerator": ["a"]}, r"models\.KB\.numerator\.0: 'a' is not of type 'number'"),
+        ({"denominator": None}, r"models\.KB\.denominator: None is not of type 'array'"),
+        ({"name": 3}, r"models\.3\.name: 3 is not of type 'string'"),
+        ({"base": "KB", "effects": {"a": 1}}, r"models\.KB\.effects: .* is not of type 'array'"),
+        ({"base": "KB", "effects": [{"effect": "drift"}]}, r"effects\.0: 'form' is a required property"),
+        ({"base": "KB", "amplitudes": None}, r"models\.KB\.amplitudes: None is not"),
+        ({"physical": {"k": 1.0}}, r"models\.KB\.physical\.k: 1\.0 is not of type 'object'"),
+        ({"input": {"quantity": "position"}}, r"models\.KB\.input: 'unit' is a required property"),
+    ],
+)
+def test_the_place_of_what_is_missing_or_of_another_type_is_named(change, words):
+    broken = {**entry("KB", [1.0], [1.0]), **change}
+    with pytest.raises(InputError, match=words):
+        select(models_json(broken), models=["KB"])
+
+
+@pytest.mark.parametrize(
+    "content", [[], None, {"schema": "lumbar.models/1"}, {**models_json(), "models": {}}]
+)
+def test_what_is_no_models_file_is_refused(content):
+    with pytest.raises(InputError, match=r"models\.json: "):
+        select(content)
 
 
 def test_another_schema_is_refused():

@@ -19,7 +19,7 @@ from lumbar.runtime.check import check_fmus
 from lumbar.runtime.compiler import TARGETS, compile_library
 from lumbar.runtime.export_model import select_models
 from lumbar.runtime.lint import lint_fmu
-from lumbar.runtime.package import export_fmus, write_fmu
+from lumbar.runtime.package import compile_model, export_fmus, write_fmu
 from lumbar.runtime.sources import c_files, source_files
 
 pytestmark = pytest.mark.skipif(
@@ -123,6 +123,18 @@ def test_a_refused_compilation_says_what_the_compiler_said(fmu_models, zig_cache
         export_fmus(fmu_models[:1], tmp_path, "", ["pdp11"], zig_cache)
 
 
+def test_a_compiler_that_fails_without_a_word_is_an_error(fmu_models, zig_cache, tmp_path, monkeypatch):
+    """Killed, or done without a library: both leave no FMU."""
+    (tmp_path / "ziglang").mkdir()
+    (tmp_path / "ziglang" / "__init__.py").touch()
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    for body, words in (("", "exit code 0"), ("import os\nos.abort()\n", "exit code -6")):
+        (tmp_path / "ziglang" / "__main__.py").write_text(body)
+        with pytest.raises(InputError, match=rf"{words}(?s:.*)remove its cache(?s:.*)it said nothing"):
+            export_fmus(fmu_models[:1], tmp_path / "fmu", "", TARGET, zig_cache)
+    assert not (tmp_path / "fmu").exists()
+
+
 def test_places_that_cannot_be_written_are_named(fmu_models, fmu_folder, zig_cache, tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("")
@@ -130,6 +142,8 @@ def test_places_that_cannot_be_written_are_named(fmu_models, fmu_folder, zig_cac
         export_fmus(fmu_models[:1], tmp_path, "", TARGET, blocked / "cache")
     with pytest.raises(InputError, match="cannot be written"):
         export_fmus(fmu_models[:1], blocked / "fmu", "", TARGET, zig_cache)
+    with pytest.raises(InputError, match="TMPDIR"):
+        compile_model(fmu_models[0], TARGET, zig_cache, tmp_path / "absent")
     monkeypatch.setattr("lumbar.runtime.compiler.find_spec", lambda _: None)
     with pytest.raises(InputError, match="ziglang"):
         export_fmus(fmu_models[:1], tmp_path, "", TARGET, zig_cache)

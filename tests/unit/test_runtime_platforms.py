@@ -208,51 +208,27 @@ def test_host_is_this_machine_and_others_are_named(monkeypatch):
         resolve_targets([])
 
 
-SANITIZED = r"""
-#include <stdio.h>
-#include "fmi3Functions.h"
-#include "model.h"
-
-/* Every kind of call once and ten thousand samples, for the sanitizers to look at. */
-int main(void) {
-    const fmi3ValueReference input = 1, output = 2;
-    double position = 0.0, force = 0.0, reached, seed = 1.0, sensitivity;
-    fmi3Boolean a, b, c, d, e;
-    fmi3FMUState state = NULL, copy = NULL;
-    fmi3Byte bytes[8192];
-    size_t size;
-    fmi3Instance i = fmi3InstantiateCoSimulation("x", MODEL.token, NULL, 0, 0, 1, 0, NULL, 0, NULL, NULL, NULL);
-    if (!i || fmi3EnterInitializationMode(i, 0, 0, 0, 0, 0) || fmi3ExitInitializationMode(i)) return 1;
-    for (int k = 0; k < 10000; ++k) {
-        position += (k % 7 - 3) * 0.05;
-        if (fmi3SetFloat64(i, &input, 1, &position, 1) || fmi3GetFloat64(i, &output, 1, &force, 1)) return 2;
-        if (fmi3UpdateDiscreteStates(i, &a, &b, &c, &d, &e, &reached) || fmi3EnterStepMode(i)) return 3;
-        if (fmi3DoStep(i, k * MODEL.sampling_time, MODEL.sampling_time, 1, &a, &b, &c, &reached)) return 4;
-        if (fmi3EnterEventMode(i)) return 5;
-    }
-    if (fmi3GetFMUState(i, &state) || fmi3SerializedFMUStateSize(i, state, &size) || size > sizeof bytes) return 6;
-    if (fmi3SerializeFMUState(i, state, bytes, size) || fmi3DeserializeFMUState(i, bytes, size, &copy)) return 7;
-    if (fmi3SetFMUState(i, copy) || fmi3FreeFMUState(i, &state) || fmi3FreeFMUState(i, &copy)) return 8;
-    fmi3GetDirectionalDerivative(i, &output, 1, &input, 1, &seed, 1, &sensitivity, 1);
-    if (fmi3Reset(i) || fmi3Terminate(i)) return 9;
-    fmi3FreeInstance(i);
-    return 0;
-}
-"""
+SANITIZED = ["-std=c99", "-g", "-O1", "-Wall", "-Wextra", "-Werror"]
+SANITIZED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 
 
 @on_linux
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc's sanitizers are not installed")
 @pytest.mark.parametrize("index", [0, 2], ids=["linear", "effects"])
-def test_sanitizers_find_nothing(index, tmp_path):
-    """Address and undefined-behaviour sanitizers of gcc: another compiler than the FMUs are built with."""
+def test_misuse_is_answered_and_sanitizers_find_nothing(index, tmp_path):
+    """Address and undefined-behaviour sanitizers of gcc: another compiler than the FMUs are built with.
+
+    First every misuse with the status that it should give, then calls in any order with any values.
+    """
     files = write_sources(some_models()[index], tmp_path)
-    (tmp_path / "main.c").write_text(SANITIZED)
-    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    command = ["gcc", *flags, "main.c", *files, "-lm", "-o", "main"]
+    shutil.copy(HERE / "fmu_misuse.c", tmp_path)
+    command = ["gcc", *SANITIZED, "fmu_misuse.c", *files, "-lm", "-o", "misuse"]
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
-    done = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    for arguments in ([], ["random", "1", "200000"], ["random", "2", "200000"]):
+        done = subprocess.run(
+            [tmp_path / "misuse", *arguments], capture_output=True, text=True, check=False, timeout=60
+        )
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_reference_of_the_fmu_is_what_its_version_gives():

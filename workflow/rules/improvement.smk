@@ -16,6 +16,7 @@ rule diagnose_records:
             for chapter in RECORDED_CHAPTERS
             if chapter in RECORD_SET_CHAPTERS
         ],
+        effects=config["improvement"]["effect_files"],
         sources=library_sources("diagnose_records.py"),
     output:
         diagnosis="<results>/improvement/{record_set}/diagnosis.json",

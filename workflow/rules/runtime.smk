@@ -1,5 +1,5 @@
 # Haptic runtime: the identified models as FMUs for FMI 2.0 and 3.0 (eqs 3.17 and 3.18, moving average on the position).
-# In: tissue/models.json. Out: fmu/<model>_fmi{2,3}.fmu, their checks and the forces they give to one push.
+# In: tissue/models.json, effects of the user's own. Out: fmu/<model>_fmi{2,3}.fmu, their checks and the forces they give to one push.
 
 FMUS = [
     f"<results>/fmu/{model}_fmi{version}.fmu" for model in config["runtime"]["models"] for version in (2, 3)
@@ -30,6 +30,7 @@ rule warm_compiler:
 rule export_fmus:
     input:
         models="<results>/tissue/models.json",
+        effects=config["improvement"]["effect_files"],
         targets="<results>/runtime/targets.json",
         sources=library_sources("export_fmus.py"),
     output:
@@ -53,6 +54,7 @@ rule check_fmus:
     input:
         fmus=FMUS,
         models="<results>/tissue/models.json",
+        effects=config["improvement"]["effect_files"],
         sources=library_sources("check_fmus.py"),
     output:
         checks="<results>/runtime/fmu_check.csv",

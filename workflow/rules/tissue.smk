@@ -51,6 +51,7 @@ rule viscoelastic_models:
 rule identify_tissue:
     input:
         recordings=TISSUE_RECORDINGS,
+        effects=config["improvement"]["effect_files"],
         checked="<results>/checked/tissue.json",
         sources=library_sources("identify_tissue.py"),
     output:
@@ -83,6 +84,7 @@ rule tissue_models:
         fits=expand("<results>/tissue/identified/{training}.json", training=TRAINING),
         grids=expand("<results>/tissue/identified/{training}.csv", training=TRAINING),
         recordings=TISSUE_RECORDINGS,
+        effects=config["improvement"]["effect_files"],
         checked="<results>/checked/tissue.json",
         sources=library_sources("tissue_models.py"),
     output:
@@ -127,7 +129,6 @@ rule tissue_models:
     params:
         tissue=config["tissue"],
         effects=config["improvement"]["effects"],
-        effect_files=config["improvement"]["effect_files"],
         data=DATA,
     message:
         "Table 3.1, Figures 3.4 and 3.5: the identified tissue models"

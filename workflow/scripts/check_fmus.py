@@ -7,6 +7,7 @@ def main(input, output, params):
     """Validate and simulate every FMU; write the table of checks and the figure of forces."""
     from pathlib import Path
 
+    from lumbar.effects.catalogue import catalogue_with
     from lumbar.figures.runtime import fmu_force_figure
     from lumbar.figures.style import save
     from lumbar.files import read_json, write_csv
@@ -15,7 +16,7 @@ def main(input, output, params):
     from lumbar.runtime.export_model import select_models
     from lumbar.runtime.push import push
 
-    models = select_models(read_json(input.models), params.settings)
+    models = select_models(read_json(input.models), params.settings, catalogue_with(input.effects))
     folder = Path(input.fmus[0]).parent
     table = check_table(
         check_fmus(models, folder, params.settings["check_samples"], params.seed), params.data, params.seed

@@ -7,12 +7,13 @@ def main(input, output, params):
     """Read the models, compile and pack each."""
     from pathlib import Path
 
+    from lumbar.effects.catalogue import catalogue_with
     from lumbar.files import read_json
     from lumbar.runtime.export_model import select_models
     from lumbar.runtime.package import export_fmus
 
     settings = params.settings
-    models = select_models(read_json(input.models), settings)
+    models = select_models(read_json(input.models), settings, catalogue_with(input.effects))
     folder = Path(output.fmus[0]).parent
     export_fmus(models, folder, params.data, settings["targets"], Path(settings["compiler_cache"]))
 

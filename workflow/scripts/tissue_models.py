@@ -5,8 +5,6 @@ from job import run
 
 def main(input, output, params):
     """Collect the identifications and publish them."""
-    from pathlib import Path
-
     import pandas as pd
 
     from lumbar.figures.style import save
@@ -44,16 +42,13 @@ def main(input, output, params):
     first = tissue["training"][0]
     simulated = simulate_models(document, records[first], (MW.name, KB.name, HO.name), first, ARX)
     if params.effects:
-        from lumbar.effects.catalogue import TISSUE, load_effects
+        from lumbar.effects.catalogue import catalogue_with
         from lumbar.improvement.refined_model import simulate_entry
 
-        catalogue = dict(TISSUE)
-        for file in params.effect_files:
-            catalogue.update(load_effects(Path(file)))
         refined = next(
             item for item in document["models"] if "effects" in item and item["trained_on"] == first
         )
-        simulated[refined["name"]] = simulate_entry(refined, records[first], catalogue)
+        simulated[refined["name"]] = simulate_entry(refined, records[first], catalogue_with(input.effects))
     comparison = comparison_figure(records[first], simulated, tissue["segment_s"])
     save(comparison, output.comparison_svg.removesuffix(".svg"), data)
 

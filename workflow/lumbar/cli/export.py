@@ -45,19 +45,23 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Compile and pack the models."""
+    from lumbar.effects.catalogue import catalogue_with
     from lumbar.files import read_json
     from lumbar.runtime.export_model import select_models
+    from lumbar.runtime.models_document import check_document
     from lumbar.runtime.package import export_fmus
 
-    runtime = dict(load_settings(options.config, "runtime")["runtime"])
+    settings = load_settings(options.config, "runtime", "improvement")
+    runtime = dict(settings["runtime"])
     content = read_json(options.models)
-    trained_on = {model.get("trained_on") for model in content.get("models", [])} - {None}
+    check_document(content)
+    trained_on = {model.get("trained_on") for model in content["models"]} - {None}
     if options.trained_on or len(trained_on) == 1:
         runtime["trained_on"] = options.trained_on or trained_on.pop()
     runtime["models"] = options.model or runtime["models"]
     runtime["targets"] = options.target or runtime["targets"]
     runtime["rate_Hz"] = options.rate or runtime["rate_Hz"]
-    models = select_models(content, runtime)
+    models = select_models(content, runtime, catalogue_with(settings["improvement"]["effect_files"]))
     data = content.get("data") or options.models.name
     cache = PROJECT / runtime["compiler_cache"]
     for path in export_fmus(models, options.output, data, runtime["targets"], cache):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lumbar.effects.c_step import RELAX, CStep, ramp_relaxation
 from lumbar.effects.effect import Amplitude, Columns, Shape
 from lumbar.effects.operators import relaxation
 
@@ -22,6 +23,8 @@ class Base:
         Parameters in the order in which `columns` takes them.
     columns : callable
         From motion and shapes to one force per amplitude, each of shape (samples,).
+    c_step : CStep
+        The sum of these forces in C, sample by sample.
     """
 
     name: str
@@ -29,6 +32,7 @@ class Base:
     amplitudes: tuple[Amplitude, ...]
     shapes: tuple[Shape, ...]
     columns: Columns
+    c_step: CStep
 
 
 _SPRING = Amplitude("spring_stiffness", "{y}/{x}")
@@ -38,13 +42,21 @@ _RELAXATION = Shape("relaxation_time", "s", "time", 0.02, 2.0, 5, reach=(0.4, 4.
 BASES = {
     base.name: base
     for base in (
-        Base("LE", r"F = k z", (_SPRING,), (), lambda motion, _: [motion.position]),
+        Base(
+            "LE",
+            r"F = k z",
+            (_SPRING,),
+            (),
+            lambda motion, _: [motion.position],
+            CStep("spring_stiffness * position"),
+        ),
         Base(
             "Maxwell",
             r"F = k q,\quad \dot q = \dot z - q/\tau",
             (_BRANCH,),
             (_RELAXATION,),
             lambda motion, shapes: [relaxation(motion, shapes[0])],
+            CStep("branch_stiffness * next[0]", RELAX, memory=1, constants=ramp_relaxation),
         ),
         Base(
             "KV",
@@ -52,6 +64,7 @@ BASES = {
             (_SPRING, Amplitude("viscosity", "{y} s/{x}")),
             (),
             lambda motion, _: [motion.position, motion.velocity],
+            CStep("spring_stiffness * position + viscosity * velocity"),
         ),
         Base(
             "KB",
@@ -59,6 +72,12 @@ BASES = {
             (_SPRING, _BRANCH),
             (_RELAXATION,),
             lambda motion, shapes: [motion.position, relaxation(motion, shapes[0])],
+            CStep(
+                "spring_stiffness * position + branch_stiffness * next[0]",
+                RELAX,
+                memory=1,
+                constants=ramp_relaxation,
+            ),
         ),
     )
 }

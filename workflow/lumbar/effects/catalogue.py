@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Iterable
 from pathlib import Path
 
 from lumbar.effects import channel, elapsed, friction, rate, stiffness
@@ -50,6 +51,20 @@ def load_effects(path: Path) -> dict[str, Effect]:
     if not found:
         raise InputError(f"{path}: defines no Effect; assign one to a module-level name")
     return found
+
+
+def catalogue_with(files: Iterable[str | Path]) -> dict[str, Effect]:
+    """Return the tissue catalogue with the effects of a user's files, which come last and may replace others.
+
+    Raises
+    ------
+    InputError
+        As `load_effects`.
+    """
+    catalogue = dict(TISSUE)
+    for file in files:
+        catalogue.update(load_effects(Path(file)))
+    return catalogue
 
 
 def choose(names: list[str], catalogue: dict[str, Effect]) -> list[Effect]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from lumbar.effects.c_step import CStep
 from lumbar.effects.effect import Effect, Form, Place, Shape
 from lumbar.effects.operators import play
 
@@ -19,9 +22,25 @@ BACKLASH = Effect(
             place=Place.INPUT,
             shapes=(Shape("half_gap", "{x}", "position", 0.005, 0.5, 9, reach=(0.2, 1.6)),),
             input_transform=lambda motion, shapes: motion.replaced(play(motion, shapes[0])),
+            c_step=CStep("next[0]", "next[0] = behind_gap(memory[0], position, half_gap, first);", memory=1),
         ),
     ),
 )
+
+
+def _samples_late(parameters, sampling_time):
+    """Whole samples and the share of one that is left over."""
+    samples = parameters["delay"] / sampling_time
+    whole = math.floor(samples)
+    return {"whole": float(whole), "share": samples - whole}
+
+
+_DELAY_STEP = """\
+// The positions before, newest first; linear in between.
+int last = (int)whole;
+double newer = first || last == 0 ? position : memory[last - 1], older = first ? position : memory[last];
+for (int i = last; i > 0; --i) next[i] = first ? position : memory[i - 1];
+next[0] = position;"""
 
 DELAY = Effect(
     name="delay",
@@ -35,6 +54,12 @@ DELAY = Effect(
             place=Place.INPUT,
             shapes=(Shape("delay", "s", "sampling", 0.05, 5.0, 6, reach=(0.05, 10.0)),),
             input_transform=lambda motion, shapes: motion.delayed(shapes[0]),
+            c_step=CStep(
+                "newer + share * (older - newer)",
+                _DELAY_STEP,
+                memory=lambda numbers: int(numbers["whole"]) + 1,
+                constants=_samples_late,
+            ),
         ),
     ),
 )
@@ -59,6 +84,7 @@ CONTACT_LOSS = Effect(
             place=Place.OUTPUT,
             shapes=(_LIMIT,),
             output_transform=lambda force, motion, shapes: np.maximum(force, -shapes[0]),
+            c_step=CStep("force > -limit ? force : -limit"),
         ),
         Form(
             name="soft",
@@ -66,9 +92,19 @@ CONTACT_LOSS = Effect(
             place=Place.OUTPUT,
             shapes=(_LIMIT, Shape("corner_width", "{y}", "force", 0.02, 0.2, 2, reach=(0.1, 4.0))),
             output_transform=lambda force, motion, shapes: _soft_maximum(force, shapes[0], shapes[1]),
+            c_step=CStep("corner_width * portable_softplus((force + limit) / corner_width) - limit"),
         ),
     ),
 )
+
+
+def _rounded_clip(force, limit, sharpness):
+    """Clipping at ±limit with a knee that is the rounder the smaller the sharpness."""
+    ratio = np.abs(force / limit)
+    # The smaller of the ratio and its inverse: a high power of a large number overflows.
+    smaller = np.where(ratio > 1, 1 / np.maximum(ratio, 1.0), ratio)
+    return np.clip(force, -limit, limit) / (1 + smaller**sharpness) ** (1 / sharpness)
+
 
 SATURATION = Effect(
     name="saturation",
@@ -82,6 +118,7 @@ SATURATION = Effect(
             place=Place.OUTPUT,
             shapes=(_LIMIT,),
             output_transform=lambda force, motion, shapes: np.clip(force, -shapes[0], shapes[0]),
+            c_step=CStep("clipped(force, -limit, limit)"),
         ),
         Form(
             name="soft",
@@ -89,6 +126,22 @@ SATURATION = Effect(
             place=Place.OUTPUT,
             shapes=(Shape("limit", "{y}", "force", 0.6, 4.0, 6, reach=(0.4, 3.0)),),
             output_transform=lambda force, motion, shapes: shapes[0] * np.tanh(force / shapes[0]),
+            c_step=CStep("limit * portable_tanh(force / limit)"),
+        ),
+        Form(
+            name="rounded",
+            equation=r"F \to F\,(1 + |F/F_s|^p)^{-1/p}",
+            place=Place.OUTPUT,
+            shapes=(
+                Shape("limit", "{y}", "force", 0.6, 1.5, 4, reach=(0.4, 3.0)),
+                Shape("sharpness", "1", "one", 3.0, 10.0, 2, reach=(0.5, 2.0)),
+            ),
+            output_transform=lambda force, motion, shapes: _rounded_clip(force, shapes[0], shapes[1]),
+            c_step=CStep(
+                "clipped(force, -limit, limit)"
+                " / portable_power(1.0 + portable_power(ratio > 1 ? 1.0 / ratio : ratio, sharpness), inverse)",
+                "double ratio = fabs(force / limit), inverse = 1.0 / sharpness;",
+            ),
         ),
     ),
 )

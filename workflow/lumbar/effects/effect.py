@@ -16,6 +16,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from lumbar.effects.c_step import CStep
 from lumbar.effects.motion import Motion
 
 
@@ -111,6 +112,8 @@ class Form:
         shapes to the measured force.
     starts : callable, optional
         Starting shapes from the motion and the residual force, instead of the shapes' grids.
+    c_step : CStep, optional
+        The same in C, sample by sample; a form without it cannot be exported to a haptic device.
     """
 
     name: str
@@ -122,6 +125,7 @@ class Form:
     input_transform: InputTransform | None = None
     output_transform: OutputTransform | None = None
     starts: Starts | None = None
+    c_step: CStep | None = None
     effect: str = field(default="", compare=True)
 
     @property
@@ -146,6 +150,8 @@ class Effect:
         Reference.
     experiment : str
         Which excitation shows it best, for ties.
+    accumulates : bool
+        Whether it grows with time or path from each record's start, so that short records hardly show it.
     """
 
     name: str
@@ -153,6 +159,7 @@ class Effect:
     forms: tuple[Form, ...]
     source: str
     experiment: str = ""
+    accumulates: bool = False
 
     def __post_init__(self):
         named = tuple(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lumbar.effects.c_step import CStep
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 from lumbar.effects.motion import Motion
 
@@ -12,6 +13,7 @@ DRIFT = Effect(
     mechanism="Force added that depends on time alone: sensor warming up, tissue settling.",
     source="ISO 376:2011, creep of force transducers",
     experiment="record the force at rest for the length of a test",
+    accumulates=True,
     forms=(
         Form(
             name="linear",
@@ -19,6 +21,7 @@ DRIFT = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("drift_rate", "{y}/s", sign=0),),
             columns=lambda motion, _: [motion.time],
+            c_step=CStep("drift_rate * time"),
         ),
         Form(
             name="settling",
@@ -27,6 +30,16 @@ DRIFT = Effect(
             amplitudes=(Amplitude("drift_force", "{y}", sign=0),),
             shapes=(Shape("settling_time", "s", "duration", 0.01, 1.0, 7, reach=(0.3, 5.0)),),
             columns=lambda motion, shapes: [-np.expm1(-motion.time / shapes[0])],
+            c_step=CStep("drift_force * -portable_expm1(-time / settling_time)"),
+        ),
+        Form(
+            name="power",
+            equation=r"F_d\,(t/t_1)^p,\quad t_1 = \text{1 s}",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("drift_force", "{y}", sign=0),),
+            shapes=(Shape("exponent", "1", "one", 0.3, 2.0, 3, reach=(0.5, 1.5)),),
+            columns=lambda motion, shapes: [motion.time ** shapes[0]],
+            c_step=CStep("drift_force * portable_power(time, exponent)"),
         ),
     ),
 )
@@ -58,6 +71,22 @@ def strongest_lines(motion: Motion, residual: np.ndarray) -> list[np.ndarray]:
     return [np.array([frequency[peak]]) for peak in dict.fromkeys([*by_weight, *by_power])]
 
 
+_OVERTONES = 7
+"""Highest multiple of a disturbance's frequency."""
+
+
+_OVERTONES_IN_C = " + ".join(
+    f"sine_amplitude_{order} * portable_sine({order} * turns)"
+    f" + cosine_amplitude_{order} * portable_cosine({order} * turns)"
+    for order in range(1, _OVERTONES + 1)
+)
+
+
+def _overtones(motion, shapes):
+    phase = 2 * np.pi * shapes[0] * motion.time
+    return [wave(order * phase) for order in range(1, _OVERTONES + 1) for wave in (np.sin, np.cos)]
+
+
 PERIODIC_DISTURBANCE = Effect(
     name="periodic_disturbance",
     mechanism="A force at a frequency of its own, unrelated to the input (breathing, pulse, a motor).",
@@ -77,6 +106,24 @@ PERIODIC_DISTURBANCE = Effect(
                 np.sin(2 * np.pi * shapes[0] * motion.time),
                 np.cos(2 * np.pi * shapes[0] * motion.time),
             ],
+            starts=strongest_lines,
+            c_step=CStep(
+                "sine_amplitude * portable_sine(turns) + cosine_amplitude * portable_cosine(turns)",
+                "double turns = frequency * time;",
+            ),
+        ),
+        Form(
+            name="overtones",
+            equation=r"\sum_{n=1}^{7} A_n \sin(2\pi n f t) + B_n \cos(2\pi n f t)",
+            place=Place.PARALLEL,
+            amplitudes=tuple(
+                Amplitude(f"{name}_amplitude_{order}", "{y}", sign=0)
+                for order in range(1, _OVERTONES + 1)
+                for name in ("sine", "cosine")
+            ),
+            shapes=(Shape("frequency", "Hz", "time", 0.01, 50.0, 1, lines=0.7),),
+            columns=_overtones,
+            c_step=CStep(_OVERTONES_IN_C, "double turns = frequency * time;"),
             starts=strongest_lines,
         ),
     ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lumbar.effects.c_step import CStep
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 from lumbar.effects.operators import bouc_wen, elastoplastic, presliding
 
@@ -29,6 +30,7 @@ COULOMB = Effect(
             amplitudes=(Amplitude("coulomb_force", "{y}"),),
             shapes=(_SLIDING_SPEED,),
             columns=lambda motion, shapes: [np.tanh(motion.velocity / shapes[0])],
+            c_step=CStep("coulomb_force * portable_tanh(velocity / smoothing_speed)"),
         ),
         Form(
             name="arctangent",
@@ -37,6 +39,9 @@ COULOMB = Effect(
             amplitudes=(Amplitude("coulomb_force", "{y}"),),
             shapes=(_SLIDING_SPEED,),
             columns=lambda motion, shapes: [2 / np.pi * np.arctan(motion.velocity / shapes[0])],
+            c_step=CStep(
+                "coulomb_force * (0.63661977236758134308 * portable_arctan(velocity / smoothing_speed))"
+            ),
         ),
         Form(
             name="stribeck",
@@ -48,12 +53,49 @@ COULOMB = Effect(
                 _STRIBECK_SPEED,
             ),
             columns=_stribeck,
+            c_step=CStep(
+                "coulomb_force * sliding + breakaway_excess * (sliding * portable_decay(ratio * ratio))",
+                "double sliding = portable_tanh(velocity / smoothing_speed), ratio = velocity / stribeck_speed;",
+            ),
         ),
     ),
 )
 
 _DISTANCE = Shape("presliding_distance", "{x}", "position", 0.005, 1.5, 9, reach=(0.2, 3.0))
 _LIMIT = Amplitude("friction_limit", "{y}")
+_ELEMENTS = 4
+"""Jenkins elements of an Iwan model; each slides at half the distance of the one before."""
+_IWAN_STEP = "\n".join(
+    f"next[{order}] = behind_gap(memory[{order}], position, largest_distance / {2**order}, first);"
+    for order in range(_ELEMENTS)
+)
+_IWAN_FORCE = " + ".join(
+    f"friction_limit_{order} * ((position - next[{order}]) / (largest_distance / {2**order}))"
+    for order in range(_ELEMENTS)
+)
+_DAHL_STEP = """\
+// Share of the limit: along one direction it approaches 1 exponentially with the distance.
+double direction = sign(step);
+if (direction == 0) {
+    next[0] = memory[0];
+} else {
+    next[0] = direction + (memory[0] - direction) * portable_decay(fabs(step) / presliding_distance);
+}"""
+_BOUC_WEN_STEP = """\
+// Share of the limit: unloading is straight; loading adds travels as tanh(a + b) does.
+double direction = sign(step), share = direction * memory[0], travel = fabs(step) / presliding_distance;
+if (direction == 0) {
+    next[0] = memory[0];
+} else if (share + travel < 0) {
+    next[0] = direction * (share + travel);
+} else {
+    if (share < 0) {
+        travel += share;
+        share = 0;
+    }
+    double added = portable_tanh(travel);
+    next[0] = direction * ((share + added) / (1.0 + share * added));
+}"""
 
 HYSTERESIS = Effect(
     name="hysteresis",
@@ -68,6 +110,7 @@ HYSTERESIS = Effect(
             amplitudes=(_LIMIT,),
             shapes=(_DISTANCE,),
             columns=lambda motion, shapes: [presliding(motion, shapes[0])],
+            c_step=CStep("friction_limit * next[0]", _DAHL_STEP, memory=1),
         ),
         Form(
             name="bouc_wen",
@@ -76,6 +119,7 @@ HYSTERESIS = Effect(
             amplitudes=(_LIMIT,),
             shapes=(_DISTANCE,),
             columns=lambda motion, shapes: [bouc_wen(motion, shapes[0])],
+            c_step=CStep("friction_limit * next[0]", _BOUC_WEN_STEP, memory=1),
         ),
         Form(
             name="elastoplastic",
@@ -84,6 +128,22 @@ HYSTERESIS = Effect(
             amplitudes=(_LIMIT,),
             shapes=(_DISTANCE,),
             columns=lambda motion, shapes: [elastoplastic(motion, shapes[0])],
+            c_step=CStep(
+                "friction_limit * ((position - next[0]) / presliding_distance)",
+                "next[0] = behind_gap(memory[0], position, presliding_distance, first);  // the slider",
+                memory=1,
+            ),
+        ),
+        Form(
+            name="iwan",
+            equation=r"\sum_{n=0}^{3} F_n\,(z - \mathrm{play}_{d_n}(z))/d_n,\quad d_n = d/2^n",
+            place=Place.PARALLEL,
+            amplitudes=tuple(Amplitude(f"friction_limit_{order}", "{y}") for order in range(_ELEMENTS)),
+            shapes=(Shape("largest_distance", "{x}", "position", 0.2, 1.5, 3, reach=(0.5, 1.5)),),
+            columns=lambda motion, shapes: [
+                elastoplastic(motion, shapes[0] / 2**order) for order in range(_ELEMENTS)
+            ],
+            c_step=CStep(_IWAN_FORCE, _IWAN_STEP, memory=_ELEMENTS),
         ),
     ),
 )

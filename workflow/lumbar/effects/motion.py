@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from lumbar.records.record import Record
+
+_MOST_KEPT = 8
+"""Results that a motion remembers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +94,16 @@ class Motion:
         return np.append(
             np.repeat(np.arange(len(self.reversals) - 1), np.diff(self.reversals)), len(self.reversals) - 2
         )
+
+    def remembered(self, name: str, shapes: np.ndarray, compute: Callable[[], Any]) -> Any:
+        """Result of `compute`, kept for the latest few shapes: fits change one shape at a time."""
+        key = name, np.asarray(shapes, dtype=float).tobytes()
+        kept = self.__dict__.setdefault("_kept", {})
+        found = kept.pop(key) if key in kept else compute()
+        kept[key] = found
+        if len(kept) > _MOST_KEPT:
+            del kept[next(iter(kept))]
+        return found
 
     def delayed(self, delay: float) -> Motion:
         """Motion `delay` seconds ago, at rest at its first position before the record began."""

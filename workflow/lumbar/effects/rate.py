@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from lumbar.effects.c_step import CStep
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 
 
-def _hunt_crossley(motion, _):
-    depth = np.maximum(motion.position, 0.0)
+def _hunt_crossley(motion, exponent):
+    depth = np.maximum(motion.position, 0.0) ** exponent
     return [depth * motion.velocity, motion.velocity]
 
 
@@ -27,6 +28,7 @@ DEPTH_DEPENDENT_DAMPING = Effect(
                 Amplitude("damping_at_zero", "{y} s/{x}"),
             ),
             columns=lambda motion, _: [motion.position * motion.velocity, motion.velocity],
+            c_step=CStep("damping_per_depth * (position * velocity) + damping_at_zero * velocity"),
         ),
         Form(
             name="one_sided",
@@ -36,7 +38,26 @@ DEPTH_DEPENDENT_DAMPING = Effect(
                 Amplitude("damping_per_depth", "{y} s/{x}^2"),
                 Amplitude("damping_at_zero", "{y} s/{x}"),
             ),
-            columns=_hunt_crossley,
+            columns=lambda motion, _: _hunt_crossley(motion, 1.0),
+            c_step=CStep(
+                "damping_per_depth * (depth * velocity) + damping_at_zero * velocity",
+                "double depth = position > 0 ? position : 0.0;",
+            ),
+        ),
+        Form(
+            name="hunt_crossley",
+            equation=r"\lambda \max(z/z_1, 0)^n v + c v,\quad z_1 = \text{1 unit}",
+            place=Place.PARALLEL,
+            amplitudes=(
+                Amplitude("damping_at_depth", "{y} s/{x}"),
+                Amplitude("damping_at_zero", "{y} s/{x}"),
+            ),
+            shapes=(Shape("exponent", "1", "one", 0.5, 2.0, 3, reach=(0.6, 1.5)),),
+            columns=lambda motion, shapes: _hunt_crossley(motion, shapes[0]),
+            c_step=CStep(
+                "damping_at_depth * (depth * velocity) + damping_at_zero * velocity",
+                "double depth = portable_power(position > 0 ? position : 0.0, exponent);",
+            ),
         ),
     ),
 )
@@ -53,6 +74,7 @@ QUADRATIC_DAMPING = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("quadratic_damping", "{y} s^2/{x}^2"),),
             columns=lambda motion, _: [motion.velocity * np.abs(motion.velocity)],
+            c_step=CStep("quadratic_damping * (velocity * fabs(velocity))"),
         ),
         Form(
             name="power",
@@ -61,6 +83,7 @@ QUADRATIC_DAMPING = Effect(
             amplitudes=(Amplitude("damping_force", "{y}"),),
             shapes=(Shape("exponent", "1", "one", 1.5, 3.0, 3, reach=(0.85, 1.3)),),
             columns=lambda motion, shapes: [np.sign(motion.velocity) * np.abs(motion.velocity) ** shapes[0]],
+            c_step=CStep("damping_force * (sign(velocity) * portable_power(fabs(velocity), exponent))"),
         ),
         Form(
             name="sinh",
@@ -69,6 +92,7 @@ QUADRATIC_DAMPING = Effect(
             amplitudes=(Amplitude("damping_force", "{y}"),),
             shapes=(Shape("speed_constant", "{x}/s", "speed", 0.2, 2.0, 4, reach=(0.4, 2.0)),),
             columns=lambda motion, shapes: [np.sinh(motion.velocity / shapes[0])],
+            c_step=CStep("damping_force * portable_sinh(velocity / speed_constant)"),
         ),
     ),
 )
@@ -85,6 +109,7 @@ INERTIA = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("mass", "{y} s^2/{x}"),),
             columns=lambda motion, _: [motion.acceleration],
+            c_step=CStep("mass * acceleration"),
         ),
     ),
 )

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from lumbar.effects.c_step import RELAX, CStep, ramp_relaxation
 from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
 from lumbar.effects.operators import relaxation
+
+_KNEE = Shape("knee", "{x}", "position", 0.1, 0.8, 5, reach=(0.2, 1.2))
 
 HARDENING = Effect(
     name="hardening_stiffness",
@@ -19,6 +22,7 @@ HARDENING = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("cubic_stiffness", "{y}/{x}^3", sign=0),),
             columns=lambda motion, _: [motion.position * motion.position * motion.position],
+            c_step=CStep("cubic_stiffness * (position * position * position)"),
         ),
         Form(
             name="exponential",
@@ -29,16 +33,32 @@ HARDENING = Effect(
             columns=lambda motion, shapes: [
                 np.sign(motion.position) * np.expm1(np.abs(motion.position) / shapes[0]),
             ],
+            c_step=CStep(
+                "hardening_force * (sign(position) * portable_expm1(fabs(position) / hardening_length))"
+            ),
         ),
         Form(
             name="bilinear",
             equation=r"k_b\,\mathrm{sign}(z)\,\max(|z| - z_b, 0)",
             place=Place.PARALLEL,
             amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
-            shapes=(Shape("knee", "{x}", "position", 0.1, 0.8, 5, reach=(0.2, 1.2)),),
+            shapes=(_KNEE,),
             columns=lambda motion, shapes: [
                 np.sign(motion.position) * np.maximum(np.abs(motion.position) - shapes[0], 0.0)
             ],
+            c_step=CStep(
+                "added_stiffness * (sign(position) * (beyond > 0 ? beyond : 0.0))",
+                "double beyond = fabs(position) - knee;",
+            ),
+        ),
+        Form(
+            name="power",
+            equation=r"k_n\,\mathrm{sign}(z)\,|z/z_1|^n,\quad z_1 = \text{1 unit}",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("hardening_force", "{y}"),),
+            shapes=(Shape("exponent", "1", "one", 2.0, 6.0, 3, reach=(0.8, 1.5)),),
+            columns=lambda motion, shapes: [np.sign(motion.position) * np.abs(motion.position) ** shapes[0]],
+            c_step=CStep("hardening_force * (sign(position) * portable_power(fabs(position), exponent))"),
         ),
     ),
 )
@@ -55,6 +75,7 @@ QUADRATIC = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("quadratic_stiffness", "{y}/{x}^2", sign=0),),
             columns=lambda motion, _: [motion.position**2],
+            c_step=CStep("quadratic_stiffness * (position * position)"),
         ),
         Form(
             name="two_sided",
@@ -62,6 +83,37 @@ QUADRATIC = Effect(
             place=Place.PARALLEL,
             amplitudes=(Amplitude("half_difference_of_stiffness", "{y}/{x}", sign=0),),
             columns=lambda motion, _: [np.abs(motion.position)],
+            c_step=CStep("half_difference_of_stiffness * fabs(position)"),
+        ),
+        Form(
+            name="rounded",
+            equation=r"k_\pm (\sqrt{z^2 + r^2} - r)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("half_difference_of_stiffness", "{y}/{x}", sign=0),),
+            shapes=(Shape("corner_radius", "{x}", "position", 0.05, 0.8, 4, reach=(0.2, 3.0)),),
+            columns=lambda motion, shapes: [np.hypot(motion.position, shapes[0]) - shapes[0]],
+            c_step=CStep(
+                "half_difference_of_stiffness"
+                " * (sqrt(position * position + corner_radius * corner_radius) - corner_radius)"
+            ),
+        ),
+        Form(
+            name="deep",
+            equation=r"k_d \max(z - z_d, 0)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
+            shapes=(_KNEE,),
+            columns=lambda motion, shapes: [np.maximum(motion.position - shapes[0], 0.0)],
+            c_step=CStep("added_stiffness * (position > knee ? position - knee : 0.0)"),
+        ),
+        Form(
+            name="shallow",
+            equation=r"k_d \min(z + z_d, 0)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
+            shapes=(_KNEE,),
+            columns=lambda motion, shapes: [np.minimum(motion.position + shapes[0], 0.0)],
+            c_step=CStep("added_stiffness * (position < -knee ? position + knee : 0.0)"),
         ),
     ),
 )
@@ -77,6 +129,7 @@ SOFTENING = Effect(
     mechanism="The tissue softens with the path travelled or with time (preconditioning, damage).",
     source="Mullins, Rubber Chem. Technol. 42 (1969) 339-362; Fung (1993), section 7.5",
     experiment="repeat the same short record several times after another without rest",
+    accumulates=True,
     forms=(
         Form(
             name="path",
@@ -85,6 +138,7 @@ SOFTENING = Effect(
             amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
             shapes=(Shape("path_constant", "{x}", "path", 0.02, 3.0, 6),),
             columns=lambda motion, shapes: [-motion.position * np.expm1(-motion.path / shapes[0])],
+            c_step=CStep("stiffness_lost * (-position * portable_expm1(-path / path_constant))"),
         ),
         Form(
             name="time",
@@ -93,6 +147,19 @@ SOFTENING = Effect(
             amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
             shapes=(Shape("time_constant", "s", "duration", 0.02, 3.0, 6),),
             columns=lambda motion, shapes: [-motion.position * np.expm1(-motion.time / shapes[0])],
+            c_step=CStep("stiffness_lost * (-position * portable_expm1(-time / time_constant))"),
+        ),
+        Form(
+            name="path_to_floor",
+            equation=r"-k_s z \min(s/s_0, 1)",
+            place=Place.PARALLEL,
+            amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
+            shapes=(Shape("path_constant", "{x}", "path", 0.05, 1.0, 5, reach=(0.2, 1.5)),),
+            columns=lambda motion, shapes: [motion.position * np.minimum(motion.path / shapes[0], 1.0)],
+            c_step=CStep(
+                "stiffness_lost * (position * (share < 1 ? share : 1.0))",
+                "double share = path / path_constant;",
+            ),
         ),
         Form(
             name="whole_force",
@@ -103,6 +170,7 @@ SOFTENING = Effect(
                 Shape("path_constant", "{x}", "path", 0.05, 1.0, 3),
             ),
             output_transform=lambda force, motion, shapes: force * (1 - _worn(motion, shapes[0], shapes[1])),
+            c_step=CStep("force * (1.0 + share_lost * portable_expm1(-path / path_constant))"),
         ),
     ),
 )
@@ -120,6 +188,7 @@ SECOND_RELAXATION = Effect(
             amplitudes=(Amplitude("branch_stiffness", "{y}/{x}"),),
             shapes=(Shape("relaxation_time", "s", "time", 0.008, 20.0, 12, reach=(0.4, 5.0)),),
             columns=lambda motion, shapes: [relaxation(motion, shapes[0])],
+            c_step=CStep("branch_stiffness * next[0]", RELAX, memory=1, constants=ramp_relaxation),
         ),
     ),
 )

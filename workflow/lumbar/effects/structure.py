@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -69,12 +71,16 @@ class Structure:
         base, parts = self.shapes_of(shapes)
         for form in self.forms:
             if form.place is Place.INPUT:
-                motion = form.input_transform(motion, parts[form.key])
-        columns = self.base.columns(motion, base)
+                motion = self._of(form.key, form.input_transform, motion, parts[form.key])
+        columns = self._of(self.base.name, self.base.columns, motion, base)
         for form in self.forms:
             if form.place is Place.PARALLEL:
-                columns = [*columns, *form.columns(motion, parts[form.key])]
+                columns = [*columns, *self._of(form.key, form.columns, motion, parts[form.key])]
         return np.array(columns).T
+
+    @staticmethod
+    def _of(name: str, function: Callable, motion: Motion, shapes: np.ndarray) -> Any:
+        return motion.remembered(name, shapes, lambda: function(motion, shapes))
 
     def output(self, force: np.ndarray, motion: Motion, shapes: np.ndarray) -> np.ndarray:
         """Measured force from the force at the tissue, shape (samples,)."""

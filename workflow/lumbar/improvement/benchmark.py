@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 NAMED, TIED, EXTRA, PARTLY = "named", "tied", "extra", "partly"
 WRONG, UNEXPLAINED, MISSED = "wrong", "unexplained", "missed"
+INCOMPLETE = "incomplete"
 QUIET, ACCUSED, FAILED = "adequate", "accused", "failed"
 VERDICTS = ("adequate", "named", "tied", "unexplained")
 RIGHT = {"single": {NAMED}, "pair": {NAMED}, "outside": {UNEXPLAINED}, "null": {QUIET}}
@@ -25,6 +26,8 @@ OUTCOMES = {
     EXTRA: "named the hidden effects and others beside them",
     PARTLY: "named some of the hidden effects and not all",
     WRONG: "named none of the hidden effects",
+    INCOMPLETE: "named what resembles the hidden effect, and said that something is left that the catalogue does not "
+    "explain",
     UNEXPLAINED: "said that something is missing that the catalogue does not explain",
     MISSED: "called the base model adequate although an effect is hidden",
     QUIET: "called the base model adequate, rightly",
@@ -43,7 +46,7 @@ def outcome(kind: str, hidden: list[str], diagnosis: dict) -> str:
     hidden : list of str
         Mechanisms that are hidden.
     diagnosis : dict
-        With ``verdict``, ``selected`` and ``tied_with``, or with ``error`` where none was reached.
+        With ``verdict``, ``verdict_after``, ``selected`` and ``tied_with``, or with ``error`` where none was reached.
 
     Returns
     -------
@@ -59,6 +62,8 @@ def outcome(kind: str, hidden: list[str], diagnosis: dict) -> str:
         return MISSED
     if verdict == "unexplained":
         return UNEXPLAINED
+    if kind == "outside" and diagnosis["verdict_after"] == "unexplained":
+        return INCOMPLETE
     truth = set(hidden)
     if selected == truth and verdict == "named":
         return NAMED
@@ -146,7 +151,7 @@ def share_with_interval(successes: int, trials: int, confidence: float) -> dict[
     }
 
 
-_MISTAKES = (TIED, EXTRA, PARTLY, WRONG, UNEXPLAINED, MISSED, ACCUSED, FAILED)
+_MISTAKES = (TIED, EXTRA, PARTLY, WRONG, INCOMPLETE, UNEXPLAINED, MISSED, ACCUSED, FAILED)
 
 
 def _groups(frame: pd.DataFrame, strong: float):

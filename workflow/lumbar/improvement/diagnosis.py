@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from lumbar.effects.base import BASES
-from lumbar.effects.catalogue import TISSUE, load_effects
+from lumbar.effects.catalogue import TISSUE, catalogue_with
 from lumbar.effects.effect import Effect
 from lumbar.effects.structure import Structure
 from lumbar.errors import InputError
@@ -24,6 +23,7 @@ from lumbar.improvement.search import (
     gain,
     is_adequate,
     judge,
+    later_improvement,
     pairs,
     unseen_improvement,
 )
@@ -41,8 +41,9 @@ TIED = 9.2
 STRUCTURED = 0.2
 """What differs between periods and is no noise, in noise floors, from which on a model is not adequate."""
 WORTHWHILE = 0.007
-"""A further effect must remove this share of what the base leaves to explain on unseen records, and as much as the
-noise itself: the wrong mathematical form of the first effect leaves a little that any other one can mop up."""
+"""A further effect must remove this share of what the base leaves to explain of the training record, and as much as
+the noise itself: the wrong mathematical form of the first effect leaves a little that any other one can mop up. (On
+unseen records, where forms are extrapolated, that little may be a lot.)"""
 WORTHWHILE_BLIND = 0.02
 """The same, of the base's squared error, where the noise floor is unknown."""
 
@@ -83,14 +84,11 @@ class Settings:
         periods: dict[str, float] | None = None,
     ) -> Settings:
         """Settings from a study's section ``improvement``; what is given beside it comes first."""
-        catalogue = dict(TISSUE)
-        for file in config["effect_files"]:
-            catalogue.update(load_effects(Path(file)))
         return cls(
             base=base or config["base"],
             train=train or config.get("train"),
             periods=periods or {},
-            catalogue=catalogue,
+            catalogue=catalogue_with(config["effect_files"]),
             most_effects=config["most_effects"],
             centre=config["centre"],
         )
@@ -134,6 +132,8 @@ class Diagnosis:
         Sets of effects, best first.
     explainable_share_removed : float
         Share of the base's explainable variance on unseen records that the selected effects remove.
+    verdict_after : str
+        The refined model diagnosed again: ``adequate`` or ``unexplained``; what could be named is in it already.
     """
 
     experiment: Experiment
@@ -144,6 +144,7 @@ class Diagnosis:
     tied_with: list[Candidate]
     ranking: list[Ranked]
     explainable_share_removed: float
+    verdict_after: str
 
     @property
     def model(self) -> Candidate:
@@ -165,6 +166,7 @@ class Diagnosis:
             "unit": self.experiment.output_unit,
             "verdict": self.verdict,
             "complete": self.complete,
+            "verdict_after": self.verdict_after,
             "selected": list(self.selected),
             "tied_with": [_new_effects(item, self.selected) for item in self.tied_with],
             "noise_floor_rms": None if floor is None else floor.rms,
@@ -265,6 +267,7 @@ class _Search:
             tied_with=tied,
             ranking=self.ranking(model),
             explainable_share_removed=share,
+            verdict_after=self.verdict_after(model),
         )
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
@@ -274,15 +277,19 @@ class _Search:
         """Whether an effect may be selected: no false alarm in training, and surely better on unseen records."""
         if after.test_rms >= before.test_rms or self.p_value(before, after) > LEVEL:
             return False
-        return unseen_improvement(before, after, self.experiment) > UNSEEN
+        if unseen_improvement(before, after, self.experiment) > UNSEEN:
+            return True
+        added = set(after.effects) - set(before.effects)
+        accumulating = any(self.settings.catalogue[name].accumulates for name in added)
+        return accumulating and later_improvement(before, after, self.experiment) > UNSEEN
 
     def worthwhile(self, before: Candidate, after: Candidate) -> bool:
         """Whether a further effect explains more than the form of the effects before it being slightly wrong."""
-        removed = before.test_rms**2 - after.test_rms**2
+        removed = before.train_rms**2 - after.train_rms**2
         floor = self.experiment.floor
         if floor is None:
-            return removed >= WORTHWHILE_BLIND * self.base.test_rms**2
-        explainable = max(self.base.test_rms**2 - floor.rms**2, 0.0)
+            return removed >= WORTHWHILE_BLIND * self.base.train_rms**2
+        explainable = max(self.base.train_rms**2 - floor.rms**2, 0.0)
         return removed >= max(WORTHWHILE * explainable, floor.rms**2)
 
     def climb(self) -> list[Candidate]:
@@ -392,12 +399,19 @@ class _Search:
         if model is self.base:
             floor = self.experiment.floor
             # Periods that differ by more than noise show that something is missing, even where it raises the floor.
-            differing = floor is not None and floor.structured_rms > STRUCTURED * floor.rms
+            differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
             lacking = floor is not None and (differing or not is_adequate(self.base, self.experiment))
             return "unexplained" if lacking else "adequate"
         if share < 0.5 and not is_adequate(model, self.experiment):
             return "unexplained"
         return "tied" if tied else "named"
+
+    def verdict_after(self, model: Candidate) -> str:
+        """Verdict on a model to which no further effect could be added."""
+        if model is self.base:
+            return self.verdict(model, [], 0.0)
+        known = self.experiment.floor is not None
+        return "unexplained" if known and not is_adequate(model, self.experiment) else "adequate"
 
     def complete(self, model: Candidate) -> bool | None:
         floor = self.experiment.floor

@@ -7,7 +7,7 @@ all parameters are searched together, from the linear solution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -31,17 +31,27 @@ class FitData:
     force : numpy.ndarray, shape (samples,)
     whitening : numpy.ndarray
         Coefficients of an FIR filter that makes the noise white; ``[1]`` where it is white.
+    counts_from : float
+        Seconds at the start that are left out of every error.
     """
 
     name: str
     motion: Motion
     force: np.ndarray
     whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
+    counts_from: float = SETTLING
 
     @property
     def first(self) -> int:
         """Index of the first sample that counts."""
-        return round(SETTLING / self.motion.sampling_time)
+        return round(self.counts_from / self.motion.sampling_time)
+
+    def split(self, share: float) -> tuple[FitData, FitData]:
+        """Cut the record in two: its first part, and the whole of it of which only what follows counts."""
+        count = round(share * len(self.force))
+        motion = Motion(self.motion.time[:count], self.motion.position[:count], self.motion.sampling_time)
+        early = replace(self, motion=motion, force=self.force[:count])
+        return early, replace(self, counts_from=count * self.motion.sampling_time)
 
     @property
     def size(self) -> int:
@@ -92,6 +102,10 @@ class Fit:
     def errors(self, record: FitData) -> np.ndarray:
         """Free-run simulation error of the samples that count."""
         return (self.simulate(record.motion) - record.force)[record.first :]
+
+    def whitened_errors(self, record: FitData) -> np.ndarray:
+        """Free-run simulation error of the samples that count, through the record's whitening filter."""
+        return record.counted(self.simulate(record.motion) - record.force)
 
 
 def solve_amplitudes(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
@@ -235,18 +249,12 @@ def _search_all(structure, data, start, evaluations, low=(), high=()) -> Fit:
 
     def jacobian(vector):
         shapes, amplitudes = parts(vector)
-        design = structure.design(data.motion, shapes)
-        inner_force = design @ amplitudes
-        step = 1e-6 * (np.abs(inner_force).max() + 1e-12)
-        slope = (
-            structure.output(inner_force + step, data.motion, shapes)
-            - structure.output(inner_force - step, data.motion, shapes)
-        ) / (2 * step)
+        _, slope = _output_slope(structure, data, structure.design(data.motion, shapes), amplitudes, shapes)
         columns = [
             (error(vector + 1e-5 * unit) - error(vector - 1e-5 * unit)) / 2e-5
             for unit in np.eye(len(vector))[:count]
         ]
-        by_amplitude = data.counted(slope[:, None] * design) * size
+        by_amplitude = data.counted(slope) * size
         return np.column_stack([*columns, by_amplitude])
 
     lower = np.concatenate([np.log(low), np.where(signs > 0, -1e-9, -np.inf)])
@@ -294,20 +302,38 @@ def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.nda
     """
     residual = data.force - previous.simulate(data.motion)
     structure = previous.structure.with_form(form)
-    force = data.counted(data.force)
     found = []
     for start in start_shapes(form, data, residual):
         shapes = np.concatenate([previous.shapes, start])
         if structure.linear:
             squared = _at(structure, data, shapes).squared_error
         else:
-            error = (
-                data.counted(structure.simulate(data.motion, previous_amplitudes(previous, form), shapes))
-                - force
-            )
-            squared = float(error @ error)
+            squared = _linearised_error(structure, data, previous_amplitudes(previous, form), shapes)
         found.append((squared, start))
     return sorted(found, key=lambda item: item[0])
+
+
+def _linearised_error(
+    structure: Structure, data: FitData, amplitudes: np.ndarray, shapes: np.ndarray
+) -> float:
+    """Squared error after one Gauss–Newton step in the amplitudes, their signs aside, of a structure with output forms.
+
+    Without the step every form that adds a force would look alike: it starts at amplitude 0.
+    """
+    inner, slope = _output_slope(structure, data, structure.design(data.motion, shapes), amplitudes, shapes)
+    error = data.counted(structure.output(inner, data.motion, shapes) - data.force)
+    columns = data.counted(slope)
+    return float(np.sum((error - columns @ np.linalg.lstsq(columns, error, rcond=1e-9)[0]) ** 2))
+
+
+def _output_slope(
+    structure: Structure, data: FitData, design: np.ndarray, amplitudes: np.ndarray, shapes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force before the output forms, and derivative of the measured force by the amplitudes."""
+    inner = design @ amplitudes
+    step = 1e-6 * (np.abs(inner).max() + 1e-12)
+    above, below = (structure.output(inner + sign * step, data.motion, shapes) for sign in (1, -1))
+    return inner, ((above - below) / (2 * step))[:, None] * design
 
 
 def previous_amplitudes(previous: Fit, form: Form) -> np.ndarray:

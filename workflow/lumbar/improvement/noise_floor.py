@@ -20,9 +20,13 @@ from lumbar.records.record import Record
 __all__ = ["NoiseFloor", "find_period", "noise_floor"]
 
 WHITENING_ORDER = 12
-"""Order of the autoregressive model of the noise."""
+"""Highest order of the autoregressive model of the noise."""
+_NEARLY = 0.998
+"""Share of the highest order's prediction gain that a lower order must reach."""
 _INPUT_REPEATS_EXACTLY = 1e-4
 _NORMAL_975 = 1.959964
+_NORMAL_99 = 2.326348
+_NORMAL_999 = 3.090232
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +72,8 @@ class NoiseFloor:
     def whitening(self) -> np.ndarray:
         """FIR filter that makes the noise white and keeps its variance; ``[1]`` where it is white already.
 
-        Autoregressive, of order `WHITENING_ORDER`, by the Yule–Walker equations. It is used where it predicts the noise
-        better than it would predict white noise by chance.
+        Autoregressive, by the Yule–Walker equations, of the lowest order that predicts the noise nearly as well as
+        order `WHITENING_ORDER`. It is used where it predicts the noise better than it would white noise by chance.
         """
         density = self.spectrum[1].copy()
         density[0] *= 2  # one-sided: the lines at 0 and, of an even number, at the end count once
@@ -77,9 +81,24 @@ class NoiseFloor:
             density[-1] *= 2
         covariance = np.fft.irfft(density, round(self.period / self.sampling_time))
         order = min(WHITENING_ORDER, len(covariance) // 4)
-        prediction, gain = prediction_error_filter(covariance[: order + 1])
-        chance = (order + 4 * np.sqrt(2 * order)) / self.degrees_of_freedom
-        return prediction * np.sqrt(gain) if gain > 1 + chance else np.ones(1)
+        full_gain = prediction_error_filter(covariance[: order + 1])[1]
+        if full_gain <= 1 + (order + 4 * np.sqrt(2 * order)) / self.degrees_of_freedom:
+            return np.ones(1)
+        filters = (prediction_error_filter(covariance[: lower + 1]) for lower in range(1, order + 1))
+        return next(taps * np.sqrt(gain) for taps, gain in filters if gain >= _NEARLY * full_gain)
+
+    @property
+    def surely_structured_rms(self) -> float:
+        """`structured_rms` without a drift that wandering noise may be taken for (99 %)."""
+        wandering = self.rms * np.sqrt(_NORMAL_99 * np.sqrt(2 / self.degrees_of_freedom))
+        if all(words.startswith(DRIFT) and rms <= wandering for words, rms in self.structured):
+            return 0.0
+        return self.structured_rms
+
+    def largest_ratio(self, samples: int) -> float:
+        """Largest ratio to `rms` (99.9 %) of the RMS of so many samples of the same noise: coloured noise scatters."""
+        share = self.degrees_of_freedom / (self.periods * round(self.period / self.sampling_time))
+        return float(np.sqrt(1 + _NORMAL_999 * np.sqrt(2 / (share * samples) + 2 / self.degrees_of_freedom)))
 
     def density(self, frequency: np.ndarray) -> np.ndarray:
         """Noise level at any frequencies (Hz): the spectrum smoothed over bands, for whitening; unit²/Hz."""

@@ -26,25 +26,26 @@ def line_power(rows: np.ndarray, degrees: float) -> np.ndarray:
     return np.sum(np.abs(np.fft.rfft(rows, axis=1)) ** 2, axis=0) / (rows.shape[1] * degrees)
 
 
-def smooth_power(power: np.ndarray, degrees: float, fewest: int = FEWEST_LINES) -> np.ndarray:
+def smooth_power(power: np.ndarray, degrees: float, bins_per_line: int = 1) -> np.ndarray:
     """Level of a noise spectrum: medians over bands that widen with frequency, deaf to single lines.
 
     Parameters
     ----------
-    power : numpy.ndarray, shape (lines,)
-        Power at 0, 1, 2, … cycles per row, mean of `degrees` rows.
+    power : numpy.ndarray, shape (bins,)
+        Power at 0, 1, 2, … bins, mean of `degrees` rows.
     degrees : float
-    fewest : int
-        Lines in the narrowest band.
+    bins_per_line : int
+        How much finer than lines the power is given.
 
     Returns
     -------
-    numpy.ndarray, shape (lines,)
+    numpy.ndarray, shape (bins,)
         Positive.
     """
+    fewest, most = FEWEST_LINES * bins_per_line, _MOST_LINES * bins_per_line
     centres, levels, start, last = [], [], 1, len(power) - 1
     while start < last:
-        stop = min(start + min(max(fewest, start // 3), _MOST_LINES), last)
+        stop = min(start + min(max(fewest, start // 3), most), last)
         if last - stop < fewest:
             stop = last
         centres.append(0.5 * (start + stop - 1))

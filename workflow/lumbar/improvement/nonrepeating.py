@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.improvement.noise_spectrum import FEWEST_LINES, excess, line_power, smooth_power, taper
+from lumbar.improvement.noise_spectrum import excess, line_power, smooth_power, taper
 
 SIGNIFICANT = 4.5
 """Standard deviations by which a part must exceed what noise would give; a part missed here raises the floor
@@ -35,8 +35,6 @@ _SETTLING_TIMES = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Periods in which a drift settles; these and a straight line span every monotonic course closely."""
 _TAPERED = 2 / 3
 """Share of the samples that a sine taper leaves: (Σw²)²/(n Σw⁴)."""
-_FEWEST_VALUES = 12
-"""A band's median is taken of at least so many values, one per line and free row."""
 
 DRIFT, AMPLITUDE, LINE, OTHER = "drift", "amplitude change", "off-grid line", "other change"
 
@@ -118,7 +116,6 @@ class _Search:
             DRIFT: _drifts(periods, samples),
             AMPLITUDE: _orthonormal(_response_shapes(mean_period, mean_excitation)),
         }
-        self.slow_courses = np.linalg.qr(np.vander(np.linspace(-1, 1, periods), min(4, 1 + periods // 3)))[0]
 
     @property
     def free_rows(self) -> int:
@@ -136,14 +133,15 @@ class _Search:
         if not np.any(self.rest):
             return None
         known = {part.kind for part in self.parts}
-        level = self._level_without_slow_changes()
+        fine_level = self._level()
+        level = fine_level[:: len(self.rest)]
         whitened = self._whitened(self.rest, level)
         best, best_energy = None, 0.0
         for kind in self.shapes.keys() - known:
             energy, degrees = self._explained(kind, whitened, level)
             if excess(energy, degrees) > SIGNIFICANT and energy - degrees > best_energy:
                 best, best_energy = Part(kind, np.zeros_like(self.rest), degrees), energy - degrees
-        spectrum = self._spectrum_between_lines()
+        spectrum = self._spectrum_between_lines(self._power(self.rest) / fine_level)
         for line in self._line_candidates(spectrum):
             waves = self._whitened(_sinusoids(self.rest.shape, line.frequency, line.harmonics), level)
             basis = _orthonormal(waves.reshape(len(waves), -1).T)
@@ -178,18 +176,25 @@ class _Search:
                 self.parts = kept
                 self._fit()
 
-    def _level(self, rows: np.ndarray, degrees: float, fewest: int) -> np.ndarray:
-        fewest = max(fewest, -(-_FEWEST_VALUES // int(degrees)))
-        steady = rows - (rows @ self.straight) @ self.straight.T
-        return smooth_power(line_power(steady * self.taper, degrees), degrees, fewest)
+    def _power(self, rows: np.ndarray) -> np.ndarray:
+        """Power of rows, one after the other, at 0, 1, 2, … cycles per record, as variance per sample."""
+        whole = rows.ravel()
+        power = np.abs(np.fft.rfft(whole * taper(whole.size))) ** 2 / whole.size
+        return power * (len(self.rest) - 1) / self.free_rows
 
-    def _level_without_slow_changes(self) -> np.ndarray:
-        """Noise level by frequency from what changes quickly over the periods, where there are enough."""
-        quick = self.rest - self.slow_courses @ (self.slow_courses.T @ self.rest)
-        rows = self.free_rows - (self.slow_courses.shape[1] - 1)
-        if rows < 1:
-            return self._level(self.rest, self.free_rows, FEWEST_LINES)
-        return self._level(quick, rows, 3)
+    def _level(self) -> np.ndarray:
+        """Noise level at 0, 1, 2, … cycles per record, from what lies between the multiples of 1/period.
+
+        There a drift, an amplitude that changes and even a strong sinusoid take few places, to which medians are deaf;
+        in the spectra of single periods a sinusoid spreads over its neighbours and hides itself.
+        """
+        periods = len(self.rest)
+        # Straight lines in each period are what little a drift of few periods leaves between the multiples.
+        power = self._power(self.rest - (self.rest @ self.straight) @ self.straight.T)
+        bins = np.arange(len(power))
+        between = bins[bins % periods != 0]
+        level = smooth_power(np.insert(power[between], 0, 0.0), 1.0, bins_per_line=periods - 1)[1:]
+        return np.exp(np.interp(bins, between, np.log(level)))
 
     def _whitened(self, rows: np.ndarray, level: np.ndarray) -> np.ndarray:
         """Tapered rows (along the last axis) through a filter that makes their noise white, of variance 1."""
@@ -205,13 +210,10 @@ class _Search:
         basis = _orthonormal(self._whitened(self.shapes[kind].T, level).T)
         return float(np.sum((whitened @ basis) ** 2)), basis.shape[1] * self.free_rows
 
-    def _spectrum_between_lines(self) -> np.ndarray:
-        """Power of the whole rest over the noise level, at 0, 1, 2, … cycles per record; 0 where periods repeat."""
-        periods, _ = self.rest.shape
-        level = self._level(self.rest, self.free_rows, FEWEST_LINES)
-        power = np.abs(np.fft.rfft(self.rest.ravel() * taper(self.rest.size))) ** 2 / self.rest.size
+    def _spectrum_between_lines(self, power: np.ndarray) -> np.ndarray:
+        """Power over the noise level, at 0, 1, 2, … cycles per record; 0 where periods repeat."""
+        periods = len(self.rest)
         bins = np.arange(len(power))
-        power /= np.interp(bins / periods, np.arange(len(level)), level)
         power[bins % periods == 0] = 0.0
         power[bins < _FEWEST_CYCLES] = 0.0
         # Below the period's first line the level is not measured: it may rise as that of a random walk.

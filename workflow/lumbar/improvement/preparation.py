@@ -13,10 +13,6 @@ from lumbar.improvement.fitting import SETTLING, FitData
 from lumbar.improvement.noise_floor import NoiseFloor, noise_floor
 from lumbar.records.record import Record, same_units
 
-WHITENING_ORDER = 12
-"""Order of the autoregressive model of the noise."""
-_COLOURED = 1.03
-"""Whiten only where prediction lowers the noise's variance by more than this factor."""
 _HELD_BACK = 0.3
 """Share of a single record that is held back as test where there is no other record."""
 
@@ -95,10 +91,10 @@ def prepare(
     floor = noise_floor(replace(chosen, period=known), (periods or {}).get(chosen.name))
     check_response(chosen, floor)
     training, tests = _split(chosen, [item for item in records if item is not chosen])
-    whitening = whitening_filter(floor, chosen.sampling_time)
+    whitening = np.ones(1) if floor is None else floor.whitening
     return Experiment(
         _fit_data(training, centre, whitening),
-        [_fit_data(item, centre) for item in tests],
+        [_fit_data(item, centre, _at_rate(whitening, item, training)) for item in tests],
         floor,
         chosen.channels["input"].unit,
         chosen.channels["output"].unit,
@@ -107,12 +103,17 @@ def prepare(
     )
 
 
-def _fit_data(record: Record, centre: bool, whitening: np.ndarray | None = None) -> FitData:
+def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndarray:
+    """Whitening filter for a record: the training record's, where both are sampled alike."""
+    return whitening if np.isclose(record.sampling_time, training.sampling_time) else np.ones(1)
+
+
+def _fit_data(record: Record, centre: bool, whitening: np.ndarray) -> FitData:
     motion, force = Motion.of(record), record["output"]
     if centre:
         motion = Motion(motion.time, motion.position - motion.position.mean(), motion.sampling_time)
         force = force - force.mean()
-    return FitData(record.name, motion, force, np.ones(1) if whitening is None else whitening)
+    return FitData(record.name, motion, force, whitening)
 
 
 def _split(chosen: Record, others: list[Record]) -> tuple[Record, list[Record]]:
@@ -120,31 +121,3 @@ def _split(chosen: Record, others: list[Record]) -> tuple[Record, list[Record]]:
         return chosen, others
     cut = chosen.time[0] + (1 - _HELD_BACK) * chosen.duration
     return chosen.between(chosen.time[0], cut), [chosen.between(cut, np.inf)]
-
-
-def whitening_filter(floor: NoiseFloor | None, sampling_time: float) -> np.ndarray:
-    """FIR filter that makes the noise white, from its spectrum; ``[1]`` where it is white already.
-
-    Autocovariance by the inverse transform of the spectrum, then the Yule–Walker equations. The filter keeps the
-    noise's variance, so that squared errors stay comparable with the noise floor.
-    """
-    if floor is None:
-        return np.ones(1)
-    frequency, density = floor.spectrum
-    even = np.linspace(0, 0.5 / sampling_time, 513)
-    smooth = _smoothed(np.interp(even, frequency, density))
-    covariance = np.fft.irfft(smooth)[: WHITENING_ORDER + 1]
-    from scipy.linalg import solve_toeplitz
-
-    coefficients = solve_toeplitz(covariance[:-1], covariance[1:])
-    innovation = covariance[0] - coefficients @ covariance[1:]
-    if innovation <= 0 or covariance[0] / innovation < _COLOURED:
-        return np.ones(1)
-    return np.concatenate([[1.0], -coefficients]) * np.sqrt(covariance[0] / innovation)
-
-
-def _smoothed(density: np.ndarray, width: int = 17) -> np.ndarray:
-    """Running mean with mirrored ends: a periodogram's scatter is not colour."""
-    half = width // 2
-    padded = np.concatenate([density[half:0:-1], density, density[-2 : -half - 2 : -1]])
-    return np.convolve(padded, np.full(width, 1 / width), mode="valid")

@@ -45,9 +45,8 @@ def refine(
     experiment = prepare(records, settings.train, settings.periods, settings.centre)
     ladder = [judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)]
     for name in chosen:
-        rung = min(
-            extend(ladder[-1], {name: chosen[name]}, experiment), key=lambda item: item.fit.squared_error
-        )
+        # The best by likelihood and number of parameters: a form with more of them always fits a little better.
+        rung = extend(ladder[-1], {name: chosen[name]}, experiment)[0]
         if rung.fit.squared_error > ladder[-1].fit.squared_error * (1 + 1e-6):
             raise NumericalError(
                 f"{name}: added to {model_name(ladder[-1].fit)} it raises the error on {experiment.training.name} from "

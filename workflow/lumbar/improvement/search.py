@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.effects.effect import Effect, Form
-from lumbar.improvement.fitting import Fit, add, screen
+from lumbar.improvement.fitting import Fit, FitData, add, screen
+from lumbar.improvement.fitting import fit as refit
 from lumbar.improvement.preparation import Experiment
 
 ADEQUATE = 1.1
@@ -35,7 +36,8 @@ class Candidate:
         Free-run simulation errors in the output's unit.
     score : float
         Minus twice the log-likelihood of all records, up to a constant, and the logarithm of their size for each
-        parameter (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better.
+        parameter (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better. Unseen errors are taken as Student's t,
+        so that a few peaks beyond the range of the training record do not outweigh all the rest.
     """
 
     fit: Fit
@@ -53,10 +55,39 @@ def judge(fit: Fit, experiment: Experiment) -> Candidate:
     """Simulate a fitted model on all records."""
     training, tests = experiment.training, experiment.tests
     test_rms = fit.rms(*tests)
-    size = sum(item.size for item in tests)
-    score = training.size * np.log(fit.squared_error / training.size) + 2 * size * np.log(test_rms)
-    score += (len(fit.amplitudes) + len(fit.shapes)) * np.log(training.size + size)
+    unseen = np.concatenate([fit.whitened_errors(item) for item in tests])
+    score = training.size * np.log(fit.squared_error / training.size) + _unlikelihood(unseen)
+    score += (len(fit.amplitudes) + len(fit.shapes)) * np.log(training.size + len(unseen))
     return Candidate(fit, fit.rms(training), test_rms, float(score))
+
+
+_EARLY = 0.6
+"""Share of the training record from which the rest is predicted."""
+_FREEDOM = 4
+"""Degrees of freedom of Student's t for unseen errors."""
+
+
+def _robust_scale(errors: np.ndarray) -> float:
+    """Maximum-likelihood scale of Student's t, by expectation and maximisation."""
+    square = errors**2
+    scale = float(np.median(square)) or float(np.mean(square))
+    for _ in range(12):
+        if scale <= 0:
+            break
+        scale = float(np.mean((_FREEDOM + 1) * square / (_FREEDOM + square / scale)))
+    return float(np.sqrt(scale))
+
+
+def _loss(errors: np.ndarray, scale: float) -> np.ndarray:
+    """Minus twice the log-likelihood of Student's t, per error, up to a constant."""
+    return (_FREEDOM + 1) * np.log1p((errors / scale) ** 2 / _FREEDOM)
+
+
+def _unlikelihood(errors: np.ndarray) -> float:
+    scale = _robust_scale(errors)
+    if scale <= 0:
+        return float("-inf")
+    return float(np.sum(_loss(errors, scale))) + 2 * len(errors) * float(np.log(scale))
 
 
 def gain(before: Candidate, after: Candidate, experiment: Experiment) -> float:
@@ -65,17 +96,34 @@ def gain(before: Candidate, after: Candidate, experiment: Experiment) -> float:
 
 
 def unseen_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
-    """How many standard errors the squared error on unseen records falls by.
+    """How many standard errors the loss on unseen records falls by.
 
-    Mean difference of squared errors over its standard error, neighbouring samples taken as dependent (Diebold and
-    Mariano, J. Bus. Econ. Stat. 13 (1995) 253-263; Bartlett weights over half a second).
+    Mean difference of losses over its standard error, neighbouring samples taken as dependent (Diebold and Mariano,
+    J. Bus. Econ. Stat. 13 (1995) 253-263; Bartlett weights over half a second). The loss is that of Student's t: of
+    squared errors the mean hangs on a few peaks where the force is extrapolated, and no difference is ever certain.
     """
-    differences = [
-        before.fit.errors(record) ** 2 - after.fit.errors(record) ** 2 for record in experiment.tests
-    ]
+    return _improvement(before.fit, after.fit, experiment.tests)
+
+
+def later_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
+    """How many standard errors the loss falls by on what follows in the training record, refitted to its beginning.
+
+    For effects that accumulate: short records, in which they begin anew, hardly show them.
+    """
+    early, later = experiment.training.split(_EARLY)
+    fits = [refit(item.fit.structure, early, item.fit.shapes) for item in (before, after)]
+    return _improvement(*fits, [later])
+
+
+def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
+    errors = [(before.whitened_errors(record), after.whitened_errors(record)) for record in records]
+    scale = min(_robust_scale(np.concatenate(own)) for own in zip(*errors, strict=True))
+    if scale <= 0:
+        return np.inf
+    differences = [_loss(first, scale) - _loss(second, scale) for first, second in errors]
     size = sum(len(item) for item in differences)
     mean = sum(float(item.sum()) for item in differences) / size
-    lags = max(1, round(0.5 / experiment.training.motion.sampling_time))
+    lags = max(1, round(0.5 / records[0].motion.sampling_time))
     variance = 0.0
     for item in differences:
         centred = item - mean
@@ -91,8 +139,11 @@ def is_adequate(candidate: Candidate, experiment: Experiment) -> bool:
     """Whether nothing but noise is left, as far as the floor is known."""
     if experiment.floor is None:
         return False
-    worst = max(candidate.train_rms, candidate.test_rms)
-    return worst <= ADEQUATE * experiment.floor.rms
+    floor, training, tests = experiment.floor, experiment.training, experiment.tests
+    return all(
+        rms <= floor.rms * max(ADEQUATE, floor.largest_ratio(sum(item.size for item in records)))
+        for rms, records in ((candidate.train_rms, [training]), (candidate.test_rms, tests))
+    )
 
 
 def best_by_effect(candidates: list[Candidate]) -> list[Candidate]:
@@ -150,21 +201,20 @@ def _promising(fit: Fit, forms: list[Form], experiment: Experiment, most: int, a
 def pairs(
     base: Candidate, singles: list[Candidate], catalogue: dict[str, Effect], experiment: Experiment
 ) -> list[Candidate]:
-    """Pairs of effects that begin with one of the best single ones, best first."""
-    return sorted(
-        (
-            pair
-            for first in best_by_effect(singles)[:LOOK_AHEAD]
-            for pair in extend(first, catalogue, experiment, REFITTED, all_forms=False)
-        ),
-        key=lambda item: item.score,
-    )
+    """Pairs of effects that begin with one of the best single ones, best first.
+
+    Further first effects are not tried once a pair leaves nothing but noise; `exchange` looks for others like it.
+    """
+    found: list[Candidate] = []
+    for first in best_by_effect(singles)[:LOOK_AHEAD]:
+        found += extend(first, catalogue, experiment, REFITTED, all_forms=False)
+        if any(is_adequate(pair, experiment) for pair in found):
+            break
+    return sorted(found, key=lambda item: item.score)
 
 
 def exchange(model: Candidate, catalogue: dict[str, Effect], experiment: Experiment) -> Candidate:
     """Take out each effect in turn and put back whatever then fits best: another form, another effect or it itself."""
-    from lumbar.improvement.fitting import fit as refit
-
     for name in model.effects:
         structure = model.fit.structure.without(name)
         base, parts = model.fit.structure.shapes_of(model.fit.shapes)

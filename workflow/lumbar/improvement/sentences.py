@@ -60,6 +60,7 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
             f"The selected effects remove {100 * diagnosis.explainable_share_removed:.1f} % of the variance that a model "
             "could explain."
         )
+        lines.append(_diagnosed_again(diagnosis))
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
         ]
@@ -75,6 +76,17 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
     if diagnosis.tied_with:
         lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in diagnosis.selected]
     return lines
+
+
+def _diagnosed_again(diagnosis: Diagnosis) -> str:
+    unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
+    if floor is None:
+        return "Diagnosed again, no further effect passes."
+    rms = max(diagnosis.model.train_rms, diagnosis.model.test_rms)
+    left = f"its error is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} {unit})"
+    if diagnosis.verdict_after == "adequate":
+        return f"Diagnosed again, the refined model is adequate: {left}."
+    return f"Diagnosed again, something is left that no further effect of the catalogue explains: {left}."
 
 
 def runner_up(diagnosis: Diagnosis) -> Ranked | None:

@@ -45,14 +45,17 @@ TARGETS = {
     "aarch64-darwin": Target("aarch64-macos", ".dylib", "aarch64-darwin", "aarch64-darwin"),
 }
 """Platforms that FMUs can be built for. One more row is all that another platform needs."""
+_LINES_OF_THE_COMPILER = 30
+"""Kept of what it says when it fails: the last lines name the error."""
 HOST = "host"
 """The platform of this machine."""
 
 # -ffp-contract=off: the same rounding on every platform. The rest keeps paths, dates and names of the build
-# machine out, so that every build of the same model is the same file.
+# machine out, so that every build of the same model is the same file. -Os: as fast as -O2 here, and the Windows library
+# is a seventh smaller.
 FLAGS = (
     "-std=c99",
-    "-O2",
+    "-Os",
     "-Wall",
     "-Wextra",
     "-Werror",
@@ -156,7 +159,8 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
         command, cwd=library.parent, env=environment, capture_output=True, text=True, check=False
     )
     if done.returncode or not library.is_file():
+        said = "\n".join(done.stderr.strip().splitlines()[-_LINES_OF_THE_COMPILER:]) or "(it said nothing)"
         raise InputError(
-            f"compiling for {target} failed (exit code {done.returncode}, cache {cache}):\n"
-            f"{done.stderr.strip()}"
+            f"compiling for {target} failed (exit code {done.returncode}); where the compiler's words do not help, "
+            f"remove its cache {cache} and try again. It said:\n{said}"
         )

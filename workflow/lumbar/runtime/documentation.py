@@ -6,7 +6,10 @@ import html
 
 import numpy as np
 
+from lumbar.effects.effect import Place
 from lumbar.runtime.description import feedthrough_text, variables
+from lumbar.runtime.effect_model import Term
+from lumbar.runtime.equation_svg import equation_svg
 from lumbar.runtime.export_model import ExportModel
 from lumbar.runtime.line_plot import svg_plot
 from lumbar.runtime.linear_model import LinearModel
@@ -53,7 +56,7 @@ def documentation_html(
         name=html.escape(model.name),
         version=version,
         data=html.escape(data),
-        equations="\n".join(map(html.escape, model.dynamics.equations())),
+        equations=_equations(model),
         derivatives="" if isinstance(model.dynamics, LinearModel) else _DERIVATIVES,
         averaged=html.escape(averaged),
         output=html.escape(f"{y.variable} = gain · y[k] + {y.variable}_offset, within ±{y.variable}_limit"),
@@ -67,11 +70,44 @@ def documentation_html(
     )
 
 
+def _equations(model: ExportModel) -> str:
+    if isinstance(model.dynamics, LinearModel):
+        return f"<pre>\n{html.escape(chr(10).join(model.dynamics.equations()))}\n</pre>"
+    rows = "".join(
+        f"<tr><td>{html.escape(term.form.key)}</td><td>{_ACTS[term.form.place]}</td>"
+        f"<td>{equation_svg(term.form.equation)}</td><td>{html.escape(_numbers(model, term))}</td></tr>\n"
+        for term in model.dynamics.terms
+    )
+    return (
+        '<table border="1" cellpadding="4">\n<tr><th>Form</th><th>Acts on</th><th>Equation</th><th>Parameters</th></tr>'
+        f"\n{rows}</table>"
+    )
+
+
+_ACTS = {
+    Place.INPUT: "the position, before it reaches the tissue",
+    Place.PARALLEL: "adds to the force",
+    Place.OUTPUT: "the sum of the forces",
+}
+
+
+def _numbers(model: ExportModel, term: Term) -> str:
+    """Parameters of a form with units, to six digits."""
+    parameters = (*term.form.amplitudes, *term.form.shapes)
+    return ", ".join(
+        f"{item.name} = {value:.6g} {item.unit.format(x=model.input.unit, y=model.output.unit)}".removesuffix(
+            " 1"
+        )
+        for item, value in zip(parameters, (*term.amplitudes, *term.shapes), strict=True)
+    )
+
+
 def _cell(value: float | None) -> str:
     return "–" if value is None else f"{value:g}"
 
 
-_DERIVATIVES = """<p>z is u[k], for forms behind the input forms what they make of it; F is the sum of all parallel forms.
+_DERIVATIVES = """<p>z is u[k], for forms behind the input forms what they make of it; F is the sum of all parallel forms,
+s the path travelled, v the velocity.
 Velocity and acceleration are backward differences of the samples, v[k] = (z[k] − z[k−1])/T and
 a[k] = (v[k] − v[k−1])/T, both 0 at the first sample: in a running loop no later sample is known. Against the true
 derivative of a smooth motion v is late by half a sampling time T, a by a whole one. Relaxations are exact for
@@ -85,9 +121,7 @@ _PAGE = """<!DOCTYPE html>
 <h1>{name}: FMI {version} for co-simulation</h1>
 <p><strong>Data: {data}</strong></p>
 <h2>Equations</h2>
-<pre>
 {equations}
-</pre>
 {derivatives}<p>{averaged}</p>
 <p>{output}</p>
 <p>{stability}</p>

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from lumbar.errors import InputError, NumericalError, Problems
-from lumbar.runtime.effect_model import EffectModel, effect_model
+from lumbar.effects.catalogue import TISSUE
+from lumbar.effects.effect import Effect
+from lumbar.errors import NumericalError, Problems
+from lumbar.runtime.effect_entry import effect_model
+from lumbar.runtime.effect_model import EffectModel
 from lumbar.runtime.linear_model import LinearModel
+from lumbar.runtime.models_document import check_document
 from lumbar.runtime.rate import at_rate
 
-SCHEMA = "lumbar.models/1"
 MAX_WINDOW = 16
 """Room for the moving average in an FMU's memory, as in ``model.h``."""
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]*")
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+"""What no file can be called on Windows, whatever its ending."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +77,9 @@ class ExportModel:
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
-        if not _NAME.fullmatch(self.name):
-            problems.add(
-                "name", repr(self.name), "a letter, then letters, digits, _ . + - (it becomes a file name)"
-            )
+        if not _NAME.fullmatch(self.name) or _DEVICE.fullmatch(self.name):
+            allowed = "a letter, then letters, digits, _ . + -, at most 200, and no device of Windows"
+            problems.add("name", repr(self.name), f"{allowed} (it becomes a file name)")
         if not 1 <= self.moving_average <= MAX_WINDOW:
             problems.add("runtime.moving_average", f"{self.moving_average}", f"allowed are 1 to {MAX_WINDOW}")
         for problem in self.dynamics.problems():
@@ -126,7 +131,9 @@ def identifier(name: str) -> str:
     return cleaned if re.match(r"[A-Za-z_]", cleaned) else f"_{cleaned}"
 
 
-def select_models(content: dict, settings: dict) -> list[ExportModel]:
+def select_models(
+    content: dict, settings: dict, catalogue: Mapping[str, Effect] = TISSUE
+) -> list[ExportModel]:
     """Pick the models to export from the identified ones.
 
     Parameters
@@ -136,6 +143,8 @@ def select_models(content: dict, settings: dict) -> list[ExportModel]:
     settings : dict
         Section ``runtime`` of the configuration: ``models``, ``trained_on``, ``estimator``, ``unstable``,
         ``moving_average``, ``output_limit``, ``gain_limit``, ``rate_Hz``.
+    catalogue : mapping of str to Effect
+        Effects that models may name, those of the user's own included.
 
     Returns
     -------
@@ -150,8 +159,7 @@ def select_models(content: dict, settings: dict) -> list[ExportModel]:
     NumericalError
         A model is unstable and ``unstable`` is ``"refuse"``.
     """
-    if content.get("schema") != SCHEMA:
-        raise InputError(f"models.json: schema is {content.get('schema')!r}; allowed is {SCHEMA!r}")
+    check_document(content)
     problems = Problems("runtime.models")
     for text in _duplicate_identifiers(settings["models"]):
         problems.add("", text, "rename one: both would have the same name in C")
@@ -159,7 +167,7 @@ def select_models(content: dict, settings: dict) -> list[ExportModel]:
     for name in settings["models"]:
         entry = _find(content["models"], name, settings, problems)
         if entry is not None:
-            models.append(_export_model(entry, content, settings))
+            models.append(_export_model(entry, content, settings, catalogue))
     problems.raise_if_any()
     if settings["unstable"] == "refuse":
         _refuse_unstable(models)
@@ -203,14 +211,14 @@ def _find(entries: list[dict], name: str, settings: dict, problems: Problems) ->
     return None
 
 
-def _export_model(entry: dict, content: dict, settings: dict) -> ExportModel:
+def _export_model(entry: dict, content: dict, settings: dict, catalogue: Mapping[str, Effect]) -> ExportModel:
     signals = {}
     for side in ("input", "output"):
         described = entry.get(side) or content[side]
         signals[side] = Signal(
             described["quantity"], described["unit"], float(entry.get(f"{side}_offset") or 0.0)
         )
-    dynamics, sampling_time = _dynamics(entry, content, settings["rate_Hz"])
+    dynamics, sampling_time = _dynamics(entry, content, settings["rate_Hz"], catalogue)
     return ExportModel(
         name=entry["name"],
         dynamics=dynamics,
@@ -223,12 +231,14 @@ def _export_model(entry: dict, content: dict, settings: dict) -> ExportModel:
     )
 
 
-def _dynamics(entry: dict, content: dict, rate: float | None) -> tuple[LinearModel | EffectModel, float]:
+def _dynamics(
+    entry: dict, content: dict, rate: float | None, catalogue: Mapping[str, Effect]
+) -> tuple[LinearModel | EffectModel, float]:
     """Model and sampling time in seconds, at the rate asked for."""
     own = float(entry.get("sampling_time_s") or content["sampling_time_s"])
     wanted = own if rate is None else 1.0 / rate
     if entry.get("base") is not None:
-        return effect_model(entry, wanted), wanted
+        return effect_model(entry, wanted, catalogue), wanted
     coefficients = (tuple(map(float, entry[key])) for key in ("numerator", "denominator"))
     linear = LinearModel(*coefficients, name=entry["name"])
     return (linear if rate is None else at_rate(linear, own, wanted)), wanted

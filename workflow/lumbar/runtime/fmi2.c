@@ -3,6 +3,7 @@
  * In FMI 2.0 an output may be read only after a step, and the input of a communication point is set after that. At a
  * sample instant the client therefore sees C x[k] + D u[k-1]: the feed-through is one sample late.
  */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,9 +17,14 @@ typedef struct {
     bool not_finite_logged;
 } instance;
 
+/* `self`, or an error where an importer has none. */
+#define INSTANCE        \
+    instance *self = c; \
+    if (!self) return fmi2Error;
+
 static void message(const instance *self, fmi2Status status, const char *text) {
     static const char *const CATEGORIES[] = {"logAll", "logStatusWarning", "logStatusDiscard", "logStatusError"};
-    if (self->callbacks.logger) {
+    if (self && self->callbacks.logger) {
         self->callbacks.logger(self->callbacks.componentEnvironment, self->name, status, CATEGORIES[status], "%s", text);
     }
 }
@@ -77,23 +83,24 @@ void fmi2FreeInstance(fmi2Component c) {
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean stop_defined, fmi2Real stop) {
-    instance *self = c;
+    INSTANCE
     (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop;
     if (self->state.mode != MODE_INSTANTIATED) return failed(self, "fmi2SetupExperiment after initialization.");
+    if (!isfinite(start)) return failed(self, "fmi2SetupExperiment: the start time is not finite.");
     self->state.start_time = start;
     return fmi2OK;
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
-    instance *self = c;
+    INSTANCE
     if (self->state.mode != MODE_INSTANTIATED) return failed(self, "fmi2EnterInitializationMode called twice.");
-    force_start(&self->state, self->state.start_time);
+    force_start(&self->state, self->state.start_time); /* finite: fmi2SetupExperiment saw to it */
     self->state.mode = MODE_INITIALIZATION;
     return fmi2OK;
 }
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
-    instance *self = c;
+    INSTANCE
     if (self->state.mode != MODE_INITIALIZATION) return failed(self, "The instance is not in initialization mode.");
     self->state.mode = MODE_STEP;
     if (MODEL.feedthrough) {
@@ -108,20 +115,20 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
 }
 
 fmi2Status fmi2Terminate(fmi2Component c) {
-    instance *self = c;
+    INSTANCE
     self->state.mode = MODE_TERMINATED;
     return fmi2OK;
 }
 
 fmi2Status fmi2Reset(fmi2Component c) {
-    instance *self = c;
+    INSTANCE
     force_reset(&self->state, false);
     self->not_finite_logged = false;
     return fmi2OK;
 }
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
-    instance *self = c;
+    INSTANCE
     for (size_t i = 0; i < n; ++i) {
         if (vr[i] == VR_TIME || force_get(&self->state, vr[i], &value[i]) != VALUE_OK) {
             return failed(self, "fmi2GetReal: unknown value reference.");
@@ -131,7 +138,7 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
-    instance *self = c;
+    INSTANCE
     fmi2Status status = fmi2OK;
     if (self->state.mode == MODE_TERMINATED) return failed(self, "fmi2SetReal after fmi2Terminate.");
     for (size_t i = 0; i < n; ++i) {
@@ -151,18 +158,20 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real from, fmi2Real step, fmi2Boolean no_rollback) {
-    instance *self = c;
+    INSTANCE
     (void)no_rollback;
     if (self->state.mode != MODE_STEP) return failed(self, "fmi2DoStep before initialization or after termination.");
     switch (force_advance(&self->state, from, step, false)) {
         case STEP_OK: return fmi2OK;
         case STEP_NOT_FINITE: return not_finite(self, "The model's force is not finite: the last finite force is kept.");
+        case STEP_TOO_LONG: return failed(self, "fmi2DoStep: the step passes more than 1e7 samples.");
         default: return failed(self, "fmi2DoStep: step not positive, or not from where the last one ended.");
     }
 }
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *saved) {
-    instance *self = c;
+    INSTANCE
+    if (!saved) return failed(self, "fmi2GetFMUstate: no place for it given.");
     if (!*saved) *saved = calloc(1, sizeof(force_state));
     if (!*saved) return failed(self, "Out of memory.");
     memcpy(*saved, &self->state, sizeof(force_state));
@@ -170,7 +179,7 @@ fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *saved) {
 }
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate saved) {
-    instance *self = c;
+    INSTANCE
     if (!saved) return failed(self, "fmi2SetFMUstate: no state given.");
     memcpy(&self->state, saved, sizeof(force_state));
     return fmi2OK;
@@ -178,6 +187,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate saved) {
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *saved) {
     (void)c;
+    if (!saved) return fmi2OK; /* as the standard has it */
     free(*saved);
     *saved = NULL;
     return fmi2OK;
@@ -190,17 +200,17 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate saved, size_
 }
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate saved, fmi2Byte bytes[], size_t size) {
-    instance *self = c;
-    if (!saved || size < force_serialized_size()) return failed(self, "fmi2SerializeFMUstate: no state or no room.");
+    INSTANCE
+    if (!saved || !bytes || size < force_serialized_size()) return failed(self, "fmi2SerializeFMUstate: no state or no room.");
     force_serialize(saved, (uint8_t *)bytes);
     return fmi2OK;
 }
 
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *saved) {
-    instance *self = c;
+    INSTANCE
     force_state state;
-    if (!force_deserialize(&state, (const uint8_t *)bytes, size)) {
-        return failed(self, "fmi2DeSerializeFMUstate: these bytes are no state of this FMU.");
+    if (!bytes || !saved || !force_deserialize(&state, (const uint8_t *)bytes, size)) {
+        return failed(self, "fmi2DeSerializeFMUstate: these bytes are no state of this FMU, or damaged.");
     }
     if (!*saved) *saved = calloc(1, sizeof(force_state));
     if (!*saved) return failed(self, "Out of memory.");
@@ -226,7 +236,7 @@ NO_VARIABLES(fmi2SetString, const fmi2String)
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
                                         const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
                                         fmi2Real sensitivity[]) {
-    instance *self = c;
+    INSTANCE
     for (size_t i = 0; i < n_unknowns; ++i) {
         sensitivity[i] = 0.0;
         for (size_t j = 0; j < n_knowns; ++j) {
@@ -265,7 +275,7 @@ NO_STATUS(fmi2GetIntegerStatus, fmi2Integer)
 NO_STATUS(fmi2GetStringStatus, fmi2String)
 
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value) {
-    instance *self = c;
+    INSTANCE
     if (kind != fmi2LastSuccessfulTime) return fmi2Discard;
     *value = self->state.time;
     return fmi2OK;

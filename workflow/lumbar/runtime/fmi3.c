@@ -19,9 +19,14 @@ typedef struct {
     bool not_finite_logged;
 } instance;
 
+/* `self`, or an error where an importer has none. */
+#define INSTANCE        \
+    instance *self = c; \
+    if (!self) return fmi3Error;
+
 static void message(const instance *self, fmi3Status status, const char *text) {
     static const char *const CATEGORIES[] = {"logAll", "logStatusWarning", "logStatusDiscard", "logStatusError"};
-    if (self->log) self->log(self->environment, status, CATEGORIES[status], text);
+    if (self && self->log) self->log(self->environment, status, CATEGORIES[status], text);
 }
 
 static fmi3Status failed(const instance *self, const char *text) {
@@ -69,23 +74,25 @@ void fmi3FreeInstance(fmi3Instance c) { free(c); }
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {
-    instance *self = c;
+    INSTANCE
     (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop;
     if (self->state.mode != MODE_INSTANTIATED) return failed(self, "fmi3EnterInitializationMode called twice.");
-    force_start(&self->state, start);
+    if (!force_start(&self->state, start)) {
+        return failed(self, "fmi3EnterInitializationMode: the start time is not finite.");
+    }
     self->state.mode = MODE_INITIALIZATION;
     return fmi3OK;
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {
-    instance *self = c;
+    INSTANCE
     if (self->state.mode != MODE_INITIALIZATION) return failed(self, "The instance is not in initialization mode.");
     self->state.mode = self->event_mode ? MODE_EVENT : MODE_STEP;
     return fmi3OK;
 }
 
 fmi3Status fmi3EnterEventMode(fmi3Instance c) {
-    instance *self = c;
+    INSTANCE
     if (!self->event_mode || self->state.mode != MODE_STEP) {
         return failed(self, "Event Mode is entered from Step Mode, where eventModeUsed was true.");
     }
@@ -96,8 +103,11 @@ fmi3Status fmi3EnterEventMode(fmi3Instance c) {
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *needs_update, fmi3Boolean *terminate,
                                     fmi3Boolean *nominals_changed, fmi3Boolean *values_changed,
                                     fmi3Boolean *next_event_defined, fmi3Float64 *next_event) {
-    instance *self = c;
+    INSTANCE
     if (self->state.mode != MODE_EVENT) return failed(self, "fmi3UpdateDiscreteStates outside Event Mode.");
+    if (!needs_update || !terminate || !nominals_changed || !values_changed || !next_event_defined || !next_event) {
+        return failed(self, "fmi3UpdateDiscreteStates: a place for a result is missing.");
+    }
     *needs_update = *terminate = *nominals_changed = *values_changed = fmi3False;
     *next_event_defined = fmi3True;
     *next_event = force_next_event(&self->state);
@@ -105,7 +115,7 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *needs_update, f
 }
 
 fmi3Status fmi3EnterStepMode(fmi3Instance c) {
-    instance *self = c;
+    INSTANCE
     if (self->state.mode != MODE_EVENT) return failed(self, "Step Mode is entered from Event Mode.");
     step_status status = force_take_sample(&self->state);
     self->state.mode = MODE_STEP;
@@ -115,12 +125,14 @@ fmi3Status fmi3EnterStepMode(fmi3Instance c) {
 
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 from, fmi3Float64 step, fmi3Boolean no_rollback,
                       fmi3Boolean *event_needed, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last_time) {
-    instance *self = c;
+    INSTANCE
     (void)no_rollback;
+    if (!event_needed || !terminate || !early || !last_time) return failed(self, "fmi3DoStep: a place for a result is missing.");
     *event_needed = *terminate = *early = fmi3False;
     *last_time = self->state.time;
     if (self->state.mode != MODE_STEP) return failed(self, "fmi3DoStep outside Step Mode.");
     step_status status = force_advance(&self->state, from, step, self->event_mode && self->early_return);
+    if (status == STEP_TOO_LONG) return failed(self, "fmi3DoStep: the step passes more than 1e7 samples.");
     if (status == STEP_WRONG_TIME) {
         return failed(self, "fmi3DoStep: step not positive, or not from where the last one ended.");
     }
@@ -132,20 +144,20 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 from, fmi3Float64 step, fmi3Bo
 }
 
 fmi3Status fmi3Terminate(fmi3Instance c) {
-    instance *self = c;
+    INSTANCE
     self->state.mode = MODE_TERMINATED;
     return fmi3OK;
 }
 
 fmi3Status fmi3Reset(fmi3Instance c) {
-    instance *self = c;
+    INSTANCE
     force_reset(&self->state, self->event_mode);
     self->not_finite_logged = false;
     return fmi3OK;
 }
 
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[], size_t n_values) {
-    instance *self = c;
+    INSTANCE
     if (n != n_values) return failed(self, "fmi3GetFloat64: all variables are scalars.");
     for (size_t i = 0; i < n; ++i) {
         if (force_get(&self->state, vr[i], &value[i]) != VALUE_OK) {
@@ -157,7 +169,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t 
 
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 value[],
                           size_t n_values) {
-    instance *self = c;
+    INSTANCE
     fmi3Status status = fmi3OK;
     if (n != n_values) return failed(self, "fmi3SetFloat64: all variables are scalars.");
     if (self->state.mode == MODE_TERMINATED) return failed(self, "fmi3SetFloat64 after fmi3Terminate.");
@@ -180,7 +192,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t 
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
                                         const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
-    instance *self = c;
+    INSTANCE
     if (n_seed != n_knowns || n_sensitivity != n_unknowns) {
         return failed(self, "fmi3GetDirectionalDerivative: all variables are scalars.");
     }
@@ -198,7 +210,8 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
 }
 
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *saved) {
-    instance *self = c;
+    INSTANCE
+    if (!saved) return failed(self, "fmi3GetFMUState: no place for it given.");
     if (!*saved) *saved = calloc(1, sizeof(force_state));
     if (!*saved) return failed(self, "Out of memory.");
     memcpy(*saved, &self->state, sizeof(force_state));
@@ -206,7 +219,7 @@ fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *saved) {
 }
 
 fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState saved) {
-    instance *self = c;
+    INSTANCE
     if (!saved) return failed(self, "fmi3SetFMUState: no state given.");
     if ((((const force_state *)saved)->event_mode != 0) != self->event_mode) {
         return failed(self, "fmi3SetFMUState: the state was saved with another eventModeUsed.");
@@ -217,6 +230,7 @@ fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState saved) {
 
 fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *saved) {
     (void)c;
+    if (!saved) return fmi3OK; /* as the standard has it */
     free(*saved);
     *saved = NULL;
     return fmi3OK;
@@ -229,17 +243,17 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState saved, size_t
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState saved, fmi3Byte bytes[], size_t size) {
-    instance *self = c;
-    if (!saved || size < force_serialized_size()) return failed(self, "fmi3SerializeFMUState: no state or no room.");
+    INSTANCE
+    if (!saved || !bytes || size < force_serialized_size()) return failed(self, "fmi3SerializeFMUState: no state or no room.");
     force_serialize(saved, bytes);
     return fmi3OK;
 }
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *saved) {
-    instance *self = c;
+    INSTANCE
     force_state state;
-    if (!force_deserialize(&state, bytes, size)) {
-        return failed(self, "fmi3DeserializeFMUState: these bytes are no state of this FMU.");
+    if (!bytes || !saved || !force_deserialize(&state, bytes, size)) {
+        return failed(self, "fmi3DeserializeFMUState: these bytes are no state of this FMU, or damaged.");
     }
     if (!*saved) *saved = calloc(1, sizeof(force_state));
     if (!*saved) return failed(self, "Out of memory.");

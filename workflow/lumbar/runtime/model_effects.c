@@ -2,17 +2,14 @@
  *
  *   position --(input forms)--> position at the tissue --(base and parallel forms, summed)--> force --(output forms)-->
  *
- * The forms and their numbers are in model_data.h, which is written at export. Velocity and acceleration are backward
+ * The forms with their numbers are in model_data.h, which is written at export. Velocity and acceleration are backward
  * differences of the sampled position: no later sample is known while the device runs.
  */
-#include <math.h>
-
 #include "effect_forms.h"
 #include "model.h"
 
 typedef struct {
     form_function *run;
-    const double *parameters;
     int memory; /* where its part of the state begins */
 } term;
 
@@ -20,9 +17,9 @@ typedef struct {
 
 const model_constants MODEL = MODEL_CONSTANTS;
 
-/* The state: samples taken, motion of the tool, motion at the tissue, then the forms' memories. */
-enum { SAMPLES_TAKEN, TOOL, TISSUE = TOOL + 3 };
-enum { POSITION, VELOCITY, PATH };
+/* The state: samples taken; position, velocity and path of the tool and behind each input form; the forms' memories. */
+enum { SAMPLES_TAKEN, TOOL };
+enum { POSITION, VELOCITY, PATH, MOTION_STATES };
 
 static motion moved_to(double position, double samples_taken, const double x[], double next[]) {
     bool first = samples_taken == 0.0;
@@ -44,17 +41,17 @@ double model_sample(const double x[], double u, double next[]) {
     double samples_taken = x[SAMPLES_TAKEN];
     next[SAMPLES_TAKEN] = samples_taken + 1.0;
     motion tool = moved_to(u, samples_taken, x + TOOL, next + TOOL);
-    double position = u;
-    for (int i = 0; i < MODEL_INPUT_FORMS; ++i, ++form) {
-        position = form->run(form->parameters, x + form->memory, next + form->memory, &tool, position);
+    motion tissue = tool;
+    for (int i = 1; i <= MODEL_INPUT_FORMS; ++i, ++form) {
+        double position = form->run(x + form->memory, next + form->memory, &tissue, 0.0);
+        tissue = moved_to(position, samples_taken, x + TOOL + i * MOTION_STATES, next + TOOL + i * MOTION_STATES);
     }
-    motion tissue = moved_to(position, samples_taken, x + TISSUE, next + TISSUE);
     double force = 0.0;
     for (int i = 0; i < MODEL_PARALLEL_FORMS; ++i, ++form) {
-        force += form->run(form->parameters, x + form->memory, next + form->memory, &tissue, 0.0);
+        force += form->run(x + form->memory, next + form->memory, &tissue, 0.0);
     }
     for (int i = 0; i < MODEL_OUTPUT_FORMS; ++i, ++form) {
-        force = form->run(form->parameters, x + form->memory, next + form->memory, &tool, force);
+        force = form->run(x + form->memory, next + form->memory, &tool, force);
     }
     return force;
 }

@@ -44,13 +44,19 @@ def compile_model(model: ExportModel, targets: list[str], cache: Path, folder: P
     Raises
     ------
     InputError
-        Unknown target, no compiler, or sources that do not compile.
+        Unknown target, no compiler, no room for the sources, or sources that do not compile.
     """
     libraries = {}
-    for file, text in source_files(model).items():
-        path = folder / file
-        if not path.is_file() or path.read_text(encoding="utf-8") != text:
-            path.write_text(text, encoding="utf-8", newline="\n")
+    try:
+        for file, text in source_files(model).items():
+            path = folder / file
+            if not path.is_file() or path.read_text(encoding="utf-8") != text:
+                path.write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise InputError(
+            f"{folder}: sources cannot be written there for the compiler ({error.strerror}); let TMPDIR name a folder "
+            "with free space"
+        ) from error
     for target in resolve_targets(targets):
         library = folder / f"{model.identifier}{TARGETS[target].suffix}"
         compile_library([folder / file for file in c_files(model)], library, target, cache)
@@ -110,7 +116,7 @@ def write_fmu(path: Path, files: dict[str, bytes]) -> None:
                 archive.writestr(entry, files[name], zipfile.ZIP_DEFLATED, _COMPRESSION)
     except OSError as error:
         raise InputError(
-            f"{path}: the FMU cannot be written ({error.strerror}); check the folder's rights"
+            f"{path}: the FMU cannot be written ({error.strerror}); check the folder's rights and free space"
         ) from error
 
 

@@ -31,12 +31,14 @@ void force_reset(force_state *state, bool event_mode) {
     state->event_mode = event_mode;
 }
 
-void force_start(force_state *state, double start_time) {
+bool force_start(force_state *state, double start_time) {
+    if (!isfinite(start_time)) return false;
     state->start_time = start_time;
     state->time = start_time;
     state->next_sample = 0;
     state->pending = 1;
     state->input_set = 1;
+    return true;
 }
 
 /* Mean of the newest input and those of the samples before it, as a deviation from rest. */
@@ -150,12 +152,13 @@ step_status force_take_sample(force_state *state) {
 
 step_status force_advance(force_state *state, double from, double step, bool stop_at_sample) {
     double end = from + step;
-    if (!(step > 0.0) || !isfinite(end) || fabs(from - state->time) > tolerance()) return STEP_WRONG_TIME;
+    if (!(step > 0.0) || !isfinite(end) || !(fabs(from - state->time) <= tolerance())) return STEP_WRONG_TIME;
+    if (step > LONGEST_STEP * MODEL.sampling_time) return STEP_TOO_LONG;
     step_status status = STEP_OK;
     for (;;) {
         if (force_take_sample(state) != STEP_OK) status = STEP_NOT_FINITE;
         double instant = sample_instant(state, state->next_sample);
-        if (instant > end + tolerance()) break;
+        if (!(instant <= end + tolerance())) break;
         state->pending = 1;
         state->input_set = 0; /* what was set before the instant is not its input */
         if (instant >= end - tolerance()) break;
@@ -172,17 +175,32 @@ double force_next_event(const force_state *state) {
     return sample_instant(state, state->next_sample + (state->pending ? 1 : 0));
 }
 
-size_t force_serialized_size(void) { return sizeof MAGIC + strlen(MODEL.token) + sizeof(force_state); }
+/* FNV-1a over bytes. */
+static uint64_t checksum(const uint8_t bytes[], size_t size) {
+    uint64_t hash = 14695981039346656037u;
+    for (size_t i = 0; i < size; ++i) hash = (hash ^ bytes[i]) * 1099511628211u;
+    return hash;
+}
+
+size_t force_serialized_size(void) {
+    return sizeof MAGIC + strlen(MODEL.token) + sizeof(force_state) + sizeof(uint64_t);
+}
 
 void force_serialize(const force_state *state, uint8_t bytes[]) {
+    const size_t size = force_serialized_size() - sizeof(uint64_t);
     memcpy(bytes, MAGIC, sizeof MAGIC);
     memcpy(bytes + sizeof MAGIC, MODEL.token, strlen(MODEL.token));
     memcpy(bytes + sizeof MAGIC + strlen(MODEL.token), state, sizeof *state);
+    const uint64_t sum = checksum(bytes, size);
+    memcpy(bytes + size, &sum, sizeof sum);
 }
 
 bool force_deserialize(force_state *state, const uint8_t bytes[], size_t size) {
+    uint64_t sum;
     if (size != force_serialized_size() || memcmp(bytes, MAGIC, sizeof MAGIC) != 0) return false;
     if (memcmp(bytes + sizeof MAGIC, MODEL.token, strlen(MODEL.token)) != 0) return false;
+    memcpy(&sum, bytes + size - sizeof sum, sizeof sum);
+    if (sum != checksum(bytes, size - sizeof sum)) return false;
     memcpy(state, bytes + sizeof MAGIC + strlen(MODEL.token), sizeof *state);
     return true;
 }

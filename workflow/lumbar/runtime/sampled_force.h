@@ -40,13 +40,16 @@ typedef struct {
 
 typedef enum { VALUE_OK, VALUE_NOT_FINITE, VALUE_OUT_OF_RANGE, VALUE_NOT_SETTABLE, VALUE_UNKNOWN } value_status;
 
-typedef enum { STEP_OK, STEP_NOT_FINITE, STEP_WRONG_TIME } step_status;
+typedef enum { STEP_OK, STEP_NOT_FINITE, STEP_WRONG_TIME, STEP_TOO_LONG } step_status;
+
+/* Samples that one step may pass: 28 hours at 100 Hz. A step that never returned would stop the device's loop. */
+#define LONGEST_STEP 1e7
 
 /* Bring the state to that of a new instance. */
 void force_reset(force_state *state, bool event_mode);
 
-/* Begin at start_time with the first sample pending. */
-void force_start(force_state *state, double start_time);
+/* Begin at start_time with the first sample pending; false where that is no finite time. */
+bool force_start(force_state *state, double start_time);
 
 value_status force_get(const force_state *state, uint32_t reference, double *value);
 /* Derivative of one variable by another at this moment. Not for time or of anything but the output. */
@@ -64,7 +67,7 @@ step_status force_advance(force_state *state, double from, double step, bool sto
 /* Instant of the next sample that is not yet pending or taken. */
 double force_next_event(const force_state *state);
 
-/* States as bytes: magic, size and token come first, so that foreign bytes are refused. */
+/* States as bytes: magic and token come first and a checksum last, so that foreign and damaged bytes are refused. */
 size_t force_serialized_size(void);
 void force_serialize(const force_state *state, uint8_t bytes[]);
 bool force_deserialize(force_state *state, const uint8_t bytes[], size_t size);

@@ -1,7 +1,7 @@
-"""Models with effects sample by sample in Python: what the C code of an FMU is checked against.
+"""Models with effects sample by sample in Python: an account of the catalogue's C code that is independent of it.
 
-Every operation stands in the order in which ``effect_forms.c`` has it, so that with the same elementary functions
-the bits are the same.
+Every operation stands in the order in which the forms' C code has it, so that with the same elementary functions the
+bits are the same.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lumbar.effects.effect import Place
 from lumbar.errors import NumericalError
-from lumbar.runtime.effect_forms import Place
 
 NEGLIGIBLE = 1e-200
 """Numbers below this are flushed to zero, as in ``sampled_force.c``."""
@@ -55,6 +55,7 @@ class Motion:
     velocity: float
     acceleration: float
     path: float
+    sampling_time: float
 
 
 class Tracker:
@@ -68,14 +69,22 @@ class Tracker:
         """Return the motion at the next sample."""
         time = sample * self.sampling_time
         if self.last is None:
-            now = Motion(time, True, position, 0.0, 0.0, 0.0, 0.0)
+            now = Motion(time, True, position, 0.0, 0.0, 0.0, 0.0, self.sampling_time)
         else:
             step = position - self.last.position
             velocity = step / self.sampling_time
             acceleration = (velocity - self.last.velocity) / self.sampling_time
-            now = Motion(time, False, position, step, velocity, acceleration, self.last.path + abs(step))
+            path = self.last.path + abs(step)
+            now = Motion(time, False, position, step, velocity, acceleration, path, self.sampling_time)
         self.last = Motion(
-            time, False, _flushed(position), 0.0, _flushed(now.velocity), 0.0, _flushed(now.path)
+            time,
+            False,
+            _flushed(position),
+            0.0,
+            _flushed(now.velocity),
+            0.0,
+            _flushed(now.path),
+            self.sampling_time,
         )
         return now
 
@@ -120,9 +129,17 @@ def _sine(p, m: Motion, f: Functions) -> float:
     return p[0] * f.sine(turns) + p[1] * f.cosine(turns)
 
 
+def _overtones(p, m: Motion, f: Functions) -> float:
+    turns, force = p[14] * m.time, 0.0
+    for order in range(1, 8):
+        force += p[2 * order - 2] * f.sine(order * turns)
+        force += p[2 * order - 1] * f.cosine(order * turns)
+    return force
+
+
 _STATIC = {
-    "base/spring": lambda p, m, f: p[0] * m.position,
-    "base/dashpot": lambda p, m, f: p[0] * m.velocity,
+    "base/LE": lambda p, m, f: p[0] * m.position,
+    "base/KV": lambda p, m, f: p[0] * m.position + p[1] * m.velocity,
     "hardening_stiffness/cubic": lambda p, m, f: p[0] * (m.position * m.position * m.position),
     "hardening_stiffness/exponential": lambda p, m, f: (
         p[0] * (_sign(m.position) * f.expm1(abs(m.position) / p[1]))
@@ -130,8 +147,14 @@ _STATIC = {
     "hardening_stiffness/bilinear": lambda p, m, f: (
         p[0] * (_sign(m.position) * max(abs(m.position) - p[1], 0.0))
     ),
+    "hardening_stiffness/power": lambda p, m, f: p[0] * (_sign(m.position) * f.power(abs(m.position), p[1])),
     "quadratic_stiffness/quadratic": lambda p, m, f: p[0] * (m.position * m.position),
     "quadratic_stiffness/two_sided": lambda p, m, f: p[0] * abs(m.position),
+    "quadratic_stiffness/rounded": lambda p, m, f: (
+        p[0] * (math.sqrt(m.position * m.position + p[1] * p[1]) - p[1])
+    ),
+    "quadratic_stiffness/deep": lambda p, m, f: p[0] * max(m.position - p[1], 0.0),
+    "quadratic_stiffness/shallow": lambda p, m, f: p[0] * min(m.position + p[1], 0.0),
     "coulomb_friction/coulomb": lambda p, m, f: p[0] * f.tanh(m.velocity / p[1]),
     "coulomb_friction/arctangent": lambda p, m, f: p[0] * (2 / math.pi * f.arctan(m.velocity / p[1])),
     "coulomb_friction/stribeck": _stribeck,
@@ -139,22 +162,39 @@ _STATIC = {
     "depth_dependent_damping/one_sided": lambda p, m, f: (
         p[0] * (max(m.position, 0.0) * m.velocity) + p[1] * m.velocity
     ),
+    "depth_dependent_damping/hunt_crossley": lambda p, m, f: (
+        p[0] * (f.power(max(m.position, 0.0), p[2]) * m.velocity) + p[1] * m.velocity
+    ),
     "quadratic_damping/quadratic": lambda p, m, f: p[0] * (m.velocity * abs(m.velocity)),
     "quadratic_damping/power": lambda p, m, f: p[0] * (_sign(m.velocity) * f.power(abs(m.velocity), p[1])),
     "quadratic_damping/sinh": lambda p, m, f: p[0] * f.sinh(m.velocity / p[1]),
     "inertia/mass": lambda p, m, f: p[0] * m.acceleration,
     "drift/linear": lambda p, m, f: p[0] * m.time,
     "drift/settling": lambda p, m, f: p[0] * -f.expm1(-m.time / p[1]),
+    "drift/power": lambda p, m, f: p[0] * f.power(m.time, p[1]),
     "softening/path": lambda p, m, f: p[0] * (-m.position * f.expm1(-m.path / p[1])),
     "softening/time": lambda p, m, f: p[0] * (-m.position * f.expm1(-m.time / p[1])),
+    "softening/path_to_floor": lambda p, m, f: p[0] * (m.position * min(m.path / p[1], 1.0)),
     "periodic_disturbance/sine": _sine,
+    "periodic_disturbance/overtones": _overtones,
 }
 """Parallel forms without memory: from parameters and motion to force."""
 
 
-def _relax(share: float, p, m: Motion, f: Functions) -> tuple[float, float]:
-    share = p[1] * share + p[2] * m.step
-    return share, p[0] * share
+def _relaxed(elongation: float, relaxation_time: float, m: Motion) -> float:
+    """Ramp-invariant: the pole is e^(−T/τ), the gain (1 − e^(−T/τ)) τ/T."""
+    ratio = m.sampling_time / relaxation_time
+    return math.exp(-ratio) * elongation + -math.expm1(-ratio) / ratio * m.step
+
+
+def _relax(elongation: float, p, m: Motion, f: Functions) -> tuple[float, float]:
+    elongation = _relaxed(elongation, p[1], m)
+    return elongation, p[0] * elongation
+
+
+def _relax_beside_spring(elongation: float, p, m: Motion, f: Functions) -> tuple[float, float]:
+    elongation = _relaxed(elongation, p[2], m)
+    return elongation, p[0] * m.position + p[1] * elongation
 
 
 def _friction(rule):
@@ -170,41 +210,68 @@ def _elastoplastic(slider: float, p, m: Motion, f: Functions) -> tuple[float, fl
     return slider, p[0] * ((m.position - slider) / p[1])
 
 
+def _iwan(sliders, p, m: Motion, f: Functions) -> tuple[tuple, float]:
+    distances = [p[4] / 2**order for order in range(4)]
+    before = sliders if isinstance(sliders, tuple) else (sliders,) * 4
+    sliders = tuple(
+        _play(slider, m.position, distance, m.first)
+        for slider, distance in zip(before, distances, strict=True)
+    )
+    force = 0.0
+    for limit, slider, distance in zip(p, sliders, distances, strict=False):
+        force += limit * ((m.position - slider) / distance)
+    return sliders, force
+
+
 _REMEMBERING = {
-    "base/maxwell_branch": _relax,
+    "base/Maxwell": _relax,
+    "base/KB": _relax_beside_spring,
     "second_relaxation/maxwell_branch": _relax,
     "hysteresis/dahl": _friction(_dahl),
     "hysteresis/bouc_wen": _friction(_bouc_wen),
     "hysteresis/elastoplastic": _elastoplastic,
+    "hysteresis/iwan": _iwan,
 }
 """Parallel forms with one number of memory: from it, parameters and motion to the next one and the force."""
 
 
-def _delayed(past: list[float], p, position: float, first: bool) -> float:
+def _delayed(past: list[float], samples: float, position: float, first: bool) -> float:
     """Position some samples ago, linear in between; `past` holds the positions before, newest first."""
-    whole = int(p[0])
+    whole = math.floor(samples)
     if first:
         past[:] = [_flushed(position)] * (whole + 1)
         return position
     newer, older = (position if whole == 0 else past[whole - 1]), past[whole]
     past[:] = [_flushed(position), *past[:-1]]
-    return newer + p[1] * (older - newer)
+    return newer + (samples - whole) * (older - newer)
+
+
+def _at_most_one(ratio: float) -> float:
+    return 1.0 / ratio if ratio > 1 else ratio
 
 
 _OUTPUT = {
     "contact_loss/sharp": lambda p, m, f, force: max(force, -p[0]),
     "contact_loss/soft": lambda p, m, f, force: p[1] * f.softplus((force + p[0]) / p[1]) - p[0],
     "saturation/sharp": lambda p, m, f, force: min(max(force, -p[0]), p[0]),
+    "saturation/rounded": lambda p, m, f, force: (
+        min(max(force, -p[0]), p[0])
+        / f.power(1.0 + f.power(_at_most_one(abs(force / p[0])), p[1]), 1.0 / p[1])
+    ),
     "saturation/soft": lambda p, m, f, force: p[0] * f.tanh(force / p[0]),
     "softening/whole_force": lambda p, m, f, force: force * (1.0 + p[0] * f.expm1(-m.path / p[1])),
 }
+
+
+def _parameters(term) -> tuple[float, ...]:
+    return (*term.amplitudes, *term.shapes)
 
 
 class Simulation:
     """A model with effects and what it remembers between samples."""
 
     def __init__(self, model, functions: Functions):
-        self.terms = model.terms
+        self.terms, self.sampling_time = model.terms, model.sampling_time
         self.functions = functions
         self.samples = 0
         self.tool, self.tissue = Tracker(model.sampling_time), Tracker(model.sampling_time)
@@ -221,7 +288,7 @@ class Simulation:
         for index, term in self._at(Place.PARALLEL):
             force += self._added(index, term, tissue)
         for _, term in self._at(Place.OUTPUT):
-            force = _OUTPUT[term.form.key](term.parameters, tool, self.functions, force)
+            force = _OUTPUT[term.form.key](_parameters(term), tool, self.functions, force)
         self.samples += 1
         return force
 
@@ -230,17 +297,17 @@ class Simulation:
 
     def _reaching_tissue(self, index: int, term, position: float, first: bool) -> float:
         if term.form.key == "delay/pure":
-            return _delayed(self.past[index], term.parameters, position, first)
-        position = _play(self.memory[index], position, term.parameters[0], first)
+            return _delayed(self.past[index], _parameters(term)[0] / self.sampling_time, position, first)
+        position = _play(self.memory[index], position, _parameters(term)[0], first)
         self.memory[index] = _flushed(position)
         return position
 
     def _added(self, index: int, term, tissue: Motion) -> float:
-        key, parameters = term.form.key, term.parameters
+        key, parameters = term.form.key, _parameters(term)
         if key in _STATIC:
             return _STATIC[key](parameters, tissue, self.functions)
         kept, force = _REMEMBERING[key](self.memory[index], parameters, tissue, self.functions)
-        self.memory[index] = _flushed(kept)
+        self.memory[index] = tuple(map(_flushed, kept)) if isinstance(kept, tuple) else _flushed(kept)
         return force
 
 
@@ -269,7 +336,7 @@ def simulate(model, positions: Sequence[float], functions: Functions | None = No
     try:
         forces = np.array([simulation.take(float(position)) for position in positions])
     except OverflowError as error:
-        raise NumericalError(f"{model.base} with effects: the force overflows ({error})") from error
+        raise NumericalError(f"{model.base.name} with effects: the force overflows ({error})") from error
     if not np.isfinite(forces).all():
-        raise NumericalError(f"{model.base} with effects: the force overflows")
+        raise NumericalError(f"{model.base.name} with effects: the force overflows")
     return forces

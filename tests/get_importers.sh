@@ -1,0 +1,26 @@
+#!/bin/sh
+# Fetches importers of FMUs that have nothing in common with fmpy: libcosim and Ecos (C++), FMI4j (Java) and fmi-sim
+# (Rust, built here with libclang's help, which takes some minutes). Needs pip; without mvn or cargo FMI4j or fmi-sim is
+# left out.
+#   tests/get_importers.sh FOLDER && LUMBAR_IMPORTERS=FOLDER python -m pytest tests/unit/test_runtime_importers.py
+set -eu
+mkdir -p "$1"
+cd "$1"
+folder=$PWD
+python3 -m venv python
+python/bin/pip install --quiet libcosimpy==0.0.6 ecospy==0.7.2 tbb==2023.2.0
+if command -v mvn > /dev/null; then
+    cat > pom.xml <<END
+<project xmlns="http://maven.apache.org/POM/4.0.0">
+  <modelVersion>4.0.0</modelVersion>
+  <groupId>lumbar</groupId><artifactId>importers</artifactId><version>1</version>
+  <dependencies><dependency>
+    <groupId>info.laht.fmi4j</groupId><artifactId>fmi-import</artifactId><version>0.38.0</version>
+  </dependency></dependencies>
+</project>
+END
+    mvn --quiet --batch-mode dependency:copy-dependencies -DoutputDirectory=jars
+fi
+if command -v cargo > /dev/null; then
+    cargo install --quiet --root "$folder" --version 0.7.0 fmi-sim
+fi

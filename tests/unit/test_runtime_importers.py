@@ -1,0 +1,187 @@
+"""FMUs in importers other than fmpy: the same bits as from fmpy, one by one, where the importer does not round inputs."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from effect_entries import COMBINATIONS, effect_entry
+from runtime_models import POSITION, SETTINGS, TARGET, get, models_json, put
+
+from lumbar.runtime.export_model import select_models
+from lumbar.runtime.package import export_fmus
+
+FOLDER = Path(os.environ.get("LUMBAR_IMPORTERS", "absent"))
+"""Made by tests/get_importers.sh."""
+PYTHON = FOLDER / "python" / "bin" / "python"
+FMI_SIM = FOLDER / "bin" / "fmi-sim"
+HERE = Path(__file__).parent.parent / "importers"
+EFFECTS = effect_entry(*COMBINATIONS[1])
+NAMES = ["IL", "MW", "KB", "HO", "KB+coulomb_friction", EFFECTS["name"]]
+STEP = "0.01"
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+)
+with_python = pytest.mark.skipif(
+    not PYTHON.exists(), reason="libcosim and Ecos are not at hand (LUMBAR_IMPORTERS)"
+)
+with_java = pytest.mark.skipif(
+    not (FOLDER / "jars").is_dir() or shutil.which("java") is None,
+    reason="FMI4j is not at hand (LUMBAR_IMPORTERS)",
+)
+with_fmi_sim = pytest.mark.skipif(not FMI_SIM.exists(), reason="fmi-sim is not at hand (LUMBAR_IMPORTERS)")
+
+
+@pytest.fixture(scope="module")
+def folder(fmu_folder, zig_cache):
+    """Return the folder of shared FMUs, with one more whose input and output forms have memory."""
+    chosen = select_models(models_json(EFFECTS), {**SETTINGS, "models": [EFFECTS["name"]]})
+    export_fmus(chosen, fmu_folder, "synthetic twin", TARGET, zig_cache)
+    return fmu_folder
+
+
+@pytest.fixture(scope="module")
+def positions_file(fmu_positions, tmp_path_factory):
+    """Return a CSV file with time and position."""
+    path = tmp_path_factory.mktemp("positions") / "positions.csv"
+    rows = [f"{k * float(STEP)!r},{value!r}" for k, value in enumerate(fmu_positions.tolist())]
+    path.write_text("\n".join(["time,position", *rows]) + "\n")
+    return path
+
+
+@pytest.fixture
+def expected(folder, fmu_instance, fmu_positions):
+    """Return a function that plays the positions through fmpy as importers do: set, step, get."""
+
+    def forces(name: str, version: int) -> list[float]:
+        slave = fmu_instance(name, version)
+        slave.exitInitializationMode()
+        read = []
+        for k, position in enumerate(fmu_positions.tolist()):
+            put(slave, POSITION, position)
+            slave.doStep(k * float(STEP), float(STEP))
+            read.append(get(slave))
+        return read
+
+    return forces
+
+
+def printed(command: list, **environment: str) -> list[float]:
+    """Forces that a program prints, one in a line; importers print lines of their own between them."""
+    done = subprocess.run(
+        [*map(str, command)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    lines = [line for line in done.stdout.splitlines() if line.startswith(("0x", "-0x"))]
+    return [float.fromhex(line) for line in lines]
+
+
+@with_python
+@pytest.mark.parametrize("name", NAMES)
+def test_libcosim_reads_the_forces_of_fmi2(name, folder, positions_file, expected):
+    """libcosim of libcosimpy 0.0.6 has no FMI 3.0."""
+    command = [PYTHON, HERE / "play_libcosim.py", folder / f"{name}_fmi2.fmu", positions_file, STEP]
+    assert printed(command) == expected(name, 2)
+
+
+@with_python
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("name", NAMES)
+def test_ecos_reads_the_forces(name, version, folder, positions_file, expected):
+    command = [PYTHON, HERE / "play_ecos.py", folder / f"{name}_fmi{version}.fmu", positions_file, STEP]
+    assert printed(command, LD_LIBRARY_PATH=str(FOLDER / "python" / "lib")) == expected(name, version)
+
+
+@with_java
+@pytest.mark.parametrize("name", NAMES)
+def test_fmi4j_reads_the_forces_of_fmi2(name, folder, positions_file, expected):
+    """FMI4j 0.38 has no FMI 3.0."""
+    fmu = folder / f"{name}_fmi2.fmu"
+    command = ["java", "-cp", f"{FOLDER}/jars/*", HERE / "PlayFmi4j.java", fmu, positions_file, STEP]
+    assert printed(command) == expected(name, 2)
+
+
+def fmi_sim(fmu: Path, positions_file: Path, folder: Path, *options: str) -> dict[float, list[float]]:
+    """Forces that fmi-sim records, by time; at an event it records those before and after."""
+    written = folder / "forces.csv"
+    end = f"{199 * float(STEP)!r}"
+    command = [
+        FMI_SIM,
+        "--model",
+        fmu,
+        "-i",
+        positions_file,
+        "-o",
+        written,
+        "co-simulation",
+        "-s",
+        "0",
+        "-f",
+        end,
+    ]
+    done = subprocess.run(
+        [*map(str, command), "--output-interval", STEP, *options], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    forces: dict[float, list[float]] = {}
+    with written.open() as file:
+        for row in csv.DictReader(file):
+            forces.setdefault(float(row["time"]), []).append(float(row["force"]))
+    return forces
+
+
+def without_attributes(fmu: Path, folder: Path) -> Path:
+    """Copy of an FMU without units and nominals of variables: fmi-schema 0.8.0 knows neither, though FMI 3.0 has both."""
+    copy = folder / fmu.name
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(copy, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                lines = content.decode().split("\n")
+                content = "\n".join(
+                    re.sub(r' (unit|nominal)="[^"]*"', "", line) if "<Float64" in line else line
+                    for line in lines
+                ).encode()
+            new.writestr(name, content)
+    return copy
+
+
+@with_fmi_sim
+@pytest.mark.parametrize("name", NAMES)
+def test_fmi_sim_reads_the_forces_of_fmi2(name, folder, positions_file, expected, tmp_path):
+    """It records the start too, and then what is read after every step; it interpolates inputs, which rounds them."""
+    read = [values[-1] for values in fmi_sim(folder / f"{name}_fmi2.fmu", positions_file, tmp_path).values()]
+    assert read[1:200] == pytest.approx(expected(name, 2)[:199], rel=0, abs=1e-12)
+
+
+@with_fmi_sim
+@pytest.mark.parametrize("early_return", [False, True])
+@pytest.mark.parametrize("name", NAMES)
+def test_fmi_sim_reads_the_forces_of_fmi3_in_event_mode(
+    name, early_return, folder, positions_file, fmu_instance, fmu_positions, tmp_path
+):
+    """It sets inputs before a step and not at the event that ends it: each sample has the position of the one before."""
+    fmu = without_attributes(folder / f"{name}_fmi3.fmu", tmp_path)
+    options = ["--event-mode-used", *(["--early-return-allowed"] if early_return else [])]
+    read = [values[-1] for values in fmi_sim(fmu, positions_file, tmp_path, *options).values()]
+    slave = fmu_instance(name, 3, event_mode=True)
+    slave.exitInitializationMode()
+    expected = []
+    for k in range(len(fmu_positions)):
+        put(slave, POSITION, fmu_positions[max(k - 1, 0)])
+        expected.append(get(slave))
+        slave.enterStepMode()
+        slave.doStep(k * float(STEP), float(STEP))
+        slave.enterEventMode()
+    assert read[:200] == pytest.approx(expected, rel=0, abs=1e-12)
