@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.effects.effect import Effect
-from lumbar.figures.equations import equation_svg
 from lumbar.improvement.diagnosis import LEVEL, Diagnosis, Ranked
 from lumbar.improvement.evidence import Evidence
 from lumbar.improvement.limits import undecided
@@ -16,6 +15,7 @@ from lumbar.improvement.ties import ALIKE
 from lumbar.improvement.view import probability
 from lumbar.pages.html import Markup, document, figure, heading, listing, paragraph, picture, table
 from lumbar.pages.records import comparison_blocks
+from lumbar.runtime.equation_svg import equation_svg
 
 
 def diagnosis_page(
