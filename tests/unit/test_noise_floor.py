@@ -195,6 +195,33 @@ def test_whitening_makes_coloured_noise_white_and_leaves_white_noise_alone():
     assert noise_floor(noisy_record(10, 0.3, 1), period=5.0).whitening == pytest.approx([1.0])
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_two_periods_suffice_to_see_strong_colour(seed):
+    floor = noise_floor(noisy_record(3, 0.3, seed, 0.97, samples=1000), period=10.0)
+    whitened = np.convolve(noise(50_000, 77, 0.97), floor.whitening, mode="valid")
+    assert np.corrcoef(whitened[1:], whitened[:-1])[0, 1] == pytest.approx(0, abs=0.1)
+
+
+def test_the_error_of_a_few_samples_of_coloured_noise_scatters_within_the_stated_ratio():
+    """RMS of short stretches of the same noise exceeds the floor by more than the ratio in about 1 of 1000."""
+    for pole, most in ((0.0, 1.1), (0.97, 2.0)):
+        floor = noise_floor(noisy_record(10, 0.3, 3, pole, samples=1000), period=10.0)
+        ratio = floor.largest_ratio(1000)
+        stretches = 0.3 * noise(2_000_000, 5, pole).reshape(-1, 1000)
+        exceeding = np.mean(np.sqrt(np.mean(stretches**2, axis=1)) > ratio * floor.rms)
+        assert 1 < ratio < most
+        assert exceeding < 0.01
+
+
+def test_a_strong_square_wave_does_not_hide_itself():
+    """Its sinusoid spreads over the lowest lines of every period's spectrum and must not count as noise there."""
+    square = lambda time, force: 6.0 * np.sign(np.sin(2 * np.pi * 0.74048 * time + 5.2))  # noqa: E731
+    floor = noise_floor(noisy_record(10, 0.3, 2, samples=1000, extra=square), period=10.0)
+    assert floor.structured_rms == pytest.approx(6.0, rel=0.1)
+    # Beyond the harmonics that are fitted the wave's edges remain.
+    assert floor.rms < 2 * 0.3
+
+
 def test_a_period_that_cannot_be_is_refused():
     test = noisy_record(4, 0.1, 1)
     with pytest.raises(InputError, match="does not repeat after 3 s"):

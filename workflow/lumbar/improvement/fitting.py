@@ -49,8 +49,7 @@ class FitData:
     def split(self, share: float) -> tuple[FitData, FitData]:
         """Cut the record in two: its first part, and the whole of it of which only what follows counts."""
         count = round(share * len(self.force))
-        motion = Motion(self.motion.time[:count], self.motion.position[:count], self.motion.sampling_time)
-        early = replace(self, motion=motion, force=self.force[:count])
+        early = replace(self, motion=self.motion.beginning(count), force=self.force[:count])
         return early, replace(self, counts_from=count * self.motion.sampling_time)
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 
 from lumbar.improvement.noise_spectrum import excess, line_power, smooth_power
 from lumbar.improvement.nonrepeating import AMPLITUDE, DRIFT, LINE, Part, remove_structure
-from lumbar.improvement.periods import Folding, find_period, fold_periods
+from lumbar.improvement.periods import Folding, find_period, fold_periods, repeats
 from lumbar.records.record import Record
 
 __all__ = ["NoiseFloor", "find_period", "noise_floor"]
@@ -82,7 +82,9 @@ class NoiseFloor:
         covariance = np.fft.irfft(density, round(self.period / self.sampling_time))
         order = min(WHITENING_ORDER, len(covariance) // 4)
         full_gain = prediction_error_filter(covariance[: order + 1])[1]
-        if full_gain <= 1 + (order + 4 * np.sqrt(2 * order)) / self.degrees_of_freedom:
+        # Degrees of freedom that white noise would have: those of coloured noise are fewer just because it is coloured.
+        white = (self.periods - 1) * round(self.period / self.sampling_time)
+        if full_gain <= 1 + (order + 4 * np.sqrt(2 * order)) / white:
             return np.ones(1)
         filters = (prediction_error_filter(covariance[: lower + 1]) for lower in range(1, order + 1))
         return next(taps * np.sqrt(gain) for taps, gain in filters if gain >= _NEARLY * full_gain)
@@ -127,7 +129,7 @@ def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
 def noise_floor(
     record: Record, period: float | None = None, role: str = "output", input_role: str = "input"
 ) -> NoiseFloor | None:
-    """Return the noise floor of a periodic record, or None where its input does not repeat.
+    """Return the noise floor of a periodic record, or None where its input, or another input beside it, does not repeat.
 
     Parameters
     ----------
@@ -146,6 +148,9 @@ def noise_floor(
     if period is None:
         return None
     folding = fold_periods(record, period, input_role)
+    beside = record.channels.keys() - {role, input_role}
+    if not all(repeats(record, folding, other) for other in beside):
+        return None  # what was measured beside the input moves the output too, and does not repeat
     folded = folding.fold(record[role])
     mean_period = folded.mean(axis=0)
     deviations, input_driven = _without_input_deviations(folded - mean_period, record[input_role], folding)

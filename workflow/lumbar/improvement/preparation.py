@@ -109,10 +109,8 @@ def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndar
 
 
 def _fit_data(record: Record, centre: bool, whitening: np.ndarray) -> FitData:
-    motion, force = Motion.of(record), record["output"]
-    if centre:
-        motion = Motion(motion.time, motion.position - motion.position.mean(), motion.sampling_time)
-        force = force - force.mean()
+    offset, level = (float(record[role].mean()) if centre else 0.0 for role in ("input", "output"))
+    motion, force = Motion.of(record, offset=offset), record["output"] - level
     return FitData(record.name, motion, force, whitening)
 
 

@@ -38,7 +38,8 @@ def refined_fit(records: list[Record], effects: list[str], settings: Settings) -
     relative = [
         100 * (item["high"] - item["low"]) / (2 * 1.96 * abs(item["value"]))
         for item in entry["parameters"]
-        if item["value"] != 0
+        # One at its bound 0, to rounding, has no relative uncertainty.
+        if abs(item["value"]) > 1e-8 * max(abs(item["low"]), abs(item["high"]))
     ]
     return {
         **entry,
