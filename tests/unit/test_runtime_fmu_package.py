@@ -12,6 +12,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
+from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import SETTINGS, TARGET, entry, models_json
 
 from lumbar.errors import InputError
@@ -52,12 +53,19 @@ def test_documentation_states_data_equation_and_feedthrough(fmu_folder):
         assert words in page
 
 
-def test_the_same_bytes_from_another_folder_and_a_cold_cache(fmu_models, fmu_folder, tmp_path):
+def test_the_same_bytes_from_another_folder_and_a_cold_cache(fmu_models, fmu_folder, zig_cache, tmp_path):
     chosen = [model for model in fmu_models if model.name == "KB"]
     export_fmus(chosen, tmp_path / "elsewhere", "synthetic twin", TARGET, tmp_path / "cold cache")
     for name in ("KB_fmi2.fmu", "KB_fmi3.fmu"):
         first, second = ((place / name).read_bytes() for place in (fmu_folder, tmp_path / "elsewhere"))
         assert hashlib.sha256(first).hexdigest() == hashlib.sha256(second).hexdigest()
+    with_effects = effect_entry(*COMBINATIONS[1])
+    models = select_models(models_json(with_effects), {**SETTINGS, "models": [with_effects["name"]]})
+    first, again = (
+        export_fmus(models, tmp_path / folder, "synthetic twin", TARGET, cache)
+        for folder, cache in (("one", zig_cache), ("another folder", tmp_path / "cold cache"))
+    )
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in again]
 
 
 def test_libraries_need_an_old_c_library_only(fmu_folder):
