@@ -10,15 +10,14 @@ import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.errors import NumericalError
-from lumbar.stability.between_knots import (
+from lumbar.stability.between_knots import interpolants, proved_share
+from lumbar.stability.boundary_boxes import (
     _coefficient_rates,
     _coefficients,
     _derivatives,
     _g,
     _g_arc,
     _g_time,
-    interpolants,
-    proved_share,
 )
 from lumbar.stability.funnel import funnel_variants, regulate
 from lumbar.stability.interval import Interval
@@ -78,11 +77,11 @@ def test_division_by_zero_is_refused():
 def pieces_at(curves, interval, offset):
     """Coefficients of g at one moment of every pendulum, as thin intervals, with their rates."""
     local = {name: values[:, interval] for name, values in curves.pieces.items()}
-    gravity = Interval(curves.gravity)
+    constants = Interval(curves.gravity), Interval(curves.drag), bool(curves.ratios)
     zero = Interval(np.zeros_like(curves.step))
     derivatives = _derivatives(local, Interval(offset * curves.step), zero)
-    found = _coefficients(derivatives, gravity)
-    return found, _coefficient_rates(derivatives, found, gravity)
+    found = _coefficients(derivatives, *constants)
+    return found, _coefficient_rates(derivatives, found, *constants)
 
 
 def value_of(coefficients, angle):

@@ -37,6 +37,19 @@ def test_steady_state_is_the_algebraic_solution(sign):
     assert full(cost_to_go(pendulums, WEIGHTS)[0, 0]) == pytest.approx(expected, rel=1e-7)
 
 
+def test_small_inertia_is_integrated_implicitly():
+    """A grain of 0.1 g: the loop is 10⁵ times as fast as its movement, and S that of the algebraic equation."""
+    from scipy.linalg import solve_continuous_are
+
+    still = minimum_jerk(start=0.0, end=0.0, mass=1e-4)
+    pendulums = pendulums_of([still], "inverted", knots=101)
+    a, b = matrices(pendulums, 0.0)
+    expected = solve_continuous_are(a, b, full(WEIGHTS.state), [[float(WEIGHTS.control)]])
+    # After 1.5 s the slow mode has nearly settled; the fast one has at once.
+    found = full(cost_to_go(pendulums, WEIGHTS)[0, 0])
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
 @pytest.mark.parametrize("sign", ["hanging", "inverted"])
 def test_transient_is_the_hamiltonian_flow(sign):
     from scipy.linalg import expm

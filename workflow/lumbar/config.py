@@ -505,6 +505,11 @@ def _check_records(study: Study, problems: Problems) -> None:
         _check_record_sets(config, problems)
     if study.has("survey"):
         _check_survey(config["survey"], problems)
+    if study.has("stability") or study.has("perturbations"):
+        from lumbar.stability.riccati import weight_problems
+
+        regulator = config["stability"]["regulator"]
+        problems.extend(weight_problems(**regulator))
     for chapter, files in recordings_of(study).items():
         for name in files:
             path = Path(name)

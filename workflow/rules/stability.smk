@@ -10,6 +10,7 @@ rule basins_of_lift:
         boa="<results>/stability/{lift}/boa.csv",
         funnel="<results>/stability/{lift}/funnel.csv",
         extended="<results>/stability/{lift}/extended.csv",
+        failures="<results>/stability/{lift}/failures.csv",
     log:
         "<logs>/basins_of_lift/{lift}.log",
     benchmark:
@@ -31,11 +32,13 @@ if study.has("stability"):
         input:
             boa=[f"<results>/stability/{lift}/boa.csv" for lift in study.lifts],
             extended=[f"<results>/stability/{lift}/extended.csv" for lift in study.lifts],
+            failures=[f"<results>/stability/{lift}/failures.csv" for lift in study.lifts],
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
             sources=library_sources("stability_tables.py"),
         output:
             boa="<results>/stability/boa.csv",
+            failures="<results>/stability/failures.csv",
             table_4_1=multiext("<results>/tables/table_4_1", ".csv", ".tex"),
             table_4_1_html=report(
                 "<results>/tables/table_4_1.html",
@@ -56,6 +59,13 @@ if study.has("stability"):
                 caption=caption("extended_basins"),
                 category=CATEGORIES["stability"],
                 labels={"artefact": "Limits, uncertain mass, better V"},
+            ),
+            missing_basins=multiext("<results>/tables/missing_basins", ".csv", ".tex"),
+            missing_basins_html=report(
+                "<results>/tables/missing_basins.html",
+                caption=caption("missing_basins"),
+                category=CATEGORIES["stability"],
+                labels={"artefact": "Basins that could not be computed"},
             ),
         log:
             "<logs>/stability_tables.log",

@@ -21,4 +21,7 @@ for artefact in ARTEFACTS:
 
 onsuccess:
     print(summary(Path("results") / STUDY / "benchmarks"))
+    missing = Path("results") / STUDY / "stability" / "failures.csv"
+    if study.has("stability") and missing.is_file() and announcement(missing):
+        print(announcement(missing))
     print(f"Results of the study {STUDY!r} ({DATA}): results/{STUDY}")

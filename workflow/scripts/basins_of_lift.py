@@ -10,14 +10,17 @@ def main(input, output, params):
     from lumbar.files import read_json, write_csv
     from lumbar.stability.basins import basins_of_lift
     from lumbar.stability.extended_basins import extended_basins
+    from lumbar.stability.failures import failures_frame
     from lumbar.stability.trajectory import trajectories_of_lift
 
     mass = params.settings["pendulum"]["mass"]
-    trajectories = trajectories_of_lift(pd.read_csv(input.states), read_json(input.facts), mass)
+    trajectories, failures = trajectories_of_lift(pd.read_csv(input.states), read_json(input.facts), mass)
     basins = basins_of_lift(trajectories, params.settings, params.seed)
     write_csv(output.boa, basins.summary)
     write_csv(output.funnel, basins.funnels)
-    write_csv(output.extended, extended_basins(trajectories, params.settings, params.seed))
+    extended, not_extended = extended_basins(trajectories, params.settings, params.seed)
+    write_csv(output.extended, extended)
+    write_csv(output.failures, failures_frame([*failures, *basins.failures, *not_extended]))
 
 
 run(main, snakemake)

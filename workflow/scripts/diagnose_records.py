@@ -26,7 +26,7 @@ def main(input, output, params):
     settings, folder = Settings.from_config(params.improvement, params.base), Path(output.diagnosis).parent
     diagnosis = diagnose(records, settings)
     evidence = gather_evidence(diagnosis, records, settings, params.seed, params.machine)
-    floor, training = diagnosis.experiment.floor, diagnosis.experiment.training.name
+    floor, training = diagnosis.experiment.floor, diagnosis.experiment.floor_from
     simulated = compare_and_locate(records, diagnosis.base.fit, floor, training, params.seed, settings.centre)
     pictures = draw_pictures(diagnosis, simulated, settings.candidates, folder, params.data)
     comparisons = comparison_table([item.comparison for item in simulated], params.data)

@@ -22,7 +22,7 @@ def main(input, output, params):
     )
     save(figure_4_4(funnels), output.figure_4_4_svg.removesuffix(".svg"), params.data)
     states, facts = pd.read_csv(input.states[chosen]), read_json(input.facts[chosen])
-    trajectories = trajectories_of_lift(states, facts, params.settings["pendulum"]["mass"])
+    trajectories, _ = trajectories_of_lift(states, facts, params.settings["pendulum"]["mass"])
     comparison = comparison_figure(trajectories, params.settings)
     save(comparison, output.basin_comparison_svg.removesuffix(".svg"), params.data)
 

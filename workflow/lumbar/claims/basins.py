@@ -26,6 +26,7 @@ def _spread(rows: pd.DataFrame) -> str:
 
 _INVENTED = "the twin's lifters are invented"
 _MISSING = Finding(None, None, "this study lacks one of the lifts compared")
+_NO_BASIN = Finding(None, None, "no basin could be computed")
 
 
 def _judged(agrees: bool, synthetic: bool) -> tuple[bool | None, str]:
@@ -112,12 +113,16 @@ def _alternation_certifies(results: Results) -> Finding:
 
 def _exact_is_invariant(results: Results) -> Finding:
     rows = results["boa"][results["boa"].method == "exact"]
+    if rows.empty:
+        return _NO_BASIN
     starts, exits = int(rows.simulated_starts.sum()), int(rows.exits.sum())
     return Finding(f"{exits} exits in {starts} simulated starts", exits == 0, "fixed V, exact ρ(t)")
 
 
 def _expands_backward(results: Results) -> Finding:
     rows = results["boa"][results["boa"].method == "exact"]
+    if rows.empty:
+        return _NO_BASIN
     larger = rows.initial_area > rows.final_area
     return Finding(
         f"{int(larger.sum())} of {len(rows)} basins larger at the start than at the goal", bool(larger.all())

@@ -24,12 +24,13 @@ def add(commands) -> None:
 
 
 def run(options) -> None:
-    """Compute and check the basins, write areas and funnels."""
+    """Compute and check the basins, write areas and funnels, and end with an error if a basin is missing."""
     import pandas as pd
 
-    from lumbar.errors import InputError
+    from lumbar.errors import InputError, NumericalError
     from lumbar.files import read_json, write_csv
     from lumbar.stability.basins import basins_of_lift
+    from lumbar.stability.failures import announcement, failures_frame
     from lumbar.stability.trajectory import trajectories_of_lift
 
     settings = load_settings(options.config, "stability")
@@ -39,8 +40,12 @@ def run(options) -> None:
         states = pd.read_csv(options.states)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"{options.states}: not a table of pendulum states ({error})") from error
-    trajectories = trajectories_of_lift(states, facts, stability["pendulum"]["mass"])
+    trajectories, failures = trajectories_of_lift(states, facts, stability["pendulum"]["mass"])
     basins = basins_of_lift(trajectories, stability, settings["seed"])
     write_csv(options.output / "boa.csv", basins.summary)
     write_csv(options.output / "funnel.csv", basins.funnels)
+    failures = failures_frame([*failures, *basins.failures])
+    write_csv(options.output / "failures.csv", failures)
     print(f"{len(basins.summary)} basins are in {options.output / 'boa.csv'}")
+    if len(failures):
+        raise NumericalError(announcement(options.output / "failures.csv"))

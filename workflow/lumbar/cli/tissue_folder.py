@@ -76,7 +76,7 @@ def simulated_model(options):
     from lumbar.improvement.simulated import compare_and_locate
 
     settings, records, chosen, experiment, ladder = fitted_model(options)
-    fit, training = ladder[-1].fit, experiment.training.name
+    fit, training = ladder[-1].fit, experiment.floor_from
     simulated = compare_and_locate(records, fit, experiment.floor, training, settings["seed"], chosen.centre)
     return model_name(fit), simulated, options.data or options.folder.name
 
@@ -89,7 +89,12 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
         help="base model: LE, Maxwell, KV, KB or pendulum (default: the settings'); the pendulum's records are "
         "time_s,angle_rad,moment_Nm",
     )
-    parser.add_argument("--train", metavar="NAME", help="record to fit on (default: the longest)")
+    parser.add_argument(
+        "--train",
+        metavar="NAME",
+        action="append",
+        help="record to fit on (default: the longest); may be given several times, to fit on several together",
+    )
     parser.add_argument(
         "--period",
         action="append",

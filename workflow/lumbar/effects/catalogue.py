@@ -100,7 +100,7 @@ def load_effects(path: Path) -> dict[str, Effect]:
     """
     specification = importlib.util.spec_from_file_location(f"lumbar_user_effects_{path.stem}", path)
     if specification is None or not path.is_file():
-        raise InputError(f"{path}: not a Python file with effects")
+        raise InputError(f"{path}: not a Python file with effects (improvement.effect_files)")
     module = importlib.util.module_from_spec(specification)
     try:
         specification.loader.exec_module(module)

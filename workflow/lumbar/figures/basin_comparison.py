@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
+from lumbar.figures.stability import NO_BASIN, PLANE_TITLES, shared_legend
 from lumbar.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, new_figure
 from lumbar.stability.basins import close_loops
 from lumbar.stability.engines import ENGINES, chosen_engines
-from lumbar.stability.funnel import Funnels
+from lumbar.stability.failures import computed
+from lumbar.stability.funnel import ClosedLoops, Funnels
 from lumbar.stability.invariance import normal_axes
 from lumbar.stability.lyapunov_family import best_of_family
 from lumbar.stability.simulation import preimage
 from lumbar.stability.trajectory import Trajectory
 
-TITLES = {"lateral_bending": "Lateral bending", "flexion_extension": "Flexion/extension"}
 STYLES = {
     "exact": ("exact", {"color": SEGMENTS["abdomen"], "linewidth": 1.8}),
     "sum_of_squares": ("sum of squares", {"color": MEASURED, "linewidth": 0.9, "linestyle": (0, (2, 2))}),
@@ -37,35 +40,52 @@ def comparison_figure(trajectories: list[Trajectory], settings: dict):
     -------
     matplotlib.figure.Figure
     """
-    shown = [item for item in trajectories if item.com == "abdomen"]
-    # A picture needs no more knots than the other variants.
-    fewer = {**settings, "knots": settings["limits"]["knots"]}
-    loops = close_loops(shown, settings["pendulum"]["sign"], fewer)
-    without_proof = {**settings, "proof": None}
-    sections = {name: ENGINES[name](loops, without_proof).funnels for name in chosen_engines(settings)}
-    best = best_of_family(loops, settings["goal_level"], settings["lyapunov_shares"], margin=0.0)
-    sections["best"] = best.funnels
-    goal = _section(sections["exact"], -1)
-    reached = preimage(loops, goal)
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, sharex=True, sharey=True)
-    for index, (axis, item) in enumerate(zip(axes, shown, strict=True)):
-        axis.fill(
-            *reached[:, index],
-            facecolor="#00000014",
-            edgecolor="#777777",
-            linewidth=0.8,
-            label="all that reach the goal",
-        )
-        for name, funnels in sections.items():
-            label, style = STYLES[name]
-            axis.plot(*_section(funnels, 0)[:, index], label=label, **style)
-        axis.plot(*goal[:, index], color="#777777", linewidth=0.8, linestyle=":", label="goal set (at T)")
-        axis.set_title(TITLES[item.plane])
+    for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
+        shown = [item for item in trajectories if (item.com, item.plane) == ("abdomen", plane)]
+        drawn = shown and _draw(axis, shown, settings)
+        if not drawn:
+            axis.text(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
+        axis.set_title(title)
         axis.set_xlabel("θ − θ0 (rad)")
     axes[0].set_ylabel(r"$\dot\theta - \dot\theta_0$ (rad/s)")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3)
+    shared_legend(figure, axes, ncols=3)
     return figure
+
+
+def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
+    """Draw the sections of one trajectory; return whether it has an exact basin."""
+    # A picture needs no more knots than the other variants, and no proof.
+    fewer = {**settings, "knots": settings["limits"]["knots"], "proof": None}
+    goal = settings["goal_level"]
+    engines = {
+        **{name: partial(_engine, name, fewer) for name in chosen_engines(settings)},
+        "best": lambda loops: best_of_family(loops, goal, settings["lyapunov_shares"]).funnels,
+    }
+    sections = {}
+    for name, engine in engines.items():
+
+        def funnels(items, engine=engine):
+            return engine(close_loops(items, settings["pendulum"]["sign"], fewer))
+
+        results, _ = computed(shown, funnels, name)
+        for _, found in results:
+            sections[name] = found
+    if "exact" not in sections:
+        return False
+    edge = _section(sections["exact"], -1)
+    reached = preimage(close_loops(shown, settings["pendulum"]["sign"], fewer), edge)
+    grey = {"facecolor": "#00000014", "edgecolor": "#777777", "linewidth": 0.8}
+    axis.fill(*reached[:, 0], label="all that reach the goal", **grey)
+    for name, found in sections.items():
+        label, style = STYLES[name]
+        axis.plot(*_section(found, 0)[:, 0], label=label, **style)
+    axis.plot(*edge[:, 0], color="#777777", linewidth=0.8, linestyle=":", label="goal set (at T)")
+    return True
+
+
+def _engine(name: str, settings: dict, loops: ClosedLoops) -> Funnels:
+    return ENGINES[name](loops, settings).funnels
 
 
 def _section(funnels: Funnels, knot: int) -> np.ndarray:

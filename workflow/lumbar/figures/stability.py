@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PLANE_TITLES = {"flexion_extension": "Flexion/extension", "lateral_bending": "Lateral bending"}
+NO_BASIN = "no basin: see tables/missing_basins"
+SECTIONS = 10
+"""Cross-sections drawn per basin, at equal intervals."""
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 81)
 
 
@@ -51,10 +54,12 @@ def figure_4_3(funnels: pd.DataFrame, goal_level: float):
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, subplot_kw={"projection": "3d"})
     for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
         rows = funnels[(funnels["com"] == "abdomen") & (funnels["plane"] == plane)]
-        _draw_funnel(axis, rows, goal_level)
         axis.set_title(title)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+        if len(rows):
+            _draw_funnel(axis, rows, goal_level)
+        else:
+            axis.text2D(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
+    shared_legend(figure, axes, ncols=4)
     return figure
 
 
@@ -119,30 +124,46 @@ def figure_4_4(funnels: pd.DataFrame):
     for row, (com, colour) in zip(axes, SEGMENTS.items(), strict=True):
         for axis, (plane, title) in zip(row, PLANE_TITLES.items(), strict=True):
             rows = funnels[(funnels["com"] == com) & (funnels["plane"] == plane)]
-            _draw_basin(axis, rows, colour)
+            if len(rows):
+                _draw_basin(axis, rows, colour)
+            else:
+                axis.text(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
             if com == "thorax":
                 axis.set_title(title)
         row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta$ (rad/s)")
     for axis in axes[-1]:
         axis.set_xlabel("θ (rad)")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    drawn = [axis for axis in axes.ravel() if axis.collections]
+    shared_legend(figure, drawn[:1], ncols=5)
     return figure
+
+
+def shared_legend(figure, axes, ncols: int) -> None:
+    """Put the labels of all axes, each once, above the figure."""
+    labelled = {}
+    for axis in axes:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            labelled.setdefault(label, handle)
+    if labelled:
+        figure.legend(labelled.values(), labelled.keys(), loc="outside upper center", ncols=ncols)
 
 
 def _draw_basin(axis, rows: pd.DataFrame, colour: str) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgba
 
-    every = rows.iloc[np.linspace(0, len(rows) - 1, 30).round().astype(int)]
+    every = rows.iloc[np.linspace(0, len(rows) - 1, SECTIONS).round().astype(int)]
     angle, velocity = ellipses(every, every["rho"].to_numpy())
+    later = np.linspace(0.25, 1.0, SECTIONS)
     stack = PolyCollection(
         np.stack([angle, velocity], axis=-1),
-        facecolors=to_rgba(colour, 0.06),
-        edgecolors=to_rgba(colour, 0.6),
-        linewidths=0.4,
+        facecolors=to_rgba(colour, 0.05),
+        edgecolors=[to_rgba(colour, alpha) for alpha in later],
+        linewidths=0.8,
+        label=f"{SECTIONS} sections, darker later",
     )
     axis.add_collection(stack)
+    axis.set_axisbelow(True)
     axis.plot(
         angle[0], velocity[0], color=colour, linewidth=1.4, linestyle=(0, (4, 1.5)), label="basin at t = 0"
     )

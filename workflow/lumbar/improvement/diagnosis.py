@@ -57,8 +57,8 @@ class Settings:
     ----------
     base : str
         Base model, a key of `lumbar.effects.base.BASES`.
-    train : str or None
-        Training record; None takes the longest.
+    train : str, sequence of str or None
+        Training record, or several that are fitted together; None takes the longest.
     periods : dict of str to float
         Periods of records in seconds; others are found.
     catalogue : dict of str to Effect, optional
@@ -70,7 +70,7 @@ class Settings:
     """
 
     base: str = "KB"
-    train: str | None = None
+    train: str | Sequence[str] | None = None
     periods: dict[str, float] = field(default_factory=dict)
     catalogue: dict[str, Effect] | None = None
     most_effects: int = 3
@@ -86,7 +86,7 @@ class Settings:
         cls,
         config: dict,
         base: str | None = None,
-        train: str | None = None,
+        train: str | Sequence[str] | None = None,
         periods: dict[str, float] | None = None,
     ) -> Settings:
         """Settings from a study's section ``improvement``; what is given beside it comes first."""

@@ -24,7 +24,7 @@ def diagnosis_pictures(
     """Draw the pictures of a diagnosis for a page; parameters as for `draw_pictures`."""
     experiment = diagnosis.experiment
     simulated = compare_and_locate(
-        records, diagnosis.base.fit, experiment.floor, experiment.training.name, seed, settings.centre
+        records, diagnosis.base.fit, experiment.floor, experiment.floor_from, seed, settings.centre
     )
     return draw_pictures(diagnosis, simulated, settings.candidates, folder, data)
 
@@ -50,7 +50,7 @@ def draw_pictures(
     """
     comparisons = [item.comparison for item in simulated]
     shown, base = least_explained(simulated), diagnosis.base.fit.structure.base.name
-    trained = next(item for item in simulated if item.record.name == diagnosis.experiment.training.name)
+    trained = next(item for item in simulated if item.record.name == diagnosis.experiment.floor_from)
     content = diagnosis.to_json()
     figures = {
         "comparison": comparison_figure(shown.record, shown.values, comparisons, base),

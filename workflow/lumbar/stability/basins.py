@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.stability.engines import ENGINES, EngineResult, chosen_engines
+from lumbar.stability.failures import Failure, computed
 from lumbar.stability.funnel import ClosedLoops, Funnels, reachable_area, regulate
+from lumbar.stability.limits import NO_LIMITS, Limits, disturbance_of
 from lumbar.stability.pendulum import SIGNS, feedforward_torque, gather
 from lumbar.stability.riccati import Weights, check_weights
 from lumbar.stability.simulation import attack
@@ -60,6 +62,21 @@ COLUMNS = {
 }
 """Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method."""
 
+FUNNEL_COLUMNS = (
+    "com",
+    "plane",
+    "time_s",
+    "rho",
+    "s11",
+    "s12",
+    "s22",
+    "theta0_rad",
+    "thetadot0_rad_s",
+    "u0_N_m",
+    "area_rad2_s",
+)
+"""Columns of ``funnel.csv``."""
+
 DTYPES = {"control_exits": "Int64"}
 """Types that pandas cannot tell from a ``boa.csv``: counts with empty cells."""
 
@@ -73,11 +90,14 @@ class LiftBasins:
     summary : pandas.DataFrame
         One row per COM, plane, method and sign; columns `COLUMNS`.
     funnels : pandas.DataFrame
-        The exact funnels with the study's sign, knot by knot.
+        The exact funnels with the study's sign, knot by knot; columns `FUNNEL_COLUMNS`.
+    failures : list of Failure
+        Basins that could not be computed: they have no row.
     """
 
     summary: pd.DataFrame
     funnels: pd.DataFrame
+    failures: list[Failure]
 
 
 def weights_of(settings: dict) -> Weights:
@@ -114,37 +134,51 @@ def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) ->
 
     Raises
     ------
-    NumericalError
-        An engine without a publishable result; names subject, COM and plane.
+    InputError
+        Weights that are no weights: they concern all basins.
     """
     import pandas as pd
 
+    weights_of(settings)
     published = settings["pendulum"]["sign"]
     rows: list[dict] = []
+    frames: list[pd.DataFrame] = []
+    failures: list[Failure] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
-        loops = close_loops(trajectories, sign, settings)
         for method in chosen_engines(settings) if sign == published else ["exact"]:
-            result = ENGINES[method](loops, settings)
-            rows += _rows(trajectories, loops, result, settings, seed, sign)
-            if sign == published and method == "exact":
-                frame = _funnel_frame(trajectories, loops, result.funnels, settings)
+
+            def compute(items, sign=sign, method=method):
+                loops = close_loops(items, sign, settings)
+                result = ENGINES[method](loops, settings)
+                return loops, result, basin_rows(items, loops, result, settings, seed, sign)
+
+            results, failed = computed(trajectories, compute, f"{method}, {sign}")
+            failures += failed
+            for items, (loops, result, own) in results:
+                rows += own
+                if sign == published and method == "exact":
+                    frames.append(_funnel_frame(items, loops, result.funnels, settings))
     summary = pd.DataFrame(rows, columns=list(COLUMNS)).astype(DTYPES)
-    return LiftBasins(summary, frame)
+    empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
+    return LiftBasins(summary, pd.concat(frames, ignore_index=True) if frames else empty, failures)
 
 
-def _rows(
+def basin_rows(
     trajectories: list[Trajectory],
     loops: ClosedLoops,
     result: EngineResult,
     settings: dict,
     seed: int,
     sign: str,
+    limits: Limits = NO_LIMITS,
 ) -> list[dict]:
-    """Return one row of the summary per trajectory."""
+    """Attack the basins of one engine and return a row of `COLUMNS` per trajectory."""
     first, funnels = trajectories[0], result.funnels
-    stream = [seed, zlib.crc32(f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}".encode())]
+    name = f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}"
+    stream = [seed, zlib.crc32((name if not limits.active else f"{name} {limits}").encode())]
     starts = settings["attack"]["starts"]
-    attacked = attack(loops, funnels, starts, stream)
+    disturbance = disturbance_of(loops, limits, starts, [*stream, 1]) if limits.active else None
+    attacked = attack(loops, funnels, starts, stream, disturbance)
     columns = {
         "mean_area": funnels.mean_area,
         "initial_area": funnels.initial_area,
@@ -156,7 +190,7 @@ def _rows(
         **result.checks,
     }
     if result.control is not None:
-        columns["control_exits"] = attack(loops, result.control, starts, stream).exits
+        columns["control_exits"] = attack(loops, result.control, starts, stream, disturbance).exits
     pendulum = settings["pendulum"]
     return [
         {
@@ -208,7 +242,8 @@ def _funnel_frame(
                     "thetadot0_rad_s": at_knots[:, 0],
                     "u0_N_m": at_knots[:, 1],
                     "area_rad2_s": area[:, index],
-                }
+                },
+                columns=list(FUNNEL_COLUMNS),
             )
         )
     return pd.concat(frames, ignore_index=True)

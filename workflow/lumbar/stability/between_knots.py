@@ -10,51 +10,34 @@ With x̄ = N(t)·z the boundary is |z| = 1, and states stay inside where g = ½�
     g = q11·cos²φ + q12·cos φ·sin φ + q22·sin²φ − (G/Q)·sin φ·(sin(θ0 + A·cos φ) − sin θ0)
     q11 = W = (P − Ȧ)/A,   q12 = Q/A − (k1·A + k2·P + Ṗ + P·W)/Q,   q22 = −k2 − Q̇/Q − P/A
 
-with k1 = K1/I, k2 = (b + K2)/I, G = σmgℓ/I. Time is cut into pieces and the circle into arcs; on each box g is
-bounded by the mean-value form in interval arithmetic. Arcs that are not proved are halved, pieces of time
-with an arc that resists are halved too; what resists to the end is not proved, and its share is reported.
+with k1 = K1/I, k2 = (b + K2)/I, G = σmgℓ/I. Torque limits and an uncertain mass (`limits`) add to g, for both
+extreme masses,
+
+    (1/Q)·sin φ·(r·y − x),   x = θ̈0 + G·sin θ0 − k1·e − k2·ω,   y = clip(x + d, ±U/I) − d,   d = (b/I)·(θ̇0 + ω)
+
+Time is cut into pieces and the circle into arcs; on each box g is bounded by the mean-value form in interval
+arithmetic (`boundary_boxes`). Arcs that are not proved are halved, pieces of time with an arc that resists are
+halved too; what resists to the end is not proved, and its share is reported.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lumbar.errors import NumericalError
+from lumbar.stability.boundary_boxes import BoundaryBoxes, Interpolants
 from lumbar.stability.funnel import ClosedLoops, Funnels
-from lumbar.stability.interval import Interval
 from lumbar.stability.invariance import normal_axes
+from lumbar.stability.limits import NO_LIMITS, Limits
 
 ARCS = 24
 """Arcs of the circle to begin with."""
 ARC_HALVINGS = 9
-ARC_OVERLAP = 1e-13
-"""By which arcs overlap, so that the rounding of their centres leaves no gap; in rad."""
 TIME_HALVINGS = 3
 BOXES_AT_ONCE = 200_000
 
 
-@dataclass(frozen=True)
-class Interpolants:
-    """Cubic pieces of θ0, K1/I, (b + K2)/I, A, P and Q.
-
-    Attributes
-    ----------
-    pieces : dict of str to numpy.ndarray, shape (4, intervals, pendulums)
-        Coefficients in t − tᵢ, highest power first.
-    gravity : numpy.ndarray, shape (pendulums,)
-        G in 1/s².
-    step : numpy.ndarray, shape (pendulums,)
-        Length of an interval in s.
-    """
-
-    pieces: dict[str, np.ndarray]
-    gravity: np.ndarray
-    step: np.ndarray
-
-
-def interpolants(loops: ClosedLoops, funnels: Funnels) -> Interpolants:
+def interpolants(loops: ClosedLoops, funnels: Funnels, limits: Limits = NO_LIMITS) -> Interpolants:
     """Return the stated interpolants through the funnel's knots.
 
     Raises
@@ -85,16 +68,23 @@ def interpolants(loops: ClosedLoops, funnels: Funnels) -> Interpolants:
     pieces = {
         name: CubicSpline(np.arange(knots), values).c / scale[:, None, :] for name, values in curves.items()
     }
-    return Interpolants(pieces, pendulums.gravity_torque / pendulums.inertia, step)
+    return Interpolants(
+        pieces,
+        step,
+        gravity=pendulums.gravity_torque / pendulums.inertia,
+        drag=pendulums.damping / pendulums.inertia,
+        torque=limits.torque / pendulums.inertia,
+        ratios=limits.ratios if limits.active else (),
+    )
 
 
-def proved_share(loops: ClosedLoops, funnels: Funnels) -> np.ndarray:
+def proved_share(loops: ClosedLoops, funnels: Funnels, limits: Limits = NO_LIMITS) -> np.ndarray:
     """Return the share of the time axis on which the funnel is proved invariant, shape (pendulums,).
 
     The funnel must have a margin (`funnel.funnel_variants`): the exact one touches g = 0 at all times and no
     finite precision can prove that.
     """
-    curves = interpolants(loops, funnels)
+    curves = interpolants(loops, funnels, limits)
     intervals, count = next(iter(curves.pieces.values())).shape[1:]
     index = np.arange(intervals * count)
     middle = np.full(len(index), 0.5)
@@ -115,11 +105,11 @@ def _prove(curves: Interpolants, index: np.ndarray, middle: np.ndarray, width: f
     chunk = BOXES_AT_ONCE // ARCS
     for start in range(0, len(index), chunk):
         part = slice(start, start + chunk)
-        holds[part] = _prove_arcs(_Pieces(curves, index[part], middle[part], width))
+        holds[part] = _prove_arcs(BoundaryBoxes(curves, index[part], middle[part], width))
     return holds
 
 
-def _prove_arcs(pieces: _Pieces) -> np.ndarray:
+def _prove_arcs(pieces: BoundaryBoxes) -> np.ndarray:
     holds = np.ones(pieces.size, dtype=bool)
     radius = np.pi / ARCS
     arcs = np.tile(2 * radius * np.arange(ARCS), pieces.size)
@@ -127,7 +117,7 @@ def _prove_arcs(pieces: _Pieces) -> np.ndarray:
     for _ in range(ARC_HALVINGS + 1):
         centre, bound = pieces.bounds(piece, arcs, radius)
         # A centre that is certainly outside, and the piece is lost whatever else is shown.
-        holds[piece[centre.low > 0]] = False
+        holds[piece[centre > 0]] = False
         left = (bound >= 0) & holds[piece]
         piece, arcs = piece[left], arcs[left]
         if not len(piece):
@@ -137,110 +127,3 @@ def _prove_arcs(pieces: _Pieces) -> np.ndarray:
         arcs = np.concatenate([arcs - radius, arcs + radius])
     holds[piece] = False
     return holds
-
-
-class _Pieces:
-    """Coefficients of g on pieces of time: in the middle, over the piece, and their rates over the piece."""
-
-    def __init__(self, curves: Interpolants, index: np.ndarray, middle: np.ndarray, width: float):
-        count = len(curves.step)
-        pendulum = index % count
-        step = curves.step[pendulum]
-        self.size = len(index)
-        # A little longer than the piece, so that neighbours overlap whatever the rounding.
-        self.half = 0.5 * width * step * (1 + 1e-12)
-        gravity = Interval(curves.gravity[pendulum])
-        local = {name: values.reshape(4, -1)[:, index] for name, values in curves.pieces.items()}
-        centre = Interval(middle * step)
-        self.centre = _coefficients(_derivatives(local, centre, Interval(0 * self.half)), gravity)
-        whole = _derivatives(local, centre, Interval(-self.half, self.half))
-        self.whole = _coefficients(whole, gravity)
-        self.rates = _coefficient_rates(whole, self.whole, gravity)
-
-    def bounds(self, piece: np.ndarray, arcs: np.ndarray, radius: float) -> tuple[Interval, np.ndarray]:
-        """Return g in the middle of each box and an upper bound of g on it."""
-        angle = Interval(arcs)
-        c, s = angle.cos(), angle.sin()
-        at = {name: values[piece] for name, values in self.centre.items()}
-        centre = _g(at, c, s)
-        over = {name: values[piece] for name, values in self.whole.items()}
-        rates = {name: values[piece] for name, values in self.rates.items()}
-        half = self.half[piece]
-        time_part = _g_time(over, rates, c, s) * Interval(-half, half)
-        reach = radius + ARC_OVERLAP
-        arc = Interval(arcs - reach, arcs + reach)
-        arc_part = _g_arc(over, arc.cos(), arc.sin()) * Interval(-reach, reach)
-        return centre, (centre + time_part + arc_part).high
-
-
-def _derivatives(local: dict, centre: Interval, offset: Interval) -> dict[str, tuple[Interval, ...]]:
-    """Value and first two derivatives of every curve over centre + offset, by Taylor's formula (exact)."""
-    result = {}
-    for name, (c3, c2, c1, c0) in local.items():
-        value = ((centre * c3 + c2) * centre + c1) * centre + c0
-        first = (centre * (3 * Interval(c3)) + 2 * Interval(c2)) * centre + c1
-        second = centre * (6 * Interval(c3)) + 2 * Interval(c2)
-        result[name] = (
-            value + offset * (first + offset * (second * 0.5 + offset * c3)),
-            first + offset * (second + offset * (3 * Interval(c3))),
-            second + offset * (6 * Interval(c3)),
-        )
-    return result
-
-
-def _coefficients(curves: dict, gravity: Interval) -> dict[str, Interval]:
-    (a, a1, _), (p, p1, _), (q, q1, _) = curves["A"], curves["P"], curves["Q"]
-    k1, k2 = curves["k1"][0], curves["k2"][0]
-    w = (p - a1) / a
-    n = k1 * a + k2 * p + p1 + p * w
-    return {
-        "q11": w,
-        "q12": q / a - n / q,
-        "q22": -(k2 + q1 / q + p / a),
-        "n": n,
-        "weight": gravity / q,
-        "A": a,
-        "angle": curves["angle"][0],
-    }
-
-
-def _coefficient_rates(curves: dict, over: dict[str, Interval], gravity: Interval) -> dict[str, Interval]:
-    """Time derivatives of `_coefficients`."""
-    (a, a1, a2), (p, p1, p2), (q, q1, q2) = curves["A"], curves["P"], curves["Q"]
-    (k1, k1_rate, _), (k2, k2_rate, _) = curves["k1"], curves["k2"]
-    w, n = over["q11"], over["n"]
-    w_rate = (p1 - a2 - w * a1) / a
-    n_rate = k1_rate * a + k1 * a1 + k2_rate * p + k2 * p1 + p2 + p1 * w + p * w_rate
-    return {
-        "q11": w_rate,
-        "q12": (q1 - q / a * a1) / a - (n_rate - n / q * q1) / q,
-        "q22": -(k2_rate + (q2 - (q1 / q) * q1) / q + (p1 - p / a * a1) / a),
-        "weight": -(gravity / q) * (q1 / q),
-        "A": a1,
-        "angle": curves["angle"][1],
-    }
-
-
-def _g(at: dict[str, Interval], c: Interval, s: Interval) -> Interval:
-    gravity = (at["angle"] + at["A"] * c).sin() - at["angle"].sin()
-    return _quadratic(at, c, s) - at["weight"] * s * gravity
-
-
-def _quadratic(at: dict[str, Interval], c: Interval, s: Interval) -> Interval:
-    return at["q11"] * c.square() + at["q12"] * (c * s) + at["q22"] * s.square()
-
-
-def _g_time(over: dict, rates: dict, c: Interval, s: Interval) -> Interval:
-    swung = over["angle"] + over["A"] * c
-    gravity = swung.sin() - over["angle"].sin()
-    cosine = swung.cos()
-    change = rates["angle"] * (cosine - over["angle"].cos()) + rates["A"] * c * cosine
-    return _quadratic(rates, c, s) - s * (rates["weight"] * gravity + over["weight"] * change)
-
-
-def _g_arc(over: dict, c: Interval, s: Interval) -> Interval:
-    swung = over["angle"] + over["A"] * c
-    gravity = swung.sin() - over["angle"].sin()
-    turned = c * gravity - s.square() * over["A"] * swung.cos()
-    quadratic = 2 * (over["q22"] - over["q11"]) * (c * s) + over["q12"] * (c.square() - s.square())
-    return quadratic - over["weight"] * turned

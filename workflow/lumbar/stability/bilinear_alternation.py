@@ -10,18 +10,30 @@ Because ρ̇ belongs to the ρ before the maximisation, the result is no certifi
 at how many knots the final ρ breaks the condition it was meant to meet. The Riccati equation is
 integrated by Euler's method, as in the thesis. ρ(T) is free too, as equation 4.6 has it: the goal set is
 a result here and not a requirement.
+
+With torque limits or an uncertain mass, which the thesis leaves out, its condition is imposed on every case of
+`saturation_cases`: a knot is feasible when all have a multiplier, and ρ is the smallest of their maxima.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lumbar.stability.funnel import ClosedLoops, Funnels, even_knots
-from lumbar.stability.invariance import NormalForm, boundary_growth, normal_form
-from lumbar.stability.polynomials import circle_map, growth_polynomial
-from lumbar.stability.riccati import cost_to_go_euler, decay_matrix, determinant
+from lumbar.stability.funnel import ClosedLoops, Funnels, even_knots, with_cost
+from lumbar.stability.invariance import boundary_growth
+from lumbar.stability.limits import (
+    NO_LIMITS,
+    Limits,
+    Reference,
+    limited_growth,
+    reference_of,
+    require_torque,
+)
+from lumbar.stability.polynomials import circle_map
+from lumbar.stability.riccati import cost_to_go_euler, determinant
+from lumbar.stability.saturation_cases import Case, saturation_cases
 from lumbar.stability.sum_of_squares import Certificate, GramProgramme
 
 MOST_DECREASES = 10
@@ -35,25 +47,26 @@ class LevelStep:
         self._programme = GramProgramme(degree)
         self._ring = circle_map(degree)
 
-    def solve(self, growth: np.ndarray, rate: float, multiplier: np.ndarray) -> float | None:
+    def solve(self, case: Case, rate: float, multiplier: np.ndarray) -> float | None:
         """Return ρ/ρ_before, or None where there is no maximum (infeasible or unbounded).
 
         Parameters
         ----------
-        growth : numpy.ndarray, shape (monomials,)
-            Polynomial of V̇/ρ_before in z.
+        case : Case
+            V̇/ρ_before as a polynomial in z, and where it applies.
         rate : float
             ρ̇/ρ_before in 1/s.
         multiplier : numpy.ndarray
             Coefficients of L.
         """
+        growth = case.coefficients
         scale = float(np.abs(growth).max())
         padded = np.zeros(len(growth))
         padded[: len(multiplier)] = multiplier
         # −v + ρ̇/ρ_before + L·(|z|² − s) is to be a sum of squares, with L·|z|² = L − L·(1 − |z|²).
         constant = padded - self._ring @ multiplier - growth
         constant[0] += rate
-        constraints = self._programme.constraints(padded[:, None] / scale)
+        constraints = self._programme.constraints(padded[:, None] / scale, case.side)
         found = self._programme.solve(np.array([-1.0]), constraints, constant / scale)
         return None if found is None or found[0] <= 0 else float(found[0])
 
@@ -88,6 +101,7 @@ def alternate(
     initial_level: float,
     ratio: float,
     alternations: int,
+    limits: Limits = NO_LIMITS,
 ) -> Alternation:
     """Run the thesis's bilinear alternation.
 
@@ -105,6 +119,8 @@ def alternate(
         Of the geometric progression, between 0 and 1.
     alternations : int
         The thesis: 2.
+    limits : Limits
+        Of the loop; the thesis has none.
 
     Returns
     -------
@@ -113,30 +129,38 @@ def alternate(
     Raises
     ------
     NumericalError
-        A programme of step 1 ended without an optimum.
+        A programme of step 1 ended without an optimum, or the feedforward lies beyond the torque limit.
     """
     certificate, level_step = Certificate(degree), LevelStep(degree)
     chosen = even_knots(loops.knots, knots)
-    pendulums = loops.pendulums
+    pendulums, reference = loops.pendulums, reference_of(loops.pendulums)
+    require_torque(pendulums, reference, limits)
+    reference = Reference(reference.torque[2 * chosen], reference.velocity[2 * chosen])
     cost = cost_to_go_euler(pendulums, loops.weights)[chosen]
-    decay = decay_matrix(pendulums, loops.weights, cost)
-    form = normal_form(pendulums, pendulums.angle[2 * chosen], cost, decay)
+    at_knots = with_cost(replace(pendulums, angle=pendulums.angle[2 * chosen]), loops.weights, cost)
     step = loops.step * (chosen[1] - chosen[0])
     level = np.full((len(chosen), len(pendulums.labels)), initial_level)
     unsolved = np.zeros(level.shape[1])
     for _ in range(alternations):
-        level, multipliers = _multiplier_step(certificate, form, level, step, ratio, pendulums.labels)
         frozen = _difference(level, step)
-        growth = growth_polynomial(form, level, degree)
+        level, multipliers = _multiplier_step(certificate, at_knots, level, frozen, ratio, reference, limits)
+        frozen = _difference(level, step)
         for knot, index in np.ndindex(level.shape):
-            multiplier = multipliers.get((knot, index))
             rate = frozen[knot, index] / level[knot, index]
-            factor = None if multiplier is None else level_step.solve(growth[knot, index], rate, multiplier)
-            if factor is None:
-                unsolved[index] += 1
+            factors = [
+                level_step.solve(case, rate, multiplier)
+                for case, multiplier in multipliers.get((knot, index), ())
+            ]
+            if factors and None not in factors:
+                level[knot, index] *= min(factors)
             else:
-                level[knot, index] *= factor
-    required = boundary_growth(form, level)
+                unsolved[index] += 1
+    if limits.active:
+        required = [
+            limited_growth(at_knots, knot, level[knot], limits, reference) for knot in range(len(chosen))
+        ]
+    else:
+        required = boundary_growth(at_knots.form(slice(None)), level)
     violated = (_difference(level, step) / level < required)[:-1]
     funnels = Funnels("thesis", pendulums.duration, cost, level)
     return Alternation(
@@ -155,23 +179,40 @@ def _difference(level: np.ndarray, step: np.ndarray) -> np.ndarray:
 
 def _multiplier_step(
     certificate: Certificate,
-    form: NormalForm,
+    at_knots: ClosedLoops,
     level: np.ndarray,
-    step: np.ndarray,
+    frozen: np.ndarray,
     ratio: float,
-    labels: tuple[str, ...],
-) -> tuple[np.ndarray, dict[tuple[int, int], np.ndarray]]:
-    """Step 1: decrease ρ where needed; return it with the multipliers of the feasible knots."""
-    frozen = _difference(level, step)
+    reference: Reference,
+    limits: Limits,
+) -> tuple[np.ndarray, dict[tuple[int, int], list[tuple[Case, np.ndarray]]]]:
+    """Step 1: decrease ρ where needed; return it with the cases and multipliers of the feasible knots."""
     result, multipliers = level.copy(), {}
-    for knot, index in np.ndindex(level.shape):
-        local = NormalForm(**{name: entry[knot, index] for name, entry in vars(form).items()})
-        trial = level[knot, index]
+    labels = at_knots.pendulums.labels
+    for knot in range(len(level)):
+        trial, wanted = level[knot].copy(), set(range(len(labels)))
         for _ in range(MOST_DECREASES):
-            growth = growth_polynomial(local, trial, certificate.degree)
-            rate, multiplier = certificate.solve(growth, labels[index])
-            if rate <= frozen[knot, index] / trial:
-                result[knot, index], multipliers[knot, index] = trial, multiplier
+            cases = saturation_cases(
+                at_knots.pendulums,
+                at_knots.form(knot),
+                at_knots.cost[knot],
+                at_knots.gains[knot],
+                trial,
+                (reference.torque[knot], reference.velocity[knot]),
+                limits,
+                certificate.degree,
+            )
+            for index in sorted(wanted):
+                solved = [
+                    certificate.solve(case.coefficients, labels[index], case.side) for case in cases[index]
+                ]
+                if max(rate for rate, _ in solved) <= frozen[knot, index] / trial[index]:
+                    result[knot, index] = trial[index]
+                    found = zip(cases[index], (multiplier for _, multiplier in solved), strict=True)
+                    multipliers[knot, index] = list(found)
+                    wanted.remove(index)
+                else:
+                    trial[index] *= ratio
+            if not wanted:
                 break
-            trial *= ratio
     return result, multipliers

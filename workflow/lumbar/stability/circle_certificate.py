@@ -9,6 +9,13 @@ only what both sides are *on the circle* matters: the programme is solved in the
 modulo 1 − |z|², whose basis are the circular harmonics 1, cos kφ, sin kφ. That leaves d + 2 times fewer
 unknowns and, the harmonics being orthogonal, well-conditioned programmes. L follows by exact division
 (`multiplier`), so nothing is lost: a non-negative trigonometric polynomial is a sum of squares (Fejér, Riesz).
+
+Where a law holds only on the arc on which an affine function g(z) is not negative (`saturation_cases`), the identity
+
+    r − v(z) = b(z)ᵀG·b(z) + g(z)·c(z)ᵀH·c(z)   on |z| = 1,   G, H ⪰ 0
+
+is the S-procedure; c holds the harmonics of half the odd orders, cos φ/2, sin φ/2, cos 3φ/2, …, whose products have
+whole ones. Nothing is lost here either (Dumitrescu, Positive Trigonometric Polynomials, 2017, section 1.4).
 """
 
 from __future__ import annotations
@@ -41,20 +48,44 @@ def _gram_rows(degree: int) -> np.ndarray:
     return exact * [1.0 if row == column else np.sqrt(2.0) for row, column in triangle]
 
 
+@cache
+def _side_rows(degree: int) -> np.ndarray:
+    """Matrices from the scaled upper triangle of H to the harmonics of cᵀHc, of cos φ and of sin φ times it."""
+    samples = 4 * (degree + 2)
+    angle = 2 * np.pi * np.arange(samples) / samples
+    half = np.repeat(np.arange(1, (degree + 1) // 2 + 1) - 0.5, 2)
+    basis = np.where(
+        np.arange(len(half))[:, None] % 2, np.sin(np.outer(half, angle)), np.cos(np.outer(half, angle))
+    )
+    projection = harmonics(degree + 1, angle) * (2 / samples)
+    projection[0] /= 2
+    triangle = [(row, column) for column in range(len(basis)) for row in range(column + 1)]
+    products = np.stack([basis[row] * basis[column] for row, column in triangle], axis=1)
+    factors = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])
+    exact = np.round(projection @ (factors[:, :, None] * products) * 8) / 8
+    return exact * [1.0 if row == column else np.sqrt(2.0) for row, column in triangle]
+
+
 @dataclass(frozen=True)
 class CircleCertificate:
-    """Certified bound of a polynomial on the unit circle.
+    """Certified bound of a polynomial on the unit circle, or on a part of it.
 
     Attributes
     ----------
     rate : float
-        r in 1/s: the polynomial is at most r on |z| = 1.
+        r in 1/s: the polynomial is at most r on |z| = 1, where `side` is ≥ 0.
     gram : numpy.ndarray, shape (d + 2, d + 2)
         G over the harmonics 1, cos φ, sin φ, …, of order (d + 1)/2; G ≽ 0 up to the solver's tolerance.
+    side : numpy.ndarray, shape (3,), or None
+        g over 1, z1, z2; None where the bound holds all round the circle.
+    side_gram : numpy.ndarray, shape (d + 1, d + 1), or None
+        H over the harmonics cos φ/2, sin φ/2, ….
     """
 
     rate: float
     gram: np.ndarray
+    side: np.ndarray | None = None
+    side_gram: np.ndarray | None = None
 
 
 class CircleProgramme:
@@ -65,36 +96,37 @@ class CircleProgramme:
         from scipy import sparse
 
         self.degree = degree
+        self._clarabel, self._sparse = clarabel, sparse
         self._solved = clarabel.SolverStatus.Solved
         gram = _gram_rows(degree)
         equations, entries = gram.shape
         self._size = degree + 2
-        self._triangle = tuple(
-            np.array([(row, column) for column in range(self._size) for row in range(column + 1)]).T
-        )
-        constant = -np.eye(equations)[:, :1]
-        matrix = np.block([[constant, gram], [np.zeros((entries, 1)), -np.eye(entries)]])
+        self._rows = np.hstack([-np.eye(equations)[:, :1], gram])
         self._target = np.zeros(equations + entries)
         self._equations = equations
+        self._solvers = [self._solver(self._rows, [self._size], tolerance) for tolerance in TOLERANCES]
 
-        def solver(tolerance):
-            settings = clarabel.DefaultSettings()
-            settings.verbose = False
-            settings.presolve_enable = False  # otherwise the data cannot be exchanged
-            settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-            return clarabel.DefaultSolver(
-                sparse.csc_matrix((entries + 1, entries + 1)),
-                np.eye(entries + 1)[0],
-                sparse.csc_matrix(matrix),
-                self._target,
-                [clarabel.ZeroConeT(equations), clarabel.PSDTriangleConeT(self._size)],
-                settings,
-            )
+    def _solver(self, rows: np.ndarray, sizes: list[int], tolerance: float):
+        """Return a solver for rows·(r, triangles) = target with positive semidefinite matrices of these sizes."""
+        settings = self._clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.presolve_enable = False  # otherwise the data cannot be exchanged
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        equations, variables = rows.shape
+        cones = np.hstack([np.zeros((variables - 1, 1)), -np.eye(variables - 1)])
+        return self._clarabel.DefaultSolver(
+            self._sparse.csc_matrix((variables, variables)),
+            np.eye(variables)[0],
+            self._sparse.csc_matrix(np.vstack([rows, cones])),
+            np.zeros(equations + variables - 1),
+            [self._clarabel.ZeroConeT(equations), *map(self._clarabel.PSDTriangleConeT, sizes)],
+            settings,
+        )
 
-        self._solvers = [solver(tolerance) for tolerance in TOLERANCES]
-
-    def solve(self, coefficients: np.ndarray, label: str) -> CircleCertificate:
-        """Bound a polynomial on the circle.
+    def solve(
+        self, coefficients: np.ndarray, label: str, side: np.ndarray | None = None
+    ) -> CircleCertificate:
+        """Bound a polynomial on the circle, or on an arc of it.
 
         Parameters
         ----------
@@ -102,6 +134,8 @@ class CircleProgramme:
             Of v in 1/s.
         label : str
             For messages.
+        side : numpy.ndarray, shape (3,), optional
+            g over 1, z1, z2: the bound is to hold where g ≥ 0.
 
         Raises
         ------
@@ -110,19 +144,35 @@ class CircleProgramme:
         """
         target = harmonics_of_monomials(self.degree + 1) @ coefficients
         scale = float(np.abs(target).max()) or 1.0
-        self._target[: self._equations] = -target / scale
-        for solver in self._solvers:
-            solver.update(b=self._target)
+        sizes, solvers, padded = [self._size], self._solvers, self._target
+        if side is not None:
+            sizes.append(self.degree + 1)
+            rows = np.hstack([self._rows, np.tensordot(side, _side_rows(self.degree), 1)])
+            solvers = (self._solver(rows, sizes, tolerance) for tolerance in TOLERANCES)
+            padded = np.zeros(self._equations + rows.shape[1] - 1)
+        padded[: self._equations] = -target / scale
+        for solver in solvers:
+            solver.update(b=padded)
             solution = solver.solve()
             if solution.status == self._solved:
                 break
         else:
             raise NumericalError(f"{label}: the sum-of-squares programme ended as {solution.status}")
         found = np.array(solution.x)
-        gram = np.zeros((self._size, self._size))
-        rows, columns = self._triangle
-        gram[rows, columns] = found[1:] * np.where(rows == columns, scale, scale / np.sqrt(2.0))
-        return CircleCertificate(float(found[0]) * scale, gram + np.triu(gram, 1).T)
+        ends = np.cumsum([1, *(size * (size + 1) // 2 for size in sizes)])
+        grams = [
+            _symmetric(found[start:end] * scale, size)
+            for start, end, size in zip(ends[:-1], ends[1:], sizes, strict=True)
+        ]
+        return CircleCertificate(float(found[0]) * scale, grams[0], side, *grams[1:])
+
+
+def _symmetric(triangle: np.ndarray, size: int) -> np.ndarray:
+    """Return the matrix of a scaled upper triangle, column by column."""
+    columns, rows = np.tril_indices(size)
+    matrix = np.zeros((size, size))
+    matrix[rows, columns] = triangle * np.where(rows == columns, 1.0, 1 / np.sqrt(2.0))
+    return matrix + np.triu(matrix, 1).T
 
 
 def multiplier(certificate: CircleCertificate, coefficients: np.ndarray, degree: int) -> np.ndarray:

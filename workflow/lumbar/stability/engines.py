@@ -9,7 +9,8 @@
 ========================= ======================================================================================
 
 All read the same keys of the section ``stability``, take the same loops (either sign of gravity, any Q, R, Qf,
-b, mass) and raise `NumericalError` naming subject, COM and plane rather than return what is not a result.
+b, mass) and the same `Limits` of torque and mass, and raise `NumericalError` naming subject, COM and plane rather
+than return what is not a result.
 """
 
 from __future__ import annotations
@@ -19,10 +20,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lumbar.errors import NumericalError
 from lumbar.stability.between_knots import proved_share
 from lumbar.stability.bilinear_alternation import alternate
 from lumbar.stability.certified_funnel import certified_funnels
 from lumbar.stability.funnel import ClosedLoops, Funnels, funnel_variants
+from lumbar.stability.limits import NO_LIMITS, Limits, limited_funnels
 
 
 @dataclass(frozen=True)
@@ -43,20 +46,27 @@ class EngineResult:
     control: Funnels | None = None
 
 
-def exact(loops: ClosedLoops, settings: dict) -> EngineResult:
+def exact(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> EngineResult:
     """Compute the largest funnels and prove those with a margin between the knots."""
-    overstated = settings["attack"]["control_overstated"]
+    goal, overstated = settings["goal_level"], settings["attack"]["control_overstated"]
     proof = settings["proof"]
     margin = proof["margin_1_s"] if proof else 0.0
-    largest, smaller, control = funnel_variants(loops, settings["goal_level"], margin, overstated)
+    if limits.active:
+        found = limited_funnels(loops, goal, limits, margin, overstated)
+        for label, reason in zip(loops.pendulums.labels, found.reason, strict=True):
+            if reason:
+                raise NumericalError(f"{label}: {reason}")
+        largest, smaller, control = found.exact, found.with_margin, found.overstated
+    else:
+        largest, smaller, control = funnel_variants(loops, goal, margin, overstated)
     checks = {}
     if proof:
-        checks["proved_share"] = proved_share(loops, smaller)
+        checks["proved_share"] = proved_share(loops, smaller, limits)
         checks["proved_area_ratio"] = smaller.mean_area / largest.mean_area
     return EngineResult(largest, checks, control)
 
 
-def sum_of_squares(loops: ClosedLoops, settings: dict) -> EngineResult:
+def sum_of_squares(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> EngineResult:
     """Compute funnels by certificates at the knots."""
     options = settings["sum_of_squares"]
     funnels, agreement = certified_funnels(
@@ -67,6 +77,7 @@ def sum_of_squares(loops: ClosedLoops, settings: dict) -> EngineResult:
         alternations=options["alternations"],
         margin=options["margin_1_s"],
         rational=options["rational"],
+        limits=limits,
     )
     checks = {
         "sos_margin_difference": agreement.margin_difference,
@@ -78,9 +89,9 @@ def sum_of_squares(loops: ClosedLoops, settings: dict) -> EngineResult:
     return EngineResult(funnels, checks)
 
 
-def thesis(loops: ClosedLoops, settings: dict) -> EngineResult:
+def thesis(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> EngineResult:
     """Run the thesis's procedure and count where its result breaks its own condition."""
-    found = alternate(loops, **settings["thesis_method"])
+    found = alternate(loops, **settings["thesis_method"], limits=limits)
     checks = {
         "violation_share": found.violation_share,
         "unsolved_share": found.unsolved_share,
@@ -89,7 +100,7 @@ def thesis(loops: ClosedLoops, settings: dict) -> EngineResult:
     return EngineResult(found.funnels, checks)
 
 
-ENGINES: dict[str, Callable[[ClosedLoops, dict], EngineResult]] = {
+ENGINES: dict[str, Callable[[ClosedLoops, dict, Limits], EngineResult]] = {
     "exact": exact,
     "sum_of_squares": sum_of_squares,
     "thesis": thesis,

@@ -1,47 +1,72 @@
 """Beyond the thesis's loop: each basin with limited torque, with an uncertain mass, and with a better V.
 
-All by the exact engine, with the study's sign of gravity; every funnel is attacked by simulation.
+By all engines with the study's sign of gravity, limits by the exact one with the other sign too. Every funnel is
+attacked by simulation and, where the configuration asks for it, proved between its knots as those of `basins` are.
 """
 
 from __future__ import annotations
 
-import zlib
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.stability.basins import close_loops
-from lumbar.stability.funnel import exact_funnels
-from lumbar.stability.limits import Limits, disturbance_of, limited_funnels
+from lumbar.stability.basins import COLUMNS as BASIN_COLUMNS
+from lumbar.stability.basins import basin_rows, close_loops
+from lumbar.stability.between_knots import proved_share
+from lumbar.stability.engines import ENGINES, EngineResult, chosen_engines
+from lumbar.stability.failures import Failure, computed
+from lumbar.stability.funnel import ClosedLoops, exact_funnels
+from lumbar.stability.limits import Limits
 from lumbar.stability.lyapunov_family import best_of_family
-from lumbar.stability.simulation import attack
+from lumbar.stability.pendulum import SIGNS
 from lumbar.stability.trajectory import Trajectory
 from lumbar.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
+_SHARED = (
+    "initial_area",
+    "simulated_starts",
+    "exits",
+    "control_exits",
+    "proved_share",
+    "proved_area_ratio",
+    "sos_margin_difference",
+    "sos_taylor_optimism",
+    "sos_rational_share",
+    "violation_share",
+)
 COLUMNS = {
-    "subject": "who lifted",
-    "box_mass_kg": "mass of the box",
-    "com": "centre of mass taken for the pendulum's",
-    "plane": "plane onto which the trajectory is projected",
-    "mean_area": "average cross-section A in rad²/s of the exact basin: V the Riccati solution, no limits",
-    "torque_limited_area": "A when |u| ≤ U: the feedback saturates, the basin holds for the saturated loop; empty "
-    "where the feedforward itself lies beyond U or no basin of the goal set is left",
-    "torque_exits": "simulated starts that left this basin",
-    "uncertain_mass_area": "A when the mass is anything within the stated interval, while feedforward and feedback "
-    "were computed for its middle; empty where no basin of the goal set is left",
-    "uncertain_mass_exits": "simulated starts, each with a mass of its own, that left this basin",
+    **{name: BASIN_COLUMNS[name] for name in ("subject", "box_mass_kg", "com", "plane")},
+    "loop": "torque_limited: |u| ≤ U, the feedback saturates; uncertain_mass: the mass is anything within the stated "
+    "interval, while feedforward and feedback were computed for its middle; better_v: the nominal loop with the "
+    "best V of the family",
+    "method": BASIN_COLUMNS["method"],
+    "sign": BASIN_COLUMNS["sign"],
+    "mean_area": BASIN_COLUMNS["mean_area"],
+    "area_ratio": "mean_area divided by that of the nominal loop with V the Riccati solution (exact engine)",
     "best_share": "λ of the best V: −Ṡ = A_cᵀS + SA_c + λ(Q + KᵀRK), S(T) = Qf; λ = 1 is the Riccati solution",
-    "best_area": "A with the best V, for the same controller and goal set",
-    "area_gained": "best_area divided by mean_area",
-    "best_exits": "simulated starts that left this basin",
-    "simulated_starts": "starts in each of these basins",
+    **{name: BASIN_COLUMNS[name] for name in _SHARED},
 }
+"""Columns of ``extended.csv`` with their definitions; a cell is empty where a check belongs to another method."""
+
+COUNTS = {"control_exits": "Int64"}
 
 
-def extended_basins(trajectories: list[Trajectory], settings: dict, seed: int) -> pd.DataFrame:
+def loops_with_limits(settings: dict) -> dict[str, Limits]:
+    """Limits of the configuration by the name in the column ``loop``."""
+    limits = settings["limits"]
+    return {
+        "torque_limited": Limits(torque=limits["torque_N_m"]),
+        "uncertain_mass": Limits(mass_share=limits["mass_share"]),
+    }
+
+
+def extended_basins(
+    trajectories: list[Trajectory], settings: dict, seed: int
+) -> tuple[pd.DataFrame, list[Failure]]:
     """Compute the extended basins of one lift.
 
     Parameters
@@ -53,35 +78,95 @@ def extended_basins(trajectories: list[Trajectory], settings: dict, seed: int) -
 
     Returns
     -------
-    pandas.DataFrame
-        One row per trajectory, columns `COLUMNS`.
+    frame : pandas.DataFrame
+        One row per trajectory, loop, method and sign; columns `COLUMNS`.
+    failures : list of Failure
+        Basins that could not be computed: they have no row.
     """
     import pandas as pd
 
-    goal, starts, limits = settings["goal_level"], settings["attack"]["starts"], settings["limits"]
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], {**settings, "knots": limits["knots"]})
-    first = trajectories[0]
-    stream = [seed, zlib.crc32(f"{first.subject} {first.box_mass_kg:g} limits".encode())]
-    columns = {"mean_area": exact_funnels(loops, goal).mean_area}
-    for name, limit in (
-        ("torque_limited", Limits(torque=limits["torque_N_m"])),
-        ("uncertain_mass", Limits(mass_share=limits["mass_share"])),
-    ):
-        found = limited_funnels(loops, goal, limit)
-        disturbance = disturbance_of(loops, limit, starts, [*stream, 1])
-        exits = attack(loops, found.funnels, starts, stream, disturbance).exits.astype(float)
-        columns[f"{name}_area"] = np.where(found.held, found.funnels.mean_area, np.nan)
-        columns[f"{name.removesuffix('_limited')}_exits"] = np.where(found.held, exits, np.nan)
-    best = best_of_family(loops, goal, settings["lyapunov_shares"], margin=0.0)
-    columns["best_share"], columns["best_area"] = best.share, best.funnels.mean_area
-    columns["area_gained"] = best.funnels.mean_area / columns["mean_area"]
-    columns["best_exits"] = attack(best.loops, best.funnels, starts, stream).exits
-    columns["simulated_starts"] = np.full(len(trajectories), starts)
-    names = ("subject", "box_mass_kg", "com", "plane")
-    frame = pd.DataFrame([{name: getattr(item, name) for name in names} for item in trajectories])
-    frame = frame.assign(**columns)[list(COLUMNS)]
-    counts = {"torque_exits": "Int64", "uncertain_mass_exits": "Int64"}
-    return frame.astype(counts)
+    settings = _with_fewer_knots(settings)
+    published = settings["pendulum"]["sign"]
+    rows: list[dict] = []
+    failures: list[Failure] = []
+    for sign in sorted(SIGNS, key=lambda name: name != published):
+        plans = [
+            (name, method, limits)
+            for name, limits in loops_with_limits(settings).items()
+            for method in (chosen_engines(settings) if sign == published else ["exact"])
+        ]
+        if sign == published:
+            plans.append(("better_v", "exact", Limits()))
+        nominal_loops = _nominal_loops(sign, settings)
+        for name, method, limits in plans:
+
+            def compute(
+                items, sign=sign, name=name, method=method, limits=limits, nominal_loops=nominal_loops
+            ):
+                loops, nominal = nominal_loops(items)
+                own, result, extra = _result(loops, name, method, limits, settings)
+                found = basin_rows(items, own, result, settings, seed, sign, limits)
+                return [
+                    {
+                        **row,
+                        "loop": name,
+                        "method": method,
+                        "area_ratio": row["mean_area"] / nominal[index].item(),
+                        **{key: values[index].item() for key, values in extra.items()},
+                    }
+                    for index, row in enumerate(found)
+                ]
+
+            results, failed = computed(trajectories, compute, f"{name}, {method}, {sign}")
+            rows += [row for _, own in results for row in own]
+            failures += failed
+    return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COUNTS), failures
+
+
+def _nominal_loops(sign: str, settings: dict) -> Callable[[list[Trajectory]], tuple]:
+    """Return a function from trajectories to loops and areas without limits, each computed once."""
+    known: dict[tuple, tuple] = {}
+
+    def nominal_loops(items: list[Trajectory]) -> tuple[ClosedLoops, np.ndarray]:
+        key = tuple(item.label for item in items)
+        if key not in known:
+            loops = close_loops(items, sign, settings)
+            known[key] = loops, exact_funnels(loops, settings["goal_level"]).mean_area
+        return known[key]
+
+    return nominal_loops
+
+
+def _result(
+    loops: ClosedLoops, name: str, method: str, limits: Limits, settings: dict
+) -> tuple[ClosedLoops, EngineResult, dict[str, np.ndarray]]:
+    """Run one engine; a better V changes the loops that are attacked too."""
+    if name != "better_v":
+        return loops, ENGINES[method](loops, settings, limits), {}
+    proof = settings["proof"]
+    best = best_of_family(
+        loops,
+        settings["goal_level"],
+        settings["lyapunov_shares"],
+        proof["margin_1_s"] if proof else 0.0,
+        settings["attack"]["control_overstated"],
+    )
+    checks = {}
+    if proof:
+        checks["proved_share"] = proved_share(best.loops, best.with_margin)
+        checks["proved_area_ratio"] = best.with_margin.mean_area / best.funnels.mean_area
+    return best.loops, EngineResult(best.funnels, checks, best.overstated), {"best_share": best.share}
+
+
+def _with_fewer_knots(settings: dict) -> dict:
+    """Return the settings with knots and proof of the section ``limits`` for every engine."""
+    limits = settings["limits"]
+    certified = settings["sum_of_squares"] and {
+        **settings["sum_of_squares"],
+        "knots": limits["certified_knots"],
+    }
+    proof = settings["proof"] if limits["proved"] else None
+    return {**settings, "knots": limits["knots"], "sum_of_squares": certified, "proof": proof}
 
 
 def extended_table(frame: pd.DataFrame, settings: dict, data: str) -> Table:
@@ -89,20 +174,20 @@ def extended_table(frame: pd.DataFrame, settings: dict, data: str) -> Table:
     import pandas as pd
 
     limits = settings["limits"]
-    counts = {
-        name: pd.Series([None if pd.isna(item) else int(item) for item in frame[name]], dtype=object)
-        for name in ("torque_exits", "uncertain_mass_exits")
-    }
-    empty = {f"{name}_{what}" for name in ("uncertain_mass", "torque") for what in ("exits", "area")}
+    counts = pd.Series(
+        [None if pd.isna(item) else int(item) for item in frame["control_exits"]], dtype=object
+    )
+    optional = set(_SHARED) - {"initial_area", "simulated_starts", "exits"}
     return Table(
         title="Basins of attraction with limited torque, with an uncertain mass, and with a better V.",
-        frame=frame.assign(**counts),
+        frame=frame.assign(control_exits=counts.to_numpy()),
         definitions=COLUMNS,
         data=data,
         notes=(
             f"U = {limits['torque_N_m']:g} N·m, the same for all; the mass lies within "
-            f"±{100 * limits['mass_share']:g} % of the nominal one; λ tried: "
+            f"±{100 * limits['mass_share']:g} % of the nominal one, the pendulum's mass "
+            f"{settings['pendulum']['mass'].replace('_', ' ')}; λ tried: "
             + ", ".join(f"{share:g}" for share in settings["lyapunov_shares"]),
         ),
-        may_be_empty=frozenset({*empty, "torque_limited_area"}),
+        may_be_empty=frozenset({*optional, "best_share"}),
     )

@@ -20,6 +20,9 @@ from lumbar.stability.invariance import LARGEST_SWING, NormalForm, boundary_grow
 from lumbar.stability.pendulum import Pendulums
 from lumbar.stability.riccati import Weights, cost_to_go, decay_matrix, determinant, gain
 
+KINK = 1e-7
+"""Change of ln ρ per knot by which predicted and corrected step differ only at a kink."""
+
 
 @dataclass(frozen=True)
 class ClosedLoops:
@@ -211,8 +214,10 @@ def _backward(loops: ClosedLoops, goal_level: float, changes: np.ndarray) -> np.
 def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) -> np.ndarray:
     """Integrate ln ρ backward from its value at T, from knot to knot.
 
-    Adams–Bashforth's method of order 4, started by Runge–Kutta steps: the equation for ln ρ is not stiff, and
-    each knot costs one search of the boundary.
+    Adams's method of order 4, predicted and corrected with one search of the boundary per knot, started by
+    Runge–Kutta steps: the equation for ln ρ is not stiff. The largest of several peaks has a kink where another
+    takes over; where predicted and corrected slope differ by more than `KINK`, the trapezoidal rule counts too and
+    the largest is taken: it never lies below the mean of a convex slope, so that ρ does not come out too large.
 
     Parameters
     ----------
@@ -229,18 +234,23 @@ def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) ->
     log_level = np.empty((loops.knots, *goal.shape))
     log_level[-1] = goal
     step = loops.step
-    history: list[np.ndarray] = []
+    history = [slope(2 * (loops.knots - 1), goal)]
     for knot in range(loops.knots - 1, 0, -1):
         now, point = log_level[knot], 2 * knot
-        history = [slope(point, now), *history[:3]]
         if len(history) < 4:
             middle = slope(point - 1, now - 0.5 * step * history[0])
             again = slope(point - 1, now - 0.5 * step * middle)
             last = slope(point - 2, now - step * again)
-            mean = (history[0] + 2 * middle + 2 * again + last) / 6
+            log_level[knot - 1] = now - step * (history[0] + 2 * middle + 2 * again + last) / 6
+            new = slope(point - 2, log_level[knot - 1])
         else:
-            mean = (55 * history[0] - 59 * history[1] + 37 * history[2] - 9 * history[3]) / 24
-        log_level[knot - 1] = now - step * mean
+            predicted = (55 * history[0] - 59 * history[1] + 37 * history[2] - 9 * history[3]) / 24
+            new = slope(point - 2, now - step * predicted)
+            corrected = (9 * new + 19 * history[0] - 5 * history[1] + history[2]) / 24
+            kink = step * np.abs(corrected - predicted) > KINK
+            safe = np.maximum(np.maximum(corrected, predicted), 0.5 * (new + history[0]))
+            log_level[knot - 1] = now - step * np.where(kink, safe, corrected)
+        history = [new, *history[:3]]
     return log_level
 
 

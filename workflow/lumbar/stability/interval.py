@@ -1,7 +1,7 @@
 """Interval arithmetic on arrays with outward rounding: every result contains the exact one.
 
-Only what `between_knots` needs. A floating-point operation is correct to half a unit in the last place, so one
-step outward encloses it; sine and cosine of numpy are correct to 4 units, for which 2⁻⁵⁰ is added (Moore,
+Only what `between_knots` needs. A floating-point operation is correct to half a unit in the last place, so a
+step of one unit outward encloses it; sine and cosine of numpy are correct to 4 units, for which 2⁻⁵⁰ is added (Moore,
 Kearfott & Cloud, Introduction to Interval Analysis, 2009).
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 TRIGONOMETRIC_ERROR = 2.0**-50
+UNIT, TINY = 2.0**-52, 2.0**-1074
 
 
 class Interval:
@@ -94,4 +95,5 @@ def _interval(value) -> Interval:
 
 
 def _outward(low: np.ndarray, high: np.ndarray) -> Interval:
-    return Interval(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
+    # |x|·2⁻⁵² is one to two units in the last place of x: this is nextafter or a little more, at a third of its time.
+    return Interval(low - (np.abs(low) * UNIT + TINY), high + (np.abs(high) * UNIT + TINY))

@@ -7,7 +7,7 @@ which u0 and K were computed. With r = m/m_true the error obeys the nominal equa
 
 (gravity and ℓ²: g/ℓ does not depend on the mass). It is affine in r, so that the largest V̇ over all masses is
 that of the lightest or the heaviest. With a wrong mass the reference itself is no solution, Δω̇ ≠ 0 at x̄ = 0:
-where the goal set is too small for that, there is no basin, and `LimitedFunnels.held` says so.
+where the goal set is too small for that, there is no basin, and `LimitedFunnels.reason` says so.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.errors import InputError, NumericalError
 from lumbar.stability.funnel import ClosedLoops, Funnels, integrate_backward
-from lumbar.stability.invariance import normal_axes
+from lumbar.stability.invariance import LARGEST_SWING, normal_axes
 from lumbar.stability.pendulum import Pendulums, remainder
 
 SAMPLES = 96
@@ -49,10 +49,23 @@ class Limits:
         if not 0 <= self.mass_share < 1:
             raise InputError(f"uncertain mass: share {self.mass_share:g}; it must lie in [0, 1)")
 
+    def __str__(self) -> str:
+        parts = [f"|u| ≤ {self.torque:g} N·m"] if np.isfinite(self.torque) else []
+        parts += [f"mass ±{100 * self.mass_share:g} %"] if self.mass_share else []
+        return ", ".join(parts) or "no limits"
+
+    @property
+    def active(self) -> bool:
+        """Whether there are any."""
+        return bool(np.isfinite(self.torque) or self.mass_share)
+
     @property
     def ratios(self) -> tuple[float, float]:
         """m/m_true of the heaviest and the lightest mass."""
         return 1 / (1 + self.mass_share), 1 / (1 - self.mass_share)
+
+
+NO_LIMITS = Limits()
 
 
 @dataclass(frozen=True)
@@ -65,37 +78,50 @@ class Reference:
 
 @dataclass(frozen=True)
 class LimitedFunnels:
-    """Largest funnels under `Limits`.
+    """Largest funnels under `Limits`, and what is needed to check them.
 
     Attributes
     ----------
-    funnels : Funnels
-        Meaningful where `held`.
-    held : numpy.ndarray of bool, shape (pendulums,)
-        Whether there is a basin: the feedforward lies within the limit and ρ stays above `LEAST_LEVEL`.
+    exact, with_margin, overstated : Funnels
+        As `funnel.funnel_variants` returns; meaningful where `held`.
+    reason : tuple of str, one per pendulum
+        Why there is no basin; empty where there is one.
     """
 
-    funnels: Funnels
-    held: np.ndarray
+    exact: Funnels
+    with_margin: Funnels
+    overstated: Funnels
+    reason: tuple[str, ...]
+
+    @property
+    def held(self) -> np.ndarray:
+        """Whether there is a basin, shape (pendulums,)."""
+        return np.array([not text for text in self.reason])
 
 
 def reference_of(pendulums: Pendulums) -> Reference:
-    """Return u0 and θ̇0 of the cubic spline through the grid of θ0 (equation 4.1 solved for u)."""
+    """Return u0 and θ̇0 of the cubic spline through the knots of θ0 (equation 4.1 solved for u).
+
+    The spline is the interpolant about which `between_knots` proves: its second derivative, and with it the
+    saturated torque, is that of no finer one.
+    """
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, 1.0, len(pendulums.angle))
-    spline = CubicSpline(phase, pendulums.angle)
+    spline = CubicSpline(phase[::2], pendulums.angle[::2])
     velocity = spline(phase, 1) / pendulums.duration
     acceleration = spline(phase, 2) / pendulums.duration**2
     torque = (
         pendulums.inertia * acceleration
         + pendulums.damping * velocity
-        + pendulums.gravity_torque * np.sin(pendulums.angle)
+        + pendulums.gravity_torque * np.sin(spline(phase))
     )
     return Reference(torque, velocity)
 
 
-def limited_funnels(loops: ClosedLoops, goal_level: float, limits: Limits) -> LimitedFunnels:
+def limited_funnels(
+    loops: ClosedLoops, goal_level: float, limits: Limits, margin: float = 0.0, overstated: float = 0.0
+) -> LimitedFunnels:
     """Compute the largest invariant funnels of V under limits, with the true sine.
 
     Parameters
@@ -104,35 +130,74 @@ def limited_funnels(loops: ClosedLoops, goal_level: float, limits: Limits) -> Li
     goal_level : float
         ρ(T).
     limits : Limits
+    margin, overstated : float
+        As for `funnel.funnel_variants`.
     """
     reference = reference_of(loops.pendulums)
     floor = np.log(goal_level * LEAST_LEVEL)
+    margins, shares = np.array([[0.0], [margin], [0.0]]), np.array([[0.0], [0.0], [overstated]])
 
     def slope(point, log_level):
         # Below the floor the basin is lost; the rate there must only stay finite.
         level = np.exp(np.clip(log_level, floor, None))
-        rate = limited_growth(loops, point, level, limits, reference)
+        growth = limited_growth(loops, point, level, limits, reference)
+        rate = growth + margins - shares * np.abs(growth)
         return np.where(log_level > floor, np.minimum(rate, 1e3), 0.0)
 
-    log_level = integrate_backward(loops, np.full(len(loops.pendulums.labels), np.log(goal_level)), slope)
-    within = np.abs(reference.torque).max(axis=0) <= limits.torque
-    funnels = Funnels("limited", loops.pendulums.duration, loops.cost[::2], np.exp(log_level))
-    return LimitedFunnels(funnels, within & (log_level > floor).all(axis=0))
+    count = len(loops.pendulums.labels)
+    log_level = integrate_backward(loops, np.full((3, count), np.log(goal_level)), slope)
+    peak = np.abs(reference.torque).max(axis=0)
+    swing = (normal_axes(loops.cost[::2])[0] * np.exp(0.5 * log_level[:, 0])).max(axis=0)
+    lost = ~(log_level[:, :2] > floor).all(axis=(0, 1))
+    reason = tuple(_reason(peak[index], limits, lost[index], swing[index]) for index in range(count))
+    variants = [
+        Funnels(name, loops.pendulums.duration, loops.cost[::2], np.exp(log_level[:, index]))
+        for index, name in enumerate(("exact", f"exact, margin {margin:g} 1/s", "exact, overstated"))
+    ]
+    return LimitedFunnels(*variants, reason)
+
+
+def _reason(peak: float, limits: Limits, lost: bool, swing: float) -> str:
+    """Say why there is no basin, or nothing where there is one."""
+    if peak > limits.torque:
+        return f"the feedforward torque reaches {peak:.4g} N·m; the limit is {limits.torque:g} N·m"
+    if lost:
+        return (
+            f"{limits}: no basin of the goal set is left (ρ falls below {LEAST_LEVEL:g} of its value there)"
+        )
+    if not swing < LARGEST_SWING:
+        return f"the basin reaches {swing:.3g} rad from its trajectory; at most {LARGEST_SWING:g} rad are allowed"
+    return ""
+
+
+def require_torque(pendulums: Pendulums, reference: Reference, limits: Limits) -> None:
+    """Refuse references whose feedforward itself lies beyond the torque limit.
+
+    Raises
+    ------
+    NumericalError
+        Names the pendulum.
+    """
+    peak = np.abs(reference.torque).max(axis=0)
+    if (peak > limits.torque).any():
+        index = int(peak.argmax())
+        raise NumericalError(f"{pendulums.labels[index]}: {_reason(peak[index], limits, False, 0.0)}")
 
 
 def limited_growth(
     loops: ClosedLoops, point: int, level: np.ndarray, limits: Limits, reference: Reference
 ) -> np.ndarray:
-    """Return the largest V̇/ρ on V = ρ over all masses, shape (pendulums,)."""
+    """Return the largest V̇/ρ on V = ρ over all masses, shape as `level`: (..., pendulums)."""
     position = np.linspace(0.0, 2 * np.pi, SAMPLES, endpoint=False)
     values = _growth(loops, point, level, limits, reference, position)
-    best = values.reshape(len(level), SECTORS, -1).argmax(axis=-1) + np.arange(SECTORS) * (SAMPLES // SECTORS)
+    best = values.reshape(*level.shape, SECTORS, -1).argmax(axis=-1)
+    best += np.arange(SECTORS) * (SAMPLES // SECTORS)
     centre, width = position[best], 2 * np.pi / SAMPLES
     result = values.max(axis=-1)
     offsets = np.linspace(-1.0, 1.0, 9)
     for _ in range(ZOOMS):
         nearby = centre[..., None] + width * offsets
-        values = _growth(loops, point, level, limits, reference, nearby.reshape(len(level), -1))
+        values = _growth(loops, point, level, limits, reference, nearby.reshape(*level.shape, -1))
         values = values.reshape(nearby.shape)
         centre = np.take_along_axis(nearby, values.argmax(axis=-1)[..., None], -1)[..., 0]
         result = np.maximum(result, values.max(axis=(-1, -2)))
@@ -141,12 +206,12 @@ def limited_growth(
 
 
 def _growth(loops, point, level, limits, reference, position) -> np.ndarray:
-    """V̇/ρ at angles φ of the boundary, the largest of both extreme masses, shape (pendulums, angles)."""
+    """V̇/ρ at angles φ of the boundary, the largest of both extreme masses, shape (..., pendulums, angles)."""
     form = loops.form(point)
     c, s = np.cos(position), np.sin(position)
-    root = np.sqrt(level)[:, None]
+    root = np.sqrt(level)[..., None]
     a, p, q = (axis[:, None] for axis in normal_axes(loops.cost[point]))
-    state = np.stack(np.broadcast_arrays(root * a * c, root * (p * c + q * s)))
+    state = np.broadcast_arrays(root * a * c, root * (p * c + q * s))
     sine = remainder(form.angle[:, None], state[0])
     nominal = (
         -(form.alpha[:, None] * c**2 + 2 * form.beta[:, None] * c * s + form.gamma[:, None] * s**2)
@@ -154,15 +219,16 @@ def _growth(loops, point, level, limits, reference, position) -> np.ndarray:
     )
     weight = 2 * np.sqrt(loops.cost[point][:, 2])[:, None] / root * s
     changes = [
-        extra_acceleration(loops, reference, limits.torque, ratio, point, state) for ratio in limits.ratios
+        extra_acceleration(loops, reference, limits.torque, ratio, point, state)
+        for ratio in sorted(set(limits.ratios))
     ]
-    return nominal + np.maximum(weight * changes[0], weight * changes[1])
+    return nominal + np.max([weight * change for change in changes], axis=0)
 
 
 def extra_acceleration(
-    loops: ClosedLoops, reference: Reference, torque: float, ratio, point: int, state: np.ndarray
+    loops: ClosedLoops, reference: Reference, torque: float, ratio, point: int, state
 ) -> np.ndarray:
-    """Return Δω̇ in rad/s² for m/m_true = `ratio`, shape (pendulums, states)."""
+    """Return Δω̇ in rad/s² for m/m_true = `ratio`; each of the two states has shape (..., pendulums, states)."""
     pendulums = loops.pendulums
     k1, k2 = (loops.gains[point][:, entry, None] for entry in (0, 1))
     wanted = reference.torque[point][:, None] - k1 * state[0] - k2 * state[1]

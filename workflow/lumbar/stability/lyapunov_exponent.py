@@ -7,15 +7,20 @@ repeat (England & Granata, Gait & Posture 25 (2007) 172–178), states are scale
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from lumbar.errors import InputError
+from lumbar.stability.trajectory import COMS, Trajectory
 
 FEWEST_TRIALS = 30
 """Repetitions below which the exponent's own scatter exceeds what it should tell apart (Bruijn et al., Journal of
 Neuroscience Methods 178 (2009) 327–333, ask for many more)."""
+
+HORIZON_SHARE = 0.25
+"""Share of the shortest movement over which divergence is followed."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,8 @@ def maximum_exponent(
     from scipy.spatial import cKDTree
 
     if len(trials) < fewest:
-        return Exponent(None, f"insufficient data: {len(trials)} trials, at least {fewest} are needed")
+        count = f"{len(trials)} trial{'' if len(trials) == 1 else 's'}"
+        return Exponent(None, f"insufficient data: {count}, at least {fewest} are needed")
     ahead = round(horizon / step)
     shortest = min(len(trial) for trial in trials)
     if shortest < 2 * ahead:
@@ -84,3 +90,62 @@ def maximum_exponent(
     mean = np.mean(divergence, axis=0)
     slope = np.polyfit(step * np.arange(ahead), mean, 1)[0]
     return Exponent(float(slope), f"estimated from {len(trials)} trials")
+
+
+def movement_exponent(movements: list[Trajectory]) -> Exponent:
+    """Estimate the exponent of repeated movements from their angles and angular velocities.
+
+    Parameters
+    ----------
+    movements : list of Trajectory
+        One COM and plane; each is brought to the sampling of the slowest sampled one, in real time.
+    """
+    if len(movements) < FEWEST_TRIALS:
+        return maximum_exponent([np.zeros((0, 2))] * len(movements), 1.0, 1.0)
+    step = max(item.duration / (len(item.time) - 1) for item in movements)
+    trials = []
+    for item in movements:
+        time = item.time[0] + step * np.arange(int(item.duration / step * (1 + 1e-9)) + 1)
+        states = [np.interp(time, item.time, values) for values in (item.angle, item.angular_velocity)]
+        trials.append(np.stack(states, axis=1))
+    return maximum_exponent(trials, step, HORIZON_SHARE * min(item.duration for item in movements))
+
+
+def compared_exponents(
+    trajectories: list[Trajectory], plane: str, comparisons: Iterable[tuple]
+) -> dict[tuple[str, str], str]:
+    """Return what stands beside the basins of one plane: exponents before and after, or that data are insufficient.
+
+    Parameters
+    ----------
+    trajectories : list of Trajectory
+        All of the study.
+    plane : str
+    comparisons : iterable of tuple
+        As `percent_differences.comparisons` yields them.
+
+    Returns
+    -------
+    dict of (str, str) to str
+        By comparison and COM.
+    """
+    result = {}
+    for name, *sides, status in comparisons:
+        for com in COMS:
+            if status != "computed":
+                result[name, com] = status
+                continue
+            found = []
+            for experience, mass in sides:
+                lift = (experience, mass, com, plane)
+                exponent = movement_exponent(
+                    [
+                        item
+                        for item in trajectories
+                        if (item.experience, item.box_mass_kg, item.com, item.plane) == lift
+                    ]
+                )
+                value = "" if exponent.value is None else f"{exponent.value:.3g} 1/s, "
+                found.append(f"{experience} {mass:g} kg: {value}{exponent.remark}")
+            result[name, com] = "; ".join(found)
+    return result

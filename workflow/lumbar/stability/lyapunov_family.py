@@ -31,14 +31,15 @@ class BestOfFamily:
         λ of the largest average cross-section.
     loops : ClosedLoops
         With the V of that λ for each pendulum.
-    funnels, with_margin : Funnels
-        The exact funnels of `loops`, and those with a margin (`funnel.funnel_variants`).
+    funnels, with_margin, overstated : Funnels
+        The exact funnels of `loops`, smaller and wrong ones (`funnel.funnel_variants`).
     """
 
     share: np.ndarray
     loops: ClosedLoops
     funnels: Funnels
     with_margin: Funnels
+    overstated: Funnels
 
 
 def with_lyapunov_function(loops: ClosedLoops, share: float) -> ClosedLoops:
@@ -96,7 +97,9 @@ def with_lyapunov_function(loops: ClosedLoops, share: float) -> ClosedLoops:
     return replace(loops, cost=cost, decay=share * loops.decay)
 
 
-def best_of_family(loops: ClosedLoops, goal_level: float, shares: list[float], margin: float) -> BestOfFamily:
+def best_of_family(
+    loops: ClosedLoops, goal_level: float, shares: list[float], margin: float = 0.0, overstated: float = 0.0
+) -> BestOfFamily:
     """Search the family for the largest average cross-section of each pendulum.
 
     Parameters
@@ -107,11 +110,11 @@ def best_of_family(loops: ClosedLoops, goal_level: float, shares: list[float], m
         ρ(T).
     shares : list of float
         λ to try.
-    margin : float
-        In 1/s, of `BestOfFamily.with_margin`.
+    margin, overstated : float
+        As for `funnel.funnel_variants`.
     """
     members = [with_lyapunov_function(loops, share) for share in shares]
-    funnels = [funnel_variants(member, goal_level, margin)[:2] for member in members]
+    funnels = [funnel_variants(member, goal_level, margin, overstated) for member in members]
     areas = np.array([item[0].mean_area for item in funnels])
     chosen = areas.argmax(axis=0)
 
@@ -121,13 +124,13 @@ def best_of_family(loops: ClosedLoops, goal_level: float, shares: list[float], m
     best = replace(
         loops, cost=pick([item.cost for item in members]), decay=pick([item.decay for item in members])
     )
-    largest, smaller = (
+    variants = (
         Funnels(
             "best of family",
             loops.pendulums.duration,
             best.cost[::2],
             pick([item[which].level for item in funnels]),
         )
-        for which in (0, 1)
+        for which in range(3)
     )
-    return BestOfFamily(np.array(shares)[chosen], best, largest, smaller)
+    return BestOfFamily(np.array(shares)[chosen], best, *variants)

@@ -119,7 +119,7 @@ def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
     """
     amplitudes = coefficients @ harmonics_of_monomials(degree).T
     multiple = np.repeat(np.arange(degree + 1), 2)[1:]
-    samples, parts = 64 * (degree + 1), 2 * (degree + 1)
+    samples, parts = 16 * (degree + 1), 2 * (degree + 1)
     angle = 2 * np.pi * np.arange(samples) / samples
     values = amplitudes @ harmonics(degree, angle)
     within = values.reshape(*values.shape[:-1], parts, -1).argmax(axis=-1)
@@ -159,4 +159,23 @@ def circle_map(degree: int) -> np.ndarray:
         matrix[index[i, j], column] += 1.0
         matrix[index[i + 2, j], column] -= 1.0
         matrix[index[i, j + 2], column] -= 1.0
+    return matrix
+
+
+def side_map(side: np.ndarray, degree: int) -> np.ndarray:
+    """Matrix from the scaled upper triangle of H to the coefficients of g·cᵀHc, c of degree (d − 1)/2.
+
+    Parameters
+    ----------
+    side : numpy.ndarray, shape (3,)
+        g over 1, z1, z2.
+    degree : int
+        d.
+    """
+    index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
+    product = gram_map(degree - 2)
+    matrix = np.zeros((len(index), product.shape[1]))
+    for row, (i, j) in zip(product, monomials(degree - 1), strict=True):
+        for value, exponents in zip(side, ((i, j), (i + 1, j), (i, j + 1)), strict=True):
+            matrix[index[exponents]] += value * row
     return matrix

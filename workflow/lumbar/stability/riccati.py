@@ -13,6 +13,8 @@ from lumbar.errors import NumericalError, Problems
 from lumbar.stability.pendulum import Pendulums
 
 RELATIVE_TOLERANCE = 1e-10
+STIFF = 3000.0
+"""Fastest rate times duration from which the implicit method is quicker than the explicit one."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +49,18 @@ def check_weights(state, control: float, terminal) -> Weights:
     InputError
         Q not symmetric and positive semidefinite, R not positive, Qf not symmetric and positive definite.
     """
+    weight_problems(state, control, terminal).raise_if_any()
+    entries = [np.asarray(matrix, dtype=float)[[0, 0, 1], [0, 1, 1]] for matrix in (state, terminal)]
+    return Weights(entries[0], np.asarray(float(control)), entries[1])
+
+
+def weight_problems(state_weight, control_weight: float, terminal_weight) -> Problems:
+    """Collect what keeps the weights of a configuration from being admissible; arguments as for `check_weights`."""
     problems = Problems("stability.regulator")
-    entries = {}
-    for name, matrix, definite in (("state_weight", state, False), ("terminal_weight", terminal, True)):
+    for name, matrix, definite in (
+        ("state_weight", state_weight, False),
+        ("terminal_weight", terminal_weight, True),
+    ):
         values = np.asarray(matrix, dtype=float)
         kind = "definite" if definite else "semidefinite"
         if values.shape != (2, 2) or not np.isfinite(values).all() or values[0, 1] != values[1, 0]:
@@ -60,11 +71,9 @@ def check_weights(state, control: float, terminal) -> Weights:
         lowest = np.linalg.eigvalsh(values)[0]
         if lowest < 0 or (definite and lowest == 0):
             problems.add(name, f"smallest eigenvalue {lowest:g}", f"it must be positive {kind}")
-        entries[name] = np.array([values[0, 0], values[0, 1], values[1, 1]])
-    if not (np.isfinite(control) and control > 0):
-        problems.add("control_weight", f"{control:g}", "it must be positive")
-    problems.raise_if_any()
-    return Weights(entries["state_weight"], np.asarray(float(control)), entries["terminal_weight"])
+    if not (np.isfinite(control_weight) and control_weight > 0):
+        problems.add("control_weight", f"{control_weight:g}", "it must be positive")
+    return problems
 
 
 def determinant(matrix: np.ndarray) -> np.ndarray:
@@ -102,7 +111,9 @@ def riccati_rate(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost
 
 
 def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
-    """Integrate the Riccati equation backward from S(T) = Qf, adaptively (Dormand–Prince of order 8).
+    """Integrate the Riccati equation backward from S(T) = Qf, adaptively.
+
+    Dormand–Prince of order 8, or for small inertias, whose loop is stiff, Radau's implicit method of order 5.
 
     Returns
     -------
@@ -127,15 +138,17 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
         rate = riccati_rate(pendulums, weights, reference(1.0 - remaining), flat.reshape(count, 3))
         return (pendulums.duration[:, None] * rate).ravel()
 
-    solution = solve_ivp(
-        backward,
-        (0.0, 1.0),
-        terminal.ravel(),
-        method="DOP853",
-        t_eval=phase,
-        rtol=RELATIVE_TOLERANCE,
-        atol=RELATIVE_TOLERANCE * float(np.abs(terminal).max()),
-    )
+    # A trial step too long for a small inertia may overflow; the solver rejects it and halves the step.
+    with np.errstate(over="ignore", invalid="ignore"):
+        solution = solve_ivp(
+            backward,
+            (0.0, 1.0),
+            terminal.ravel(),
+            method="Radau" if _stiffness(pendulums, weights) > STIFF else "DOP853",
+            t_eval=phase,
+            rtol=RELATIVE_TOLERANCE,
+            atol=RELATIVE_TOLERANCE * float(np.abs(terminal).max()),
+        )
     if not solution.success:
         raise NumericalError(
             f"Riccati equation of {pendulums.labels[0]} and {count - 1} more: {solution.message}"
@@ -143,6 +156,12 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
     cost = solution.y.T.reshape(points, count, 3)[::-1]
     _require_definite(pendulums, cost)
     return cost
+
+
+def _stiffness(pendulums: Pendulums, weights: Weights) -> float:
+    """Fastest rate of the steady closed loop, √(Q22/R)/I, times the duration: steps that an explicit method needs."""
+    rate = np.sqrt(weights.state[..., 2] / weights.control) / pendulums.inertia
+    return float((rate * pendulums.duration).max())
 
 
 def cost_to_go_euler(pendulums: Pendulums, weights: Weights) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import Problems
+from lumbar.stability.failures import NO_TRAJECTORY, Failure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,8 +67,10 @@ class Trajectory:
         return float(self.time[-1] - self.time[0])
 
 
-def trajectories_of_lift(states: pd.DataFrame, facts: dict, mass: str) -> list[Trajectory]:
-    """Return the six trajectories of one lift, checked.
+def trajectories_of_lift(
+    states: pd.DataFrame, facts: dict, mass: str
+) -> tuple[list[Trajectory], list[Failure]]:
+    """Return the sound ones of a lift's six trajectories, and what is wrong with the others.
 
     Parameters
     ----------
@@ -81,16 +84,12 @@ def trajectories_of_lift(states: pd.DataFrame, facts: dict, mass: str) -> list[T
 
     Returns
     -------
-    list of Trajectory
+    trajectories : list of Trajectory
         In the order of `COMS`, then `PLANES`.
-
-    Raises
-    ------
-    InputError
-        All problems of the lift, each with its subject, COM and plane.
+    failures : list of Failure
+        Of those that have no basin.
     """
-    problems = Problems(f"pendulum of {facts['subject']} {facts['box_mass_kg']:g} kg")
-    trajectories = []
+    trajectories, failures = [], []
     for com in COMS:
         for plane in PLANES:
             rows = states[(states["com"] == com) & (states["plane"] == plane)]
@@ -108,10 +107,12 @@ def trajectories_of_lift(states: pd.DataFrame, facts: dict, mass: str) -> list[T
                 mass_kg=float(facts["mass_kg"][com][mass]),
                 length_m=float(facts["length_m"][com][plane]),
             )
-            problems.extend(find_problems(trajectory))
-            trajectories.append(trajectory)
-    problems.raise_if_any()
-    return trajectories
+            problems = find_problems(trajectory).entries
+            if problems:
+                failures.append(Failure.of(trajectory, NO_TRAJECTORY, ". ".join(problems)))
+            else:
+                trajectories.append(trajectory)
+    return trajectories, failures
 
 
 def find_problems(trajectory: Trajectory) -> Problems:

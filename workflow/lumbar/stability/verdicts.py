@@ -32,7 +32,7 @@ def verdict(percent: float | None, null: float | None, changed: dict[str, float 
     """
     if percent is None:
         return "not testable in this study"
-    movement = (percent - null) / percent if percent else 0.0
+    movement = 1.0 if null is None else (percent - null) / percent if percent else 0.0
     turned = [name for name, value in changed.items() if value is not None and value * percent <= 0]
     reasons = []
     if turned:
@@ -41,6 +41,11 @@ def verdict(percent: float | None, null: float | None, changed: dict[str, float 
         reasons.append(
             f"the null control shows {null:+.2f} % of the {percent:+.2f} %: it tells of duration, mass and length"
         )
+    unknown = [name for name, value in changed.items() if value is None]
+    if null is None:
+        unknown.append("the null control")
+    if unknown:
+        reasons.append(f"no basin with {', '.join(unknown)}")
     if interval is not None and interval[0] <= 0 <= interval[1]:
         reasons.append("its interval over trials contains 0")
     trials = (

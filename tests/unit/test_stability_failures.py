@@ -1,0 +1,199 @@
+"""A basin that cannot be computed drops its own row, is named, and stops nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_stability_areas import SETTINGS, lift, states_and_facts
+
+from lumbar.errors import InputError, NumericalError
+from lumbar.figures.basin_comparison import comparison_figure
+from lumbar.figures.stability import figure_4_3, figure_4_4
+from lumbar.stability.basins import basins_of_lift
+from lumbar.stability.extended_basins import COLUMNS, extended_basins, extended_table
+from lumbar.stability.failures import announcement, computed, failures_frame, failures_table, joined
+from lumbar.stability.lyapunov_exponent import compared_exponents
+from lumbar.stability.percent_differences import comparisons
+from lumbar.stability.table_4_1 import table_4_1
+from lumbar.stability.trajectory import trajectories_of_lift
+
+FAST = {
+    **SETTINGS,
+    "knots": 101,
+    "thesis_method": None,
+    "proof": None,
+    "attack": {"starts": 50, "control_overstated": 0.3},
+}
+
+
+def with_tiny_inertia(items, index=0):
+    """One pendulum so light that its regulator reaches further than any basin."""
+    return [replace(item, mass_kg=0.3) if number == index else item for number, item in enumerate(items)]
+
+
+@pytest.fixture(scope="module")
+def broken():
+    return basins_of_lift(with_tiny_inertia(lift()), FAST, seed=1)
+
+
+def test_all_at_once_or_one_by_one():
+    calls = []
+
+    def compute(items):
+        calls.append(len(items))
+        for item in items:
+            if item.com == "pelvis":
+                raise NumericalError(f"{item.label}: too hard")
+        return [item.com for item in items]
+
+    results, failures = computed(lift(), compute, "exact, hanging")
+    assert [(len(items), found) for items, found in results] == [
+        (1, [com]) for com in ("thorax", "thorax", "abdomen", "abdomen")
+    ]
+    assert [(item.com, item.basin) for item in failures] == [("pelvis", "exact, hanging")] * 2
+    assert "expert 23 kg, pelvis" in failures[0].reason
+    assert calls == [6, 1, 1, 1, 1, 1, 1]
+    assert computed(lift()[4:], compute, "x")[0] == []
+    assert computed([], compute, "x") == ([], [])
+    assert computed(lift()[:2], compute, "x")[0][0][1] == ["thorax", "thorax"]
+
+
+def test_what_is_no_numerical_failure_stops_everything():
+    def wrong(items):
+        raise InputError("weights")
+
+    with pytest.raises(InputError, match="weights"):
+        computed(lift(), wrong, "x")
+    regulator = {**FAST["regulator"], "state_weight": [[1.0, 2.0], [2.0, 1.0]], "control_weight": -1.0}
+    with pytest.raises(InputError, match="2 problems"):
+        basins_of_lift(lift(), {**FAST, "regulator": regulator}, seed=1)
+
+
+def test_one_bad_basin_drops_only_its_row(broken):
+    whole = basins_of_lift(lift(), FAST, seed=1).summary
+    keys = ["com", "plane", "method", "sign"]
+    left = broken.summary.set_index(keys)
+    assert len(left) == len(whole) - 3
+    assert ("thorax", "lateral_bending", "exact", "hanging") not in left.index
+    there = whole.set_index(keys).loc[left.index]
+    assert left["mean_area"].to_numpy() == pytest.approx(there["mean_area"].to_numpy(), rel=1e-6)
+    assert {(item.com, item.plane) for item in broken.failures} == {("thorax", "lateral_bending")}
+    assert [item.basin for item in broken.failures] == [
+        "exact, hanging",
+        "sum_of_squares, hanging",
+        "exact, inverted",
+    ]
+    assert "rad are allowed: raise the regulator's control weight" in broken.failures[0].reason
+    assert not broken.summary["mean_area"].isna().any()
+
+
+def test_table_4_1_names_the_missing_basin_in_place_of_its_number(broken):
+    light = lift(box=15.0, mass=28.0)
+    boa = pd.concat([broken.summary, basins_of_lift(light, FAST, seed=1).summary])
+    items = [*with_tiny_inertia(lift()), *light]
+    table, missing = table_4_1(boa, items, FAST, "test", items, 1, failures_frame(broken.failures))
+    rows = table.frame.set_index(["comparison", "com"])
+    row = rows.loc["decrease_in_mass_expert", "thorax"]
+    assert row["status"] == "no basin: expert 23 kg thorax lateral_bending"
+    assert np.isnan(row["lateral_bending_percent"]) and np.isfinite(row["flexion_extension_percent"])
+    assert row["lateral_bending_verdict"].startswith("no basin: expert 23 kg")
+    assert rows.loc["decrease_in_mass_expert", "pelvis"]["status"] == "computed"
+    assert "expert 23 kg, thorax, lateral_bending" in table.to_html()
+    assert "nan" not in table.to_latex() and "nan" not in table.to_html()
+    assert len(missing) > len(broken.failures)
+    assert any("Q multiplied" in text for text in missing["basin"])
+
+
+def test_a_lift_without_any_basin_is_still_compared_by_name():
+    light = lift(box=15.0, mass=28.0)
+    boa = basins_of_lift(light, FAST, seed=1).summary
+    states, facts = states_and_facts(lift())
+    facts["length_m"] = {com: dict.fromkeys(planes, 0.02) for com, planes in facts["length_m"].items()}
+    sound, failures = trajectories_of_lift(states, facts, "with_box")
+    assert not sound
+    empty = basins_of_lift(sound, FAST, seed=1)
+    assert empty.summary.empty and empty.funnels.empty
+    table, _ = table_4_1(
+        joined([empty.summary, boa]), light, FAST, "test", light, 1, failures_frame(failures)
+    )
+    status = table.frame.set_index(["comparison", "com"])["status"]
+    assert status["decrease_in_mass_expert", "pelvis"].startswith(
+        "no basin: expert 23 kg pelvis lateral_bending"
+    )
+    assert table.frame["lateral_bending_percent"].isna().all()
+    for figure in (figure_4_3(empty.funnels, 1.0), figure_4_4(empty.funnels), comparison_figure([], FAST)):
+        assert "no basin" in str([text.get_text() for axis in figure.axes for text in axis.texts])
+
+
+def test_exponents_stand_beside_the_basins_of_repeated_trials():
+    """Thirty noisy repetitions of each box give numbers, fewer say how many there are."""
+    generator = np.random.default_rng(5)
+
+    def repeated(box, mass, count):
+        items = []
+        for _ in range(count):
+            for item in lift(box=box, mass=mass):
+                noise = 0.01 * generator.normal(size=2)
+                angle, velocity = item.angle * (1 + noise[0]), item.angular_velocity * (1 + noise[1])
+                items.append(replace(item, angle=angle, angular_velocity=velocity))
+        return items
+
+    settings = {**FAST, "sum_of_squares": None, "knots": 101}
+    boxes = {23.0: 33.0, 15.0: 28.0}
+    boa = pd.concat(
+        [basins_of_lift(lift(box=box, mass=mass), settings, 1).summary for box, mass in boxes.items()]
+    )
+    texts = []
+    for count in (30, 2):
+        everything = [item for box, mass in boxes.items() for item in repeated(box, mass, count)]
+        found = compared_exponents(everything, "flexion_extension", comparisons(boa, None))
+        texts.append(found["decrease_in_mass_expert", "abdomen"])
+    assert texts[0].count("1/s, estimated from 30 trials") == 2
+    assert texts[1].count("insufficient data: 2 trials, at least 30 are needed") == 2
+    items = [item for box, mass in boxes.items() for item in lift(box=box, mass=mass)]
+    column = table_4_1(boa, items, settings, "test", items, 1)[0].frame["flexion_extension_exponents"]
+    assert column.str.contains("insufficient data: 1 trial,|not testable").all()
+
+
+def test_announcement_and_table_name_everything(tmp_path, broken):
+    path = tmp_path / "failures.csv"
+    failures_frame(broken.failures).to_csv(path, index=False)
+    text = announcement(path)
+    assert text.startswith("WARNING: 3 basins of attraction could not be computed")
+    assert "expert 23 kg, thorax, lateral_bending: exact, hanging: " in text
+    assert "in no other table" in failures_table(failures_frame(broken.failures), "test").to_html()
+    failures_frame([]).to_csv(path, index=False)
+    assert announcement(path) == ""
+    assert "Every basin was computed" in failures_table(failures_frame([]), "test").to_html()
+
+
+def test_extended_basins_hold_every_loop_and_engine():
+    settings = {**SETTINGS, "limits": {**SETTINGS["limits"], "torque_N_m": 400.0, "proved": True}}
+    frame, failures = extended_basins(lift()[:2], settings, seed=1)
+    assert not failures and list(frame.columns) == list(COLUMNS)
+    counts = frame.groupby(["loop", "method", "sign"]).size()
+    assert (counts == 2).all() and len(counts) == 9
+    exact = frame[frame["method"] == "exact"].set_index(["loop", "sign"])
+    assert (exact["exits"] == 0).all()
+    assert exact.loc[("torque_limited", "hanging"), "area_ratio"].to_numpy() == pytest.approx(1, rel=1e-6)
+    assert (exact.loc[("uncertain_mass", "inverted"), "area_ratio"] < 1).all()
+    assert (exact.loc[("better_v", "hanging"), "area_ratio"] > 1.2).all()
+    assert exact["proved_share"].min() > 0.9
+    assert "torque_limited" in extended_table(frame, settings, "test").to_html()
+
+
+def test_limits_beyond_any_basin_are_failures_not_zeros():
+    settings = {
+        **FAST,
+        "limits": {**FAST["limits"], "torque_N_m": 1.0, "mass_share": 0.5},
+        "goal_level": 1e-4,
+    }
+    frame, failures = extended_basins(lift()[:2], settings, seed=1)
+    assert set(frame["loop"]) == {"better_v"}
+    reasons = {item.basin: item.reason for item in failures}
+    assert "feedforward torque reaches" in reasons["torque_limited, exact, hanging"]
+    assert "no basin of the goal set is left" in reasons["uncertain_mass, sum_of_squares, hanging"]
+    assert all(item.reason.startswith("expert 23 kg, thorax, ") for item in failures)
