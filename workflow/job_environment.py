@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+from lumbar.environment import use_one_thread
 
 
 def set_job_environment(workflow: Path) -> None:
@@ -18,5 +18,4 @@ def set_job_environment(workflow: Path) -> None:
     """
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(workflow), os.environ.get("PYTHONPATH")]))
     os.environ["SOURCE_DATE_EPOCH"] = "0"
-    for variable in THREADS:
-        os.environ[variable] = "1"
+    use_one_thread()

@@ -1,7 +1,8 @@
-"""What a result was computed with: versions of Python and of the packages the numbers depend on."""
+"""What results are computed with: one thread, and which versions of Python and of packages the numbers depend on."""
 
 from __future__ import annotations
 
+import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
@@ -20,6 +21,18 @@ PACKAGES = (
     "c3d",
     "ziglang",
 )
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+
+
+def use_one_thread() -> None:
+    """Keep linear algebra to one thread, in this process (before numpy is imported) and in those it starts.
+
+    The order of summation, and so the last bits, would otherwise hang on the number of cores; and threads that wait
+    for each other over matrices of a few columns double the time.
+    """
+    for variable in THREADS:
+        os.environ[variable] = "1"
 
 
 def describe_environment() -> dict:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
+from lumbar.environment import use_one_thread
 from lumbar.errors import LumbarError
 
 COMMANDS = (
@@ -64,6 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0; 1 where the data or settings cannot be used (the message is on standard error); argparse exits with
         2 for a wrong command line.
     """
+    use_one_thread()
     options = build_parser().parse_args(arguments)
     try:
         options.run(options)
