@@ -44,6 +44,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python tests/benchmark/run.py
 	python tests/benchmark/stability.py
 	python tests/benchmark/runtime.py
+	python tests/benchmark/pendulum.py
 	snakemake --cores $(CORES) hidden_effects --configfile config/hidden_effects_full.yaml
 
 lint: environment ## what the continuous integration checks before the tests

@@ -1,10 +1,11 @@
-"""Make the table of gains where nothing is missing, which the diagnosis takes its probabilities from.
+"""Make the tables of gains where nothing is missing, which the diagnosis takes its probabilities from.
 
-Every experiment has a true Kelvin–Boltzmann tissue of random parameters, a multisine of random phases and slope of
-its spectrum (or band-limited noise), and noise that is white or, where its colour can be known from the periods of a
-multisine, coloured; base and candidates are fitted as in a diagnosis.
+Every experiment has a true base of random parameters (a Kelvin–Boltzmann tissue or the pendulum of equation 4.1), a
+multisine of random phases and slope of its spectrum (or band-limited noise), and noise that is white or, where its
+colour can be known from the periods of a multisine, coloured; base and candidates are fitted as in a diagnosis.
 
-    python tests/benchmark/null_gains.py --experiments 1000
+    python tests/benchmark/null_gains.py --base KB --experiments 1000
+    python tests/benchmark/null_gains.py --base pendulum --experiments 400
 """
 
 from __future__ import annotations
@@ -12,36 +13,71 @@ from __future__ import annotations
 import argparse
 import os
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 import numpy as np
 from scipy.signal import lfilter
 
 from lumbar.effects.base import BASES
-from lumbar.effects.catalogue import TISSUE
+from lumbar.effects.catalogue import catalogue_of
 from lumbar.effects.motion import Motion
 from lumbar.effects.structure import Structure
 from lumbar.files import write_json
 from lumbar.improvement.fitting import FitData, add, fit_base
 from lumbar.improvement.noise_floor import noise_floor
-from lumbar.improvement.null_gains import TABLE
+from lumbar.improvement.null_gains import TABLES
 from lumbar.progress import track
 from lumbar.records.record import Channel, Record
 
-FORMS = [form for effect in TISSUE.values() for form in effect.forms]
 STEP, PERIOD = 0.01, 10.0
 """Seconds."""
 
 
-def excitation(random: np.random.Generator) -> tuple[Motion, bool]:
-    """Random excitation, 0.1 to 5 Hz: periods of a multisine of 10 s, or noise that does not repeat."""
-    seconds = random.choice([30, 60, 100])
-    time = np.arange(0, seconds, STEP)
-    periodic = random.random() < 0.8
-    lines = np.arange(1, 51) * 0.1 if periodic else random.uniform(0.05, 5.0, 80)
+def forms_of(base: str) -> list:
+    """Every candidate form of a base's catalogue."""
+    return [form for effect in catalogue_of(base).values() for form in effect.forms]
+
+
+def sines(time: np.ndarray, lines: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Sum of sines of random phases and slope of the spectrum, of largest value 1."""
     amplitudes = lines ** random.choice([0.0, -0.5, -1.0])
     phases = random.uniform(0, 2 * np.pi, len(lines))
-    position = np.cos(2 * np.pi * np.outer(time, lines) + phases) @ amplitudes
-    return Motion(time, position * random.uniform(3, 8) / np.abs(position).max(), STEP), periodic
+    values = np.cos(2 * np.pi * np.outer(time, lines) + phases) @ amplitudes
+    return values / np.abs(values).max()
+
+
+def tissue_test(random: np.random.Generator) -> tuple[Motion, bool, np.ndarray, np.ndarray]:
+    """Motion, whether it repeats, amplitudes and shapes: periods of a multisine of 10 s, or noise, 0.1 to 5 Hz."""
+    time = np.arange(0, random.choice([30, 60, 100]), STEP)
+    periodic = random.random() < 0.8
+    lines = np.arange(1, 51) * 0.1 if periodic else random.uniform(0.05, 5.0, 80)
+    motion = Motion(time, sines(time, lines, random) * random.uniform(3, 8), STEP)
+    amplitudes = np.array([random.uniform(0.25, 0.9), random.uniform(0.2, 1.9)])
+    return motion, periodic, amplitudes, np.array([random.uniform(0.05, 0.35)])
+
+
+def swings(random: np.random.Generator) -> tuple[Motion, bool, np.ndarray, np.ndarray]:
+    """Motion, whether it repeats, amplitudes and shapes: swings of 0.1 to 1.5 Hz, hanging or inverted.
+
+    Box, length and pivot are measured, so that every candidate can be tried.
+    """
+    periodic = random.random() < 0.5
+    # Of three periods the first is the transient: two do not tell the colour of slow noise.
+    time = np.arange(0, random.choice([60, 100] if periodic else [30, 60]), STEP)
+    lines = np.arange(1, 16) * 0.1 if periodic else random.uniform(0.06, 1.5, 14)
+    angle = random.uniform(0, 0.3) + random.uniform(0.3, 0.9) * sines(time, lines, random)
+    channels = {
+        "box_held": (np.abs(time / time[-1] - random.uniform(0.3, 0.7)) < random.uniform(0.1, 0.3)) * 1.0,
+        "length": 0.4 + 0.05 * sines(time, random.uniform(0.06, 1.0, 3), random),
+        "pivot_acceleration_x": sines(time, random.uniform(0.1, 1.5, 3), random),
+        "pivot_acceleration_z": sines(time, random.uniform(0.1, 1.5, 3), random),
+    }
+    gravity = random.choice([-1, 1]) * random.uniform(60, 250)
+    amplitudes = np.array([random.uniform(2, 20), random.uniform(2, 12), gravity])
+    return Motion(time, angle, STEP, channels=channels), periodic, amplitudes, np.zeros(0)
+
+
+EXCITATIONS = {"KB": tissue_test, "pendulum": swings}
 
 
 def unit_noise(random: np.random.Generator, samples: int, coloured: bool) -> np.ndarray:
@@ -57,42 +93,40 @@ def unit_noise(random: np.random.Generator, samples: int, coloured: bool) -> np.
     return noise / noise.std()
 
 
-def largest_gain(seed: int) -> float:
+def largest_gain(base: str, seed: int) -> float:
     """Largest gain in twice the log-likelihood among all candidates, for one null experiment."""
     random = np.random.default_rng([20260, seed])
-    structure = Structure(BASES["KB"])
-    motion, periodic = excitation(random)
-    amplitudes = np.array([random.uniform(0.25, 0.9), random.uniform(0.2, 1.9)])
-    clean = structure.simulate(motion, amplitudes, np.array([random.uniform(0.05, 0.35)]))
+    structure = Structure(BASES[base])
+    motion, periodic, amplitudes, shapes = EXCITATIONS[base](random)
+    clean = structure.simulate(motion, amplitudes, shapes)
     share = random.choice([0.005, 0.01, 0.02, 0.3])
     coloured = periodic and random.random() < 0.4
-    force = clean + share * clean.std() * unit_noise(random, len(clean), coloured)
-    whitening = known_colour(motion, force) if periodic else np.ones(1)
-    data = FitData("null", motion, force, whitening)
-    base = fit_base(structure, data)
-    best = min(add(base, form, data).squared_error for form in FORMS)
-    return data.size * float(np.log(base.squared_error / best))
+    output = clean + share * clean.std() * unit_noise(random, len(clean), coloured)
+    whitening = known_colour(motion, output) if periodic else np.ones(1)
+    data = FitData("null", motion, output, whitening)
+    fitted = fit_base(structure, data)
+    best = min(add(fitted, form, data).squared_error for form in forms_of(base))
+    return data.size * float(np.log(fitted.squared_error / best))
 
 
-def known_colour(motion: Motion, force: np.ndarray) -> np.ndarray:
+def known_colour(motion: Motion, output: np.ndarray) -> np.ndarray:
     """Whitening filter, as a diagnosis estimates it from the periods."""
-    channels = {
-        "input": Channel(motion.position, "position", "mm"),
-        "output": Channel(force, "force", "N"),
-    }
+    channels = {"input": Channel(motion.position, "", ""), "output": Channel(output, "", "")}
     return noise_floor(Record("null", motion.time, channels), PERIOD).whitening
 
 
 def main() -> None:
     """Simulate and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--base", choices=sorted(EXCITATIONS), default="KB")
     parser.add_argument("--experiments", type=int, default=1000)
     parser.add_argument("--cores", type=int, default=os.cpu_count())
     options = parser.parse_args()
     with ProcessPoolExecutor(options.cores) as pool:
-        gains = pool.map(largest_gain, range(options.experiments), chunksize=5)
+        gains = pool.map(partial(largest_gain, options.base), range(options.experiments), chunksize=5)
         found = sorted(round(value, 4) for value in track(gains, "null experiments", options.experiments))
-    write_json(TABLE, {"schema": "lumbar.null_gains/1", "forms": len(FORMS), "base": "KB", "gains": found})
+    content = {"schema": "lumbar.null_gains/1", "forms": len(forms_of(options.base)), "base": options.base}
+    write_json(TABLES[BASES[options.base].system], {**content, "gains": found})
     print(f"quantiles 50, 90, 99 %: {np.quantile(found, [0.5, 0.9, 0.99])}")
 
 

@@ -58,8 +58,9 @@ def test_davinci_tool(folder, shared):
     diagnosis = json.loads(
         (results / "improvement" / "tissue" / "diagnosis.json").read_text(encoding="utf-8")
     )
-    assert diagnosis["selected"][0] == "hysteresis"
-    assert diagnosis["ladder"][1]["test_rms"] < 0.3 * diagnosis["ladder"][0]["test_rms"]
+    assert (diagnosis["verdict"], diagnosis["selected"]) == ("named", ["hysteresis"])
+    assert diagnosis["train"] == "sine_0.1Hz+sine_0.3Hz"
+    assert diagnosis["ladder"][1]["test_rms"] < 0.25 * diagnosis["ladder"][0]["test_rms"]
     refined = table[(table.model == "KB+hysteresis") & (table.trained_on == "sine_0.1Hz")].iloc[0]
     linear = table[(table.model == "KB") & (table.trained_on == "sine_0.1Hz")]
     assert refined.vaf_test_1_percent > linear.vaf_test_1_percent.max() + 10

@@ -139,6 +139,9 @@ def _overtones(p, m: Motion, f: Functions) -> float:
 
 _STATIC = {
     "base/LE": lambda p, m, f: p[0] * m.position,
+    "base/pendulum": lambda p, m, f: (
+        p[0] * m.acceleration + p[1] * m.velocity + p[2] * f.sine(m.position / math.tau)
+    ),
     "base/KV": lambda p, m, f: p[0] * m.position + p[1] * m.velocity,
     "hardening_stiffness/cubic": lambda p, m, f: p[0] * (m.position * m.position * m.position),
     "hardening_stiffness/exponential": lambda p, m, f: (

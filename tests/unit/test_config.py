@@ -8,7 +8,16 @@ import shutil
 import pytest
 import yaml
 
-from lumbar.config import Artefact, load_study, name_lifts, read_artefacts, reading_plan, recordings_of
+from lumbar.config import (
+    Artefact,
+    load_study,
+    name_lifts,
+    read_artefacts,
+    reading_plan,
+    record_layout,
+    record_set_base,
+    recordings_of,
+)
 from lumbar.errors import InputError
 
 
@@ -68,6 +77,27 @@ def test_the_reading_plan_covers_every_recording_and_only_reading(config, folder
     changed = load_study(config, folder)
     assert changed.subjects["expert"]["mass_kg"] == study.subjects["expert"]["mass_kg"] + 1
     assert reading_plan(changed, recordings_of(changed)) == before
+
+
+def test_a_record_set_names_its_base_and_with_it_its_layout(config, folder):
+    study = load_study(config, folder)
+    assert record_set_base(config, "hip_moment") == "pendulum"
+    assert record_set_base(config, "tissue") == "KB"
+    config["tissue"]["rate_Hz"] = 50
+    assert record_layout(config, "pendulum") == (config["lifting"]["moment_layout"], None)
+    assert record_layout(config, "KV") == (config["tissue"]["layout"], 50)
+    with pytest.raises(InputError, match="unknown base model 'HO'"):
+        record_layout(config, "HO")
+    plan = {item["path"]: item for item in reading_plan(study, ["improvement"])}
+    moment = plan["results/thesis/twin/hip_moment/paced.csv"]
+    assert moment["layout"]["columns"]["input"]["column"] == "angle_rad"
+    assert "rate_Hz" not in moment
+    force = plan["results/thesis/twin/two_hidden_effects/chirp.csv"]
+    assert force["layout"] == config["tissue"]["layout"]
+    config["improvement"]["record_sets"][0]["base"] = "pendulum"
+    assert "tissue has the base pendulum and no records" in message_of(config, folder)
+    config["improvement"]["record_sets"][2]["base"] = "HO"
+    assert "improvement.record_sets.2.base" in message_of(config, folder)
 
 
 def test_all_wrong_keys_are_named_at_once(config, folder):

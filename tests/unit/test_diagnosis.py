@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from lumbar.effects.catalogue import TISSUE
+from lumbar.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.errors import InputError, NumericalError
 from lumbar.improvement.diagnosis import Settings, diagnose
 from lumbar.improvement.null_gains import NullGains, shipped
@@ -185,4 +185,5 @@ def test_p_values_of_the_null_table():
     assert table.p_value(40.0) == pytest.approx(np.exp(-20), rel=0.5)
     assert table.p_value(10.0, forms=56) == pytest.approx(2 * table.p_value(10.0))
     assert len(shipped().gains) >= 200
-    assert shipped().forms == sum(len(effect.forms) for effect in TISSUE.values())
+    for system, catalogue in CATALOGUES.items():
+        assert shipped(system).forms == sum(len(effect.forms) for effect in catalogue.values())

@@ -50,6 +50,28 @@ def test_values_units_and_clock_are_read(tmp_path, values):
     assert part.time[0] == pytest.approx(0.1)
 
 
+def test_an_optional_column_may_be_absent_or_rest(tmp_path, values):
+    optional = {"column": "l", "quantity": "length", "unit": "m", "optional": True}
+    layout = {"columns": {**LAYOUT["columns"], "length": optional}}
+    assert "length" not in read_record(written(tmp_path, text_of(values)), layout).channels
+    resting = np.column_stack([values, np.full(len(values), 0.4)])
+    text = text_of(resting, "t,z,f,l", "{:.6f},{:.6f},{:.6f},{:.6f}")
+    assert read_record(written(tmp_path, text), layout)["length"] == pytest.approx(0.4)
+    with pytest.raises(InputError, match="no column 'l'"):
+        read_record(
+            written(tmp_path, text_of(values)),
+            {"columns": {**LAYOUT["columns"], "length": {**optional, "optional": False}}},
+        )
+    with pytest.raises(InputError, match=r"length is nan"):
+        broken = text.replace("0.400000\n", "nan\n", 1)
+        read_record(written(tmp_path, broken), layout)
+    from scipy.io import savemat
+
+    savemat(tmp_path / "trial.mat", dict(zip("tzf", values.T, strict=True)))
+    read = read_record(tmp_path / "trial.mat", {**layout, "format": "mat"})
+    assert set(read.channels) == {"input", "output"}
+
+
 def test_scale_offset_numbers_comments_and_decimal_comma(tmp_path, values):
     text = text_of(1000 * values, header="% made up\n", form="{:.3f}\t{:.3f}\t{:.3f}").replace(".", ",")
     layout = {

@@ -195,7 +195,7 @@ def test_sound_files_pass_all_checks(name, version, fmu_folder):
 
 @pytest.mark.skipif(shutil.which("java") is None or not VDMCHECK, reason="VDMCheck2 is not at hand")
 def test_vdmcheck_finds_nothing_in_sound_files_and_something_in_broken_ones(fmu_folder, tmp_path):
-    for model in ("IL", "KB", "HO"):
+    for model in ("IL", "KB", "HO", "KB+coulomb_friction"):
         assert vdmchecked(fmu_folder / f"{model}_fmi2.fmu") == []
     caught = []
     for name in ("start above max", "variable twice", "value reference twice", "unit that is not defined"):

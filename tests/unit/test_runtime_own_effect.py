@@ -149,6 +149,15 @@ def test_what_the_file_lacks_is_named(old, new, words, tmp_path):
         exported(catalogue, *effects)
 
 
+@on_x86_64_linux
+def test_c_code_that_says_something_else_than_the_simulation_is_refused(zig_cache, tmp_path):
+    catalogue = changed(tmp_path, "creep_stiffness * (next[1] / next[0])", "creep_stiffness * next[1]")
+    model = exported(catalogue, ("creep", "mean", [0.3], []))
+    export_fmus([model], tmp_path, "own", TARGET, zig_cache)
+    with pytest.raises(InputError, match="simulated output is off by"):
+        check_fmus([model], tmp_path, 200, seed=5)
+
+
 def test_a_comment_may_name_functions_that_code_may_not_call(tmp_path):
     catalogue = changed(tmp_path, '"fabs(force)"', '"fabs(force)", "// not tanh(force) /* sin(x) */"')
     assert exported(catalogue, ("rectified", "size", [], []))

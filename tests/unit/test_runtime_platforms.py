@@ -42,6 +42,15 @@ NONLINEAR = effect_entry(
     "KB", "coulomb_friction/stribeck", "hysteresis/dahl", "softening/path", "periodic_disturbance/sine"
 )
 
+FIVE_EFFECTS = effect_entry(
+    "KB",
+    "delay/pure",
+    "coulomb_friction/stribeck",
+    "hysteresis/bouc_wen",
+    "hardening_stiffness/exponential",
+    "softening/path",
+)
+
 
 def some_models():
     """KB, a static gain, and a model with effects."""
@@ -152,7 +161,10 @@ def test_the_loader_in_c_sharp_prints_the_embedded_reference(platform_fmus, proj
 @on_linux
 @with_wine
 def test_five_platforms_fit_into_150_kilobytes(zig_cache, tmp_path):
-    for path in export_fmus(some_models()[::2], tmp_path, "synthetic twin", list(TARGETS), zig_cache):
+    """A linear model, and the most effects that a diagnosis adds at the rate of a haptic loop."""
+    chosen = {**SETTINGS, "models": [FIVE_EFFECTS["name"]], "rate_Hz": 1000}
+    models = [some_models()[0], *select_models(models_json(FIVE_EFFECTS), chosen)]
+    for path in export_fmus(models, tmp_path, "synthetic twin", list(TARGETS), zig_cache):
         assert path.stat().st_size <= 150_000, path.name
 
 

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lumbar.errors import Problems
+from lumbar.errors import InputError, Problems
 from lumbar.tables import SYNTHETIC_TWIN
 
 TWIN = "twin"
@@ -350,6 +350,29 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
     return {chapter: names for chapter, names in files.items() if names and study.has(chapter)}
 
 
+def record_layout(config: dict, base: str) -> tuple[dict, float | None]:
+    """Layout of a base model's records, and the rate (Hz) to which they are resampled.
+
+    Raises
+    ------
+    InputError
+        For an unknown base.
+    """
+    from lumbar.effects.base import BASES
+
+    if base not in BASES:
+        raise InputError(f"unknown base model {base!r}; known are {', '.join(BASES)}")
+    if BASES[base].system == "pendulum":
+        return config["lifting"]["moment_layout"], None
+    return config["tissue"]["layout"], config["tissue"]["rate_Hz"]
+
+
+def record_set_base(config: dict, name: str) -> str:
+    """Base model of a record set of the improvement chapter."""
+    entry = next(item for item in config["improvement"]["record_sets"] if item["name"] == name)
+    return entry.get("base", config["improvement"]["base"])
+
+
 def record_set_records(study: Study, name: str) -> list[dict]:
     """Records of a record set of the improvement chapter, as the configuration names them."""
     entry = next(item for item in study.config["improvement"]["record_sets"] if item["name"] == name)
@@ -375,8 +398,12 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
             plan += _lift_readings(study)
         elif chapter == "improvement":
             for entry in settings["record_sets"]:
-                readings = [_column_reading(study, "tissue", record) for record in entry.get("records", [])]
-                plan += [{**reading, "chapter": chapter, "set": entry["name"]} for reading in readings]
+                layout, rate = record_layout(study.config, record_set_base(study.config, entry["name"]))
+                readings = [
+                    _column_reading(study, chapter, record, layout, rate)
+                    for record in entry.get("records", [])
+                ]
+                plan += [{**reading, "set": entry["name"]} for reading in readings]
         elif chapter == "perturbations":
             plan += [
                 {
@@ -391,21 +418,21 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
             path = study.recording(settings["file"])
             plan.append({"chapter": chapter, "reader": "ratings", "path": path, "layout": settings["layout"]})
         else:
-            plan += [_column_reading(study, chapter, record) for record in settings["records"]]
+            layout, rate = settings["layout"], settings.get("rate_Hz")
+            plan += [_column_reading(study, chapter, record, layout, rate) for record in settings["records"]]
     return plan
 
 
-def _column_reading(study: Study, chapter: str, record: dict) -> dict:
-    settings = study.config[chapter]
+def _column_reading(study: Study, chapter: str, record: dict, layout: dict, rate: float | None) -> dict:
     reading = {
         "chapter": chapter,
         "set": chapter,
         "reader": "columns",
         "path": study.recording(record["file"]),
-        "layout": settings["layout"],
+        "layout": layout,
         "name": record["name"],
         "period_s": record.get("period_s"),
-        "rate_Hz": settings.get("rate_Hz"),
+        "rate_Hz": rate,
     }
     return {key: value for key, value in reading.items() if value is not None}
 
@@ -446,6 +473,18 @@ def _check_tissue(tissue: dict, problems: Problems) -> None:
         problems.add("tissue.search.selection", "'test' with a single record", "use training")
 
 
+def _check_record_sets(config: dict, problems: Problems) -> None:
+    """Check that a set whose base is no model of a tissue has records of its own."""
+    tissue = config["tissue"]["layout"]
+    for entry in config["improvement"]["record_sets"]:
+        layout, _ = record_layout(config, record_set_base(config, entry["name"]))
+        if layout is not tissue and "records" not in entry:
+            found = f"{entry['name']} has the base {entry['base']} and no records"
+            problems.add(
+                "improvement.record_sets", found, "those of the tissue chapter are none: name its own"
+            )
+
+
 def _check_records(study: Study, problems: Problems) -> None:
     """Check names, references between keys and that every given recording is there and inside the root."""
     config = study.config
@@ -462,6 +501,8 @@ def _check_records(study: Study, problems: Problems) -> None:
                 "runtime.trained_on", f"{trained_on!r} is not trained on", "take one of tissue.training"
             )
         _check_tissue(config["tissue"], problems)
+    if study.has("improvement"):
+        _check_record_sets(config, problems)
     if study.has("survey"):
         _check_survey(config["survey"], problems)
     if study.has("stability") or study.has("perturbations"):

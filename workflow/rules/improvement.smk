@@ -1,6 +1,6 @@
 # Improvement: what the base model is missing on each record set, the model with it, and the error ladder.
 
-from lumbar.config import record_set_records
+from lumbar.config import record_layout, record_set_base, record_set_records
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
 RECORD_SETS = [entry["name"] for entry in config["improvement"]["record_sets"]]
@@ -82,8 +82,9 @@ rule diagnose_records:
         CONDA
     params:
         records=lambda wildcards: record_set_records(study, wildcards.record_set),
-        layout=config["tissue"]["layout"],
-        rate=config["tissue"]["rate_Hz"],
+        base=lambda wildcards: record_set_base(config, wildcards.record_set),
+        layout=lambda wildcards: record_layout(config, record_set_base(config, wildcards.record_set))[0],
+        rate=lambda wildcards: record_layout(config, record_set_base(config, wildcards.record_set))[1],
         improvement={key: value for key, value in config["improvement"].items() if key != "record_sets"},
         machine=config["signals"]["machine"],
         seed=config["seed"],

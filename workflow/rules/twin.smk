@@ -67,6 +67,37 @@ if study.synthetic and study.has("lifting"):
             "../scripts/twin_lifting.py"
 
 
+HIP_MOMENTS = [
+    record
+    for entry in config["improvement"]["record_sets"]
+    for record in entry.get("records", [])
+    if record["file"].startswith("hip_moment/")
+]
+
+
+if study.synthetic and HIP_MOMENTS:
+
+    rule twin_hip_moment:
+        input:
+            sources=library_sources("twin_hip_moment.py"),
+        output:
+            recordings=[f"<results>/twin/{record['file']}" for record in HIP_MOMENTS],
+        log:
+            "<logs>/twin_hip_moment.log",
+        benchmark:
+            "<benchmarks>/twin_hip_moment.tsv"
+        conda:
+            CONDA
+        params:
+            settings=config["twin"]["lifting"],
+            trials=[record["name"] for record in HIP_MOMENTS],
+            seed=config["twin"]["seed"],
+        message:
+            "Synthetic hip moments of repeated lifts"
+        script:
+            "../scripts/twin_hip_moment.py"
+
+
 rule twin_tissue:
     input:
         signals=expand("<results>/signals/{name}.csv", name=["multisine", "noise", "chirp"]),

@@ -23,18 +23,18 @@ def main(input, output, params):
         read_record(path, params.layout, entry["name"], entry.get("period_s"), params.rate)
         for entry, path in zip(params.records, input.recordings, strict=True)
     ]
-    settings, folder = Settings.from_config(params.improvement), Path(output.diagnosis).parent
+    settings, folder = Settings.from_config(params.improvement, params.base), Path(output.diagnosis).parent
     diagnosis = diagnose(records, settings)
     evidence = gather_evidence(diagnosis, records, settings, params.seed, params.machine)
-    floor, training = diagnosis.experiment.floor, diagnosis.experiment.training.name
+    floor, training = diagnosis.experiment.floor, diagnosis.experiment.floor_from
     simulated = compare_and_locate(records, diagnosis.base.fit, floor, training, params.seed, settings.centre)
-    pictures = draw_pictures(diagnosis, simulated, settings.catalogue, folder, params.data)
+    pictures = draw_pictures(diagnosis, simulated, settings.candidates, folder, params.data)
     comparisons = comparison_table([item.comparison for item in simulated], params.data)
     comparisons.write(output.compare.removesuffix(".csv"))
     locations = location_table([item.location for item in simulated], params.data)
     locations.write(output.location.removesuffix(".csv"))
     write_json(output.refined, refined_document(diagnosis.ladder, diagnosis.experiment, params.data))
-    page = diagnosis_page(diagnosis, evidence, settings.catalogue, params.data, pictures)
+    page = diagnosis_page(diagnosis, evidence, settings.candidates, params.data, pictures)
     write_text(output.page, page)
     write_diagnosis(diagnosis, evidence, folder, params.data)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lumbar.cli.settings import add_data, add_output, load_settings, new_command
-from lumbar.cli.tissue_folder import add_selection, read_folder, selection
+from lumbar.cli.settings import add_data, add_output, new_command
+from lumbar.cli.tissue_folder import add_selection, read_and_choose
 
 
 def add(commands) -> None:
@@ -43,9 +43,7 @@ def run(options) -> None:
     from lumbar.improvement.separating_excitation import separation_sentence
     from lumbar.pages.diagnosis import diagnosis_page
 
-    settings = load_settings(options.config, "tissue", "improvement", "signals")
-    records = read_folder(options.folder, settings["tissue"])
-    chosen = selection(options, settings["improvement"])
+    settings, records, chosen = read_and_choose(options)
     data = options.data or options.folder.name
     diagnosis = diagnose(records, chosen)
     evidence = gather_evidence(diagnosis, records, chosen, settings["seed"], settings["signals"]["machine"])
@@ -54,11 +52,11 @@ def run(options) -> None:
         from lumbar.pages.diagnosis_pictures import diagnosis_pictures
 
         pictures = diagnosis_pictures(diagnosis, records, chosen, settings["seed"], options.output, data)
-    page = diagnosis_page(diagnosis, evidence, chosen.catalogue, data, pictures)
+    page = diagnosis_page(diagnosis, evidence, chosen.candidates, data, pictures)
     write_diagnosis(diagnosis, evidence, options.output, data)
     write_text(options.output / "diagnosis.html", page)
     print(headline(diagnosis))
-    for line in details(diagnosis, chosen.catalogue):
+    for line in details(diagnosis, chosen.candidates):
         print(f"  {line}")
     if evidence.separation is not None:
         print(f"  {separation_sentence(evidence.separation, diagnosis)}")

@@ -63,7 +63,15 @@ def load_settings(files: list[Path], *sections: str) -> dict:
     for path in [defaults, *files]:
         settings = _laid_over(settings, _read_mapping(path))
     check_sections(settings, sections, PROJECT)
+    if "improvement" in sections:
+        improvement = settings["improvement"]
+        improvement["effect_files"] = [_here_or_in_project(file) for file in improvement["effect_files"]]
     return settings
+
+
+def _here_or_in_project(file: str) -> str:
+    """Path of a file that a study names relative to the project, or a user relative to the folder they are in."""
+    return file if Path(file).exists() else str(PROJECT / file)
 
 
 def read_subject(path: Path) -> dict:

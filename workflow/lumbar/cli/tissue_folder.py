@@ -1,4 +1,4 @@
-"""What the commands on a folder of tissue tests share: reading it, and which model and records are meant."""
+"""What the commands on a folder of records share: reading it, and which model and records are meant."""
 
 from __future__ import annotations
 
@@ -39,10 +39,26 @@ def fitted_model(options):
     """
     from lumbar.improvement.refinement import refine
 
-    settings = load_settings(options.config, "tissue", "improvement")
-    records = read_folder(options.folder, settings["tissue"])
-    chosen = selection(options, settings["improvement"])
+    settings, records, chosen = read_and_choose(options)
     return settings, records, chosen, *refine(records, options.add, chosen)
+
+
+def read_and_choose(options):
+    """Read the folder as the base asks, and take the options and settings together.
+
+    Returns
+    -------
+    dict
+        The settings.
+    list of Record
+    Settings
+        Of `lumbar.improvement.diagnosis`.
+    """
+    from lumbar.config import record_layout
+
+    settings = load_settings(options.config, "tissue", "improvement", "lifting", "signals")
+    chosen = selection(options, settings["improvement"])
+    return settings, read_folder(options.folder, *record_layout(settings, chosen.base)), chosen
 
 
 def simulated_model(options):
@@ -60,7 +76,7 @@ def simulated_model(options):
     from lumbar.improvement.simulated import compare_and_locate
 
     settings, records, chosen, experiment, ladder = fitted_model(options)
-    fit, training = ladder[-1].fit, experiment.training.name
+    fit, training = ladder[-1].fit, experiment.floor_from
     simulated = compare_and_locate(records, fit, experiment.floor, training, settings["seed"], chosen.centre)
     return model_name(fit), simulated, options.data or options.folder.name
 
@@ -68,9 +84,17 @@ def simulated_model(options):
 def add_selection(parser: argparse.ArgumentParser) -> None:
     """Add ``--base``, ``--train`` and ``--period``."""
     parser.add_argument(
-        "--base", metavar="MODEL", help="base model: LE, Maxwell, KV or KB (default: the settings')"
+        "--base",
+        metavar="MODEL",
+        help="base model: LE, Maxwell, KV, KB or pendulum (default: the settings'); the pendulum's records are "
+        "time_s,angle_rad,moment_Nm",
     )
-    parser.add_argument("--train", metavar="NAME", help="record to fit on (default: the longest)")
+    parser.add_argument(
+        "--train",
+        metavar="NAME",
+        action="append",
+        help="record to fit on (default: the longest); may be given several times, to fit on several together",
+    )
     parser.add_argument(
         "--period",
         action="append",
@@ -80,12 +104,12 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def read_folder(folder: Path, tissue: dict) -> list:
-    """Read every column file of a folder as a record."""
+def read_folder(folder: Path, layout: dict, rate: float | None) -> list:
+    """Read every column file of a folder as a record, resampled to `rate` in hertz where one is given."""
     from lumbar.records.columns import read_record
     from lumbar.records.record import same_units
 
-    records = [read_record(path, tissue["layout"], rate=tissue["rate_Hz"]) for path in record_files(folder)]
+    records = [read_record(path, layout, rate=rate) for path in record_files(folder)]
     same_units(records)
     return records
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+import numpy as np
 
 from lumbar.effects.c_step import RELAX, CStep, ramp_relaxation
 from lumbar.effects.effect import Amplitude, Columns, Shape
@@ -25,6 +28,8 @@ class Base:
         From motion and shapes to one force per amplitude, each of shape (samples,).
     c_step : CStep
         The sum of these forces in C, sample by sample.
+    system : str
+        What it is a model of, which decides the catalogue of effects: ``tissue`` or ``pendulum``.
     """
 
     name: str
@@ -33,6 +38,7 @@ class Base:
     shapes: tuple[Shape, ...]
     columns: Columns
     c_step: CStep
+    system: str = "tissue"
 
 
 _SPRING = Amplitude("spring_stiffness", "{y}/{x}")
@@ -79,6 +85,28 @@ BASES = {
                 constants=ramp_relaxation,
             ),
         ),
+        Base(
+            "pendulum",
+            r"M = I \ddot\theta + b \dot\theta + m g \ell \sin\theta",
+            (
+                Amplitude("inertia", "{y} s^2/{x}"),
+                Amplitude("damping", "{y} s/{x}"),
+                Amplitude("gravity_moment", "{y}", sign=0),
+            ),
+            (),
+            lambda motion, _: [motion.acceleration, motion.velocity, np.sin(motion.position)],
+            CStep(
+                "inertia * acceleration + damping * velocity + gravity_moment * portable_sine(position / turn)",
+                constants=lambda parameters, sampling_time: {"turn": 2 * math.pi},
+            ),
+            system="pendulum",
+        ),
     )
 }
-"""Base models by name. KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch."""
+"""Base models by name.
+
+KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch. The pendulum is equation 4.1: M is the moment that
+the person exerts at the pivot, positive with the angle θ from the vertical (not centred). Its gravity moment has the
+sign the data give it: m g ℓ > 0 where θ counts from straight down (hanging, as published), −m g ℓ < 0 where it counts
+from straight up (inverted).
+"""

@@ -1,13 +1,15 @@
-"""All effects by name, and effects a user adds in a file of their own."""
+"""All effects by name and system, and effects a user adds in a file of their own."""
 
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from dataclasses import replace
 from pathlib import Path
 
-from lumbar.effects import channel, elapsed, friction, rate, stiffness
-from lumbar.effects.effect import Effect
+from lumbar.effects import channel, elapsed, friction, pendulum, pendulum_load, rate, stiffness
+from lumbar.effects.base import BASES
+from lumbar.effects.effect import Effect, Form
 from lumbar.errors import InputError
 
 TISSUE = {
@@ -28,6 +30,63 @@ TISSUE = {
 }
 """The tissue catalogue, in the order in which reports list it."""
 
+PENDULUM = {
+    effect.name: effect
+    for effect in (
+        pendulum_load.HAND_LOAD,
+        *pendulum.EFFECTS[:2],
+        *pendulum_load.EFFECTS[1:],
+        pendulum.DRAG,
+    )
+}
+"""The catalogue of the pendulum of equation 4.1."""
+
+CATALOGUES = {"tissue": TISSUE, "pendulum": PENDULUM}
+"""Catalogue of every system that a base is a model of."""
+
+
+def catalogue_of(base: str) -> dict[str, Effect]:
+    """Catalogue of the system that a base is a model of.
+
+    Raises
+    ------
+    InputError
+        For an unknown base.
+    """
+    if base not in BASES:
+        raise InputError(f"unknown base model {base!r}; known are {', '.join(BASES)}")
+    return CATALOGUES[BASES[base].system]
+
+
+def without_channels(
+    catalogue: dict[str, Effect], available: Collection[str]
+) -> tuple[dict[str, Effect], list[tuple[Form, tuple[str, ...]]]]:
+    """Part of a catalogue that records with these channels allow, and what they do not.
+
+    Parameters
+    ----------
+    catalogue : dict of str to Effect
+    available : collection of str
+        Roles of the channels of every record.
+
+    Returns
+    -------
+    dict of str to Effect
+        Effects with the forms that can be tried.
+    list of (Form, tuple of str)
+        Forms that cannot, each with the channels that are missing.
+    """
+    usable, left_out = {}, []
+    for name, effect in catalogue.items():
+        missing = {
+            form.key: tuple(role for role in form.channels if role not in available) for form in effect.forms
+        }
+        left_out += [(form, missing[form.key]) for form in effect.forms if missing[form.key]]
+        forms = tuple(form for form in effect.forms if not missing[form.key])
+        if forms:
+            usable[name] = replace(effect, forms=forms)
+    return usable, left_out
+
 
 def load_effects(path: Path) -> dict[str, Effect]:
     """Read effects from a user's Python file: every module-level `Effect` counts.
@@ -41,7 +100,7 @@ def load_effects(path: Path) -> dict[str, Effect]:
     """
     specification = importlib.util.spec_from_file_location(f"lumbar_user_effects_{path.stem}", path)
     if specification is None or not path.is_file():
-        raise InputError(f"{path}: not a Python file with effects")
+        raise InputError(f"{path}: not a Python file with effects (improvement.effect_files)")
     module = importlib.util.module_from_spec(specification)
     try:
         specification.loader.exec_module(module)
@@ -53,15 +112,15 @@ def load_effects(path: Path) -> dict[str, Effect]:
     return found
 
 
-def catalogue_with(files: Iterable[str | Path]) -> dict[str, Effect]:
-    """Return the tissue catalogue with the effects of a user's files, which come last and may replace others.
+def catalogue_with(files: Iterable[str | Path], base: str = "KB") -> dict[str, Effect]:
+    """Return the catalogue of a base with the effects of a user's files, which come last and may replace others.
 
     Raises
     ------
     InputError
-        As `load_effects`.
+        As `catalogue_of` and `load_effects`.
     """
-    catalogue = dict(TISSUE)
+    catalogue = dict(catalogue_of(base))
     for file in files:
         catalogue.update(load_effects(Path(file)))
     return catalogue

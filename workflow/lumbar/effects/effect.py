@@ -112,6 +112,8 @@ class Form:
         shapes to the measured force.
     starts : callable, optional
         Starting shapes from the motion and the residual force, instead of the shapes' grids.
+    channels : tuple of str
+        Roles of channels beside input and output that the form needs; without them it is left out of a search.
     c_step : CStep, optional
         The same in C, sample by sample; a form without it cannot be exported to a haptic device.
     """
@@ -126,6 +128,7 @@ class Form:
     output_transform: OutputTransform | None = None
     starts: Starts | None = None
     c_step: CStep | None = None
+    channels: tuple[str, ...] = ()
     effect: str = field(default="", compare=True)
 
     @property

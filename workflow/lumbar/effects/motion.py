@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -29,17 +29,26 @@ class Motion:
     smooth : bool
         Whether the position is a smooth signal. A position that went through play is not: its derivatives are
         taken by differences instead of by a spline.
+    channels : dict of str to numpy.ndarray
+        What else was measured beside input and output, by role, for effects that need it.
     """
 
     time: np.ndarray
     position: np.ndarray
     sampling_time: float
     smooth: bool = True
+    channels: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, record: Record, role: str = "input") -> Motion:
-        """Motion of one channel of a record."""
-        return cls(record.time - record.time[0], record[role], record.sampling_time)
+    def of(cls, record: Record, role: str = "input", offset: float = 0.0) -> Motion:
+        """Motion of one channel of a record, counted from `offset`, with the channels beside input and output."""
+        beside = {
+            name: channel.values
+            for name, channel in record.channels.items()
+            if name not in (role, "input", "output")
+        }
+        time = record.time - record.time[0]
+        return cls(time, record[role] - offset, record.sampling_time, channels=beside)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -69,6 +78,12 @@ class Motion:
         if self.smooth:
             return self._spline(self.time, 2)
         return np.gradient(self.velocity, self.sampling_time)
+
+    def rate_of(self, role: str) -> np.ndarray:
+        """First derivative of a further channel, by the same spline as the input's."""
+        from scipy.interpolate import make_interp_spline
+
+        return make_interp_spline(self.time, self.channels[role], k=5)(self.time, 1)
 
     @cached_property
     def increments(self) -> np.ndarray:
@@ -109,7 +124,8 @@ class Motion:
         """Motion `delay` seconds ago, at rest at its first position before the record began."""
         past = self.time - delay
         began = past >= 0
-        late = Motion(self.time, self._spline(np.maximum(past, 0.0)), self.sampling_time)
+        channels = {name: np.interp(past, self.time, values) for name, values in self.channels.items()}
+        late = Motion(self.time, self._spline(np.maximum(past, 0.0)), self.sampling_time, channels=channels)
         # Derivatives of this motion's own spline, put where the delayed motion would compute its own.
         between = past[:-1] + 0.5 * self.sampling_time
         late.__dict__["velocity"] = np.where(began, self._spline(np.maximum(past, 0.0), 1), 0.0)
@@ -118,9 +134,14 @@ class Motion:
         )
         return late
 
+    def beginning(self, samples: int) -> Motion:
+        """The first samples of the motion."""
+        channels = {name: values[:samples] for name, values in self.channels.items()}
+        return replace(self, time=self.time[:samples], position=self.position[:samples], channels=channels)
+
     def replaced(self, position: np.ndarray) -> Motion:
         """Motion with a position that is not smooth, on the same clock."""
-        return Motion(self.time, position, self.sampling_time, smooth=False)
+        return Motion(self.time, position, self.sampling_time, False, self.channels)
 
     def scale(self, kind: str) -> float:
         """Size of a quantity, for starting values: see `lumbar.effects.effect.Shape`."""

@@ -1,4 +1,4 @@
-"""What an effect's force looks like: its definition simulated on a standard motion, beside a standard tissue."""
+"""What an effect's force looks like: its definition simulated on a standard motion, beside a standard base."""
 
 from __future__ import annotations
 
@@ -12,11 +12,21 @@ from lumbar.effects.effect import Effect, Form, Place
 from lumbar.effects.motion import Motion
 from lumbar.effects.structure import Structure
 
-BASE = "KB"
-STIFFNESSES = (1.0, 1.0)
-"""kₑ and k_b of the standard tissue, force per unit of position."""
-RELAXATION = 0.1
-"""Seconds."""
+
+@dataclass(frozen=True)
+class Standard:
+    """A base with the numbers it is pictured with, in arbitrary units."""
+
+    base: str
+    amplitudes: tuple[float, ...]
+    shapes: tuple[float, ...]
+
+
+STANDARDS = {
+    "tissue": Standard("KB", (1.0, 1.0), (0.1,)),
+    "pendulum": Standard("pendulum", (0.05, 0.1, 1.0), ()),
+}
+"""By system: what effects are pictured beside."""
 SHARE = 0.3
 """RMS of the force that a pictured effect adds, as a share of the tissue's own."""
 RATES = (0.5, 2.0)
@@ -56,18 +66,24 @@ def standard_motion(frequency: float) -> Motion:
     return Motion(time, size * np.sin(2 * np.pi * frequency * time), _SAMPLING_TIME)
 
 
-def signatures(effect: Effect, form: Form | None = None) -> list[Signature]:
-    """Simulate an effect, in its first form by default, at the standard rates.
+def pictured_form(effect: Effect) -> Form | None:
+    """First form of an effect that the standard motion can show; None where all need further channels."""
+    return next((form for form in effect.forms if not form.channels), None)
 
-    Shapes are taken from the middle of their starting range, amplitudes so that the effect adds `SHARE` of the tissue's RMS at
+
+def signatures(effect: Effect, form: Form | None = None, system: str = "tissue") -> list[Signature]:
+    """Simulate an effect, by default in its first form that needs no further channel, at the standard rates.
+
+    Shapes are taken from the middle of their starting range, amplitudes so that the effect adds `SHARE` of the base's RMS at
     the lower rate; of forms without amplitudes that starting shape is taken which comes nearest to it.
     """
-    form = form or effect.forms[0]
-    tissue = Structure(BASES[BASE])
-    structure = tissue.with_form(form)
+    form, standard = form or pictured_form(effect), STANDARDS[system]
+    bare = Structure(BASES[standard.base])
+    structure = bare.with_form(form)
     motions = [standard_motion(frequency) for frequency in RATES]
-    bases = [tissue.simulate(motion, np.array(STIFFNESSES), np.array([RELAXATION])) for motion in motions]
-    amplitudes, shapes = _pictured(structure, form, motions[0], bases[0])
+    own = np.array(standard.amplitudes), np.array(standard.shapes)
+    bases = [bare.simulate(motion, *own) for motion in motions]
+    amplitudes, shapes = _pictured(structure, form, standard, motions[0], bases[0])
     return [
         Signature(motion, base, structure.simulate(motion, amplitudes, shapes))
         for motion, base in zip(motions, bases, strict=True)
@@ -75,7 +91,7 @@ def signatures(effect: Effect, form: Form | None = None) -> list[Signature]:
 
 
 def _pictured(
-    structure: Structure, form: Form, motion: Motion, base: np.ndarray
+    structure: Structure, form: Form, standard: Standard, motion: Motion, base: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Amplitudes and shapes of the picture."""
     wanted = SHARE * _rms(base)
@@ -83,20 +99,20 @@ def _pictured(
         middle = [
             np.sqrt(shape.low * shape.high) * _scale(shape.scale, motion, base) for shape in form.shapes
         ]
-        shapes = np.concatenate([[RELAXATION], middle])
+        shapes = np.concatenate([standard.shapes, middle])
         directions = np.array([amplitude.sign or 1 for amplitude in form.amplitudes], dtype=float)
         columns = np.array(form.columns(motion, np.array(middle))).T
         sizes = directions / np.maximum([_rms(column) for column in columns.T], 1e-12)
         scale = wanted / _rms(columns @ sizes)
-        return np.concatenate([STIFFNESSES, scale * sizes]), shapes
+        return np.concatenate([standard.amplitudes, scale * sizes]), shapes
     best = None
     for point in product(*(shape.grid(_scale(shape.scale, motion, base)) for shape in form.shapes)):
-        shapes = np.array([RELAXATION, *point])
-        force = structure.simulate(motion, np.array(STIFFNESSES), shapes)
+        shapes = np.array([*standard.shapes, *point])
+        force = structure.simulate(motion, np.array(standard.amplitudes), shapes)
         distance = abs(_rms(force - base) - wanted)
         if best is None or distance < best[0]:
             best = (distance, shapes)
-    return np.array(STIFFNESSES), best[1]
+    return np.array(standard.amplitudes), best[1]
 
 
 def _scale(kind: str, motion: Motion, base: np.ndarray) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from lumbar.effects.base import Base
 from lumbar.effects.effect import Amplitude, Form, Place, Shape
 from lumbar.effects.motion import Motion
+from lumbar.effects.motions import Motions
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,10 @@ class Structure:
             position += len(form.shapes)
         return shapes[: len(self.base.shapes)], parts
 
-    def design(self, motion: Motion, shapes: np.ndarray) -> np.ndarray:
+    def design(self, motion: Motion | Motions, shapes: np.ndarray) -> np.ndarray:
         """Force of every amplitude at size 1, before output forms; shape (samples, amplitudes)."""
+        if isinstance(motion, Motions):
+            return np.concatenate([self.design(part, shapes) for part in motion.parts])
         base, parts = self.shapes_of(shapes)
         for form in self.forms:
             if form.place is Place.INPUT:
@@ -82,14 +85,24 @@ class Structure:
     def _of(name: str, function: Callable, motion: Motion, shapes: np.ndarray) -> Any:
         return motion.remembered(name, shapes, lambda: function(motion, shapes))
 
-    def output(self, force: np.ndarray, motion: Motion, shapes: np.ndarray) -> np.ndarray:
+    def output(self, force: np.ndarray, motion: Motion | Motions, shapes: np.ndarray) -> np.ndarray:
         """Measured force from the force at the tissue, shape (samples,)."""
+        if isinstance(motion, Motions):
+            pieces = zip(motion.split(force), motion.parts, strict=True)
+            return np.concatenate([self.output(piece, part, shapes) for piece, part in pieces])
         _, parts = self.shapes_of(shapes)
         for form in self.forms:
             if form.place is Place.OUTPUT:
                 force = form.output_transform(force, motion, parts[form.key])
         return force
 
-    def simulate(self, motion: Motion, amplitudes: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    def simulate(self, motion: Motion | Motions, amplitudes: np.ndarray, shapes: np.ndarray) -> np.ndarray:
         """Free-run simulation of the measured force, shape (samples,)."""
         return self.output(self.design(motion, shapes) @ amplitudes, motion, shapes)
+
+
+def forces_of(form: Form, motion: Motion | Motions, shapes: np.ndarray) -> np.ndarray:
+    """Forces that a parallel form adds, one per amplitude at size 1; shape (samples, amplitudes)."""
+    if isinstance(motion, Motions):
+        return np.concatenate([forces_of(form, part, shapes) for part in motion.parts])
+    return np.stack(form.columns(motion, shapes), axis=1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.effects.effect import Effect
-from lumbar.effects.signature import RATES, Signature, signatures
+from lumbar.effects.signature import RATES, Signature, pictured_form, signatures
 from lumbar.figures.style import DOUBLE_COLUMN, SERIES, new_figure
 
 _SHOWN = 8.0
@@ -13,13 +13,18 @@ _SHOWN = 8.0
 _BASE = {"color": "#999999", "linestyle": (0, (4, 1.5)), "linewidth": 1.0}
 
 
-def signature_figure(effects: list[Effect]):
+_AXES = {"tissue": ("Position", "force"), "pendulum": ("Angle", "moment")}
+
+
+def signature_figure(effects: list[Effect], system: str = "tissue"):
     """Draw one row per effect: force over position, added force over position at two rates, added force over time.
 
     Parameters
     ----------
     effects : list of Effect
-        Each is drawn in its first form.
+        Each is drawn in the form of `lumbar.effects.signature.pictured_form`.
+    system : str
+        What they are effects of: ``tissue`` or ``pendulum``.
 
     Returns
     -------
@@ -29,17 +34,19 @@ def signature_figure(effects: list[Effect]):
         DOUBLE_COLUMN, 0.25 + 1.75 * len(effects), nrows=len(effects), ncols=3, squeeze=False
     )
     for row, effect in zip(axes, effects, strict=True):
-        _draw_effect(row, effect)
+        _draw_effect(row, effect, system)
     return figure
 
 
-def _draw_effect(row, effect: Effect) -> None:
-    slow, fast = signatures(effect)
+def _draw_effect(row, effect: Effect, system: str) -> None:
+    form = pictured_form(effect)
+    slow, fast = signatures(effect, form, system)
+    moved, response = _AXES[system]
     whole, added, course = row
     settled, cycle = slow.motion.time >= 2 / RATES[0], _last_cycle(slow, RATES[0])
-    whole.plot(slow.motion.position[cycle], slow.base[cycle], label="tissue", **_BASE)
+    whole.plot(slow.motion.position[cycle], slow.base[cycle], label=system, **_BASE)
     whole.plot(slow.motion.position[settled], slow.force[settled], color=SERIES[0], label="with the effect")
-    whole.set_ylabel("Force")
+    whole.set_ylabel(response.capitalize())
     whole.set_title(effect.name.replace("_", " "), loc="left", fontweight="bold")
     styles = ((slow, RATES[0], SERIES[0], "-"), (fast, RATES[1], SERIES[3], (0, (3, 1))))
     for item, rate, color, line in styles:
@@ -52,11 +59,11 @@ def _draw_effect(row, effect: Effect) -> None:
             linewidth=1.0,
             label=f"{rate:g} Hz",
         )
-    added.set_ylabel("Added force")
-    added.set_title(f"${effect.forms[0].equation}$", loc="left")
+    added.set_ylabel(f"Added {response}")
+    added.set_title(f"${form.equation}$", loc="left")
     for axis in (whole, added):
-        axis.set_xlabel("Position")
-    _draw_course(course, slow)
+        axis.set_xlabel(moved)
+    _draw_course(course, slow, moved.lower(), response)
     for axis in row:
         _room(axis)
         axis.legend(
@@ -70,11 +77,13 @@ def _last_cycle(item: Signature, rate: float) -> np.ndarray:
     return np.arange(len(item.motion)) >= len(item.motion) - 1 - round(1 / (rate * item.motion.sampling_time))
 
 
-def _draw_course(axis, item: Signature) -> None:
+def _draw_course(axis, item: Signature, moved: str, response: str) -> None:
     shown = item.motion.time <= _SHOWN
     scale = np.abs(item.added[shown]).max() / np.abs(item.motion.position).max()
-    axis.plot(item.motion.time[shown], scale * item.motion.position[shown], label="position, scaled", **_BASE)
-    axis.plot(item.motion.time[shown], item.added[shown], color=SERIES[0], linewidth=1.0, label="added force")
+    axis.plot(item.motion.time[shown], scale * item.motion.position[shown], label=f"{moved}, scaled", **_BASE)
+    axis.plot(
+        item.motion.time[shown], item.added[shown], color=SERIES[0], linewidth=1.0, label=f"added {response}"
+    )
     axis.set_xlabel("Time (s)")
 
 

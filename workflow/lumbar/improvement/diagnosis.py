@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from lumbar.effects.base import BASES
-from lumbar.effects.catalogue import TISSUE, catalogue_with
-from lumbar.effects.effect import Effect
+from lumbar.effects.catalogue import catalogue_of, catalogue_with, without_channels
+from lumbar.effects.effect import Effect, Form
 from lumbar.effects.structure import Structure
 from lumbar.errors import InputError
+from lumbar.improvement.angle import for_base
 from lumbar.improvement.fitting import fit_base
 from lumbar.improvement.null_gains import NullGains, shipped
 from lumbar.improvement.preparation import Experiment, prepare
@@ -56,12 +57,12 @@ class Settings:
     ----------
     base : str
         Base model, a key of `lumbar.effects.base.BASES`.
-    train : str or None
-        Training record; None takes the longest.
+    train : str, sequence of str or None
+        Training record, or several that are fitted together; None takes the longest.
     periods : dict of str to float
         Periods of records in seconds; others are found.
-    catalogue : dict of str to Effect
-        Candidates.
+    catalogue : dict of str to Effect, optional
+        Candidates; default those of the system that the base is a model of.
     most_effects : int
         Most effects to add.
     centre : bool
@@ -69,26 +70,32 @@ class Settings:
     """
 
     base: str = "KB"
-    train: str | None = None
+    train: str | Sequence[str] | None = None
     periods: dict[str, float] = field(default_factory=dict)
-    catalogue: dict[str, Effect] = field(default_factory=lambda: TISSUE)
+    catalogue: dict[str, Effect] | None = None
     most_effects: int = 3
     centre: bool = False
+
+    @property
+    def candidates(self) -> dict[str, Effect]:
+        """The catalogue that is given, or that of the base."""
+        return catalogue_of(self.base) if self.catalogue is None else self.catalogue
 
     @classmethod
     def from_config(
         cls,
         config: dict,
         base: str | None = None,
-        train: str | None = None,
+        train: str | Sequence[str] | None = None,
         periods: dict[str, float] | None = None,
     ) -> Settings:
         """Settings from a study's section ``improvement``; what is given beside it comes first."""
+        base = base or config["base"]
         return cls(
-            base=base or config["base"],
+            base=base,
             train=train or config.get("train"),
             periods=periods or {},
-            catalogue=catalogue_with(config["effect_files"]),
+            catalogue=catalogue_with(config["effect_files"], base),
             most_effects=config["most_effects"],
             centre=config["centre"],
         )
@@ -134,6 +141,8 @@ class Diagnosis:
         Share of the base's explainable variance on unseen records that the selected effects remove.
     verdict_after : str
         The refined model diagnosed again: ``adequate`` or ``unexplained``; what could be named is in it already.
+    not_tried : list of (Form, tuple of str)
+        Forms that need channels which the records do not have, with these channels.
     """
 
     experiment: Experiment
@@ -145,6 +154,7 @@ class Diagnosis:
     ranking: list[Ranked]
     explainable_share_removed: float
     verdict_after: str
+    not_tried: list[tuple[Form, tuple[str, ...]]] = field(default_factory=list)
 
     @property
     def model(self) -> Candidate:
@@ -175,6 +185,10 @@ class Diagnosis:
             "ladder": [
                 {"effects": list(item.effects), "train_rms": item.train_rms, "test_rms": item.test_rms}
                 for item in self.ladder
+            ],
+            "not_tried": [
+                {"effect": form.effect, "form": form.name, "missing_channels": list(missing)}
+                for form, missing in self.not_tried
             ],
         }
 
@@ -234,11 +248,29 @@ def diagnose(
         For an unknown base and for records that cannot be used (`prepare`).
     """
     settings = settings or Settings()
-    if settings.base not in BASES:
-        raise InputError(f"unknown base model {settings.base!r}; known are {', '.join(BASES)}")
-    experiment = prepare(records, settings.train, settings.periods, settings.centre)
+    catalogue = settings.candidates
+    experiment = prepare_for(records, settings)
     base = judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)
-    return _Search(experiment, base, settings, null or shipped()).diagnosis()
+    usable, not_tried = without_channels(catalogue, experiment.training.motion.channels)
+    null = null or shipped(BASES[settings.base].system)
+    found = _Search(experiment, base, replace(settings, catalogue=usable), null).diagnosis()
+    return replace(found, not_tried=not_tried)
+
+
+def prepare_for(records: list[Record], settings: Settings) -> Experiment:
+    """Prepare records as base and settings say.
+
+    Raises
+    ------
+    InputError
+        As `prepare`; and for a pendulum whose angle would be centred.
+    """
+    if settings.centre and BASES[settings.base].system == "pendulum":
+        raise InputError("improvement.centre: a pendulum's angle counts from the vertical; set it to false")
+    base = BASES[settings.base]
+    return prepare(
+        [for_base(record, base) for record in records], settings.train, settings.periods, settings.centre
+    )
 
 
 class _Search:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lumbar.effects.catalogue import without_channels
 from lumbar.effects.effect import Effect
 from lumbar.improvement.detectable import Detectable, detectable_effects, threshold_gain
 from lumbar.improvement.diagnosis import Diagnosis, Settings
@@ -67,23 +68,25 @@ def gather_evidence(
     machine : dict, optional
         Limits ``displacement_mm``, ``velocity_mm_s``, ``acceleration_mm_s2``; taken where the input is in mm.
     """
-    experiment, null = diagnosis.experiment, shipped()
+    experiment = diagnosis.experiment
+    null = shipped(diagnosis.base.fit.structure.base.system)
+    catalogue, _ = without_channels(settings.candidates, experiment.training.motion.channels)
     limits = None
     if machine and experiment.input_unit == "mm":
         limits = Kinematics(
             machine["displacement_mm"], machine["velocity_mm_s"], machine["acceleration_mm_s2"]
         )
-    forms = sum(len(effect.forms) for effect in settings.catalogue.values())
+    forms = sum(len(effect.forms) for effect in catalogue.values())
     return Evidence(
         remaining=compare_and_locate(
-            records, diagnosis.model.fit, experiment.floor, experiment.training.name, seed, settings.centre
+            records, diagnosis.model.fit, experiment.floor, experiment.floor_from, seed, settings.centre
         ),
         ties=signal_angles(diagnosis),
         separation=separating_excitation(diagnosis, limits),
-        detectable=detectable_effects(diagnosis, settings.catalogue, null),
+        detectable=detectable_effects(diagnosis, catalogue, null),
         threshold=threshold_gain(null, forms),
         null=null,
-        other_forms=_other_forms(diagnosis, settings.catalogue),
+        other_forms=_other_forms(diagnosis, catalogue),
     )
 
 

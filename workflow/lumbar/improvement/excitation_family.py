@@ -76,8 +76,11 @@ def _inside(position: np.ndarray, reference: np.ndarray) -> bool:
 
 
 def band(reference: Motion) -> tuple[float, float]:
-    """Lowest and highest frequency (Hz) that bound 99 % of the power of a motion's velocity."""
-    power = np.abs(np.fft.rfft(reference.velocity - reference.velocity.mean())) ** 2
+    """Lowest and highest frequency (Hz) that bound 99 % of the power of a motion's position.
+
+    Of the position, not the velocity, in which the steps of a coarse encoder would pass for motion.
+    """
+    power = np.abs(np.fft.rfft(reference.position - reference.position.mean())) ** 2
     share = np.cumsum(power) / power.sum()
     frequency = np.fft.rfftfreq(len(reference), reference.sampling_time)
     tail = (1 - _POWER_KEPT) / 2

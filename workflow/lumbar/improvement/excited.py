@@ -36,7 +36,7 @@ def check_excited(without: Fit, form: Form, data: FitData, shapes: np.ndarray, n
     forces = added_forces(without, form, data, shapes)
     size, left = np.sum(forces**2, axis=0), np.sum(beyond(basis, forces) ** 2, axis=0)
     error = without.squared_error / data.size
-    response = float(np.var(data.force[data.first :]))
+    response = float(np.var(data.settled(data.force)))
     # An effect of RMS r adds N r² left/size to the squared error; noise hides 1.96² of its own variance.
     hidden = (size == 0) | (left * data.size * response <= 1.96**2 * error * size)
     if np.all(hidden):

@@ -14,6 +14,7 @@ import numpy as np
 
 from lumbar.effects.effect import Form, Place
 from lumbar.effects.motion import Motion
+from lumbar.effects.motions import Motions
 from lumbar.effects.structure import Structure
 
 SETTLING = 0.5
@@ -36,7 +37,7 @@ class FitData:
     """
 
     name: str
-    motion: Motion
+    motion: Motion | Motions
     force: np.ndarray
     whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
     counts_from: float = SETTLING
@@ -49,8 +50,7 @@ class FitData:
     def split(self, share: float) -> tuple[FitData, FitData]:
         """Cut the record in two: its first part, and the whole of it of which only what follows counts."""
         count = round(share * len(self.force))
-        motion = Motion(self.motion.time[:count], self.motion.position[:count], self.motion.sampling_time)
-        early = replace(self, motion=motion, force=self.force[:count])
+        early = replace(self, motion=self.motion.beginning(count), force=self.force[:count])
         return early, replace(self, counts_from=count * self.motion.sampling_time)
 
     @property
@@ -58,17 +58,76 @@ class FitData:
         """Number of samples that count."""
         return len(self.force) - self.first
 
+    def settled(self, signal: np.ndarray) -> np.ndarray:
+        """Signal (samples first) from the first sample that counts."""
+        return signal[self.first :]
+
     def counted(self, signal: np.ndarray) -> np.ndarray:
         """Whitened signal (samples first) from the first sample that counts."""
         if len(self.whitening) > 1:
             from scipy.signal import lfilter
 
             signal = lfilter(self.whitening, [1.0], signal, axis=0)
-        return signal[self.first :]
+        return self.settled(signal)
+
+    def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
+        """Motion of the longest record, and a signal over all samples there."""
+        return self.motion, signal
 
     def scale(self, kind: str) -> float:
         """Size of a quantity for starting values; ``force`` is the largest force of the record."""
         return float(np.abs(self.force).max()) if kind == "force" else self.motion.scale(kind)
+
+
+@dataclass(frozen=True, eq=False)
+class JointData(FitData):
+    """Several records that a model is fitted to together.
+
+    Attributes
+    ----------
+    parts : tuple of FitData
+        Sampled alike.
+    """
+
+    parts: tuple[FitData, ...] = ()
+
+    @classmethod
+    def of(cls, parts: list[FitData]) -> JointData:
+        """Put records together; the name lists theirs."""
+        return cls(
+            "+".join(part.name for part in parts),
+            Motions(tuple(part.motion for part in parts)),
+            np.concatenate([part.force for part in parts]),
+            parts[0].whitening,
+            parts[0].counts_from,
+            tuple(parts),
+        )
+
+    def split(self, share: float) -> tuple[FitData, FitData]:
+        """Cut every record in two."""
+        early, later = zip(*(part.split(share) for part in self.parts), strict=True)
+        return JointData.of(list(early)), JointData.of(list(later))
+
+    @property
+    def size(self) -> int:
+        """Number of samples that count."""
+        return sum(part.size for part in self.parts)
+
+    def settled(self, signal: np.ndarray) -> np.ndarray:
+        """Signal (samples first) without what does not count of each record."""
+        pieces = zip(self.parts, self.motion.split(signal), strict=True)
+        return np.concatenate([part.settled(piece) for part, piece in pieces])
+
+    def counted(self, signal: np.ndarray) -> np.ndarray:
+        """Whitened signal (samples first) without what does not count of each record."""
+        pieces = zip(self.parts, self.motion.split(signal), strict=True)
+        return np.concatenate([part.counted(piece) for part, piece in pieces])
+
+    def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
+        """Motion of the longest record, and a signal over all samples there."""
+        return max(
+            zip(self.motion.parts, self.motion.split(signal), strict=True), key=lambda pair: len(pair[0])
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +150,7 @@ class Fit:
     squared_error: float
     converged: bool = True
 
-    def simulate(self, motion: Motion) -> np.ndarray:
+    def simulate(self, motion: Motion | Motions) -> np.ndarray:
         """Free-run simulation, shape (samples,)."""
         return self.structure.simulate(motion, self.amplitudes, self.shapes)
 
@@ -101,7 +160,7 @@ class Fit:
 
     def errors(self, record: FitData) -> np.ndarray:
         """Free-run simulation error of the samples that count."""
-        return (self.simulate(record.motion) - record.force)[record.first :]
+        return record.settled(self.simulate(record.motion) - record.force)
 
     def whitened_errors(self, record: FitData) -> np.ndarray:
         """Free-run simulation error of the samples that count, through the record's whitening filter."""
@@ -166,7 +225,7 @@ def shape_bounds(structure: Structure, data: FitData, start: np.ndarray) -> tupl
 def start_shapes(form: Form, data: FitData, residual: np.ndarray) -> list[np.ndarray]:
     """Return the starting shapes of a form: its own, or the grid of all its shapes."""
     if form.starts is not None:
-        return form.starts(data.motion, residual)
+        return form.starts(*data.longest(residual))
     grids = [shape.grid(data.scale(shape.scale)) for shape in form.shapes]
     return [np.array(point) for point in product(*grids)]
 

@@ -7,6 +7,7 @@ import numpy as np
 from lumbar.improvement.diagnosis import TIED, Diagnosis
 from lumbar.improvement.evidence import Evidence
 from lumbar.improvement.excitation_family import band
+from lumbar.improvement.residual import steady_velocity
 from lumbar.improvement.sentences import effects_text, readable
 
 _WIDE = 0.5
@@ -32,12 +33,13 @@ def _range(diagnosis: Diagnosis) -> list[str]:
     experiment = diagnosis.experiment
     motions = [item.motion for item in (experiment.training, *experiment.tests)]
     positions = np.concatenate([item.position for item in motions]) + experiment.input_offset
-    speed = max(float(np.abs(item.velocity).max()) for item in motions)
-    bottom, top = band(experiment.training.motion)
+    speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
+    bottom, top = (f"{frequency:.2g}" for frequency in band(experiment.training.motion))
+    frequencies = f"outside {bottom} to {top} Hz" if bottom != top else f"at a frequency other than {top} Hz"
     unit = experiment.input_unit
     return [
-        f"Anything outside {positions.min():.3g} to {positions.max():.3g} {unit}, above {speed:.3g} {unit}/s or outside "
-        f"{bottom:.2g} to {top:.2g} Hz: the tool did not move there."
+        f"Anything outside {positions.min():.3g} to {positions.max():.3g} {unit}, above {speed:.3g} {unit}/s or "
+        f"{frequencies}: the tool did not move there."
     ]
 
 

@@ -62,13 +62,11 @@ class Location:
     def is_noise(self) -> bool:
         """Whether no view shows more than noise would, allowing for their number.
 
-        Where the noise is unknown its colour is too, and whiteness does not count.
+        Where the noise is unknown its colour is too, and whiteness does not count. Cycles never do: in coloured noise
+        short ones scatter more than long ones.
         """
-        counted = [
-            view
-            for view in self.views.values()
-            if self.residual.floor is not None or view.name != "whiteness"
-        ]
+        uncounted = {"cycles"} if self.residual.floor is not None else {"cycles", "whiteness"}
+        counted = [view for view in self.views.values() if view.name not in uncounted]
         return min(view.p_value for view in counted) * len(counted) >= SIGNIFICANT
 
     @property
@@ -90,7 +88,7 @@ class Location:
         if offset > 0.05:
             told += f"; a constant offset of {np.mean(residual.values):+.3g} {residual.unit} is {percent(offset)} of it"
         if residual.floor is None:
-            return f"{self.record}: of the error {told}; the views overlap."
+            return f"{self.record}: of the error's {np.sqrt(residual.variance):.3g} {residual.unit}, {told}; the views overlap."
         return (
             f"{self.record}: {np.sqrt(residual.explainable):.3g} {residual.unit} of the error's {np.sqrt(residual.variance):.3g} "
             f"{residual.unit} are not noise; {told}; the views overlap."

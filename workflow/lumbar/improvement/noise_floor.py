@@ -14,7 +14,7 @@ import numpy as np
 
 from lumbar.improvement.noise_spectrum import excess, line_power, smooth_power
 from lumbar.improvement.nonrepeating import AMPLITUDE, DRIFT, LINE, Part, remove_structure
-from lumbar.improvement.periods import Folding, find_period, fold_periods
+from lumbar.improvement.periods import Folding, find_period, fold_periods, repeats
 from lumbar.records.record import Record
 
 __all__ = ["NoiseFloor", "find_period", "noise_floor"]
@@ -129,7 +129,7 @@ def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
 def noise_floor(
     record: Record, period: float | None = None, role: str = "output", input_role: str = "input"
 ) -> NoiseFloor | None:
-    """Return the noise floor of a periodic record, or None where its input does not repeat.
+    """Return the noise floor of a periodic record, or None where its input, or another input beside it, does not repeat.
 
     Parameters
     ----------
@@ -148,6 +148,9 @@ def noise_floor(
     if period is None:
         return None
     folding = fold_periods(record, period, input_role)
+    beside = record.channels.keys() - {role, input_role}
+    if not all(repeats(record, folding, other) for other in beside):
+        return None  # what was measured beside the input moves the output too, and does not repeat
     folded = folding.fold(record[role])
     mean_period = folded.mean(axis=0)
     deviations, input_driven = _without_input_deviations(folded - mean_period, record[input_role], folding)

@@ -1,8 +1,8 @@
 """How much the best of all candidates gains when nothing is missing.
 
-The table beside this module holds the largest gain in twice the log-likelihood among all candidates of the catalogue
+The tables beside this module, one per catalogue, hold the largest gain in twice the log-likelihood among all its candidates
 for simulated experiments in which the base model is true, base refitted each time. Gains of white noise do not depend
-on the record's length, so the table is made once (``tests/benchmark/null_gains.py``) and shipped.
+on the record's length, so the tables are made once (``tests/benchmark/null_gains.py``) and shipped.
 """
 
 from __future__ import annotations
@@ -15,7 +15,11 @@ import numpy as np
 
 from lumbar.files import read_json
 
-TABLE = Path(__file__).with_name("null_gains.json")
+TABLES = {
+    "tissue": Path(__file__).with_name("null_gains.json"),
+    "pendulum": Path(__file__).with_name("null_gains_pendulum.json"),
+}
+"""Table of the catalogue of each system."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +59,7 @@ class NullGains:
 
 
 @cache
-def shipped() -> NullGains:
-    """Return the table that comes with the project."""
-    content = read_json(TABLE)
+def shipped(system: str = "tissue") -> NullGains:
+    """Return the table that comes with the project for a system's catalogue."""
+    content = read_json(TABLES[system])
     return NullGains(np.sort(np.array(content["gains"])), content["forms"])

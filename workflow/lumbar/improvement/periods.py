@@ -132,8 +132,7 @@ def fold_periods(record: Record, period: float, role: str = "input") -> Folding:
     starts = size - np.round(length * np.arange(periods - 1, 0, -1)).astype(int)
     starts = np.minimum(starts, size - samples)
     folding = Folding(period, samples, starts[:, None] + np.arange(samples))
-    folded = folding.fold(record[role])
-    unlike = np.sqrt(np.mean((folded - folded.mean(axis=0)) ** 2) / np.var(folded))
+    unlike = _unlike(folding.fold(record[role]))
     # A period that is no whole number of samples is cut up to half a sample beside its place.
     if unlike > 5 * REPEATS_WITHIN:
         raise InputError(
@@ -141,3 +140,14 @@ def fold_periods(record: Record, period: float, role: str = "input") -> Folding:
             "of its RMS: correct the period, or leave it out to have it found"
         )
     return folding
+
+
+def repeats(record: Record, folding: Folding, role: str) -> bool:
+    """Whether a further channel repeats with a record's periods, or rests."""
+    return _unlike(folding.fold(record[role])) <= 5 * REPEATS_WITHIN
+
+
+def _unlike(folded: np.ndarray) -> float:
+    """How far periods differ from their mean, as a share of the RMS about it; 0 of a channel that rests."""
+    variance = float(np.var(folded))
+    return float(np.sqrt(np.mean((folded - folded.mean(axis=0)) ** 2) / variance)) if variance > 0 else 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from lumbar.effects.motion import Motion
 from lumbar.errors import InputError
 from lumbar.improvement.excitation_checks import check_excitation, check_response
-from lumbar.improvement.fitting import SETTLING, FitData
+from lumbar.improvement.fitting import SETTLING, FitData, JointData
 from lumbar.improvement.noise_floor import NoiseFloor, noise_floor
 from lumbar.records.record import Record, same_units
 
@@ -24,11 +25,14 @@ class Experiment:
     Attributes
     ----------
     training : FitData
+        Of several records that are fitted together, a `JointData`.
     tests : list of FitData
         Unseen excitation; the last part of the training record where there is no other record.
     floor : NoiseFloor or None
         None where no record repeats.
     input_unit, output_unit : str
+    floor_from : str
+        Name of the training record that the floor was taken from, or would have been.
     input_offset, output_offset : float
         What was taken off the training record's channels; 0 where records are taken as they are.
     """
@@ -38,24 +42,25 @@ class Experiment:
     floor: NoiseFloor | None
     input_unit: str
     output_unit: str
+    floor_from: str
     input_offset: float = 0.0
     output_offset: float = 0.0
 
 
 def prepare(
     records: list[Record],
-    train: str | None = None,
+    train: str | Sequence[str] | None = None,
     periods: dict[str, float] | None = None,
     centre: bool = False,
 ) -> Experiment:
-    """Choose the training record, estimate its noise and prepare all records.
+    """Choose the training records, estimate their noise and prepare all records.
 
     Parameters
     ----------
     records : list of Record
         With channels ``input`` and ``output``.
-    train : str, optional
-        Name of the training record; default the longest.
+    train : str or sequence of str, optional
+        Name of the training record, or of several that are fitted together; default the longest.
     periods : dict of str to float, optional
         Period of a record's excitation in seconds; default found from the input.
     centre : bool
@@ -68,39 +73,68 @@ def prepare(
     Raises
     ------
     InputError
-        No or unknown records, different units, or a record shorter than what is left out for settling.
+        No or unknown records, different units, a record shorter than what is left out for settling, or training records
+        that are not sampled alike.
     """
     if not records:
         raise InputError("no records to diagnose")
     same_units(records)
     names = [record.name for record in records]
-    for name in [*(periods or {}), *([train] if train else [])]:
+    wanted = [train] if isinstance(train, str) else list(train or [])
+    for name in [*(periods or {}), *wanted]:
         if name not in names:
             raise InputError(f"no record {name!r}; there are {', '.join(names)}")
-    chosen = next((item for item in records if item.name == train), max(records, key=len))
+    _check_durations(records)
+    chosen = [item for item in records if item.name in wanted] or [max(records, key=len)]
+    others = [item for item in records if all(item is not one for one in chosen)]
+    _check_sampled_alike(chosen)
+    check_excitation(max(chosen, key=lambda item: float(np.ptp(item["input"]))), others)
+    first, floor = _noise_floor_of(chosen, periods or {})
+    check_response(first, floor)
+    training, tests = _split(chosen, others)
+    whitening = np.ones(1) if floor is None else floor.whitening
+    fitted = [_fit_data(item, centre, whitening) for item in training]
+    return Experiment(
+        fitted[0] if len(fitted) == 1 else JointData.of(fitted),
+        [_fit_data(item, centre, _at_rate(whitening, item, first)) for item in tests],
+        floor,
+        first.channels["input"].unit,
+        first.channels["output"].unit,
+        first.name,
+        float(np.mean(training[0]["input"])) if centre else 0.0,
+        float(np.mean(training[0]["output"])) if centre else 0.0,
+    )
+
+
+def _check_durations(records: list[Record]) -> None:
     for record in records:
         if record.duration < 2 * SETTLING + 50 * record.sampling_time:
             raise InputError(
                 f"{record.source or record.name}: {record.duration:g} s is too short: the first {SETTLING} s settle, "
                 "and at least as much and 50 samples must follow"
             )
-    check_excitation(chosen, [record for record in records if record is not chosen])
-    # A study's own period of a record with fewer than three of them says nothing about noise; one that is asked for
-    # here and cannot be used is an error.
-    known = chosen.period if chosen.period and chosen.duration >= 3 * chosen.period else None
-    floor = noise_floor(replace(chosen, period=known), (periods or {}).get(chosen.name))
-    check_response(chosen, floor)
-    training, tests = _split(chosen, [item for item in records if item is not chosen])
-    whitening = np.ones(1) if floor is None else floor.whitening
-    return Experiment(
-        _fit_data(training, centre, whitening),
-        [_fit_data(item, centre, _at_rate(whitening, item, training)) for item in tests],
-        floor,
-        chosen.channels["input"].unit,
-        chosen.channels["output"].unit,
-        float(np.mean(training["input"])) if centre else 0.0,
-        float(np.mean(training["output"])) if centre else 0.0,
-    )
+
+
+def _check_sampled_alike(chosen: list[Record]) -> None:
+    for record in chosen[1:]:
+        if not np.isclose(record.sampling_time, chosen[0].sampling_time, rtol=1e-6):
+            raise InputError(
+                f"{record.source or record.name}: sampled every {record.sampling_time:g} s, {chosen[0].name} every "
+                f"{chosen[0].sampling_time:g} s; records that are fitted together must be sampled alike: give a rate "
+                "(tissue.rate_Hz)"
+            )
+
+
+def _noise_floor_of(chosen: list[Record], periods: dict[str, float]) -> tuple[Record, NoiseFloor | None]:
+    """First record that repeats, with its noise floor; the first of all and None where none does."""
+    for record in chosen:
+        # A study's own period of a record with fewer than three of them says nothing about noise; one that is asked
+        # for here and cannot be used is an error.
+        known = record.period if record.period and record.duration >= 3 * record.period else None
+        floor = noise_floor(replace(record, period=known), periods.get(record.name))
+        if floor is not None:
+            return record, floor
+    return chosen[0], None
 
 
 def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndarray:
@@ -109,15 +143,18 @@ def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndar
 
 
 def _fit_data(record: Record, centre: bool, whitening: np.ndarray) -> FitData:
-    motion, force = Motion.of(record), record["output"]
-    if centre:
-        motion = Motion(motion.time, motion.position - motion.position.mean(), motion.sampling_time)
-        force = force - force.mean()
+    offset, level = (float(record[role].mean()) if centre else 0.0 for role in ("input", "output"))
+    motion, force = Motion.of(record, offset=offset), record["output"] - level
     return FitData(record.name, motion, force, whitening)
 
 
-def _split(chosen: Record, others: list[Record]) -> tuple[Record, list[Record]]:
+def _split(chosen: list[Record], others: list[Record]) -> tuple[list[Record], list[Record]]:
+    """Training and test records; where all are fitted, the last part of each is held back."""
     if others:
         return chosen, others
-    cut = chosen.time[0] + (1 - _HELD_BACK) * chosen.duration
-    return chosen.between(chosen.time[0], cut), [chosen.between(cut, np.inf)]
+    cuts = [item.time[0] + (1 - _HELD_BACK) * item.duration for item in chosen]
+    pairs = list(zip(chosen, cuts, strict=True))
+    return (
+        [item.between(item.time[0], cut) for item, cut in pairs],
+        [item.between(cut, np.inf) for item, cut in pairs],
+    )

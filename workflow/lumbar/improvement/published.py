@@ -70,8 +70,7 @@ def refined_fit(records: list[Record], effects: list[str], settings: Settings) -
 
 def _scores(model: Candidate, data: FitData) -> dict:
     """VAF, FIT and mean residual of the free run, both signals about their means as for the other models."""
-    measured = data.force[data.first :]
-    simulated = model.fit.simulate(data.motion)[data.first :]
+    measured, simulated = data.settled(data.force), data.settled(model.fit.simulate(data.motion))
     measured, simulated = measured - np.mean(measured), simulated - np.mean(simulated)
     return {
         "vaf_percent": variance_accounted_for(measured, simulated),

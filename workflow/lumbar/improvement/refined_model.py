@@ -10,6 +10,7 @@ from lumbar.effects.effect import Effect
 from lumbar.effects.motion import Motion
 from lumbar.effects.structure import Structure
 from lumbar.errors import InputError
+from lumbar.improvement.angle import for_base
 from lumbar.improvement.fitting import Fit
 from lumbar.improvement.preparation import Experiment
 from lumbar.improvement.search import Candidate
@@ -85,7 +86,5 @@ def simulate_entry(entry: dict, record: Record, catalogue: dict[str, Effect]) ->
     structure = Structure(BASES[entry["base"]], tuple(forms))
     amplitudes = np.concatenate([entry["amplitudes"], *(item["amplitudes"] for item in entry["effects"])])
     shapes = np.concatenate([entry["shapes"], *(item["shapes"] for item in entry["effects"])])
-    motion = Motion(
-        record.time - record.time[0], record["input"] - entry["input_offset"], record.sampling_time
-    )
+    motion = Motion.of(for_base(record, structure.base), offset=entry["input_offset"])
     return structure.simulate(motion, amplitudes, shapes) + entry["output_offset"]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from lumbar.effects.base import BASES
-from lumbar.effects.catalogue import choose
+from lumbar.effects.catalogue import choose, without_channels
+from lumbar.effects.effect import Effect
 from lumbar.effects.structure import Structure
-from lumbar.errors import NumericalError
-from lumbar.improvement.diagnosis import Settings
+from lumbar.errors import InputError, NumericalError
+from lumbar.improvement.diagnosis import Settings, prepare_for
 from lumbar.improvement.excited import check_excited
 from lumbar.improvement.fitting import fit_base
-from lumbar.improvement.preparation import Experiment, prepare
+from lumbar.improvement.preparation import Experiment
 from lumbar.improvement.refined_model import model_name
 from lumbar.improvement.search import Candidate, exchange, extend, judge
 from lumbar.records.record import Record
@@ -37,12 +38,14 @@ def refine(
     Raises
     ------
     InputError
-        For an unknown effect, and for one that the training record does not excite.
+        For an unknown effect, for one that needs channels which the records do not have, and for one that the training
+        record does not excite.
     NumericalError
         If a fit does not converge, or an effect makes the model worse on the record it is fitted to.
     """
-    chosen = {effect.name: effect for effect in choose(effects, settings.catalogue)}
-    experiment = prepare(records, settings.train, settings.periods, settings.centre)
+    chosen = {effect.name: effect for effect in choose(effects, settings.candidates)}
+    experiment = prepare_for(records, settings)
+    chosen = _with_channels(chosen, experiment)
     ladder = [judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)]
     for name in chosen:
         # The best by likelihood and number of parameters: a form with more of them always fits a little better.
@@ -66,3 +69,13 @@ def refine(
             "the data may not excite what is asked"
         )
     return experiment, ladder
+
+
+def _with_channels(chosen: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:
+    """Return the effects with the forms that the records' channels allow."""
+    usable, left_out = without_channels(chosen, experiment.training.motion.channels)
+    for name in chosen:
+        if name not in usable:
+            missing = {role: None for form, roles in left_out if form.effect == name for role in roles}
+            raise InputError(f"{name} needs channels that the records do not have: {', '.join(missing)}")
+    return usable

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lumbar.effects.effect import Effect
+from lumbar.effects.pendulum_load import CHANNELS
 from lumbar.improvement.diagnosis import Diagnosis, Ranked
 
 
@@ -75,7 +76,18 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
         lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in new]
     if diagnosis.tied_with:
         lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in diagnosis.selected]
-    return lines
+    return lines + not_tried(diagnosis)
+
+
+def not_tried(diagnosis: Diagnosis) -> list[str]:
+    """Say which candidates the records left out, and what would have to be recorded for them."""
+    columns: dict[str, dict[str, None]] = {}
+    for form, missing in diagnosis.not_tried:
+        columns.setdefault(form.effect, {}).update({CHANNELS.get(role, role): None for role in missing})
+    return [
+        f"Not tried: {readable(name)} as measured, for want of {' and '.join(missing)} in the records."
+        for name, missing in columns.items()
+    ]
 
 
 def _diagnosed_again(diagnosis: Diagnosis) -> str:

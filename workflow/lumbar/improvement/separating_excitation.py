@@ -76,7 +76,9 @@ class Separation:
 
 
 def separating_excitation(diagnosis: Diagnosis, limits: Kinematics | None = None) -> Separation | None:
-    """Search the excitation under which the selected and the tied candidates differ most; None without a tie.
+    """Search the excitation under which the selected and the tied candidates differ most.
+
+    None without a tie, and where a candidate needs channels beside the input: an excitation says nothing about them.
 
     Every excitation is judged to first order (the difference beyond the other model's tangent space), the best few with both
     models refitted in turn.
@@ -87,7 +89,9 @@ def separating_excitation(diagnosis: Diagnosis, limits: Kinematics | None = None
     limits : Kinematics, optional
         Of the machine, in the input's unit: see `excitation_family`.
     """
-    if not diagnosis.tied_with:
+    candidates = [diagnosis.model, *diagnosis.tied_with]
+    further = any(form.channels for item in candidates for form in item.fit.structure.forms)
+    if not diagnosis.tied_with or further:
         return None
     experiment, noise = diagnosis.experiment, noise_rms(diagnosis)
     training = experiment.training

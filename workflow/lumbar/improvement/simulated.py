@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.effects.motion import Motion
+from lumbar.improvement.angle import for_base
 from lumbar.improvement.compare import Comparison, compare_record
 from lumbar.improvement.fitting import Fit
 from lumbar.improvement.locate import Location, locate
@@ -56,11 +57,9 @@ def compare_and_locate(
         Whether the fit was made on records less their means.
     """
     found = []
-    for number, record in enumerate(records):
-        position, level = record["input"], 0.0
-        if centre:
-            position, level = position - position.mean(), float(record["output"].mean())
-        values = fit.simulate(Motion(record.time - record.time[0], position, record.sampling_time)) + level
+    for number, record in enumerate(for_base(record, fit.structure.base) for record in records):
+        offset, level = (float(record[role].mean()) if centre else 0.0 for role in ("input", "output"))
+        values = fit.simulate(Motion.of(record, offset=offset)) + level
         source = "" if record.name == floor_from else floor_from
         comparison = compare_record(record, values, floor, source, seed=seed + number)
         found.append(Simulated(record, values, comparison, locate(record, values, floor, source)))

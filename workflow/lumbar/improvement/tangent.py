@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.effects.effect import Form, Place
+from lumbar.effects.structure import forces_of
 from lumbar.improvement.fitting import Fit, FitData, previous_amplitudes
 from lumbar.improvement.uncertainty import sensitivities
 
@@ -42,7 +43,7 @@ def simulated_over(fit: Fit, records: list[FitData]) -> np.ndarray:
 def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.ndarray:
     """Whitened forces that a form adds, one per amplitude; of forms without amplitudes the change it makes."""
     if form.place is Place.PARALLEL:
-        return np.stack([data.counted(column) for column in form.columns(data.motion, start)], axis=1)
+        return data.counted(forces_of(form, data.motion, start))
     structure = fit.structure.with_form(form)
     shapes = np.concatenate([fit.shapes, start])
     changed = structure.simulate(data.motion, previous_amplitudes(fit, form), shapes)

@@ -80,8 +80,12 @@ def noise_rms(diagnosis: Diagnosis) -> float:
 
 
 def _with_tied(diagnosis: Diagnosis) -> list[Candidate]:
-    """Ranked candidates, the selected first, and the tied ones that the ranking does not show."""
-    ranked = [item.candidate for item in diagnosis.ranking]
+    """Ranked candidates, the selected first, and the tied ones that the ranking does not show.
+
+    Sets that hold the selected one and more are left out: that they add a like force goes without saying.
+    """
+    chosen = set(diagnosis.selected)
+    ranked = [item.candidate for item in diagnosis.ranking if not set(item.candidate.effects) > chosen]
     shown = {frozenset(item.effects) for item in ranked}
     return [*ranked, *(item for item in diagnosis.tied_with if frozenset(item.effects) not in shown)]
 

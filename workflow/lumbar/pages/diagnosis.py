@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.effects.effect import Effect
-from lumbar.figures.equations import equation_svg
 from lumbar.improvement.diagnosis import LEVEL, Diagnosis, Ranked
 from lumbar.improvement.evidence import Evidence
 from lumbar.improvement.limits import undecided
@@ -16,6 +15,7 @@ from lumbar.improvement.ties import ALIKE
 from lumbar.improvement.view import probability
 from lumbar.pages.html import Markup, document, figure, heading, listing, paragraph, picture, table
 from lumbar.pages.records import comparison_blocks
+from lumbar.runtime.equation_svg import equation_svg
 
 
 def diagnosis_page(
@@ -172,11 +172,11 @@ def _ties(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
     words = (
         "Angle between the force that each candidate adds and that of the selected one, beyond what the base's own "
         "parameters take up, over all records: 0° is the same force, 90° has nothing in common. "
-        f"Noise would hide {ties.resolution:.2g}°."
+        f"{'Noise' if diagnosis.experiment.floor else 'What the model leaves'} would hide {ties.resolution:.2g}°."
     )
     cluster = (
         f"In one cluster with {names[0]}, their forces pairwise within {max(ALIKE, ties.resolution):.2g}°: {', '.join(alike)}"
-        f"{'' if diagnosis.tied_with else '; the noise is small enough to tell them apart all the same'}."
+        f"{'' if diagnosis.tied_with else '; the likelihood tells them apart all the same'}."
         if alike
         else f"No other candidate adds a force like that of {names[0]}."
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.effects.effect import Effect
+from lumbar.effects.signature import pictured_form
 from lumbar.figures.comparison import comparison_figure
 from lumbar.figures.ladder import ladder_figure, ladder_rungs
 from lumbar.figures.location import location_figure
@@ -23,9 +24,9 @@ def diagnosis_pictures(
     """Draw the pictures of a diagnosis for a page; parameters as for `draw_pictures`."""
     experiment = diagnosis.experiment
     simulated = compare_and_locate(
-        records, diagnosis.base.fit, experiment.floor, experiment.training.name, seed, settings.centre
+        records, diagnosis.base.fit, experiment.floor, experiment.floor_from, seed, settings.centre
     )
-    return draw_pictures(diagnosis, simulated, settings.catalogue, folder, data)
+    return draw_pictures(diagnosis, simulated, settings.candidates, folder, data)
 
 
 def draw_pictures(
@@ -49,13 +50,15 @@ def draw_pictures(
     """
     comparisons = [item.comparison for item in simulated]
     shown, base = least_explained(simulated), diagnosis.base.fit.structure.base.name
-    trained = next(item for item in simulated if item.record.name == diagnosis.experiment.training.name)
+    trained = next(item for item in simulated if item.record.name == diagnosis.experiment.floor_from)
     content = diagnosis.to_json()
     figures = {
         "comparison": comparison_figure(shown.record, shown.values, comparisons, base),
         "location": location_figure(trained.location),
         "ladder": ladder_figure(ladder_rungs(content), content["unit"], content["noise_floor_rms"]),
-        "signatures": signature_figure(pictured_effects(diagnosis, catalogue)),
+        "signatures": signature_figure(
+            pictured_effects(diagnosis, catalogue), diagnosis.base.fit.structure.base.system
+        ),
     }
     captions = {
         "comparison": f"The {base} model beside {shown.record.name}, the record it explains least, and what it leaves of "
@@ -74,4 +77,5 @@ def pictured_effects(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list
     """Selected effects, then those of the runner-up; where nothing was selected the runner-up's alone."""
     second = runner_up(diagnosis)
     names = [*diagnosis.selected, *(second.candidate.effects if second is not None else ())]
-    return [catalogue[name] for name in dict.fromkeys(names)]
+    effects = [catalogue[name] for name in dict.fromkeys(names)]
+    return [effect for effect in effects if pictured_form(effect) is not None]

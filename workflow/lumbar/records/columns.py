@@ -14,7 +14,7 @@ A layout is plain data from a study's YAML::
       output: {column: force_N, quantity: force, unit: N}
 
 ``column`` is a name from the header or a number counted from 1. Values become ``raw * scale + offset`` in
-``unit``.
+``unit``. A column with ``optional: true`` may be absent from a file with a header, and may be constant.
 """
 
 from __future__ import annotations
@@ -69,13 +69,14 @@ def read_record(
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     raw = _read_mat(path, layout) if layout.get("format", "text") == "mat" else _read_text(path, layout)
+    columns = {role: column for role, column in layout["columns"].items() if role in raw}
     scaled = {
         role: raw[role] * float(column.get("scale", 1.0)) + float(column.get("offset", 0.0))
-        for role, column in layout["columns"].items()
+        for role, column in columns.items()
     }
     channels = {
         role: Channel(scaled[role], column.get("quantity", role), column.get("unit", ""))
-        for role, column in layout["columns"].items()
+        for role, column in columns.items()
         if role != TIME
     }
     time_unit = layout["columns"][TIME].get("unit", "s")
@@ -88,7 +89,7 @@ def read_record(
         source=str(path),
         period=period,
     )
-    check_record(record)
+    check_record(record, may_rest=[role for role, column in columns.items() if column.get("optional")])
     if layout.get("clipped", "refuse") == "refuse":
         check_clipping(record)
     if rate is not None:
@@ -172,7 +173,7 @@ def _positions(path: Path, columns: dict, header: list[str] | None) -> dict[str,
             )
         elif wanted in header:
             positions[role] = header.index(wanted)
-        else:
+        elif not column.get("optional"):
             problems.add(role, f"no column {wanted!r}", f"the header has {', '.join(header)}")
     problems.raise_if_any()
     return positions
@@ -208,6 +209,8 @@ def _read_mat(path: Path, layout: dict) -> dict[str, np.ndarray]:
     names = [name for name in content if not name.startswith("__")]
     for role, column in layout["columns"].items():
         found = content.get(str(column["column"]))
+        if found is None and column.get("optional"):
+            continue
         if found is None:
             problems.add(role, f"no variable {column['column']!r}", f"the file has {', '.join(names)}")
         elif np.ndim(found) != 1 or np.asarray(found).dtype.kind not in "fiu":

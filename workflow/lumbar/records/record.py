@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,8 +47,8 @@ class Record:
     time : numpy.ndarray of float, shape (samples,)
         Seconds.
     channels : dict of str to Channel
-        By role: ``"input"`` and ``"output"`` for a tissue test, ``"position"`` for surgeon motion,
-        ``"angle"`` and ``"moment"`` for a joint.
+        By role: ``"input"`` and ``"output"`` for a tissue test (position, force) and a joint (angle, moment),
+        ``"position"`` for surgeon motion.
     source : str
         File it was read from, for messages.
     period : float or None
@@ -86,8 +87,15 @@ class Record:
         return replace(self, time=self.time[keep], channels=channels)
 
 
-def check_record(record: Record, minimum_samples: int = 8) -> Record:
+def check_record(record: Record, minimum_samples: int = 8, may_rest: Collection[str] = ()) -> Record:
     """Return `record` when it can be analysed, else raise with all reasons.
+
+    Parameters
+    ----------
+    record : Record
+    minimum_samples : int
+    may_rest : collection of str
+        Roles of channels that may be constant.
 
     Raises
     ------
@@ -108,7 +116,7 @@ def check_record(record: Record, minimum_samples: int = 8) -> Record:
                 f"{name} is {values[bad[0]]}",
                 "every value must be a finite number",
             )
-        elif name != "time" and np.ptp(values) == 0:
+        elif name != "time" and name not in may_rest and np.ptp(values) == 0:
             problems.add(name, f"constant ({values[0]:g})", "a channel that does not move cannot be analysed")
     problems.raise_if_any()
     _check_clock(record, problems)

@@ -6,6 +6,12 @@
 #ifndef LUMBAR_MODEL_H
 #define LUMBAR_MODEL_H
 
+/* Products and sums rounded one by one, as on every platform. gcc knows the option -ffp-contract=off instead, which
+ * -std=c99 implies. */
+#if defined(__clang__) || !defined(__GNUC__)
+#pragma STDC FP_CONTRACT OFF
+#endif
+
 #include "model_size.h" /* MODEL_STATES, written at export */
 
 #define MODEL_MAX_WINDOW 16

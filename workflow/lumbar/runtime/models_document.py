@@ -70,9 +70,8 @@ _MODEL = {
 }
 _DOCUMENT = {
     "type": "object",
-    "required": ["schema", "sampling_time_s", "input", "output", "models"],
+    "required": ["sampling_time_s", "input", "output", "models"],
     "properties": {
-        "schema": {"const": SCHEMA},
         "sampling_time_s": {"type": "number"},
         "input": _SIGNAL,
         "output": _SIGNAL,
@@ -97,6 +96,9 @@ def check_document(content) -> None:
     from jsonschema import Draft202012Validator
 
     problems = Problems("models.json")
+    if isinstance(content, dict) and content.get("schema") != SCHEMA:
+        problems.add("schema", repr(content.get("schema")), f"{SCHEMA!r} is needed")
+        problems.raise_if_any()
     errors = Draft202012Validator(_DOCUMENT).iter_errors(content)
     for error in sorted(errors, key=lambda item: list(map(str, item.absolute_path))):
         place = list(error.absolute_path)

@@ -2,6 +2,10 @@
 #ifndef LUMBAR_PORTABLE_MATH_H
 #define LUMBAR_PORTABLE_MATH_H
 
+#if defined(__clang__) || !defined(__GNUC__)
+#pragma STDC FP_CONTRACT OFF /* as in model.h */
+#endif
+
 double portable_expm1(double x);     /* e^x - 1 */
 double portable_decay(double x);     /* e^-x */
 double portable_tanh(double x);

@@ -8,16 +8,11 @@ import numpy as np
 
 from lumbar.errors import InputError
 from lumbar.files import replacing, write_csv
+from lumbar.twin.hip_moment import box_held, hip_moment, trunk_angle
 from lumbar.twin.lifter import Movement, simulate
 
 MAXIMUM_FRAMES = 65534
 """The header of a C3D file counts frames in 16 bits, and its largest value means "more"."""
-GRAVITY = 9.81
-HAT_MASS, HAT_COM = 0.678, 0.626
-"""Head, arms and trunk (Winter 2009, Table 4.1): share of body mass; distance of the centre of mass from the
-greater trochanter as a share of the distance from there to the glenohumeral joint."""
-TROCHANTER_TO_SHOULDER = 0.288
-"""Share of stature (Drillis and Contini, 1966)."""
 
 
 def true_movement(settings: dict, lift: str) -> Movement:
@@ -87,7 +82,14 @@ def write_lift(settings: dict, lift: str, seed: list[int], markers_path, moment_
     _open_gaps(measured, settings, rng)
     write_c3d(markers_path, measured, settings["rate_Hz"], subject=settings["lifts"][lift]["person"])
     if moment_path is not None:
-        write_csv(moment_path, hip_moment(settings, lift, movement, rng))
+        content = settings["lifts"][lift]
+        person = settings["people"][content["person"]]
+        held = box_held(content["events_s"])
+        signals = movement.time, trunk_angle(movement), held
+        write_csv(
+            moment_path,
+            hip_moment(*signals, content["box_mass_kg"], person, settings["hip_moment"], rng),
+        )
 
 
 def _open_gaps(markers: dict[str, np.ndarray], settings: dict, rng) -> None:
@@ -126,39 +128,3 @@ def write_c3d(path: str | os.PathLike, markers: dict[str, np.ndarray], rate: flo
     file["data"]["points"] = points
     with replacing(path) as temporary:
         file.write(str(temporary))
-
-
-def hip_moment(settings: dict, lift: str, movement: Movement, rng):
-    """Moment at the hip while the box is held: the pendulum of eq. 4.1 and what it leaves out.
-
-    The angle counts forward from straight up, so gravity's term is −mgℓ sin θ. Beyond the pendulum of head,
-    arms and trunk, the twin carries the box at the hands and has passive stiffness: the hidden effects.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``time_s``, ``angle_rad``, ``moment_Nm``, from lift-off to release.
-    """
-    import pandas as pd
-    from scipy.interpolate import make_interp_spline
-
-    content, effects = settings["lifts"][lift], settings["hip_moment"]
-    person = settings["people"][content["person"]]
-    mass = HAT_MASS * person["mass_kg"]
-    length = HAT_COM * TROCHANTER_TO_SHOULDER * person["height_m"]
-    angle = make_interp_spline(movement.time, movement.hip_angle, k=5)
-    events = content["events_s"]
-    held = (movement.time >= events["lift_off"]) & (movement.time <= events["release"])
-    time = movement.time[held]
-    theta, rate, acceleration = angle(time), angle(time, 1), angle(time, 2)
-    hand_mass, hand_length = content["box_mass_kg"], effects["hand_length_m"]
-    inertia = mass * length**2 + hand_mass * hand_length**2
-    gravity = GRAVITY * (mass * length + hand_mass * hand_length)
-    moment = (
-        inertia * acceleration
-        + effects["damping_N_m_s"] * rate
-        - gravity * np.sin(theta)
-        + effects["passive_stiffness_N_m_rad"] * theta
-        + rng.normal(0, effects["noise_N_m"], len(time))
-    )
-    return pd.DataFrame({"time_s": time, "angle_rad": theta, "moment_Nm": moment})
