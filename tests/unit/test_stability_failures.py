@@ -93,7 +93,7 @@ def test_one_bad_basin_drops_only_its_row(broken):
 def test_table_4_1_names_the_missing_basin_in_place_of_its_number(broken):
     light = lift(box=15.0, mass=28.0)
     boa = pd.concat([broken.summary, basins_of_lift(light, FAST, seed=1).summary])
-    items = [*with_tiny_inertia(lift()), *light]
+    items = [item for item in (*with_tiny_inertia(lift()), *light) if item.com == "thorax"]
     table, missing = table_4_1(boa, items, FAST, "test", items, 1, failures_frame(broken.failures))
     rows = table.frame.set_index(["comparison", "com"])
     row = rows.loc["decrease_in_mass_expert", "thorax"]
@@ -135,7 +135,7 @@ def test_exponents_stand_beside_the_basins_of_repeated_trials():
     def repeated(box, mass, count):
         items = []
         for _ in range(count):
-            for item in lift(box=box, mass=mass):
+            for item in lift(box=box, mass=mass)[2:4]:
                 noise = 0.01 * generator.normal(size=2)
                 angle, velocity = item.angle * (1 + noise[0]), item.angular_velocity * (1 + noise[1])
                 items.append(replace(item, angle=angle, angular_velocity=velocity))
