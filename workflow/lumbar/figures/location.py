@@ -199,7 +199,7 @@ def _draw_map(figure, axis, view: View, location: Location) -> None:
         )
     axis.axhline(0, color="white", linewidth=0.8)
     axis.grid(visible=False)
-    axis.set_xlabel(f"Position ({residual.position_unit})")
+    axis.set_xlabel(f"{residual.moved.capitalize()} ({residual.position_unit})")
     axis.set_ylabel(f"Velocity ({residual.position_unit}/s)")
     bar = figure.colorbar(image, ax=axis, label=f"Mean error ({residual.unit}); ×: chance", pad=0.02)
     bar.outline.set_visible(False)
@@ -226,7 +226,7 @@ def _draw_depth(axis, view: View, location: Location) -> None:
             label=name,
         )
     axis.axhline(0, color="black", linewidth=0.5)
-    axis.set_xlabel(f"Position ({residual.position_unit})")
+    axis.set_xlabel(f"{residual.moved.capitalize()} ({residual.position_unit})")
     axis.set_ylabel(f"Mean error ({residual.unit})")
     _room_for_legend(axis, 0.3, ncols=2)
 

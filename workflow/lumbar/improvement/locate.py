@@ -141,6 +141,7 @@ def locate(
         sampling_time=record.sampling_time,
         unit=record.channels[role].unit,
         position_unit=record.channels[input_role].unit,
+        moved=record.channels[input_role].quantity,
         floor=floor,
         folding=folding,
     )

@@ -59,6 +59,8 @@ class Residual:
         Of the input, in its unit and per second.
     sampling_time : float
     unit, position_unit : str
+    moved : str
+        What the input measures, e.g. ``"position"`` or ``"angle"``.
     floor : NoiseFloor or None
     folding : Folding or None
         Whole periods, as indices into `values`; None where the record does not repeat.
@@ -71,6 +73,7 @@ class Residual:
     sampling_time: float
     unit: str
     position_unit: str
+    moved: str
     floor: NoiseFloor | None
     folding: Folding | None
 
