@@ -8,16 +8,9 @@ import shutil
 import pytest
 import yaml
 
-from lumbar.config import (
-    Artefact,
-    load_study,
-    name_lifts,
-    read_artefacts,
-    reading_plan,
-    record_layout,
-    record_set_base,
-    recordings_of,
-)
+from lumbar.config.artefacts import Artefact, read_artefacts
+from lumbar.config.recordings import reading_plan, record_layout, record_set_base, recordings_of
+from lumbar.config.study import load_study, name_lifts
 from lumbar.errors import InputError
 
 

@@ -9,7 +9,7 @@ sys.path.insert(0, str(WORKFLOW))
 from dependencies import library_sources
 from job_environment import set_job_environment
 from timings import summary
-from lumbar.config import load_study
+from lumbar.config.study import load_study
 from lumbar.errors import LumbarError
 from lumbar.stability.failures import announcement
 

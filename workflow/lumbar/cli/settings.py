@@ -54,7 +54,7 @@ def load_settings(files: list[Path], *sections: str) -> dict:
     InputError
         A file that is absent or no YAML mapping, and every wrong key of the sections.
     """
-    from lumbar.config import check_sections
+    from lumbar.config.schemas import check_sections
 
     defaults = PROJECT / "config" / "config.yaml"
     if not defaults.is_file():
@@ -82,7 +82,7 @@ def read_subject(path: Path) -> dict:
     InputError
         As `load_settings`.
     """
-    from lumbar.config import check_sections
+    from lumbar.config.schemas import check_sections
 
     content = _read_mapping(path)
     if "subject" not in content:

@@ -54,7 +54,7 @@ def read_and_choose(options):
     Settings
         Of `lumbar.improvement.diagnosis`.
     """
-    from lumbar.config import record_layout
+    from lumbar.config.recordings import record_layout
 
     settings = load_settings(options.config, "tissue", "improvement", "lifting", "signals")
     chosen = selection(options, settings["improvement"])

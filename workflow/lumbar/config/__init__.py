@@ -1,0 +1,1 @@
+"""The study's configuration, checked as a whole before anything runs."""
