@@ -23,7 +23,8 @@ from lumbar.effects.catalogue import catalogue_of
 from lumbar.effects.motion import Motion
 from lumbar.effects.structure import Structure
 from lumbar.files import write_json
-from lumbar.improvement.fitting import FitData, add, fit_base
+from lumbar.improvement.fit_data import FitData
+from lumbar.improvement.fitting import add, fit_base
 from lumbar.improvement.noise_floor import noise_floor
 from lumbar.improvement.null_gains import TABLES
 from lumbar.progress import track

@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 
 from lumbar.files import write_csv
-from lumbar.improvement.diagnosis import Settings, diagnose
+from lumbar.improvement.diagnose import diagnose
+from lumbar.improvement.settings import Settings
 from lumbar.progress import track
 from lumbar.twin.pendulum_experiments import EFFECTS, make_pendulum_experiment
 

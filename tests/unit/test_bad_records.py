@@ -9,10 +9,10 @@ import yaml
 from lumbar import cli
 from lumbar.effects.catalogue import TISSUE
 from lumbar.errors import InputError
-from lumbar.improvement.diagnosis import Settings
 from lumbar.improvement.excitation_checks import check_excitation
 from lumbar.improvement.refinement import refine
 from lumbar.improvement.sentences import details
+from lumbar.improvement.settings import Settings
 from lumbar.records.clipping import check_clipping, flat_tops
 from lumbar.records.record import Channel, Record
 
@@ -170,7 +170,7 @@ def test_an_effect_that_the_record_does_not_excite_is_refused():
 def test_a_fit_that_did_not_converge_is_no_result():
     from dataclasses import replace
 
-    from lumbar.improvement.diagnosis import diagnose
+    from lumbar.improvement.diagnose import diagnose
 
     position = motion(40.0)
     records = [

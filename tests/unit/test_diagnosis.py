@@ -9,10 +9,11 @@ import pytest
 
 from lumbar.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.errors import InputError, NumericalError
-from lumbar.improvement.diagnosis import Settings, diagnose
+from lumbar.improvement.diagnose import diagnose
 from lumbar.improvement.null_gains import NullGains, shipped
 from lumbar.improvement.refinement import refine
 from lumbar.improvement.sentences import details, headline
+from lumbar.improvement.settings import Settings
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record
 

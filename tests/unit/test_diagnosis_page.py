@@ -18,12 +18,14 @@ from lumbar.effects.effect import Place
 from lumbar.effects.signature import RATES, SHARE, signatures, standard_motion
 from lumbar.errors import InputError
 from lumbar.improvement.detectable import detectable_effects, threshold_gain
-from lumbar.improvement.diagnosis import LEVEL, Settings, diagnose
+from lumbar.improvement.diagnose import diagnose
 from lumbar.improvement.evidence import gather_evidence
 from lumbar.improvement.null_gains import NullGains, shipped
 from lumbar.improvement.report import EXCITATION, diagnosis_document, write_diagnosis
 from lumbar.improvement.search import gain
 from lumbar.improvement.sentences import runner_up
+from lumbar.improvement.settings import Settings
+from lumbar.improvement.thresholds import LEVEL
 from lumbar.pages.diagnosis import diagnosis_page
 from lumbar.pages.diagnosis_pictures import draw_pictures, pictured_effects
 from lumbar.pages.html import document, figure, listing, paragraph, picture, table

@@ -12,7 +12,7 @@ from hidden_effects_cases import settings
 
 from lumbar.improvement.benchmark import outcome
 from lumbar.improvement.blind import diagnose_folders
-from lumbar.improvement.diagnosis import diagnose
+from lumbar.improvement.diagnose import diagnose
 from lumbar.twin.hidden_effects.catalogue import MECHANISMS, SINGLE
 from lumbar.twin.hidden_effects.experiment import plan_batch
 from lumbar.twin.hidden_effects.folder import write_experiments

@@ -10,7 +10,8 @@ from lumbar.effects.base import BASES
 from lumbar.effects.catalogue import TISSUE
 from lumbar.effects.motion import Motion
 from lumbar.effects.structure import Structure
-from lumbar.improvement.fitting import FitData, add, fit, fit_base, solve_amplitudes
+from lumbar.improvement.fit_data import FitData
+from lumbar.improvement.fitting import add, fit, fit_base, solve_amplitudes
 from lumbar.improvement.uncertainty import estimates
 
 STEP = 0.01

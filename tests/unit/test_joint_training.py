@@ -12,9 +12,11 @@ from lumbar.effects.motion import Motion
 from lumbar.effects.motions import Motions
 from lumbar.effects.structure import Structure, forces_of
 from lumbar.errors import InputError
-from lumbar.improvement.diagnosis import Settings, diagnose
-from lumbar.improvement.fitting import FitData, JointData, add, fit_base
+from lumbar.improvement.diagnose import diagnose
+from lumbar.improvement.fit_data import FitData, JointData
+from lumbar.improvement.fitting import add, fit_base
 from lumbar.improvement.preparation import prepare
+from lumbar.improvement.settings import Settings
 
 WORN = next(form for form in TISSUE["softening"].forms if form.name == "path")
 CLIPPED = next(form for form in TISSUE["saturation"].forms if form.name == "sharp")

@@ -11,10 +11,11 @@ from pendulum_records import records_of
 
 from lumbar.effects.catalogue import PENDULUM
 from lumbar.errors import InputError
-from lumbar.improvement.diagnosis import Settings, diagnose
+from lumbar.improvement.diagnose import diagnose
 from lumbar.improvement.refined_model import refined_document, simulate_entry
 from lumbar.improvement.refinement import refine
 from lumbar.improvement.sentences import details, headline
+from lumbar.improvement.settings import Settings
 from lumbar.records.record import Channel
 from lumbar.twin.pendulum_experiments import EFFECTS, make_pendulum_experiment
 

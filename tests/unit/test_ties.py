@@ -15,14 +15,16 @@ from lumbar.effects.base import BASES
 from lumbar.effects.catalogue import TISSUE
 from lumbar.effects.motion import Motion
 from lumbar.effects.structure import Structure
-from lumbar.improvement.diagnosis import Settings, diagnose
+from lumbar.improvement.diagnose import diagnose
 from lumbar.improvement.excitation_family import band, excitation_family
-from lumbar.improvement.fitting import FitData, fit
+from lumbar.improvement.fit_data import FitData
+from lumbar.improvement.fitting import fit
 from lumbar.improvement.separating_excitation import (
     excitation_csv,
     separating_excitation,
     separation_sentence,
 )
+from lumbar.improvement.settings import Settings
 from lumbar.improvement.tangent import beyond, tangent_basis
 from lumbar.improvement.ties import angles_between, complete_linkage, signal_angles
 from lumbar.records.record import Channel, Record

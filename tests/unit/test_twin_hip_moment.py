@@ -100,7 +100,8 @@ def test_the_default_study_weighs_the_box(twin, tmp_path):
     """Diagnosed as a study would: the twin's truth is read by the assertions only."""
     from pendulum_records import records_of
 
-    from lumbar.improvement.diagnosis import Settings, diagnose
+    from lumbar.improvement.diagnose import diagnose
+    from lumbar.improvement.settings import Settings
 
     trials = {}
     for name in twin["hip_moment"]["trials"]:

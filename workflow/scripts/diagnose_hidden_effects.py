@@ -7,7 +7,7 @@ def main(input, output, params):
     """Read the folders, diagnose each with default settings, write all diagnoses of the batch."""
     from lumbar.files import write_json
     from lumbar.improvement.blind import diagnose_folders
-    from lumbar.improvement.diagnosis import diagnose
+    from lumbar.improvement.diagnose import diagnose
 
     def diagnosis(records):
         return diagnose(records).to_json()

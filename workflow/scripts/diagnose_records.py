@@ -9,11 +9,12 @@ def main(input, output, params):
 
     from lumbar.files import write_json, write_text
     from lumbar.improvement.compare import comparison_table
-    from lumbar.improvement.diagnosis import Settings, diagnose
+    from lumbar.improvement.diagnose import diagnose
     from lumbar.improvement.evidence import gather_evidence
     from lumbar.improvement.locate import location_table
     from lumbar.improvement.refined_model import refined_document
     from lumbar.improvement.report import write_diagnosis
+    from lumbar.improvement.settings import Settings
     from lumbar.improvement.simulated import compare_and_locate
     from lumbar.pages.diagnosis import diagnosis_page
     from lumbar.pages.diagnosis_pictures import draw_pictures

@@ -25,8 +25,8 @@ def main(input, output, params):
     given = inverted_linear_fit(training, tests, tissue["settling_s"], **tissue["inverted_linear"])
     result["fits"].append(given)
     if params.improvement["effects"]:
-        from lumbar.improvement.diagnosis import Settings as Improvement
         from lumbar.improvement.published import refined_fit
+        from lumbar.improvement.settings import Settings as Improvement
 
         settings = Improvement.from_config(params.improvement, train=training.name)
         result["fits"].append(refined_fit([training, *tests], params.improvement["effects"], settings))

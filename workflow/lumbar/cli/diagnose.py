@@ -36,7 +36,7 @@ def add(commands) -> None:
 def run(options) -> None:
     """Diagnose, write the verdict with its evidence, a page and the error ladder, print the verdict."""
     from lumbar.files import write_text
-    from lumbar.improvement.diagnosis import diagnose
+    from lumbar.improvement.diagnose import diagnose
     from lumbar.improvement.evidence import gather_evidence
     from lumbar.improvement.report import write_diagnosis
     from lumbar.improvement.sentences import details, headline

@@ -32,7 +32,7 @@ def fitted_model(options):
         The settings.
     list of Record
     Settings
-        Of `lumbar.improvement.diagnosis`.
+        Of `lumbar.improvement.settings`.
     Experiment
     list of Candidate
         The ladder: base, base and first effect, ….
@@ -52,7 +52,7 @@ def read_and_choose(options):
         The settings.
     list of Record
     Settings
-        Of `lumbar.improvement.diagnosis`.
+        Of `lumbar.improvement.settings`.
     """
     from lumbar.config.recordings import record_layout
 
@@ -115,8 +115,8 @@ def read_folder(folder: Path, layout: dict, rate: float | None) -> list:
 
 
 def selection(options, improvement: dict):
-    """Return the `lumbar.improvement.diagnosis.Settings` of the options and the configuration."""
-    from lumbar.improvement.diagnosis import Settings
+    """Return the `lumbar.improvement.settings.Settings` of the options and the configuration."""
+    from lumbar.improvement.settings import Settings
 
     return Settings.from_config(
         improvement, base=options.base, train=options.train, periods=dict(map(_period, options.period))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.improvement.fitting import SETTLING
+from lumbar.improvement.fit_data import SETTLING
 from lumbar.improvement.noise_floor import NoiseFloor
 from lumbar.records.record import Record
 from lumbar.tables import Table

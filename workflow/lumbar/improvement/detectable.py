@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.effects.effect import Effect, Form
-from lumbar.improvement.diagnosis import LEVEL, Diagnosis
-from lumbar.improvement.fitting import Fit, FitData, start_shapes
+from lumbar.improvement.diagnosis import Diagnosis
+from lumbar.improvement.fit_data import FitData
+from lumbar.improvement.fitting import Fit, start_shapes
 from lumbar.improvement.null_gains import NullGains
 from lumbar.improvement.tangent import added_forces, beyond, tangent_basis
+from lumbar.improvement.thresholds import LEVEL
 from lumbar.improvement.ties import noise_rms
 
 _STARTS = 3

@@ -9,11 +9,12 @@ import numpy as np
 from lumbar.effects.catalogue import without_channels
 from lumbar.effects.effect import Effect
 from lumbar.improvement.detectable import Detectable, detectable_effects, threshold_gain
-from lumbar.improvement.diagnosis import Diagnosis, Settings
+from lumbar.improvement.diagnosis import Diagnosis
 from lumbar.improvement.fitting import fit
 from lumbar.improvement.null_gains import NullGains, shipped
 from lumbar.improvement.search import Candidate, extend, judge
 from lumbar.improvement.separating_excitation import Separation, separating_excitation
+from lumbar.improvement.settings import Settings
 from lumbar.improvement.simulated import Simulated, compare_and_locate
 from lumbar.improvement.ties import Ties, signal_angles
 from lumbar.records.record import Record

@@ -6,7 +6,8 @@ import numpy as np
 
 from lumbar.effects.effect import Form
 from lumbar.errors import InputError
-from lumbar.improvement.fitting import Fit, FitData
+from lumbar.improvement.fit_data import FitData
+from lumbar.improvement.fitting import Fit
 from lumbar.improvement.tangent import added_forces, beyond, tangent_basis
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.improvement.diagnosis import TIED, Diagnosis
+from lumbar.improvement.diagnosis import Diagnosis
 from lumbar.improvement.evidence import Evidence
 from lumbar.improvement.excitation_family import band
 from lumbar.improvement.residual import steady_velocity
 from lumbar.improvement.sentences import effects_text, readable
+from lumbar.improvement.thresholds import TIED
 
 _WIDE = 0.5
 """Half width of an interval, as a share of the value, from which on a parameter is poorly known."""

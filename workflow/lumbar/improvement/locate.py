@@ -8,7 +8,7 @@ import numpy as np
 
 from lumbar.improvement.compare import counted_from
 from lumbar.improvement.cycle_view import cycle_view
-from lumbar.improvement.fitting import SETTLING
+from lumbar.improvement.fit_data import SETTLING
 from lumbar.improvement.frequency_view import frequency_view
 from lumbar.improvement.noise_floor import NoiseFloor
 from lumbar.improvement.periods import Folding, fold_periods

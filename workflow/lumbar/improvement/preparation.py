@@ -10,7 +10,7 @@ import numpy as np
 from lumbar.effects.motion import Motion
 from lumbar.errors import InputError
 from lumbar.improvement.excitation_checks import check_excitation, check_response
-from lumbar.improvement.fitting import SETTLING, FitData, JointData
+from lumbar.improvement.fit_data import SETTLING, FitData, JointData
 from lumbar.improvement.noise_floor import NoiseFloor, noise_floor
 from lumbar.records.record import Record, same_units
 

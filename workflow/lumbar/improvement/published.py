@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.improvement.diagnosis import Settings
-from lumbar.improvement.fitting import FitData
+from lumbar.improvement.fit_data import FitData
 from lumbar.improvement.refined_model import model_entry
 from lumbar.improvement.refinement import refine
 from lumbar.improvement.search import Candidate
+from lumbar.improvement.settings import Settings
 from lumbar.records.record import Record
 from lumbar.tissue.identification import OUTPUT_ERROR
 from lumbar.tissue.metrics import fit_ratio, mean_residual, variance_accounted_for

@@ -7,12 +7,12 @@ from lumbar.effects.catalogue import choose, without_channels
 from lumbar.effects.effect import Effect
 from lumbar.effects.structure import Structure
 from lumbar.errors import InputError, NumericalError
-from lumbar.improvement.diagnosis import Settings, prepare_for
 from lumbar.improvement.excited import check_excited
 from lumbar.improvement.fitting import fit_base
 from lumbar.improvement.preparation import Experiment
 from lumbar.improvement.refined_model import model_name
 from lumbar.improvement.search import Candidate, exchange, extend, judge
+from lumbar.improvement.settings import Settings, prepare_for
 from lumbar.records.record import Record
 
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.effects.effect import Effect, Form
-from lumbar.improvement.fitting import Fit, FitData, add, screen
+from lumbar.improvement.fit_data import FitData
+from lumbar.improvement.fitting import Fit, add, screen
 from lumbar.improvement.fitting import fit as refit
 from lumbar.improvement.preparation import Experiment
 

@@ -14,13 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.improvement.diagnosis import TIED, Diagnosis
+from lumbar.improvement.diagnosis import Diagnosis
 from lumbar.improvement.excitation_family import Excitation, excitation_family
-from lumbar.improvement.fitting import Fit, FitData
+from lumbar.improvement.fit_data import FitData
+from lumbar.improvement.fitting import Fit
 from lumbar.improvement.fitting import fit as refit
 from lumbar.improvement.search import Candidate
 from lumbar.improvement.sentences import effects_text
 from lumbar.improvement.tangent import beyond, tangent_basis
+from lumbar.improvement.thresholds import TIED
 from lumbar.improvement.ties import noise_rms
 from lumbar.signals.machine_limits import Kinematics
 

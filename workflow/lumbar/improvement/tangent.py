@@ -10,7 +10,8 @@ import numpy as np
 
 from lumbar.effects.effect import Form, Place
 from lumbar.effects.structure import forces_of
-from lumbar.improvement.fitting import Fit, FitData, previous_amplitudes
+from lumbar.improvement.fit_data import FitData
+from lumbar.improvement.fitting import Fit, previous_amplitudes
 from lumbar.improvement.uncertainty import sensitivities
 
 _SMALLEST = 1e-9

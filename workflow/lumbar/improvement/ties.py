@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.improvement.diagnosis import TIED, Diagnosis
+from lumbar.improvement.diagnosis import Diagnosis
 from lumbar.improvement.search import Candidate
 from lumbar.improvement.tangent import beyond, simulated_over, tangent_basis
+from lumbar.improvement.thresholds import TIED
 
 ALIKE = 15.0
 """Degrees: candidates of one cluster add forces that differ by no more (97 % of the force in common)."""

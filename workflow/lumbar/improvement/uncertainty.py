@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.improvement.fitting import Fit, FitData
+from lumbar.improvement.fit_data import FitData
+from lumbar.improvement.fitting import Fit
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.effects.effect import Effect
-from lumbar.improvement.diagnosis import LEVEL, Diagnosis, Ranked
+from lumbar.improvement.diagnosis import Diagnosis, Ranked
 from lumbar.improvement.evidence import Evidence
 from lumbar.improvement.limits import undecided
 from lumbar.improvement.search import gain
 from lumbar.improvement.sentences import details, effects_text, headline, readable, runner_up
 from lumbar.improvement.separating_excitation import separation_sentence
+from lumbar.improvement.thresholds import LEVEL
 from lumbar.improvement.ties import ALIKE
 from lumbar.improvement.view import probability
 from lumbar.pages.html import Markup, document, figure, heading, listing, paragraph, picture, table

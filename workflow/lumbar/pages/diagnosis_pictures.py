@@ -11,8 +11,9 @@ from lumbar.figures.ladder import ladder_figure, ladder_rungs
 from lumbar.figures.location import location_figure
 from lumbar.figures.signatures import signature_figure
 from lumbar.figures.style import save
-from lumbar.improvement.diagnosis import Diagnosis, Settings
+from lumbar.improvement.diagnosis import Diagnosis
 from lumbar.improvement.sentences import runner_up
+from lumbar.improvement.settings import Settings
 from lumbar.improvement.simulated import Simulated, compare_and_locate, least_explained
 from lumbar.pages.records import LOCATION_CAPTION
 from lumbar.records.record import Record
