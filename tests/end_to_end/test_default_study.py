@@ -68,6 +68,8 @@ def test_everything_made_from_data_says_synthetic_twin(default_run):
         (results(folder) / "figures").glob("*.svg")
     ):
         text = path.read_text(encoding="utf-8")
+        if path.suffix == ".csv" and len(text.splitlines()) == 1:
+            continue  # no rows, so no data: LaTeX and HTML of the same table say it
         if path.stem not in drawings | {"table_2_1"} and "synthetic twin" not in text:
             unlabelled.append(path.name)
     assert not unlabelled
