@@ -58,9 +58,9 @@ format: environment ## put the sources into the house's format
 	ruff format .
 	snakefmt Snakefile workflow/rules
 
-docs: environment ## renew the references of all configuration keys and of the catalogue of effects
+docs: environment ## renew the references of all configuration keys and of the catalogues of effects
 	python -m lumbar.config_reference config/README.md
-	python -m lumbar.effects_reference docs/effects.md
+	python -m lumbar.effects_reference docs
 
 lock: ## renew envs/ from pyproject.toml (needs uv)
 	uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lumbar.effects.base import BASES
-from lumbar.effects.catalogue import TISSUE, choose, load_effects
+from lumbar.effects.catalogue import CATALOGUES, TISSUE, choose, load_effects
 from lumbar.effects.effect import Place
 from lumbar.effects.motion import Motion
 from lumbar.effects.structure import Structure
@@ -156,10 +156,15 @@ def test_an_effect_of_the_users_own(tmp_path):
         load_effects(tmp_path / "absent.py")
 
 
-def test_the_catalogue_page_says_what_the_definitions_say(project):
+@pytest.mark.parametrize(("system", "name"), [("tissue", "effects"), ("pendulum", "pendulum_effects")])
+def test_the_pages_of_the_catalogues_say_what_the_definitions_say(project, system, name):
     from lumbar.effects_reference import effects_page
 
-    page = project / "docs" / "effects.md"
-    assert page.read_text(encoding="utf-8") == effects_page("images/effects"), "run make docs"
-    for name in TISSUE:
-        assert (page.parent / "images" / "effects" / f"{name}.svg").is_file()
+    page = project / "docs" / f"{name}.md"
+    text = page.read_text(encoding="utf-8")
+    assert text == effects_page(system), "run make docs"
+    for effect, definition in CATALOGUES[system].items():
+        picture = f"images/{name}/{effect}.svg"
+        shown = any(not form.channels for form in definition.forms)
+        assert (picture in text) == shown
+        assert (page.parent / picture).is_file() == shown

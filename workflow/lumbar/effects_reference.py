@@ -1,19 +1,16 @@
-"""The catalogue as a page, from the definitions: ``python -m lumbar.effects_reference docs/effects.md``."""
+"""The catalogues as pages, from the definitions: ``python -m lumbar.effects_reference docs``."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
-from lumbar.effects.catalogue import TISSUE
+from lumbar.effects.catalogue import CATALOGUES
 from lumbar.effects.effect import Effect, Form, Place
+from lumbar.effects.signature import pictured_form
 from lumbar.files import write_text
 
-_PLACES = {
-    Place.INPUT: "on the way from the position to the tissue",
-    Place.PARALLEL: "beside the tissue",
-    Place.OUTPUT: "on the way from the tissue to the sensor",
-}
 _SCALES = {
     "position": "half the range of the position",
     "speed": "the largest speed",
@@ -25,42 +22,102 @@ _SCALES = {
     "one": "1",
 }
 _SIGNS = {1: "not negative", -1: "not positive", 0: "any"}
-_INTRODUCTION = """# The catalogue of effects
 
-Written by `make docs` from the definitions in `workflow/lumbar/effects/`; do not edit. Position z about the record's zero,
-speed v, force F; units: x that of the position, y that of the force.
 
-Pictures: the first form of each effect on a standard motion, a sine of amplitude 1, beside a Kelvin–Boltzmann tissue with
-kₑ = k_b = 1 and τ = 0.1 s. Left: force over position without and with the effect at 0.5 Hz. Middle: what the effect adds, at 0.5
-and 2 Hz. Right: the same over time. The effect is scaled to a third of the tissue's own force.
+@dataclass(frozen=True)
+class Reference:
+    """What one catalogue's page says beside the definitions.
+
+    Attributes
+    ----------
+    page : str
+        File name without suffix, and folder of its pictures.
+    introduction : str
+    places : dict of Place to str
+        Where a form acts.
+    """
+
+    page: str
+    introduction: str
+    places: dict[Place, str]
+
+
+_HEAD = """# {title}
+
+Written by `make docs` from the definitions in `workflow/lumbar/effects/`; do not edit. {symbols}; units: x that of the
+{moved}, y that of the {response}.
+
+Pictures: the first form of each effect on a standard motion, a sine of amplitude 1, beside {base}. Left:
+{response} over {moved} without and with the effect at 0.5 Hz. Middle: what the effect adds, at 0.5 and 2 Hz. Right: the
+same over time. The effect is scaled to a third of the base's own {response}.
 
 """
+REFERENCES = {
+    "tissue": Reference(
+        "effects",
+        _HEAD.format(
+            title="The catalogue of effects",
+            symbols="Position z about the record's zero, speed v, force F",
+            moved="position",
+            response="force",
+            base="a Kelvin–Boltzmann tissue with kₑ = k_b = 1 and τ = 0.1 s",
+        ),
+        {
+            Place.INPUT: "on the way from the position to the tissue",
+            Place.PARALLEL: "beside the tissue",
+            Place.OUTPUT: "on the way from the tissue to the sensor",
+        },
+    ),
+    "pendulum": Reference(
+        "pendulum_effects",
+        _HEAD.format(
+            title="The pendulum's catalogue of effects",
+            symbols="Angle θ from the vertical, its speed v, moment M that the person exerts",
+            moved="angle",
+            response="moment",
+            base="a pendulum of eq. 4.1",
+        ),
+        {
+            Place.INPUT: "on the way from the angle to the pendulum",
+            Place.PARALLEL: "beside the pendulum",
+            Place.OUTPUT: "on the way from the pendulum to the sensor",
+        },
+    ),
+}
+"""By system."""
 
 
-def effects_page(pictures: str) -> str:
-    """Return the page as Markdown.
+def effects_page(system: str) -> str:
+    """Return a catalogue's page as Markdown.
 
     Parameters
     ----------
-    pictures : str
-        Folder of the pictures, relative to the page.
+    system : str
+        ``"tissue"`` or ``"pendulum"``.
     """
-    listed = "\n".join(f"- [`{name}`](#{name}): {effect.mechanism}" for name, effect in TISSUE.items())
-    return _INTRODUCTION + listed + "\n" + "".join(_section(effect, pictures) for effect in TISSUE.values())
+    catalogue, reference = CATALOGUES[system], REFERENCES[system]
+    listed = "\n".join(f"- [`{name}`](#{name}): {effect.mechanism}" for name, effect in catalogue.items())
+    sections = (_section(effect, reference) for effect in catalogue.values())
+    return reference.introduction + listed + "\n" + "".join(sections)
 
 
-def _section(effect: Effect, pictures: str) -> str:
-    places = dict.fromkeys(_PLACES[form.place] for form in effect.forms)
+def _section(effect: Effect, reference: Reference) -> str:
+    places = dict.fromkeys(reference.places[form.place] for form in effect.forms)
+    picture = ""
+    if pictured_form(effect):
+        picture = f"![Signature of {effect.name}](images/{reference.page}/{effect.name}.svg)\n\n"
     rows = "\n".join(row for form in effect.forms for row in _rows(form))
-    forms = "\n".join(f"| `{form.name}` | ${_escaped(form.equation)}$ |" for form in effect.forms)
+    needed = any(form.channels for form in effect.forms)
+    head = "| form | equation | needs |\n|---|---|---|" if needed else "| form | equation |\n|---|---|"
+    forms = "\n".join(
+        f"| `{form.name}` | ${_escaped(form.equation)}$ |" + (_needs(form) if needed else "")
+        for form in effect.forms
+    )
     return f"""
 ## {effect.name}
 {effect.mechanism} It acts {" or ".join(places)}.
 
-![Signature of {effect.name}]({pictures}/{effect.name}.svg)
-
-| form | equation |
-|---|---|
+{picture}{head}
 {forms}
 
 | form | parameter | unit | range | starts |
@@ -69,6 +126,11 @@ def _section(effect: Effect, pictures: str) -> str:
 
 Source: {effect.source}. Experiment that shows it: {effect.experiment}.
 """
+
+
+def _needs(form: Form) -> str:
+    """Cell with the columns that a form needs beside input and output."""
+    return f" {', '.join(f'`{role}`' for role in form.channels) or '–'} |"
 
 
 def _escaped(latex: str) -> str:
@@ -84,11 +146,7 @@ def _rows(form: Form) -> list[str]:
     for item in form.shapes:
         scale = _SCALES[item.scale]
         low, high = item.bounds(1.0)
-        starts = (
-            "strongest lines of the residual"
-            if form.starts
-            else f"{item.points} from {item.low:g} to {item.high:g}"
-        )
+        starts = "from the residual" if form.starts else f"{item.points} from {item.low:g} to {item.high:g}"
         span = (
             f"within {item.lines:g} lines of the start"
             if item.lines is not None
@@ -102,16 +160,18 @@ def _unit(template: str) -> str:
     return template.replace("{x}", "x").replace("{y}", "y")
 
 
-def write_reference(page: Path) -> None:
-    """Write the page, and its pictures to ``images/effects`` beside it."""
+def write_reference(folder: Path) -> None:
+    """Write every catalogue's page, and its pictures to ``images/<page>`` beside it."""
     from lumbar.figures.signatures import signature_figure
     from lumbar.figures.style import save
 
-    for effect in TISSUE.values():
-        stem = page.parent / "images" / "effects" / effect.name
-        save(signature_figure([effect]), stem, "")
-        stem.with_suffix(".pdf").unlink()
-    write_text(page, effects_page("images/effects"))
+    for system, reference in REFERENCES.items():
+        for effect in CATALOGUES[system].values():
+            if pictured_form(effect):
+                stem = folder / "images" / reference.page / effect.name
+                save(signature_figure([effect], system), stem, "")
+                stem.with_suffix(".pdf").unlink()
+        write_text(folder / f"{reference.page}.md", effects_page(system))
 
 
 if __name__ == "__main__":
