@@ -184,6 +184,25 @@ def test_identify_recovers_a_known_tissue(run, tissue, tmp_path):
     assert "there are long, short" in err
 
 
+def test_a_refined_model_goes_to_the_device(run, tissue, tmp_path):
+    """From a folder of records to an FMU with an effect, by either of two ways."""
+    status, _, err = run("refine", tissue, "--add", "inertia", "--output", tmp_path / "refined")
+    assert status == 0, err
+    command = ("export", tmp_path / "refined" / "refined.json", "--target", "host")
+    status, out, err = run(*command, "--output", tmp_path / "fmu")
+    assert status == 0, err
+    assert sorted(path.name for path in (tmp_path / "fmu").iterdir()) == [
+        "KB+inertia_fmi2.fmu",
+        "KB+inertia_fmi3.fmu",
+    ]
+    settings = tmp_path / "effects.yaml"
+    settings.write_text("improvement: {effects: [inertia]}")
+    status, _, err = run("identify", tissue, "--config", settings, "--output", tmp_path / "identified")
+    assert status == 0, err
+    models = json.loads((tmp_path / "identified" / "models.json").read_text())["models"]
+    assert [model["name"] for model in models if model.get("base")] == ["KB+inertia"]
+
+
 def test_export_needs_models(run, tmp_path):
     path = tmp_path / "models.json"
     assert "no such file" in run("export", path, "--output", tmp_path)[2]

@@ -15,7 +15,12 @@ def add(commands) -> None:
         "export identified models as FMUs for FMI 2.0 and 3.0",
         "lumbar export out/models.json --output fmu --model KB --trained-on multisine",
     )
-    parser.add_argument("models", type=Path, metavar="MODELS.json", help="from 'lumbar identify'")
+    parser.add_argument(
+        "models",
+        type=Path,
+        metavar="MODELS.json",
+        help="models.json from 'lumbar identify', or refined.json from 'lumbar refine': its last model",
+    )
     parser.add_argument(
         "--model",
         action="append",
@@ -48,17 +53,20 @@ def run(options) -> None:
     from lumbar.effects.catalogue import catalogue_with
     from lumbar.files import read_json
     from lumbar.runtime.export_model import select_models
-    from lumbar.runtime.models_document import check_document
+    from lumbar.runtime.models_document import check_document, from_refined
     from lumbar.runtime.package import export_fmus
 
     settings = load_settings(options.config, "runtime", "improvement")
     runtime = dict(settings["runtime"])
-    content = read_json(options.models)
+    read = read_json(options.models)
+    content = from_refined(read)
     check_document(content)
     trained_on = {model.get("trained_on") for model in content["models"]} - {None}
     if options.trained_on or len(trained_on) == 1:
         runtime["trained_on"] = options.trained_on or trained_on.pop()
-    runtime["models"] = options.model or runtime["models"]
+    # Of an error ladder the last rung is what a user wants.
+    named = runtime["models"] if content is read else [content["models"][-1]["name"]]
+    runtime["models"] = options.model or named
     runtime["targets"] = options.target or runtime["targets"]
     runtime["rate_Hz"] = options.rate or runtime["rate_Hz"]
     models = select_models(content, runtime, catalogue_with(settings["improvement"]["effect_files"]))

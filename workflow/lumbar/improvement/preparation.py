@@ -35,6 +35,7 @@ class Experiment:
         Name of the training record that the floor was taken from, or would have been.
     input_offset, output_offset : float
         What was taken off the training record's channels; 0 where records are taken as they are.
+    input_quantity, output_quantity : str
     """
 
     training: FitData
@@ -45,6 +46,8 @@ class Experiment:
     floor_from: str
     input_offset: float = 0.0
     output_offset: float = 0.0
+    input_quantity: str = "position"
+    output_quantity: str = "force"
 
 
 def prepare(
@@ -103,6 +106,8 @@ def prepare(
         first.name,
         float(np.mean(training[0]["input"])) if centre else 0.0,
         float(np.mean(training[0]["output"])) if centre else 0.0,
+        first.channels["input"].quantity,
+        first.channels["output"].quantity,
     )
 
 

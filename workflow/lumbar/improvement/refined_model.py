@@ -61,6 +61,8 @@ def refined_document(ladder: list[Candidate], experiment: Experiment, data: str)
         "schema": "lumbar.refined/1",
         "data": data,
         "sampling_time_s": experiment.training.motion.sampling_time,
+        "input_quantity": experiment.input_quantity,
+        "output_quantity": experiment.output_quantity,
         "input_unit": experiment.input_unit,
         "output_unit": experiment.output_unit,
         "noise_floor_rms": None if experiment.floor is None else experiment.floor.rms,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from lumbar.effects.effect import Effect
 from lumbar.effects.pendulum_load import CHANNELS
 from lumbar.improvement.diagnosis import Diagnosis, Ranked
+from lumbar.improvement.thresholds import LEVEL
 
 
 def readable(name: str) -> str:
@@ -14,7 +15,8 @@ def readable(name: str) -> str:
 
 def effects_text(names) -> str:
     """Names of several effects for a reader."""
-    return " and ".join(readable(name) for name in names) or "no effect"
+    *first, last = [readable(name) for name in names] or ["no effect"]
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -26,7 +28,8 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "adequate":
         return f"Nothing is missing: what the {base} model leaves ({before:.3g} {unit}) is noise as far as can be told."
     if diagnosis.verdict == "named":
-        return f"The {base} model is missing {named}: with it {fall}."
+        added = "it" if len(diagnosis.selected) == 1 else "them"
+        return f"The {base} model is missing {named}: with {added} {fall}."
     if diagnosis.verdict == "tied":
         others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
         return (
@@ -66,7 +69,13 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
             f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
         ]
     second = runner_up(diagnosis)
-    if second is not None:
+    if second is not None and diagnosis.verdict == "adequate":
+        lines.append(
+            f"Best candidate: {effects_text(second.candidate.effects)}, error on unseen records "
+            f"{second.candidate.test_rms:.3g} {unit}; where nothing is missing the best of all gains as much in "
+            f"{100 * second.p_value:.2g} % of the cases ({100 * LEVEL:g} % would be needed)."
+        )
+    elif second is not None:
         lines.append(
             f"Runner-up: {effects_text(second.candidate.effects)}, error on unseen records "
             f"{second.candidate.test_rms:.3g} {unit}."

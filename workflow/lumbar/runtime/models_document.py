@@ -5,6 +5,7 @@ from __future__ import annotations
 from lumbar.errors import Problems
 
 SCHEMA = "lumbar.models/1"
+REFINED = "lumbar.refined/1"
 _NUMBER, _NUMBERS, _ARRAY = (
     {"type": ["number", "null"]},
     {"type": "array", "items": {"type": "number"}},
@@ -80,6 +81,42 @@ _DOCUMENT = {
 }
 
 
+def from_refined(content):
+    """Return refined.json, the rungs of an error ladder, in the form of models.json; anything else as it is.
+
+    Parameters
+    ----------
+    content : object
+        As read from JSON.
+    """
+    if not isinstance(content, dict) or content.get("schema") != REFINED:
+        return content
+    signals = {
+        role: {"quantity": content[f"{role}_quantity"], "unit": content[f"{role}_unit"]}
+        for role in ("input", "output")
+    }
+    models = [
+        {
+            **model,
+            "estimator": "output_error",
+            "physical": {
+                f"{item['effect']}.{item['name']}" if item["effect"] else item["name"]: {
+                    key: item[key] for key in ("value", "unit", "low", "high")
+                }
+                for item in model["parameters"]
+            },
+        }
+        for model in content["models"]
+    ]
+    return {
+        "schema": SCHEMA,
+        "sampling_time_s": content["sampling_time_s"],
+        **signals,
+        "models": models,
+        "data": content["data"],
+    }
+
+
 def check_document(content) -> None:
     """Check the form of models.json; what its numbers mean is checked where a model is made of them.
 
@@ -97,7 +134,7 @@ def check_document(content) -> None:
 
     problems = Problems("models.json")
     if isinstance(content, dict) and content.get("schema") != SCHEMA:
-        problems.add("schema", repr(content.get("schema")), f"{SCHEMA!r} is needed")
+        problems.add("schema", repr(content.get("schema")), f"{SCHEMA!r} or {REFINED!r} is needed")
         problems.raise_if_any()
     errors = Draft202012Validator(_DOCUMENT).iter_errors(content)
     for error in sorted(errors, key=lambda item: list(map(str, item.absolute_path))):
