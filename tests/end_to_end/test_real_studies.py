@@ -11,12 +11,7 @@ from running import copy_project, snakemake
 
 pytestmark = pytest.mark.end_to_end
 
-FOLDERS = {
-    "davinci_tool": ".",
-    "friction_damper": ".",
-    "box_transfer": "lifting/s2m_box_transfer",
-    "sit_to_stand": "lifting/sts_trunk_flexion_trc",
-}
+STUDIES = ("davinci_tool", "friction_damper", "box_transfer", "sit_to_stand")
 
 
 @pytest.fixture(scope="module")
@@ -28,13 +23,13 @@ def run_study(folder, shared, study):
     run = snakemake(
         folder,
         *("--cores", "2", "--configfile", f"config/studies/{study}.yaml"),
-        env={"LUMBAR_DATA": str(shared / "real" / FOLDERS[study])},
+        env={"LUMBAR_DATA": str(shared / "real")},
     )
     assert run.status == 0, run.text[-6000:]
     return folder / "results" / study
 
 
-@pytest.mark.parametrize("study", FOLDERS)
+@pytest.mark.parametrize("study", STUDIES)
 def test_absent_recordings_are_named_with_source_and_licence(folder, study, tmp_path):
     run = snakemake(
         folder,

@@ -189,7 +189,7 @@ def test_a_refined_model_goes_to_the_device(run, tissue, tmp_path):
     status, _, err = run("refine", tissue, "--add", "inertia", "--output", tmp_path / "refined")
     assert status == 0, err
     command = ("export", tmp_path / "refined" / "refined.json", "--target", "host")
-    status, out, err = run(*command, "--output", tmp_path / "fmu")
+    status, _, err = run(*command, "--output", tmp_path / "fmu")
     assert status == 0, err
     assert sorted(path.name for path in (tmp_path / "fmu").iterdir()) == [
         "KB+inertia_fmi2.fmu",
