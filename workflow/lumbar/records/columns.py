@@ -192,7 +192,8 @@ def _numbers(
         try:
             values.append(float(text))
         except ValueError:
-            problems.add(f"line {line}", f"{role} is {cells[position]!r}", "a number is needed")
+            comma = " (with decimal commas, set layout.decimal to ',')" if "," in cells[position] else ""
+            problems.add(f"line {line}", f"{role} is {cells[position]!r}", f"a number is needed{comma}")
             values.append(np.nan)
     return values
 
