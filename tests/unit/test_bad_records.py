@@ -182,3 +182,21 @@ def test_a_fit_that_did_not_converge_is_no_result():
     stopped = replace(found.model, fit=replace(found.model.fit, converged=False))
     lines = details(replace(found, ladder=[found.base, stopped]), TISSUE)
     assert "did not converge" in lines[0] and "no result" in lines[0]
+
+
+def test_a_force_that_grows_beyond_measure_with_speed_is_in_no_other_unit():
+    """Slow motion tells units apart: there a force that explodes at high speed is as in any other record."""
+    from periodic_records import STEP, record
+
+    from lumbar.improvement.excitation_checks import check_excitation
+
+    time = np.arange(0, 20, STEP)
+    slow = 5 * np.sin(2 * np.pi * 0.2 * time)
+    fast = 5 * np.sin(2 * np.pi * (0.1 * time + 0.12 * time**2))
+    records = []
+    for name, position in (("slow", slow), ("fast", fast)):
+        speed = np.gradient(position, STEP)
+        records.append(record(position, position + 0.01 * np.sinh(speed / 10.0), name))
+    assert np.std(records[1]["output"]) > 300 * np.std(records[0]["output"])
+    check_excitation(records[0], [records[1]])
+    check_excitation(records[1], [records[0]])

@@ -112,3 +112,19 @@ def test_records_that_are_fitted_together_are_sampled_alike():
         prepare([softening_record("a", 13), other], ["a", "b"])
     with pytest.raises(InputError, match="no record 'd'; there are a, b"):
         prepare([softening_record("a", 13), softening_record("b", 14)], ["a", "d"])
+
+
+def test_the_noises_colour_is_left_out_where_the_error_is_a_models():
+    """An error far above the noise is fitted as it is; one at the noise is whitened."""
+    from periodic_records import noisy_record
+
+    from lumbar.improvement.diagnose import diagnose as diagnosed
+
+    texture = lambda time, force: 3.0 * np.sin(7.0 * force)  # noqa: E731, nothing of the catalogue
+    settings = Settings(base="KB", most_effects=1)
+    far = diagnosed([noisy_record(6, 0.02, 1, 0.9, extra=texture)], settings)
+    near = diagnosed([noisy_record(6, 0.3, 1, 0.9)], settings)
+    assert far.model.train_rms > 3 * far.experiment.floor.rms
+    assert len(far.experiment.training.whitening) == 1
+    assert near.model.train_rms < 1.2 * near.experiment.floor.rms
+    assert len(near.experiment.training.whitening) > 1

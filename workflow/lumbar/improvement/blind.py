@@ -59,6 +59,6 @@ def diagnose_folders(folder: str | os.PathLike, diagnose: Callable[[list[Record]
         records = read_folder(experiment)
         try:
             diagnoses[experiment.name] = diagnose(records)
-        except NumericalError as error:
+        except (InputError, NumericalError) as error:
             diagnoses[experiment.name] = {"error": str(error)}
     return diagnoses

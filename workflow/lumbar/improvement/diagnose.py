@@ -65,11 +65,17 @@ def diagnose(
     settings = settings or Settings()
     catalogue = settings.candidates
     experiment = prepare_for(records, settings)
-    base = judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)
     usable, not_tried = without_channels(catalogue, experiment.training.motion.channels)
     null = null or shipped(BASES[settings.base].system)
-    found = _Search(experiment, base, replace(settings, catalogue=usable), null).diagnosis()
+    found = _searched(experiment, replace(settings, catalogue=usable), null)
+    if experiment.error_dwarfs_noise(found.model.train_rms):
+        found = _searched(experiment.unwhitened(), replace(settings, catalogue=usable), null)
     return replace(found, not_tried=not_tried)
+
+
+def _searched(experiment: Experiment, settings: Settings, null: NullGains) -> Diagnosis:
+    base = judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)
+    return _Search(experiment, base, settings, null).diagnosis()
 
 
 class _Search:

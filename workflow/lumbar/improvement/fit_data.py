@@ -45,6 +45,10 @@ class FitData:
         early = replace(self, motion=self.motion.beginning(count), force=self.force[:count])
         return early, replace(self, counts_from=count * self.motion.sampling_time)
 
+    def unwhitened(self) -> FitData:
+        """The same record, its errors taken as they are."""
+        return replace(self, whitening=np.ones(1))
+
     @property
     def size(self) -> int:
         """Number of samples that count."""
@@ -99,6 +103,10 @@ class JointData(FitData):
         """Cut every record in two."""
         early, later = zip(*(part.split(share) for part in self.parts), strict=True)
         return JointData.of(list(early)), JointData.of(list(later))
+
+    def unwhitened(self) -> FitData:
+        """The same records, their errors taken as they are."""
+        return JointData.of([part.unwhitened() for part in self.parts])
 
     @property
     def size(self) -> int:

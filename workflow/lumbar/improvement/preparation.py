@@ -14,6 +14,8 @@ from lumbar.improvement.fit_data import SETTLING, FitData, JointData
 from lumbar.improvement.noise_floor import NoiseFloor, noise_floor
 from lumbar.records.record import Record, same_units
 
+DWARFING = 3.0
+"""Error in noise floors from which on it is a model's and not the noise's."""
 _HELD_BACK = 0.3
 """Share of a single record that is held back as test where there is no other record."""
 
@@ -48,6 +50,21 @@ class Experiment:
     output_offset: float = 0.0
     input_quantity: str = "position"
     output_quantity: str = "force"
+
+    def unwhitened(self) -> Experiment:
+        """The same records, their errors taken as they are."""
+        return replace(
+            self, training=self.training.unwhitened(), tests=[item.unwhitened() for item in self.tests]
+        )
+
+    def error_dwarfs_noise(self, train_rms: float) -> bool:
+        """Whether a model's error on the training record is so large that whitening by the noise's colour is out of place.
+
+        Whitening weighs an error that is noise. Where a model's own error is what is left, it weighs frequencies at which
+        there happens to be little noise, and the simulation gets worse.
+        """
+        whitened = len(self.training.whitening) > 1
+        return whitened and self.floor is not None and train_rms > DWARFING * self.floor.rms
 
 
 def prepare(

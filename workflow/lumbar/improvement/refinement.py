@@ -46,7 +46,22 @@ def refine(
     chosen = {effect.name: effect for effect in choose(effects, settings.candidates)}
     experiment = prepare_for(records, settings)
     chosen = _with_channels(chosen, experiment)
-    ladder = [judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)]
+    ladder = _climbed(experiment, chosen, settings.base)
+    if experiment.error_dwarfs_noise(ladder[-1].train_rms):
+        experiment = experiment.unwhitened()
+        ladder = _climbed(experiment, chosen, settings.base)
+    return experiment, ladder
+
+
+def _climbed(experiment: Experiment, chosen: dict[str, Effect], base: str) -> list[Candidate]:
+    """Ladder of fitted models: base, base and first effect, ….
+
+    Raises
+    ------
+    InputError, NumericalError
+        As `refine`.
+    """
+    ladder = [judge(fit_base(Structure(BASES[base]), experiment.training), experiment)]
     for name in chosen:
         # The best by likelihood and number of parameters: a form with more of them always fits a little better.
         rung = extend(ladder[-1], {name: chosen[name]}, experiment)[0]
@@ -65,10 +80,10 @@ def refine(
         ladder[-1] = best if set(best.effects) == set(chosen) else ladder[-1]
     if not ladder[-1].fit.converged:
         raise NumericalError(
-            f"{settings.base} with {', '.join(effects)}: the fit on {experiment.training.name} did not converge; "
+            f"{base} with {', '.join(chosen)}: the fit on {experiment.training.name} did not converge; "
             "the data may not excite what is asked"
         )
-    return experiment, ladder
+    return ladder
 
 
 def _with_channels(chosen: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:
