@@ -80,3 +80,20 @@ def fmu_instance(fmu_folder, tmp_path):
 def fmu_positions():
     """Return positions of a random walk in mm."""
     return np.cumsum(np.random.default_rng(7).standard_normal(200)) * 0.2
+
+
+@pytest.fixture
+def run(capsys):
+    """Call the command; return its exit status, standard output and standard error."""
+
+    from lumbar import cli
+
+    def call(*arguments):
+        try:
+            status = cli.main([str(argument) for argument in arguments])
+        except SystemExit as end:
+            status = end.code
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return call

@@ -13,23 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
-from lumbar import cli
 from lumbar.cli.command import COMMANDS
-
-
-@pytest.fixture
-def run(capsys):
-    """Call the command; return its exit status, standard output and standard error."""
-
-    def call(*arguments):
-        try:
-            status = cli.main([str(argument) for argument in arguments])
-        except SystemExit as end:
-            status = end.code
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture(scope="module")

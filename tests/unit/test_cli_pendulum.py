@@ -7,23 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from lumbar import cli
 from lumbar.twin.pendulum_experiments import make_pendulum_experiment
-
-
-@pytest.fixture
-def run(capsys):
-    """Call the command; return its exit status, standard output and standard error."""
-
-    def call(*arguments):
-        try:
-            status = cli.main([str(argument) for argument in arguments])
-        except SystemExit as end:
-            status = end.code
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return call
 
 
 def write(folder, records, decimals=5):
