@@ -59,8 +59,8 @@ format: environment ## put the sources into the house's format
 	snakefmt Snakefile workflow/rules
 
 docs: environment ## renew the references of all configuration keys and of the catalogues of effects
-	python -m lumbar.config_reference config/README.md
-	python -m lumbar.effects_reference docs
+	python -m lumbar.config.reference config/README.md
+	python -m lumbar.reports.effects_reference docs
 
 lock: ## renew envs/ from pyproject.toml (needs uv)
 	uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \

@@ -55,7 +55,7 @@ def default_study() -> None:
 
 def ridge_path() -> None:
     """One factorisation for the whole grid of ridge coefficients against one solve each."""
-    from lumbar.tissue.ridge import RidgePath, ridge_grid
+    from lumbar.identification.ridge import RidgePath, ridge_grid
 
     random = np.random.default_rng(1)
     regressors = random.standard_normal((10000, 9))
@@ -86,8 +86,8 @@ def diagnosis() -> None:
 
     import yaml
 
-    from lumbar.twin.hidden_effects.folder import write_experiment
-    from lumbar.twin.two_hidden_effects import make_two_hidden_effects
+    from lumbar.synthetic.hidden_effects.experiment_folder import write_experiment
+    from lumbar.synthetic.two_hidden_effects import make_two_hidden_effects
 
     config = PROJECT / "config"
     twin = yaml.safe_load((config / "twin.yaml").read_text(encoding="utf-8"))["twin"]

@@ -24,9 +24,9 @@ from c_programs import loader_program  # noqa: E402
 from effect_entries import COMBINATIONS, effect_entry  # noqa: E402
 from runtime_models import SETTINGS, models_json  # noqa: E402
 
-from lumbar.runtime.compiler import TARGETS, host_target, warm_cache  # noqa: E402
-from lumbar.runtime.export_model import select_models  # noqa: E402
-from lumbar.runtime.package import export_fmus  # noqa: E402
+from lumbar.fmu.build.compiler import TARGETS, host_target, warm_cache  # noqa: E402
+from lumbar.fmu.build.export_model import select_models  # noqa: E402
+from lumbar.fmu.build.package import export_fmus  # noqa: E402
 
 CACHE = HERE.parent.parent / ".snakemake" / "zig-cache"
 STEPS = 1_000_000

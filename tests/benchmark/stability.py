@@ -28,22 +28,22 @@ import pandas as pd  # noqa: E402
 import yaml  # noqa: E402
 
 from lumbar.stability.basins import close_loops  # noqa: E402
-from lumbar.stability.between_knots import proved_share  # noqa: E402
-from lumbar.stability.certified_funnel import certified_funnels  # noqa: E402
-from lumbar.stability.circle_certificate import CircleProgramme  # noqa: E402
-from lumbar.stability.cvxpy_reference import certified_rate  # noqa: E402
-from lumbar.stability.funnel import exact_funnels, funnel_variants  # noqa: E402
-from lumbar.stability.limits import (  # noqa: E402
+from lumbar.stability.funnel.funnel import exact_funnels, funnel_variants  # noqa: E402
+from lumbar.stability.funnel.lyapunov_family import best_of_family  # noqa: E402
+from lumbar.stability.funnel.monte_carlo_check import attack  # noqa: E402
+from lumbar.stability.funnel.polynomials import growth_polynomial  # noqa: E402
+from lumbar.stability.funnel.saturation import (  # noqa: E402
     NO_LIMITS,
     Limits,
     disturbance_of,
     limited_funnels,
     reference_of,
 )
-from lumbar.stability.lyapunov_family import best_of_family  # noqa: E402
-from lumbar.stability.polynomials import growth_polynomial  # noqa: E402
-from lumbar.stability.simulation import attack  # noqa: E402
-from lumbar.stability.trajectory import trajectories_of_lift  # noqa: E402
+from lumbar.stability.model.trajectory import trajectories_of_lift  # noqa: E402
+from lumbar.stability.programme.certified_funnel import certified_funnels  # noqa: E402
+from lumbar.stability.programme.circle_certificate import CircleProgramme  # noqa: E402
+from lumbar.stability.programme.cvxpy_reference import certified_rate  # noqa: E402
+from lumbar.stability.proof.interval_proof import proved_share  # noqa: E402
 
 ROWS: list[dict] = []
 SIGNS = ("hanging", "inverted")

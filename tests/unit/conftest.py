@@ -17,7 +17,7 @@ def zig_cache(project):
 @pytest.fixture(scope="session")
 def fmu_models():
     """Return models for export."""
-    from lumbar.runtime.export_model import select_models
+    from lumbar.fmu.build.export_model import select_models
 
     return select_models(models_json(), SETTINGS)
 
@@ -25,8 +25,8 @@ def fmu_models():
 @pytest.fixture(scope="session")
 def fmu_folder(fmu_models, zig_cache, tmp_path_factory):
     """Return a folder with the FMUs of the shared models and of one with an effect and an awkward name."""
-    from lumbar.runtime.export_model import select_models
-    from lumbar.runtime.package import export_fmus
+    from lumbar.fmu.build.export_model import select_models
+    from lumbar.fmu.build.package import export_fmus
 
     fmu_folder = tmp_path_factory.mktemp("fmu")
     export_fmus(fmu_models, fmu_folder, "synthetic twin", TARGET, zig_cache)

@@ -55,7 +55,7 @@ FORM_NUMBERS = {
     ),
     "backlash/play": ([], [0.2]),
 }
-"""Amplitudes and shapes by form: positions of a few mm, forces of a few N."""
+"""Linear and nonlinear parameters by form: positions of a few mm, forces of a few N."""
 
 
 def effect_entry(base: str, *keys: str, **more) -> dict:
@@ -63,16 +63,16 @@ def effect_entry(base: str, *keys: str, **more) -> dict:
     effects = []
     for key in keys:
         effect, form = key.split("/")
-        amplitudes, shapes = FORM_NUMBERS[key]
-        effects.append({"effect": effect, "form": form, "amplitudes": amplitudes, "shapes": shapes})
-    amplitudes, shapes = BASE_NUMBERS[base]
+        linear, nonlinear = FORM_NUMBERS[key]
+        effects.append({"effect": effect, "form": form, "amplitudes": linear, "shapes": nonlinear})
+    linear, nonlinear = BASE_NUMBERS[base]
     return {
         "name": "+".join([base, *(effect["effect"] for effect in effects)]),
         "trained_on": "multisine",
         "estimator": "output_error",
         "base": base,
-        "amplitudes": amplitudes,
-        "shapes": shapes,
+        "amplitudes": linear,
+        "shapes": nonlinear,
         "effects": effects,
         **more,
     }

@@ -7,12 +7,12 @@ import pytest
 import yaml
 
 from lumbar import cli
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.fitting.record_checks import check_excitation
+from lumbar.diagnosis.selection.refine import refine
+from lumbar.diagnosis.selection.sentences import details
 from lumbar.effects.catalogue import TISSUE
 from lumbar.errors import InputError
-from lumbar.improvement.excitation_checks import check_excitation
-from lumbar.improvement.refinement import refine
-from lumbar.improvement.sentences import details
-from lumbar.improvement.settings import Settings
 from lumbar.records.clipping import check_clipping, flat_tops
 from lumbar.records.record import Channel, Record
 
@@ -162,15 +162,15 @@ def test_an_effect_that_the_record_does_not_excite_is_refused():
     sine = motion(40.0, lines=[10])
     records = [record_of(sine, force_of(sine)), record_of(motion(12.0, 4), force_of(motion(12.0, 4)), "b")]
     with pytest.raises(InputError, match="a: the record does not excite inertia"):
-        refine(records, ["inertia"], Settings(train="a"))
+        refine(records, ["inertia"], DiagnosisSettings(train="a"))
     rich = [record_of(GOOD, force_of(GOOD)), records[1]]
-    assert refine(rich, ["inertia"], Settings(train="a"))[1][-1].effects == ("inertia",)
+    assert refine(rich, ["inertia"], DiagnosisSettings(train="a"))[1][-1].effects == ("inertia",)
 
 
 def test_a_fit_that_did_not_converge_is_no_result():
     from dataclasses import replace
 
-    from lumbar.improvement.diagnose import diagnose
+    from lumbar.diagnosis.selection.diagnose import diagnose
 
     position = motion(40.0)
     records = [
@@ -188,7 +188,7 @@ def test_a_force_that_grows_beyond_measure_with_speed_is_in_no_other_unit():
     """Slow motion tells units apart: there a force that explodes at high speed is as in any other record."""
     from periodic_records import STEP, record
 
-    from lumbar.improvement.excitation_checks import check_excitation
+    from lumbar.diagnosis.fitting.record_checks import check_excitation
 
     time = np.arange(0, 20, STEP)
     slow = 5 * np.sin(2 * np.pi * 0.2 * time)

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from lumbar.twin.pendulum_experiments import make_pendulum_experiment
+from lumbar.synthetic.pendulum_experiments import make_pendulum_experiment
 
 
 def write(folder, records, decimals=5):

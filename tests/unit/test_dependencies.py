@@ -35,7 +35,7 @@ def test_everything_that_a_script_loads_is_declared(dependencies, project, tmp_p
 
     script = (
         "import sys, runpy\n"
-        "from lumbar.survey.analysis import analyse_survey\n"
+        "from lumbar.survey.survey_analysis import analyse_survey\n"
         "from lumbar.records.ratings import read_ratings\n"
         "print('\\n'.join(m.__file__ for n, m in sys.modules.items() if n.split('.')[0] == 'lumbar'))\n"
     )

@@ -7,13 +7,13 @@ import json
 import numpy as np
 import pytest
 
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.selection.diagnose import diagnose
+from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
+from lumbar.diagnosis.selection.refine import refine
+from lumbar.diagnosis.selection.sentences import details, headline
 from lumbar.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.errors import InputError, NumericalError
-from lumbar.improvement.diagnose import diagnose
-from lumbar.improvement.null_gains import NullGains, shipped
-from lumbar.improvement.refinement import refine
-from lumbar.improvement.sentences import details, headline
-from lumbar.improvement.settings import Settings
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record
 
@@ -94,7 +94,9 @@ def test_json_keeps_the_contract(blind):
 
 def test_the_refined_model_is_diagnosed_again(blind, labels, shared):
     assert {blind[name].verdict_after for name in labels} == {"adequate"}
-    one_of_two = diagnose(records_of(shared / "hidden_effects" / "case_13"), Settings(most_effects=1))
+    one_of_two = diagnose(
+        records_of(shared / "hidden_effects" / "case_13"), DiagnosisSettings(most_effects=1)
+    )
     assert (one_of_two.verdict, one_of_two.verdict_after) == ("named", "unexplained")
     assert any("something is left that no further effect" in line for line in details(one_of_two, TISSUE))
 
@@ -134,7 +136,7 @@ def test_nothing_is_missing_whether_or_not_a_record_repeats(seconds):
         return 0.6 * position
 
     diagnosis = diagnose(
-        [synthetic("a", spring, 1, seconds), synthetic("b", spring, 2, 12)], Settings(base="LE")
+        [synthetic("a", spring, 1, seconds), synthetic("b", spring, 2, 12)], DiagnosisSettings(base="LE")
     )
     assert (diagnosis.experiment.floor is None) == (seconds == 15)
     assert diagnosis.verdict == "adequate"
@@ -146,21 +148,21 @@ def test_refinement_adds_what_is_named():
         return 0.6 * position + 0.01 * position**3
 
     records = [synthetic("a", stiffening, 1), synthetic("b", stiffening, 2, 12)]
-    _, ladder = refine(records, ["hardening_stiffness"], Settings())
+    _, ladder = refine(records, ["hardening_stiffness"], DiagnosisSettings())
     assert ladder[1].test_rms < 0.3 * ladder[0].test_rms
-    assert ladder[1].fit.amplitudes[2] == pytest.approx(0.01, rel=0.02)
+    assert ladder[1].fit.linear[2] == pytest.approx(0.01, rel=0.02)
     with pytest.raises(InputError, match="unknown effect"):
-        refine(records, ["glue"], Settings())
+        refine(records, ["glue"], DiagnosisSettings())
     with pytest.raises(NumericalError, match="leave it out"):
-        refine(records, ["delay"], Settings(base="LE"))
+        refine(records, ["delay"], DiagnosisSettings(base="LE"))
 
 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        (Settings(base="HO"), "unknown base model"),
-        (Settings(train="c"), "no record 'c'; there are a, b"),
-        (Settings(periods={"c": 1.0}), "no record 'c'"),
+        (DiagnosisSettings(base="HO"), "unknown base model"),
+        (DiagnosisSettings(train="c"), "no record 'c'; there are a, b"),
+        (DiagnosisSettings(periods={"c": 1.0}), "no record 'c'"),
     ],
 )
 def test_wrong_settings(settings, message):

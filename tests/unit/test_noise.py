@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lumbar.errors import InputError
-from lumbar.signals.noise import band_limited_noise
+from lumbar.signals.band_limited_noise import band_limited_noise
 
 
 def test_noise_is_gaussian_with_mean_zero_and_unit_rms():

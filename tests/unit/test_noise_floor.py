@@ -11,8 +11,8 @@ import pytest
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 from scipy.stats import chi2
 
+from lumbar.diagnosis.noise.noise_floor import find_period, noise_floor
 from lumbar.errors import InputError
-from lumbar.improvement.noise_floor import find_period, noise_floor
 
 
 def test_period_is_found_exactly():
@@ -260,7 +260,7 @@ def test_hidden_effects(shared):
 
 def test_only_numpy_is_loaded():
     script = (
-        "import sys, lumbar.improvement.noise_floor\n"
+        "import sys, lumbar.diagnosis.noise.noise_floor\n"
         "print([name for name in ('scipy', 'pandas', 'statsmodels', 'matplotlib') if name in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

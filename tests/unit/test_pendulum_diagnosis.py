@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from pendulum_records import records_of
 
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.selection.diagnose import diagnose
+from lumbar.diagnosis.selection.refine import refine
+from lumbar.diagnosis.selection.refined_model import refined_document, simulate_entry
+from lumbar.diagnosis.selection.sentences import details, headline
 from lumbar.effects.catalogue import PENDULUM
 from lumbar.errors import InputError
-from lumbar.improvement.diagnose import diagnose
-from lumbar.improvement.refined_model import refined_document, simulate_entry
-from lumbar.improvement.refinement import refine
-from lumbar.improvement.sentences import details, headline
-from lumbar.improvement.settings import Settings
 from lumbar.records.record import Channel
-from lumbar.twin.pendulum_experiments import EFFECTS, make_pendulum_experiment
+from lumbar.synthetic.pendulum_experiments import EFFECTS, make_pendulum_experiment
 
-PENDULUM_BASE = Settings(base="pendulum")
+PENDULUM_BASE = DiagnosisSettings(base="pendulum")
 STRENGTHS = (4.0, 8.0, 16.0)
 
 
@@ -120,14 +120,14 @@ def test_refinement_and_its_model_as_plain_data():
     assert entry["name"] == "pendulum+moving_pivot"
     again = simulate_entry(entry, records[1], PENDULUM)
     assert np.sqrt(np.mean((again - records[1]["output"])[50:] ** 2)) < 1.1 * experiment.noise_rms
-    own = Settings(base="pendulum", catalogue={"drag": PENDULUM["drag"]})
+    own = DiagnosisSettings(base="pendulum", catalogue={"drag": PENDULUM["drag"]})
     with pytest.raises(InputError, match="unknown effect moving_pivot; known are drag"):
         refine(records, ["moving_pivot"], own)
 
 
 def test_an_effect_that_needs_what_was_not_recorded_is_refused():
     measured = replace(PENDULUM["variable_length"], forms=PENDULUM["variable_length"].forms[:2])
-    settings = Settings(base="pendulum", catalogue={"variable_length": measured})
+    settings = DiagnosisSettings(base="pendulum", catalogue={"variable_length": measured})
     records = records_of(make_pendulum_experiment("drag", 0).records)
     with pytest.raises(
         InputError, match="variable_length needs channels that the records do not have: length"
@@ -138,7 +138,7 @@ def test_an_effect_that_needs_what_was_not_recorded_is_refused():
 def test_an_angle_is_not_centred():
     records = records_of(make_pendulum_experiment("drag", 0).records)
     with pytest.raises(InputError, match="angle counts from the vertical"):
-        diagnose(records, Settings(base="pendulum", centre=True))
+        diagnose(records, DiagnosisSettings(base="pendulum", centre=True))
 
 
 def test_a_channel_in_some_records_only_is_told():

@@ -14,12 +14,12 @@ from effect_steps import simulate
 from runtime_models import SETTINGS, TARGET, models_json
 
 from lumbar.effects.catalogue import TISSUE
-from lumbar.effects.effect import Place
 from lumbar.errors import InputError, NumericalError
-from lumbar.runtime.check import check_fmus
-from lumbar.runtime.effect_entry import effect_model
-from lumbar.runtime.export_model import select_models
-from lumbar.runtime.package import export_fmus
+from lumbar.fmu.build.effect_entry import effect_model
+from lumbar.fmu.build.export_model import select_models
+from lumbar.fmu.build.package import export_fmus
+from lumbar.fmu.check.fmu_check import check_fmus
+from lumbar.models.form import Place
 
 on_x86_64_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"

@@ -6,7 +6,7 @@ import pytest
 from runtime_models import SETTINGS, entry, models_json
 
 from lumbar.errors import InputError, NumericalError
-from lumbar.runtime.export_model import identifier, select_models
+from lumbar.fmu.build.export_model import identifier, select_models
 
 
 def select(content, **changes):

@@ -16,13 +16,13 @@ from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import SETTINGS, TARGET, entry, models_json
 
 from lumbar.errors import InputError
-from lumbar.runtime import package
-from lumbar.runtime.check import simulate_fmu
-from lumbar.runtime.compiler import TARGETS, compile_library
-from lumbar.runtime.export_model import select_models
-from lumbar.runtime.lint import lint_fmu
-from lumbar.runtime.package import compile_model, export_fmus, write_fmu
-from lumbar.runtime.sources import c_files, source_files
+from lumbar.fmu.build import package
+from lumbar.fmu.build.compiler import TARGETS, compile_library
+from lumbar.fmu.build.export_model import select_models
+from lumbar.fmu.build.package import compile_model, export_fmus, write_fmu
+from lumbar.fmu.build.sources import c_files, source_files
+from lumbar.fmu.check.fmu_check import simulate_fmu
+from lumbar.fmu.check.lint import lint_fmu
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
@@ -153,7 +153,7 @@ def test_places_that_cannot_be_written_are_named(fmu_models, fmu_folder, zig_cac
         export_fmus(fmu_models[:1], blocked / "fmu", "", TARGET, zig_cache)
     with pytest.raises(InputError, match="TMPDIR"):
         compile_model(fmu_models[0], TARGET, zig_cache, tmp_path / "absent")
-    monkeypatch.setattr("lumbar.runtime.compiler.find_spec", lambda _: None)
+    monkeypatch.setattr("lumbar.fmu.build.compiler.find_spec", lambda _: None)
     with pytest.raises(InputError, match="ziglang"):
         export_fmus(fmu_models[:1], tmp_path, "", TARGET, zig_cache)
 

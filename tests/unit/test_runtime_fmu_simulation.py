@@ -11,10 +11,10 @@ import pytest
 from runtime_models import POSITION, SETTINGS, TARGET, entry, get, models_json, put
 
 from lumbar.errors import InputError
-from lumbar.runtime.check import check_fmus
-from lumbar.runtime.export_model import select_models
-from lumbar.runtime.package import export_fmus
-from lumbar.runtime.push import push
+from lumbar.fmu.build.export_model import select_models
+from lumbar.fmu.build.package import export_fmus
+from lumbar.fmu.check.fmu_check import check_fmus
+from lumbar.fmu.check.reference_stimulus import push
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"

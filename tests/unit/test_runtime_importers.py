@@ -15,8 +15,8 @@ import pytest
 from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import POSITION, SETTINGS, TARGET, get, models_json, put
 
-from lumbar.runtime.export_model import select_models
-from lumbar.runtime.package import export_fmus
+from lumbar.fmu.build.export_model import select_models
+from lumbar.fmu.build.package import export_fmus
 
 FOLDER = Path(os.environ.get("LUMBAR_IMPORTERS", "absent"))
 """Made by tests/get_importers.sh."""

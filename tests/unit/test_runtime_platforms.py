@@ -18,12 +18,12 @@ from effect_entries import effect_entry
 from runtime_models import SETTINGS, entry, models_json
 
 from lumbar.errors import InputError
-from lumbar.runtime import compiler
-from lumbar.runtime.compiler import TARGETS, host_target, resolve_targets
-from lumbar.runtime.export_model import select_models
-from lumbar.runtime.package import export_fmus, fmu_contents
-from lumbar.runtime.reference import reference_push
-from lumbar.runtime.universal import universal_library
+from lumbar.fmu.build import compiler
+from lumbar.fmu.build.compiler import TARGETS, host_target, resolve_targets
+from lumbar.fmu.build.export_model import select_models
+from lumbar.fmu.build.mach_o import universal_library
+from lumbar.fmu.build.package import export_fmus, fmu_contents
+from lumbar.fmu.build.reference_response import reference_push
 
 HERE = Path(__file__).parent
 WINE = (

@@ -8,9 +8,9 @@ from runtime_models import SETTINGS, entry, models_json
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from lumbar.errors import NumericalError
-from lumbar.runtime.export_model import select_models
-from lumbar.runtime.linear_model import LinearModel
-from lumbar.runtime.rate import at_rate
+from lumbar.fmu.build.export_model import select_models
+from lumbar.fmu.build.linear_model import LinearModel
+from lumbar.fmu.build.resampled_model import at_rate
 
 MODELS = {
     "KB": ([1.9, -1.2], [1.0, -0.45]),

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import dlsim, lfilter
 
 from lumbar.errors import InputError
-from lumbar.runtime.state_space import from_transfer_function
+from lumbar.models.state_space import from_transfer_function
 
 
 def simulate(system, inputs):

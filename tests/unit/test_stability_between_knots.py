@@ -10,8 +10,10 @@ import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.errors import NumericalError
-from lumbar.stability.between_knots import interpolants, proved_share
-from lumbar.stability.boundary_boxes import (
+from lumbar.stability.funnel.funnel import funnel_variants, regulate
+from lumbar.stability.funnel.invariance import boundary_growth
+from lumbar.stability.proof.interval import Interval
+from lumbar.stability.proof.interval_bounds import (
     _coefficient_rates,
     _coefficients,
     _derivatives,
@@ -19,9 +21,7 @@ from lumbar.stability.boundary_boxes import (
     _g_arc,
     _g_time,
 )
-from lumbar.stability.funnel import funnel_variants, regulate
-from lumbar.stability.interval import Interval
-from lumbar.stability.invariance import boundary_growth
+from lumbar.stability.proof.interval_proof import interpolants, proved_share
 
 
 @pytest.fixture(scope="module", params=["hanging", "inverted"])

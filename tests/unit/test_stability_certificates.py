@@ -10,11 +10,9 @@ import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.errors import NumericalError
-from lumbar.stability.certified_funnel import certified_funnels
-from lumbar.stability.circle_certificate import CircleProgramme, multiplier
-from lumbar.stability.cvxpy_reference import certified_rate
-from lumbar.stability.funnel import exact_funnels, regulate
-from lumbar.stability.polynomials import (
+from lumbar.stability.funnel.funnel import exact_funnels, regulate
+from lumbar.stability.funnel.monte_carlo_check import attack
+from lumbar.stability.funnel.polynomials import (
     circle_map,
     circle_maximum,
     growth_polynomial,
@@ -22,13 +20,15 @@ from lumbar.stability.polynomials import (
     harmonics_of_monomials,
     monomials,
 )
-from lumbar.stability.rational_certificate import (
+from lumbar.stability.programme.certified_funnel import certified_funnels
+from lumbar.stability.programme.circle_certificate import CircleProgramme, multiplier
+from lumbar.stability.programme.cvxpy_reference import certified_rate
+from lumbar.stability.programme.rational_certificate import (
     gram_harmonics,
     holds,
     is_positive_definite,
     rational_certificate,
 )
-from lumbar.stability.simulation import attack
 
 OPTIONS = {"alternations": 2, "margin": 2e-5, "rational": True}
 

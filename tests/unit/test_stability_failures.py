@@ -10,15 +10,15 @@ import pytest
 from test_stability_areas import SETTINGS, lift, states_and_facts
 
 from lumbar.errors import InputError, NumericalError
-from lumbar.figures.basin_comparison import comparison_figure
-from lumbar.figures.stability import figure_4_3, figure_4_4
+from lumbar.reports.figures.basin_comparison_figure import comparison_figure
+from lumbar.reports.figures.stability_figures import figure_4_3, figure_4_4
 from lumbar.stability.basins import basins_of_lift
+from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
+from lumbar.stability.comparison.percent_differences import comparisons
+from lumbar.stability.comparison.table_4_1 import table_4_1
 from lumbar.stability.extended_basins import COLUMNS, extended_basins, extended_table
-from lumbar.stability.failures import announcement, computed, failures_frame, failures_table, joined
-from lumbar.stability.lyapunov_exponent import compared_exponents
-from lumbar.stability.percent_differences import comparisons
-from lumbar.stability.table_4_1 import table_4_1
-from lumbar.stability.trajectory import trajectories_of_lift
+from lumbar.stability.model.failures import announcement, computed, failures_frame, failures_table, joined
+from lumbar.stability.model.trajectory import trajectories_of_lift
 
 FAST = {
     **SETTINGS,

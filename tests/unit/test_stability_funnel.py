@@ -9,10 +9,10 @@ import pytest
 from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.errors import NumericalError
-from lumbar.stability.funnel import exact_funnels, funnel_variants, reachable_area, regulate
-from lumbar.stability.invariance import boundary_growth, normal_axes
-from lumbar.stability.riccati import Weights, cost_to_go, determinant, gain, riccati_rate
-from lumbar.stability.simulation import attack, quadratic_form, simulate, upper_share
+from lumbar.stability.funnel.funnel import exact_funnels, funnel_variants, reachable_area, regulate
+from lumbar.stability.funnel.invariance import boundary_growth, normal_axes
+from lumbar.stability.funnel.monte_carlo_check import attack, quadratic_form, simulate, upper_share
+from lumbar.stability.model.riccati import Weights, cost_to_go, determinant, gain, riccati_rate
 
 SIGNS = ("hanging", "inverted")
 

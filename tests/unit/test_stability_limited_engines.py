@@ -10,17 +10,23 @@ import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.errors import NumericalError
-from lumbar.stability.between_knots import proved_share
-from lumbar.stability.bilinear_alternation import alternate
-from lumbar.stability.certified_funnel import certified_funnels
-from lumbar.stability.circle_certificate import CircleProgramme
-from lumbar.stability.funnel import exact_funnels, regulate
-from lumbar.stability.limits import Limits, disturbance_of, limited_funnels, limited_growth, reference_of
-from lumbar.stability.polynomials import monomials, side_map
-from lumbar.stability.rational_certificate import holds, rational_certificate
-from lumbar.stability.saturation_cases import Case, case_maximum, saturation_cases
-from lumbar.stability.simulation import attack
-from lumbar.stability.sum_of_squares import Certificate
+from lumbar.stability.funnel.funnel import exact_funnels, regulate
+from lumbar.stability.funnel.monte_carlo_check import attack
+from lumbar.stability.funnel.polynomials import monomials, side_map
+from lumbar.stability.funnel.saturation import (
+    Limits,
+    disturbance_of,
+    limited_funnels,
+    limited_growth,
+    reference_of,
+)
+from lumbar.stability.programme.bilinear_alternation import alternate
+from lumbar.stability.programme.certified_funnel import certified_funnels
+from lumbar.stability.programme.circle_certificate import CircleProgramme
+from lumbar.stability.programme.rational_certificate import holds, rational_certificate
+from lumbar.stability.programme.saturation_cases import Case, case_maximum, saturation_cases
+from lumbar.stability.programme.sum_of_squares import Certificate
+from lumbar.stability.proof.interval_proof import proved_share
 
 SIGNS = ("hanging", "inverted")
 KINDS = ("torque", "mass", "both")

@@ -9,15 +9,15 @@ import pytest
 from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.errors import InputError
-from lumbar.stability.funnel import exact_funnels, reachable_area, regulate
-from lumbar.stability.invariance import normal_axes
-from lumbar.stability.limits import Limits, disturbance_of, limited_funnels, reference_of
-from lumbar.stability.lyapunov_exponent import maximum_exponent
-from lumbar.stability.lyapunov_family import best_of_family, with_lyapunov_function
-from lumbar.stability.pendulum import feedforward_torque
-from lumbar.stability.riccati import check_weights
-from lumbar.stability.simulation import attack
-from lumbar.stability.verdicts import bootstrap_percent, verdict
+from lumbar.stability.comparison.lyapunov_exponent import maximum_exponent
+from lumbar.stability.comparison.verdicts import bootstrap_percent, verdict
+from lumbar.stability.funnel.funnel import exact_funnels, reachable_area, regulate
+from lumbar.stability.funnel.invariance import normal_axes
+from lumbar.stability.funnel.lyapunov_family import best_of_family, with_lyapunov_function
+from lumbar.stability.funnel.monte_carlo_check import attack
+from lumbar.stability.funnel.saturation import Limits, disturbance_of, limited_funnels, reference_of
+from lumbar.stability.model.pendulum_loop import feedforward_torque
+from lumbar.stability.model.riccati import check_weights
 
 SIGNS = ("hanging", "inverted")
 

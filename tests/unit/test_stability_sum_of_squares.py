@@ -7,18 +7,18 @@ import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.errors import NumericalError
-from lumbar.stability.bilinear_alternation import alternate
-from lumbar.stability.funnel import even_knots, regulate
-from lumbar.stability.invariance import boundary_growth
-from lumbar.stability.polynomials import (
+from lumbar.stability.funnel.funnel import even_knots, regulate
+from lumbar.stability.funnel.invariance import boundary_growth
+from lumbar.stability.funnel.monte_carlo_check import attack
+from lumbar.stability.funnel.polynomials import (
     circle_map,
     circle_maximum,
     gram_map,
     growth_polynomial,
     monomials,
 )
-from lumbar.stability.simulation import attack
-from lumbar.stability.sum_of_squares import Certificate
+from lumbar.stability.programme.bilinear_alternation import alternate
+from lumbar.stability.programme.sum_of_squares import Certificate
 
 C = (np.sqrt(13) - 1) / 6
 """Where c·s² − c²/2 has its maximum on the circle: the root of 1 − c − 3c²."""

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from lumbar.errors import InputError
+from lumbar.identification.arx_search import IdentificationData, search, select
+from lumbar.identification.identify_tissue import IdentificationSettings, identify
+from lumbar.identification.models_file import inverted_linear_fit, models_document, simulate_models
+from lumbar.identification.ridge import ReducedRegression
+from lumbar.identification.table_2_1 import physical_parameters_table, table_2_1
+from lumbar.identification.table_3_1 import table_3_1, unit_slug
+from lumbar.models.arx_structure import ArxStructure
+from lumbar.models.first_order import discretise
+from lumbar.models.tissue_models import HO, KB, kelvin_boltzmann
 from lumbar.records.record import Channel, Record
-from lumbar.tissue.first_order import discretise
-from lumbar.tissue.identification import Settings, identify
-from lumbar.tissue.models import HO, KB, kelvin_boltzmann
-from lumbar.tissue.models_file import inverted_linear_fit, models_document, simulate_models
-from lumbar.tissue.published import physical_parameters_table, table_2_1
-from lumbar.tissue.ridge import ReducedRegression
-from lumbar.tissue.search import IdentificationData, search, select
-from lumbar.tissue.structure import Structure
-from lumbar.tissue.table_3_1 import table_3_1, unit_slug
 
 CONFIG = {
     "settling_s": 0.5,
@@ -26,7 +26,7 @@ CONFIG = {
     "bootstrap": {"block_s": 0.5, "resamples": 200, "confidence": 0.95},
     "inverted_linear": {"force_max": 5.0, "travel": 40.0},
 }
-SETTINGS = Settings.from_config(CONFIG)
+SETTINGS = IdentificationSettings.from_config(CONFIG)
 TRUTH = {"k1": 0.4, "k2": 3.2, "b": 0.126}
 
 
@@ -190,7 +190,7 @@ def test_an_unstable_model_has_no_free_run_in_any_table():
     data = IdentificationData.from_record(record, 0.5)
     data = dataclasses.replace(data, outputs=outputs)
     regression = ReducedRegression(inputs, outputs, 2)
-    candidates = search("MW", [Structure(1, (1,))], np.array([0.0, 0.01]), regression, data, [data])
+    candidates = search("MW", [ArxStructure(1, (1,))], np.array([0.0, 0.01]), regression, data, [data])
     chosen, remark = select(candidates, "training", None)
     assert not chosen.stable
     assert chosen.training is None

@@ -6,10 +6,10 @@ import pytest
 from scipy import signal
 
 from lumbar.errors import InputError, NumericalError
-from lumbar.tissue import models
-from lumbar.tissue.first_order import FirstOrder, discretise
-from lumbar.tissue.network import in_words, transfer_polynomials
-from lumbar.tissue.transfer_function import TransferFunction
+from lumbar.models import tissue_models as models
+from lumbar.models.first_order import FirstOrder, discretise
+from lumbar.models.network import in_words, transfer_polynomials
+from lumbar.models.transfer_function import TransferFunction
 
 KB_ELEMENTS = {"k1": 0.4, "k2": 3.2, "b": 0.13}
 T = 0.01

@@ -11,7 +11,7 @@ from job_environment import set_job_environment
 from timings import summary
 from lumbar.config.study import load_study
 from lumbar.errors import LumbarError
-from lumbar.stability.failures import announcement
+from lumbar.stability.model.failures import announcement
 
 set_job_environment(WORKFLOW)
 

@@ -1,6 +1,6 @@
 # Improvement: what the base model is missing on each record set, the model with it, and the error ladder.
 
-from lumbar.config.recordings import record_layout, record_set_base, record_set_records
+from lumbar.config.study_recordings import record_layout, record_set_base, record_set_records
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
 RECORD_SETS = [entry["name"] for entry in config["improvement"]["record_sets"]]

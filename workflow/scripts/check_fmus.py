@@ -8,13 +8,13 @@ def main(input, output, params):
     from pathlib import Path
 
     from lumbar.effects.catalogue import catalogue_with
-    from lumbar.figures.runtime import fmu_force_figure
-    from lumbar.figures.style import save
     from lumbar.files import read_json, write_csv
-    from lumbar.runtime.check import check_fmus
-    from lumbar.runtime.check_table import check_table
-    from lumbar.runtime.export_model import select_models
-    from lumbar.runtime.push import push
+    from lumbar.fmu.build.export_model import select_models
+    from lumbar.fmu.check.check_table import check_table
+    from lumbar.fmu.check.fmu_check import check_fmus
+    from lumbar.fmu.check.reference_stimulus import push
+    from lumbar.reports.figures.fmu_figures import fmu_force_figure
+    from lumbar.reports.figures.style import save
 
     models = select_models(read_json(input.models), params.settings, catalogue_with(input.effects))
     folder = Path(input.fmus[0]).parent

@@ -5,11 +5,11 @@ from job import run
 
 def main(input, output, params):
     """Design the signals from the surgeons' bandwidth, check them against the machine, write them."""
-    from lumbar.figures.signals import excitation_figure
-    from lumbar.figures.style import save
     from lumbar.files import read_json, write_csv, write_json
+    from lumbar.reports.figures.signal_figures import excitation_figure
+    from lumbar.reports.figures.style import save
     from lumbar.signals.excitation import design_excitation, excited_band
-    from lumbar.signals.properties import machine_file, multisine_description, signal_properties
+    from lumbar.signals.signal_properties import machine_file, multisine_description, signal_properties
 
     band = excited_band(read_json(input.bandwidth), params.settings)
     excitation = design_excitation(band, params.settings, params.seed)

@@ -7,24 +7,27 @@ def main(input, output, params):
     """Read the records, diagnose them, write the evidence."""
     from pathlib import Path
 
+    from lumbar.diagnosis.evidence.diagnosis_files import write_diagnosis
+    from lumbar.diagnosis.evidence.evidence import gather_evidence
+    from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+    from lumbar.diagnosis.residuals.compare import comparison_table
+    from lumbar.diagnosis.residuals.locate import location_table
+    from lumbar.diagnosis.residuals.residual_report import compare_and_locate
+    from lumbar.diagnosis.selection.diagnose import diagnose
+    from lumbar.diagnosis.selection.refined_model import refined_document
     from lumbar.files import write_json, write_text
-    from lumbar.improvement.compare import comparison_table
-    from lumbar.improvement.diagnose import diagnose
-    from lumbar.improvement.evidence import gather_evidence
-    from lumbar.improvement.locate import location_table
-    from lumbar.improvement.refined_model import refined_document
-    from lumbar.improvement.report import write_diagnosis
-    from lumbar.improvement.settings import Settings
-    from lumbar.improvement.simulated import compare_and_locate
-    from lumbar.pages.diagnosis import diagnosis_page
-    from lumbar.pages.diagnosis_pictures import draw_pictures
     from lumbar.records.columns import read_record
+    from lumbar.reports.pages.diagnosis_page import diagnosis_page
+    from lumbar.reports.pages.diagnosis_pictures import draw_pictures
 
     records = [
         read_record(path, params.layout, entry["name"], entry.get("period_s"), params.rate)
         for entry, path in zip(params.records, input.recordings, strict=True)
     ]
-    settings, folder = Settings.from_config(params.improvement, params.base), Path(output.diagnosis).parent
+    settings, folder = (
+        DiagnosisSettings.from_config(params.improvement, params.base),
+        Path(output.diagnosis).parent,
+    )
     diagnosis = diagnose(records, settings)
     evidence = gather_evidence(diagnosis, records, settings, params.seed, params.machine)
     floor, training = diagnosis.experiment.floor, diagnosis.experiment.floor_from

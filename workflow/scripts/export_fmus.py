@@ -9,8 +9,8 @@ def main(input, output, params):
 
     from lumbar.effects.catalogue import catalogue_with
     from lumbar.files import read_json
-    from lumbar.runtime.export_model import select_models
-    from lumbar.runtime.package import export_fmus
+    from lumbar.fmu.build.export_model import select_models
+    from lumbar.fmu.build.package import export_fmus
 
     settings = params.settings
     models = select_models(read_json(input.models), settings, catalogue_with(input.effects))

@@ -8,9 +8,9 @@ def main(input, output, params):
     import pandas as pd
 
     from lumbar.files import write_csv, write_json
+    from lumbar.identification.identify_tissue import IdentificationSettings, identify
+    from lumbar.identification.models_file import inverted_linear_fit
     from lumbar.records.columns import read_record
-    from lumbar.tissue.identification import Settings, identify
-    from lumbar.tissue.models_file import inverted_linear_fit
 
     tissue = params.tissue
     records = {
@@ -21,14 +21,14 @@ def main(input, output, params):
     }
     training = records.pop(params.training)
     tests = list(records.values())
-    result = identify(training, tests, Settings.from_config(tissue), params.seed)
+    result = identify(training, tests, IdentificationSettings.from_config(tissue), params.seed)
     given = inverted_linear_fit(training, tests, tissue["settling_s"], **tissue["inverted_linear"])
     result["fits"].append(given)
     if params.improvement["effects"]:
-        from lumbar.improvement.published import refined_fit
-        from lumbar.improvement.settings import Settings as Improvement
+        from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+        from lumbar.diagnosis.selection.refined_row import refined_fit
 
-        settings = Improvement.from_config(params.improvement, train=training.name)
+        settings = DiagnosisSettings.from_config(params.improvement, train=training.name)
         result["fits"].append(refined_fit([training, *tests], params.improvement["effects"], settings))
     write_csv(output.grid, pd.DataFrame(result.pop("grid")).assign(data=params.data))
     write_json(output.fits, {**result, "data": params.data})

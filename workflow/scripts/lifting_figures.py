@@ -7,9 +7,9 @@ def main(input, output, params):
     """Draw from the files of the lifts."""
     import pandas as pd
 
-    from lumbar.figures.lifting import events_figure, pendulum_figure, segments_figure
-    from lumbar.figures.style import save
     from lumbar.files import read_json
+    from lumbar.reports.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
+    from lumbar.reports.figures.style import save
 
     lifts = [
         {

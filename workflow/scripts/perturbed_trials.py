@@ -5,10 +5,10 @@ from job import run
 
 def main(input, output, params):
     """Read all trials, compare them, write table and figure."""
-    from lumbar.figures.perturbed_trials import trials_figure
-    from lumbar.figures.style import save
     from lumbar.records.markers import read_markers
-    from lumbar.stability.perturbed_trials import compare_trials, trial_of, trials_table
+    from lumbar.reports.figures.perturbed_trials_figure import trials_figure
+    from lumbar.reports.figures.style import save
+    from lumbar.stability.comparison.perturbed_trials import compare_trials, trial_of, trials_table
 
     settings = params.settings
     trials = [

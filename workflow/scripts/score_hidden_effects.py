@@ -5,10 +5,7 @@ from job import run
 
 def main(input, output, params):
     """Compare, count, publish."""
-    from lumbar.figures.benchmark import confusion_figure, power_figure
-    from lumbar.figures.style import save
-    from lumbar.files import read_json, write_csv, write_json
-    from lumbar.improvement.benchmark import (
+    from lumbar.diagnosis.scoring.scores import (
         accuracy_table,
         confusion,
         forms_table,
@@ -16,8 +13,11 @@ def main(input, output, params):
         power_summary,
         scores,
     )
+    from lumbar.files import read_json, write_csv, write_json
+    from lumbar.reports.figures.scoring_figures import confusion_figure, power_figure
+    from lumbar.reports.figures.style import save
+    from lumbar.synthetic.hidden_effects.hidden_catalogue import MECHANISMS
     from lumbar.tables import SYNTHETIC_TWIN
-    from lumbar.twin.hidden_effects.catalogue import MECHANISMS
 
     settings = params.settings
     labels, diagnoses = {}, {}

@@ -7,11 +7,11 @@ def main(input, output, params):
     """Choose the lift shown, read its funnels, draw."""
     import pandas as pd
 
-    from lumbar.figures.basin_comparison import comparison_figure
-    from lumbar.figures.stability import figure_4_3, figure_4_4, shown_lift
-    from lumbar.figures.style import save
     from lumbar.files import read_json
-    from lumbar.stability.trajectory import trajectories_of_lift
+    from lumbar.reports.figures.basin_comparison_figure import comparison_figure
+    from lumbar.reports.figures.stability_figures import figure_4_3, figure_4_4, shown_lift
+    from lumbar.reports.figures.style import save
+    from lumbar.stability.model.trajectory import trajectories_of_lift
 
     chosen = shown_lift([read_json(path) for path in input.facts])
     funnels = pd.read_csv(input.funnels[chosen])

@@ -10,12 +10,12 @@ def main(input, output, params):
     import pandas as pd
 
     from lumbar.files import read_json, write_csv
-    from lumbar.stability.basin_areas import areas_table
     from lumbar.stability.basins import DTYPES
+    from lumbar.stability.comparison.basin_areas import areas_table
+    from lumbar.stability.comparison.table_4_1 import table_4_1
     from lumbar.stability.extended_basins import COUNTS, extended_table
-    from lumbar.stability.failures import announcement, failures_table, joined
-    from lumbar.stability.table_4_1 import table_4_1
-    from lumbar.stability.trajectory import trajectories_of_lift
+    from lumbar.stability.model.failures import announcement, failures_table, joined
+    from lumbar.stability.model.trajectory import trajectories_of_lift
 
     mass = params.settings["pendulum"]["mass"]
     lifts = [

@@ -5,10 +5,10 @@ from job import run
 
 def main(input, output, params):
     """Read the trials, analyse them, write spectra, bandwidths and the figure."""
-    from lumbar.figures.style import save
-    from lumbar.figures.surgeon import psd_figure
     from lumbar.files import write_csv, write_json
     from lumbar.records.columns import read_record
+    from lumbar.reports.figures.style import save
+    from lumbar.reports.figures.surgeon_figures import psd_figure
     from lumbar.signals.surgeon_motion import (
         BandwidthSettings,
         motion_bandwidths,

@@ -7,7 +7,7 @@ def main(input, output, params):
     """Read the answers, analyse them as published and within participants, write tables and results."""
     from lumbar.files import write_json
     from lumbar.records.ratings import read_ratings
-    from lumbar.survey.analysis import analyse_survey
+    from lumbar.survey.survey_analysis import analyse_survey
 
     ratings = read_ratings(input.ratings, params.settings["layout"])
     analysis = analyse_survey(ratings, params.settings, params.seed, params.data)

@@ -7,15 +7,15 @@ def main(input, output, params):
     """Collect the identifications and publish them."""
     import pandas as pd
 
-    from lumbar.figures.style import save
-    from lumbar.figures.tissue import comparison_figure, excitation_figure
     from lumbar.files import read_json, write_csv, write_json
+    from lumbar.identification.identify_tissue import ARX
+    from lumbar.identification.models_file import models_document, simulate_models
+    from lumbar.identification.table_2_1 import physical_parameters_table
+    from lumbar.identification.table_3_1 import table_3_1
+    from lumbar.models.tissue_models import HO, KB, MW
     from lumbar.records.columns import read_record
-    from lumbar.tissue.identification import ARX
-    from lumbar.tissue.models import HO, KB, MW
-    from lumbar.tissue.models_file import models_document, simulate_models
-    from lumbar.tissue.published import physical_parameters_table
-    from lumbar.tissue.table_3_1 import table_3_1
+    from lumbar.reports.figures.style import save
+    from lumbar.reports.figures.tissue_figures import comparison_figure, excitation_figure
 
     tissue, data = params.tissue, params.data
     identified = [read_json(path) for path in input.fits]
@@ -42,8 +42,8 @@ def main(input, output, params):
     first = tissue["training"][0]
     simulated = simulate_models(document, records[first], (MW.name, KB.name, HO.name), first, ARX)
     if params.effects:
+        from lumbar.diagnosis.selection.refined_model import simulate_entry
         from lumbar.effects.catalogue import catalogue_with
-        from lumbar.improvement.refined_model import simulate_entry
 
         refined = next(
             item for item in document["models"] if "effects" in item and item["trained_on"] == first

@@ -5,10 +5,10 @@ from job import run
 
 def main(input, output, params):
     """Write the table and both drawings."""
-    from lumbar.figures.analogues import analogues_figure, arx_figure
-    from lumbar.figures.style import save
-    from lumbar.tissue.models import HO, IL, KB, MW
-    from lumbar.tissue.published import table_2_1
+    from lumbar.identification.table_2_1 import table_2_1
+    from lumbar.models.tissue_models import HO, IL, KB, MW
+    from lumbar.reports.figures.analogue_figures import analogues_figure, arx_figure
+    from lumbar.reports.figures.style import save
 
     table_2_1(params.data).write(output.csv.removesuffix(".csv"))
     save(arx_figure(), output.arx_svg.removesuffix(".svg"), "")

@@ -9,8 +9,8 @@ from job import run
 def main(input, output, params):
     """Ask Snakemake for the rule graph of this very configuration and draw it."""
     from lumbar.errors import LumbarError
-    from lumbar.figures.style import save
-    from lumbar.figures.workflow import draw_workflow, parse_rule_graph
+    from lumbar.reports.figures.style import save
+    from lumbar.reports.figures.workflow_figure import draw_workflow, parse_rule_graph
 
     command = [
         sys.executable,

@@ -52,9 +52,9 @@ def run(options) -> None:
     """Compile and pack the models."""
     from lumbar.effects.catalogue import catalogue_with
     from lumbar.files import read_json
-    from lumbar.runtime.export_model import select_models
-    from lumbar.runtime.models_document import check_document, from_refined
-    from lumbar.runtime.package import export_fmus
+    from lumbar.fmu.build.export_model import select_models
+    from lumbar.fmu.build.models_document import check_document, from_refined
+    from lumbar.fmu.build.package import export_fmus
 
     settings = load_settings(options.config, "runtime", "improvement")
     runtime = dict(settings["runtime"])

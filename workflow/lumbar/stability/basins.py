@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.stability.engines import ENGINES, EngineResult, chosen_engines
-from lumbar.stability.failures import Failure, computed
-from lumbar.stability.funnel import ClosedLoops, Funnels, reachable_area, regulate
-from lumbar.stability.limits import NO_LIMITS, Limits, disturbance_of
-from lumbar.stability.pendulum import SIGNS, feedforward_torque, gather
-from lumbar.stability.riccati import Weights, check_weights
-from lumbar.stability.simulation import attack
-from lumbar.stability.trajectory import Trajectory
+from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, reachable_area, regulate
+from lumbar.stability.funnel.monte_carlo_check import attack
+from lumbar.stability.funnel.saturation import NO_LIMITS, Limits, disturbance_of
+from lumbar.stability.methods import ENGINES, EngineResult, chosen_engines
+from lumbar.stability.model.failures import Failure, computed
+from lumbar.stability.model.pendulum_loop import SIGNS, feedforward_torque, gather
+from lumbar.stability.model.riccati import Weights, check_weights
+from lumbar.stability.model.trajectory import Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd

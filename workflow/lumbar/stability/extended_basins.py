@@ -13,14 +13,14 @@ import numpy as np
 
 from lumbar.stability.basins import COLUMNS as BASIN_COLUMNS
 from lumbar.stability.basins import basin_rows, close_loops
-from lumbar.stability.between_knots import proved_share
-from lumbar.stability.engines import ENGINES, EngineResult, chosen_engines
-from lumbar.stability.failures import Failure, computed
-from lumbar.stability.funnel import ClosedLoops, exact_funnels
-from lumbar.stability.limits import Limits
-from lumbar.stability.lyapunov_family import best_of_family
-from lumbar.stability.pendulum import SIGNS
-from lumbar.stability.trajectory import Trajectory
+from lumbar.stability.funnel.funnel import ClosedLoops, exact_funnels
+from lumbar.stability.funnel.lyapunov_family import best_of_family
+from lumbar.stability.funnel.saturation import Limits
+from lumbar.stability.methods import ENGINES, EngineResult, chosen_engines
+from lumbar.stability.model.failures import Failure, computed
+from lumbar.stability.model.pendulum_loop import SIGNS
+from lumbar.stability.model.trajectory import Trajectory
+from lumbar.stability.proof.interval_proof import proved_share
 from lumbar.tables import Table
 
 if TYPE_CHECKING:

@@ -1,0 +1,251 @@
+"""Basins with limited torque and uncertain mass: the exact engine for the loop as it really is.
+
+The torque is u = clip(u0 + ū, −U, U) with ū = −K·x̄, the mass anywhere in an interval about the nominal m for
+which u0 and K were computed. With r = m/m_true the error obeys the nominal equation plus
+
+    Δω̇ = (r·(u − b·(θ̇0 + ω)) − (u0 + ū − b·(θ̇0 + ω)))/I
+
+(gravity and ℓ²: g/ℓ does not depend on the mass). It is affine in r, so that the largest V̇ over all masses is
+that of the lightest or the heaviest. With a wrong mass the reference itself is no solution, Δω̇ ≠ 0 at x̄ = 0:
+where the goal set is too small for that, there is no basin, and `LimitedFunnels.reason` says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.errors import InputError, NumericalError
+from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, integrate_backward
+from lumbar.stability.funnel.invariance import LARGEST_SWING, normal_axes
+from lumbar.stability.model.pendulum_loop import Pendulums, remainder
+
+SAMPLES = 96
+SECTORS = 8
+ZOOMS = 4
+LEAST_LEVEL = 1e-6
+"""Share of ρ(T) below which the basin counts as lost."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the real loop adds to the nominal one.
+
+    Attributes
+    ----------
+    torque : float
+        U in N·m; infinite for none.
+    mass_share : float
+        The true mass lies within m·(1 ± this share).
+    """
+
+    torque: float = np.inf
+    mass_share: float = 0.0
+
+    def __post_init__(self):
+        if not self.torque > 0:
+            raise InputError(f"torque limit: {self.torque:g} N·m; it must be positive")
+        if not 0 <= self.mass_share < 1:
+            raise InputError(f"uncertain mass: share {self.mass_share:g}; it must lie in [0, 1)")
+
+    def __str__(self) -> str:
+        parts = [f"|u| ≤ {self.torque:g} N·m"] if np.isfinite(self.torque) else []
+        parts += [f"mass ±{100 * self.mass_share:g} %"] if self.mass_share else []
+        return ", ".join(parts) or "no limits"
+
+    @property
+    def active(self) -> bool:
+        """Whether there are any."""
+        return bool(np.isfinite(self.torque) or self.mass_share)
+
+    @property
+    def ratios(self) -> tuple[float, float]:
+        """m/m_true of the heaviest and the lightest mass."""
+        return 1 / (1 + self.mass_share), 1 / (1 - self.mass_share)
+
+
+NO_LIMITS = Limits()
+
+
+@dataclass(frozen=True)
+class SaturationReference:
+    """Feedforward and motion on the grid of a pendulum; arrays of shape (points, pendulums)."""
+
+    torque: np.ndarray
+    velocity: np.ndarray
+
+
+@dataclass(frozen=True)
+class LimitedFunnels:
+    """Largest funnels under `Limits`, and what is needed to check them.
+
+    Attributes
+    ----------
+    exact, with_margin, overstated : Funnels
+        As `funnel.funnel_variants` returns; meaningful where `held`.
+    reason : tuple of str, one per pendulum
+        Why there is no basin; empty where there is one.
+    """
+
+    exact: Funnels
+    with_margin: Funnels
+    overstated: Funnels
+    reason: tuple[str, ...]
+
+    @property
+    def held(self) -> np.ndarray:
+        """Whether there is a basin, shape (pendulums,)."""
+        return np.array([not text for text in self.reason])
+
+
+def reference_of(pendulums: Pendulums) -> SaturationReference:
+    """Return u0 and θ̇0 of the cubic spline through the knots of θ0 (equation 4.1 solved for u).
+
+    The spline is the interpolant about which `between_knots` proves: its second derivative, and with it the
+    saturated torque, is that of no finer one.
+    """
+    from scipy.interpolate import CubicSpline
+
+    phase = np.linspace(0.0, 1.0, len(pendulums.angle))
+    spline = CubicSpline(phase[::2], pendulums.angle[::2])
+    velocity = spline(phase, 1) / pendulums.duration
+    acceleration = spline(phase, 2) / pendulums.duration**2
+    torque = (
+        pendulums.inertia * acceleration
+        + pendulums.damping * velocity
+        + pendulums.gravity_torque * np.sin(spline(phase))
+    )
+    return SaturationReference(torque, velocity)
+
+
+def limited_funnels(
+    loops: ClosedLoops, goal_level: float, limits: Limits, margin: float = 0.0, overstated: float = 0.0
+) -> LimitedFunnels:
+    """Compute the largest invariant funnels of V under limits, with the true sine.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    goal_level : float
+        ρ(T).
+    limits : Limits
+    margin, overstated : float
+        As for `funnel.funnel_variants`.
+    """
+    reference = reference_of(loops.pendulums)
+    floor = np.log(goal_level * LEAST_LEVEL)
+    margins, shares = np.array([[0.0], [margin], [0.0]]), np.array([[0.0], [0.0], [overstated]])
+
+    def slope(point, log_level):
+        # Below the floor the basin is lost; the rate there must only stay finite.
+        level = np.exp(np.clip(log_level, floor, None))
+        growth = limited_growth(loops, point, level, limits, reference)
+        rate = growth + margins - shares * np.abs(growth)
+        return np.where(log_level > floor, np.minimum(rate, 1e3), 0.0)
+
+    count = len(loops.pendulums.labels)
+    log_level = integrate_backward(loops, np.full((3, count), np.log(goal_level)), slope)
+    peak = np.abs(reference.torque).max(axis=0)
+    swing = (normal_axes(loops.cost[::2])[0] * np.exp(0.5 * log_level[:, 0])).max(axis=0)
+    lost = ~(log_level[:, :2] > floor).all(axis=(0, 1))
+    reason = tuple(_reason(peak[index], limits, lost[index], swing[index]) for index in range(count))
+    variants = [
+        Funnels(name, loops.pendulums.duration, loops.cost[::2], np.exp(log_level[:, index]))
+        for index, name in enumerate(("exact", f"exact, margin {margin:g} 1/s", "exact, overstated"))
+    ]
+    return LimitedFunnels(*variants, reason)
+
+
+def _reason(peak: float, limits: Limits, lost: bool, swing: float) -> str:
+    """Say why there is no basin, or nothing where there is one."""
+    if peak > limits.torque:
+        return f"the feedforward torque reaches {peak:.4g} N·m; the limit is {limits.torque:g} N·m"
+    if lost:
+        return (
+            f"{limits}: no basin of the goal set is left (ρ falls below {LEAST_LEVEL:g} of its value there)"
+        )
+    if not swing < LARGEST_SWING:
+        return f"the basin reaches {swing:.3g} rad from its trajectory; at most {LARGEST_SWING:g} rad are allowed"
+    return ""
+
+
+def require_torque(pendulums: Pendulums, reference: SaturationReference, limits: Limits) -> None:
+    """Refuse references whose feedforward itself lies beyond the torque limit.
+
+    Raises
+    ------
+    NumericalError
+        Names the pendulum.
+    """
+    peak = np.abs(reference.torque).max(axis=0)
+    if (peak > limits.torque).any():
+        index = int(peak.argmax())
+        raise NumericalError(f"{pendulums.labels[index]}: {_reason(peak[index], limits, False, 0.0)}")
+
+
+def limited_growth(
+    loops: ClosedLoops, point: int, level: np.ndarray, limits: Limits, reference: SaturationReference
+) -> np.ndarray:
+    """Return the largest V̇/ρ on V = ρ over all masses, shape as `level`: (..., pendulums)."""
+    position = np.linspace(0.0, 2 * np.pi, SAMPLES, endpoint=False)
+    values = _growth(loops, point, level, limits, reference, position)
+    best = values.reshape(*level.shape, SECTORS, -1).argmax(axis=-1)
+    best += np.arange(SECTORS) * (SAMPLES // SECTORS)
+    centre, width = position[best], 2 * np.pi / SAMPLES
+    result = values.max(axis=-1)
+    offsets = np.linspace(-1.0, 1.0, 9)
+    for _ in range(ZOOMS):
+        nearby = centre[..., None] + width * offsets
+        values = _growth(loops, point, level, limits, reference, nearby.reshape(*level.shape, -1))
+        values = values.reshape(nearby.shape)
+        centre = np.take_along_axis(nearby, values.argmax(axis=-1)[..., None], -1)[..., 0]
+        result = np.maximum(result, values.max(axis=(-1, -2)))
+        width /= 4
+    return result
+
+
+def _growth(loops, point, level, limits, reference, position) -> np.ndarray:
+    """V̇/ρ at angles φ of the boundary, the largest of both extreme masses, shape (..., pendulums, angles)."""
+    form = loops.form(point)
+    c, s = np.cos(position), np.sin(position)
+    root = np.sqrt(level)[..., None]
+    a, p, q = (axis[:, None] for axis in normal_axes(loops.cost[point]))
+    state = np.broadcast_arrays(root * a * c, root * (p * c + q * s))
+    sine = remainder(form.angle[:, None], state[0])
+    nominal = (
+        -(form.alpha[:, None] * c**2 + 2 * form.beta[:, None] * c * s + form.gamma[:, None] * s**2)
+        - form.coupling[:, None] / root * s * sine
+    )
+    weight = 2 * np.sqrt(loops.cost[point][:, 2])[:, None] / root * s
+    changes = [
+        extra_acceleration(loops, reference, limits.torque, ratio, point, state)
+        for ratio in sorted(set(limits.ratios))
+    ]
+    return nominal + np.max([weight * change for change in changes], axis=0)
+
+
+def extra_acceleration(
+    loops: ClosedLoops, reference: SaturationReference, torque: float, ratio, point: int, state
+) -> np.ndarray:
+    """Return Δω̇ in rad/s² for m/m_true = `ratio`; each of the two states has shape (..., pendulums, states)."""
+    pendulums = loops.pendulums
+    k1, k2 = (loops.gains[point][:, entry, None] for entry in (0, 1))
+    wanted = reference.torque[point][:, None] - k1 * state[0] - k2 * state[1]
+    drag = pendulums.damping[:, None] * (reference.velocity[point][:, None] + state[1])
+    applied = np.clip(wanted, -torque, torque)
+    return (ratio * (applied - drag) - (wanted - drag)) / pendulums.inertia[:, None]
+
+
+def disturbance_of(loops: ClosedLoops, limits: Limits, starts: int, seed: list[int]):
+    """Return the disturbance for `simulation.attack`: a mass for every start, half of them an extreme one."""
+    reference = reference_of(loops.pendulums)
+    generator = np.random.default_rng(seed)
+    low, high = limits.ratios
+    ratio = 1 / generator.uniform(1 / high, 1 / low, starts)
+    ratio[::4], ratio[1::4] = low, high
+
+    def disturbance(point, state):
+        return extra_acceleration(loops, reference, limits.torque, ratio, point, state)
+
+    return disturbance
