@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
@@ -17,8 +19,9 @@ from lumbar.stability.funnel.polynomials import (
     growth_polynomial,
     monomials,
 )
-from lumbar.stability.programme.bilinear_alternation import alternate
-from lumbar.stability.programme.sum_of_squares import Certificate
+from lumbar.stability.programme.bilinear_alternation import ACCURACY, RESOLUTION, LevelStep, alternate
+from lumbar.stability.programme.saturation_cases import Case
+from lumbar.stability.programme.sum_of_squares import Certificate, GramProgramme
 
 C = (np.sqrt(13) - 1) / 6
 """Where c·s² − c²/2 has its maximum on the circle: the root of 1 − c − 3c²."""
@@ -132,6 +135,34 @@ def test_alternation_is_no_certificate(loops):
     # And it depends on its guess.
     other = alternate(loops, **{**settings, "initial_level": 5.0})
     assert np.abs(other.funnels.mean_area / result.funnels.mean_area - 1).max() > 0.05
+
+
+def test_equation_4_5_leaves_the_multiplier_and_so_the_level_open(loops):
+    """L − c·(1 − |z|²) proves the same rate as L, as c·(1 − |z|²)² is a square; step 2 makes other levels of it."""
+    coefficients = growth_polynomial(loops.form(-1), np.ones(2), 3)[0]
+    rate, multiplier = Certificate(3).solve(coefficients, "test")
+    programme, constant = GramProgramme(3), np.eye(len(coefficients))[0]
+    levels = []
+    for c in (0.0, 1.0, 10.0):
+        other = multiplier - c * np.array([1.0, 0.0, 0.0, -1.0, 0.0, -1.0])
+        constraints = programme.constraints(-constant[:, None])
+        (least,) = programme.solve(np.ones(1), constraints, -coefficients - circle_map(3) @ other)
+        assert least == pytest.approx(rate, abs=1e-5)
+        levels.append(LevelStep(3, ACCURACY).solve(Case(coefficients), rate + 0.1, other))
+    assert levels[2] < levels[1] - 0.01 < levels[0] - 0.02
+
+
+def test_areas_have_the_digits_they_are_published_with(loops):
+    """Rounding moves nothing that is printed; a solver that stops elsewhere moves no more than `RESOLUTION` says."""
+    settings = {"degree": 3, "knots": 9, "initial_level": 1.0, "ratio": 0.8, "alternations": 2}
+    found = alternate(loops, **settings).funnels
+    moved = replace(loops.pendulums, angle=loops.pendulums.angle * (1 + 1e-13))
+    rounded = alternate(regulate(moved, WEIGHTS), **settings).funnels
+    others = [alternate(loops, **settings, accuracy=accuracy).funnels for accuracy in (1e-4, 1e-5, 1e-7)]
+    for name in ("mean_area", "initial_area", "minimum_area"):
+        np.testing.assert_allclose(getattr(rounded, name), getattr(found, name), rtol=1e-5)
+        for other in others:
+            np.testing.assert_allclose(getattr(other, name), getattr(found, name), rtol=RESOLUTION[name])
 
 
 def test_steady_level_with_frozen_rate_meets_the_condition_of_step_one():

@@ -5,6 +5,7 @@ Settings are the section ``stability`` of a study's configuration.
 
 from __future__ import annotations
 
+import math
 import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ from lumbar.stability.model.failures import Failure, computed
 from lumbar.stability.model.pendulum_loop import SIGNS, feedforward_torque, gather
 from lumbar.stability.model.riccati import Weights, check_weights
 from lumbar.stability.model.trajectory import Trajectory
+from lumbar.stability.programme.bilinear_alternation import RESOLUTION
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,7 +32,10 @@ COLUMNS = {
     "com": "centre of mass taken for the pendulum's",
     "plane": "plane onto which the trajectory is projected: lateral bending (xz) or flexion/extension (yz)",
     "method": "engine: exact (largest V̇ on the boundary with the true sine), sum_of_squares (certificates of "
-    "the sine's Taylor polynomial at some knots), thesis (ρ̇ frozen: no certificate, goal set free)",
+    "the sine's Taylor polynomial at some knots), thesis (ρ̇ frozen: no certificate, goal set free; its areas hang on "
+    "the multiplier that a solver happens to return and have the digits printed, ±"
+    + ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())
+    + ")",
     "sign": "sign of gravity in equation 4.1: hanging (as published) or inverted",
     "pivot": "point about which the pendulum turns",
     "duration_s": "duration T of the trajectory",
@@ -199,10 +204,20 @@ def basin_rows(
             "sign": sign,
             "peak_torque_N_m": float(np.abs(_torque(item, sign, pendulum)).max()),
             "simulated_starts": starts,
-            **{name: values[index].item() for name, values in columns.items()},
+            **{
+                name: meaningful(values[index].item(), result.resolution.get(name))
+                for name, values in columns.items()
+            },
         }
         for index, item in enumerate(trajectories)
     ]
+
+
+def meaningful(value: float, resolution: float | None) -> float:
+    """Round a value to the first digit of its uncertainty `resolution`·|value|; None leaves it as it is."""
+    if resolution is None or value == 0:
+        return value
+    return round(value, -math.floor(math.log10(resolution * abs(value))))
 
 
 def _identity(item: Trajectory) -> dict:

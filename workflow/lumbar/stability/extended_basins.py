@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.stability.basins import COLUMNS as BASIN_COLUMNS
-from lumbar.stability.basins import basin_rows, close_loops
+from lumbar.stability.basins import basin_rows, close_loops, meaningful
 from lumbar.stability.funnel.funnel import ClosedLoops, exact_funnels
 from lumbar.stability.funnel.lyapunov_family import best_of_family
 from lumbar.stability.funnel.saturation import Limits
@@ -111,7 +111,9 @@ def extended_basins(
                         **row,
                         "loop": name,
                         "method": method,
-                        "area_ratio": row["mean_area"] / nominal[index].item(),
+                        "area_ratio": meaningful(
+                            row["mean_area"] / nominal[index].item(), result.resolution.get("mean_area")
+                        ),
                         **{key: values[index].item() for key, values in extra.items()},
                     }
                     for index, row in enumerate(found)

@@ -23,7 +23,7 @@ import numpy as np
 from lumbar.errors import NumericalError
 from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, funnel_variants
 from lumbar.stability.funnel.saturation import NO_LIMITS, Limits, limited_funnels
-from lumbar.stability.programme.bilinear_alternation import alternate
+from lumbar.stability.programme.bilinear_alternation import RESOLUTION, alternate
 from lumbar.stability.programme.certified_funnel import certified_funnels
 from lumbar.stability.proof.interval_proof import proved_share
 
@@ -39,11 +39,14 @@ class EngineResult:
         By column of `basins.COLUMNS`.
     control : Funnels or None
         Funnels that are too large on purpose, for the positive control of the attack.
+    resolution : dict of str to float
+        How far an area may be trusted, relative, by column; an area without entry has all its digits.
     """
 
     funnels: Funnels
     checks: dict[str, np.ndarray] = field(default_factory=dict)
     control: Funnels | None = None
+    resolution: dict[str, float] = field(default_factory=dict)
 
 
 def exact(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> EngineResult:
@@ -97,7 +100,7 @@ def thesis(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> En
         "unsolved_share": found.unsolved_share,
         "euler_error": found.euler_error,
     }
-    return EngineResult(found.funnels, checks)
+    return EngineResult(found.funnels, checks, resolution=RESOLUTION)
 
 
 ENGINES: dict[str, Callable[[ClosedLoops, dict, Limits], EngineResult]] = {

@@ -11,6 +11,10 @@ at how many knots the final ρ breaks the condition it was meant to meet. The Ri
 integrated by Euler's method, as in the thesis. ρ(T) is free too, as equation 4.6 has it: the goal set is
 a result here and not a requirement.
 
+**Digits.** Equation 4.5 does not determine L: with L every L − c·(1 − |z|²), c ≥ 0, is a multiplier too, for c·(1 − |z|²)²
+is a square. The dual programme therefore has no interior point, and the L that an interior-point solver returns hangs
+on where it stops; step 2 turns it into an area. Hence the fixed, moderate `ACCURACY` and the areas' `RESOLUTION`.
+
 With torque limits or an uncertain mass, which the thesis leaves out, its condition is imposed on every case of
 `saturation_cases`: a knot is feasible when all have a multiplier, and ρ is the smallest of their maxima.
 """
@@ -36,6 +40,14 @@ from lumbar.stability.model.riccati import cost_to_go_euler, determinant
 from lumbar.stability.programme.saturation_cases import Case, saturation_cases
 from lumbar.stability.programme.sum_of_squares import Certificate, GramProgramme
 
+ACCURACY = 1e-6
+"""At which the solver stops. Rounding (relative changes of 1e-13 in the polynomials) moves the areas of the default study
+by 1e-6 at most then; at the solver's own 1e-8 the last steps are made of rounding, which moves them by 2e-3."""
+
+RESOLUTION = {"mean_area": 0.01, "initial_area": 0.02, "minimum_area": 0.01, "final_area": 0.01}
+"""Relative: how far the areas of the default study move, at most, when the solver stops at 1e-4 to 1e-8 (no choice is
+better founded than another). Digits beyond it mean nothing and are not published."""
+
 MOST_DECREASES = 10
 """Geometric decreases after which a knot counts as infeasible and keeps its ρ."""
 
@@ -43,8 +55,8 @@ MOST_DECREASES = 10
 class LevelStep:
     """Step 2 at one knot: with L fixed, maximise s = ρ/ρ_before."""
 
-    def __init__(self, degree: int):
-        self._programme = GramProgramme(degree)
+    def __init__(self, degree: int, accuracy: float):
+        self._programme = GramProgramme(degree, accuracy)
         self._ring = circle_map(degree)
 
     def solve(self, case: Case, rate: float, multiplier: np.ndarray) -> float | None:
@@ -102,6 +114,7 @@ def alternate(
     ratio: float,
     alternations: int,
     limits: Limits = NO_LIMITS,
+    accuracy: float = ACCURACY,
 ) -> Alternation:
     """Run the thesis's bilinear alternation.
 
@@ -121,6 +134,8 @@ def alternate(
         The thesis: 2.
     limits : Limits
         Of the loop; the thesis has none.
+    accuracy : float
+        At which the solver stops.
 
     Returns
     -------
@@ -131,7 +146,7 @@ def alternate(
     NumericalError
         A programme of step 1 ended without an optimum, or the feedforward lies beyond the torque limit.
     """
-    certificate, level_step = Certificate(degree), LevelStep(degree)
+    certificate, level_step = Certificate(degree, accuracy), LevelStep(degree, accuracy)
     chosen = even_knots(loops.knots, knots)
     pendulums, reference = loops.pendulums, reference_of(loops.pendulums)
     require_torque(pendulums, reference, limits)

@@ -32,9 +32,16 @@ class GramProgramme:
     In normal form: minimise cᵀy subject to F·y + Γ·g = target, where g holds the upper triangle of a
     positive semidefinite Gram matrix G (off-diagonal entries times √2) and Γ·g the coefficients of bᵀGb
     (equation 2.13).
+
+    Parameters
+    ----------
+    degree : int
+        Of the sine's Taylor polynomial.
+    accuracy : float
+        Duality gap and residuals, relative, at which the solver stops.
     """
 
-    def __init__(self, degree: int):
+    def __init__(self, degree: int, accuracy: float = 1e-8):
         import clarabel
         from scipy import sparse
 
@@ -44,6 +51,7 @@ class GramProgramme:
         self._sizes = [len(monomials(order)) for order in ((degree + 1) // 2, (degree - 1) // 2)]
         self._settings = clarabel.DefaultSettings()
         self._settings.verbose = False
+        self._settings.tol_gap_abs = self._settings.tol_gap_rel = self._settings.tol_feas = accuracy
 
     def constraints(self, free: np.ndarray, side: np.ndarray | None = None) -> Constraints:
         """Return the constraints for F of shape (monomials, free coefficients), ready for `solve`.
@@ -89,9 +97,9 @@ class GramProgramme:
 class Certificate:
     """The programme of one Taylor degree, for many knots."""
 
-    def __init__(self, degree: int):
+    def __init__(self, degree: int, accuracy: float = 1e-8):
         self.degree = degree
-        self._programme = GramProgramme(degree)
+        self._programme = GramProgramme(degree, accuracy)
         constant = np.eye(len(monomials(degree + 1)))[:, :1]
         # r − v − L·(1 − |z|²) = bᵀGb
         self._free = np.hstack([-constant, circle_map(degree)])
