@@ -17,7 +17,7 @@ from lumbar.twin.hidden_effects.catalogue import MECHANISMS, SINGLE
 from lumbar.twin.hidden_effects.experiment import plan_batch
 from lumbar.twin.hidden_effects.folder import write_experiments
 
-pytestmark = pytest.mark.end_to_end
+pytestmark = pytest.mark.statistical
 
 STRONG = settings(
     slices=1, residual_over_noise=[5, 15], noise_colours={"white": 1, "autoregressive": 0, "flicker": 0}
