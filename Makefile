@@ -26,8 +26,9 @@ $(VENV)/installed: envs/build-lock.txt envs/lock.txt pyproject.toml
 	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
+# A file stays with one worker, as its fixtures do; the longest come first, in order.
 test: environment ## the tests
-	python -m pytest
+	python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
 
 report: results ## results/<study>/report.html: one page, works offline
 	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/report.html

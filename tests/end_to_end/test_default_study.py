@@ -14,8 +14,6 @@ import pytest
 
 from running import copy_project, snakemake
 
-pytestmark = pytest.mark.end_to_end
-
 # Wall-clock readings differ between runs; everything else is compared byte for byte.
 VOLATILE = ("logs", "benchmarks")
 

@@ -4,8 +4,6 @@ LEVEL = 0.01
 """An effect is selected only at this probability of a false alarm."""
 UNSEEN = 2.33
 """Standard errors by which the squared error on unseen records must fall (one-sided 1 %)."""
-COMPLETE = 1.2
-"""Remaining error, in noise floors, up to which a model counts as complete."""
 TIED = 9.2
 """Difference in twice the log-likelihood below which two effects cannot be told apart (odds of 100 to 1)."""
 STRUCTURED = 0.2
