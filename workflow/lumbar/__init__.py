@@ -1,3 +1,63 @@
-"""Soft-tissue force-feedback models and lifting stability, from recordings to tables, figures and FMUs."""
+"""Soft-tissue force-feedback models and lifting stability, from recordings to tables, figures and FMUs.
+
+The verbs of the command line and of the workflow, on objects::
+
+    import lumbar
+
+    records = lumbar.read("recordings/tissue")
+    diagnosis = lumbar.diagnose(records)
+    refined = diagnosis.add("coulomb_friction")
+    lumbar.export_fmu(refined.model, "fmu")
+
+    lift = lumbar.lift("expert_23kg.c3d", subject="config/subjects/expert.yaml", box_mass_kg=23)
+    print(lumbar.basins(lift))
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
+
+_VERBS = {
+    "load_settings": "lumbar.config.files",
+    "read": "lumbar.interface.reading",
+    "bandwidth": "lumbar.interface.motion",
+    "design_signals": "lumbar.interface.motion",
+    "identify": "lumbar.interface.identification",
+    "compare": "lumbar.interface.comparison",
+    "locate": "lumbar.interface.comparison",
+    "diagnose": "lumbar.interface.diagnosis",
+    "refine": "lumbar.interface.diagnosis",
+    "export_fmu": "lumbar.interface.device",
+    "analyse_survey": "lumbar.interface.participants",
+    "lift": "lumbar.interface.person",
+    "basins": "lumbar.interface.person",
+}
+"""Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
+
+__all__ = list(_VERBS)
+
+if TYPE_CHECKING:
+    from lumbar.interface.comparison import compare, locate
+    from lumbar.interface.device import export_fmu
+    from lumbar.interface.diagnosis import diagnose, refine
+    from lumbar.interface.identification import identify
+    from lumbar.interface.motion import bandwidth, design_signals
+    from lumbar.interface.participants import analyse_survey
+    from lumbar.interface.person import basins, lift
+    from lumbar.interface.reading import read
+
+
+def __getattr__(name: str):
+    if name not in _VERBS:
+        raise AttributeError(f"module 'lumbar' has no attribute {name!r}; its verbs are {', '.join(__all__)}")
+    from importlib import import_module
+
+    verb = getattr(import_module(_VERBS[name]), name)
+    globals()[name] = verb
+    return verb
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -1,0 +1,1 @@
+"""The verbs of `lumbar` on objects: what commands, scripts and notebooks call."""

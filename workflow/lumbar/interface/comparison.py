@@ -1,0 +1,184 @@
+"""``lumbar.compare`` and ``lumbar.locate``: how well a model agrees with every record, and where it fails."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.interface.diagnosis import SEED
+from lumbar.records.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from lumbar.diagnosis.residuals.residual_report import Simulated
+    from lumbar.models.fitted_model import FittedModel
+    from lumbar.tables import Table
+
+
+def compare(
+    records: Sequence[Record],
+    model: FittedModel,
+    *,
+    train: str | Sequence[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Comparisons:
+    """Simulate a model on every record: its errors with intervals, and the part that could be explained.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    model : FittedModel
+        Of `identify`, `refine` or `diagnose`, or read from a file.
+    train : str or sequence of str, optional
+        Record that the noise floor is taken from; default the one the model was fitted to, or the longest.
+    periods : mapping of str to float, optional
+        Periods of excitations in seconds by record; default found from the input.
+    seed : int
+        Of the intervals.
+    data : str
+        Words for the source of the data.
+
+    Returns
+    -------
+    Comparisons
+    """
+    return Comparisons(model, _simulated(records, model, train, periods, seed), data)
+
+
+def locate(
+    records: Sequence[Record],
+    model: FittedModel,
+    *,
+    train: str | Sequence[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Locations:
+    """See where a model fails: time, frequency, motion, depth, reversals; parameters as of `compare`."""
+    return Locations(model, _simulated(records, model, train, periods, seed), data)
+
+
+def _simulated(records, model, train, periods, seed) -> list[Simulated]:
+    from lumbar.diagnosis.fitting.preparation import prepare
+    from lumbar.diagnosis.residuals.residual_report import compare_and_locate
+
+    records = list(records)
+    if train is None and model.trained_on in [record.name for record in records]:
+        train = model.trained_on
+    experiment = prepare(records, train, dict(periods or {}))
+    return compare_and_locate(records, model.simulate, experiment.floor, experiment.floor_from, seed)
+
+
+@dataclass(frozen=True, eq=False)
+class _OnRecords:
+    """A model beside every record.
+
+    Attributes
+    ----------
+    model : FittedModel
+    simulated : list of Simulated
+    data : str
+    """
+
+    model: FittedModel
+    simulated: list[Simulated]
+    data: str
+
+    def __len__(self) -> int:
+        return len(self.simulated)
+
+    def __iter__(self) -> Iterator[Simulated]:
+        return iter(self.simulated)
+
+    def __getitem__(self, name: str) -> Simulated:
+        """What was found on the record of this name."""
+        return next(item for item in self.simulated if item.record.name == name)
+
+    def _save(self, folder: Path, picture: str) -> dict[str, Path]:
+        from lumbar.reports.figures.style import save
+
+        svg = {}
+        for item in self.simulated:
+            stem = folder / f"{picture}_{item.record.name}"
+            save(self.figure(item.record.name), stem, self.data)
+            svg[item.record.name] = stem.with_name(f"{stem.name}.svg")
+        return svg
+
+    def figure(self, name: str) -> Figure:
+        """Return the picture of one record."""
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        return self.table.frame.to_html(index=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparisons(_OnRecords):
+    """How well a model agrees with every record; attributes as of `_OnRecords`."""
+
+    @property
+    def table(self) -> Table:
+        """VAF, FIT, error, noise and explainable error of every record."""
+        from lumbar.diagnosis.residuals.compare import comparison_table
+
+        return comparison_table([item.comparison for item in self.simulated], self.data)
+
+    def figure(self, name: str) -> Figure:
+        """Return the picture of one record: measured and simulated output, and what is left of every record."""
+        from lumbar.reports.figures.comparison_figure import comparison_figure
+
+        shown = self[name]
+        comparisons = [item.comparison for item in self.simulated]
+        return comparison_figure(shown.record, shown.values, comparisons, self.model.name)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``compare`` as a table, one picture per record, and ``compare_page.html``."""
+        from lumbar.files import write_text
+        from lumbar.reports.pages.record_pages import comparison_page
+
+        folder = Path(folder)
+        pictures = self._save(folder, "comparison")
+        self.table.write(folder / "compare")
+        page = comparison_page(self.simulated, self.model.name, self.data, pictures)
+        write_text(folder / "compare_page.html", page)
+
+    def __str__(self) -> str:
+        return "\n".join(item.comparison.sentence for item in self.simulated)
+
+
+@dataclass(frozen=True, eq=False)
+class Locations(_OnRecords):
+    """Where a model fails on every record; attributes as of `_OnRecords`."""
+
+    @property
+    def table(self) -> Table:
+        """Numbers behind the pictures."""
+        from lumbar.diagnosis.residuals.locate import location_table
+
+        return location_table([item.location for item in self.simulated], self.data)
+
+    def figure(self, name: str) -> Figure:
+        """Return the nine pictures of one record's error."""
+        from lumbar.reports.figures.location_figure import location_figure
+
+        return location_figure(self[name].location)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``location`` as a table, one picture per record, and ``location_page.html``."""
+        from lumbar.files import write_text
+        from lumbar.reports.pages.record_pages import location_page
+
+        folder = Path(folder)
+        pictures = self._save(folder, "location")
+        self.table.write(folder / "location")
+        page = location_page(self.simulated, self.model.name, self.data, pictures)
+        write_text(folder / "location_page.html", page)
+
+    def __str__(self) -> str:
+        return "\n".join("\n  ".join(item.location.sentences) for item in self.simulated)

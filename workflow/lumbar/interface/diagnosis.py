@@ -1,0 +1,333 @@
+"""``lumbar.diagnose`` and ``lumbar.refine``: which effect a model is missing, and the model with it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.records.record import Record
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.signals import MachineSettings
+
+if TYPE_CHECKING:
+    from lumbar.diagnosis.evidence.evidence import Evidence
+    from lumbar.diagnosis.fitting.preparation import Experiment
+    from lumbar.diagnosis.residuals.residual_report import Simulated
+    from lumbar.diagnosis.selection.forward_selection import Candidate
+    from lumbar.diagnosis.selection.verdict import Verdict
+    from lumbar.models.fitted_model import FittedModel
+    from lumbar.models.form import Effect
+
+SEED = 2023
+"""Seed of intervals where none is given, as of the default study."""
+
+
+def diagnose(
+    records: Sequence[Record],
+    *,
+    base: str | None = None,
+    train: str | Sequence[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+    settings: ImprovementSettings | None = None,
+    machine: MachineSettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Diagnosis:
+    """Say which physical effect a base model is missing, or that nothing is.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        One per excitation, with channels ``input`` and ``output``.
+    base : str, optional
+        Base model: LE, Maxwell, KV, KB or pendulum; default the settings'.
+    train : str or sequence of str, optional
+        Record to fit on, or several that are fitted together; default the longest.
+    periods : mapping of str to float, optional
+        Periods of excitations in seconds by record; default found from the input.
+    settings : ImprovementSettings, optional
+        Effects of your own (``effect_files``), how many effects to add.
+    machine : MachineSettings, optional
+        Limits of the machine that would play a separating excitation.
+    seed : int
+        Of the intervals.
+    data : str
+        Words for the source of the data, for pages and figures.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        For an unknown base and for records that cannot be used.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> diagnosis = lumbar.diagnose(lumbar.read("recordings/tissue"))  # doctest: +SKIP
+    >>> diagnosis.selected                                              # doctest: +SKIP
+    ('coulomb_friction',)
+    """
+    from lumbar.diagnosis.selection.diagnose import diagnose as search
+
+    chosen = _chosen(settings, base, train, periods)
+    return Diagnosis(list(records), chosen, search(list(records), chosen), machine, seed, data)
+
+
+def refine(
+    records: Sequence[Record],
+    effects: Iterable[str],
+    *,
+    base: str | None = None,
+    train: str | Sequence[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+    settings: ImprovementSettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Refinement:
+    """Fit a base model with effects that are named, each added in turn; parameters as of `diagnose`.
+
+    Parameters
+    ----------
+    effects : iterable of str
+        Names in the catalogue, in the order in which they are added; none gives the base alone.
+
+    Returns
+    -------
+    Refinement
+
+    Raises
+    ------
+    InputError
+        For an unknown effect, one that the records lack channels for, or one that they do not excite.
+    NumericalError
+        If a fit does not converge, or an effect makes the model worse.
+    """
+    return _refined(list(records), list(effects), _chosen(settings, base, train, periods), seed, data)
+
+
+def _chosen(settings, base, train, periods) -> DiagnosisSettings:
+    return DiagnosisSettings.from_config(settings or ImprovementSettings(), base, train, dict(periods or {}))
+
+
+def _refined(records, effects, settings, seed, data) -> Refinement:
+    from lumbar.diagnosis.selection.refine import refine as fit_path
+
+    experiment, path = fit_path(records, effects, settings)
+    return Refinement(records, settings, experiment, path, seed, data)
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What a base model is missing on a set of records, with the evidence.
+
+    Attributes
+    ----------
+    records : list of Record
+    settings : DiagnosisSettings
+    verdict : Verdict
+        Selected effects, selection path, ranking, ties.
+    machine : MachineSettings or None
+    seed : int
+    data : str
+    """
+
+    records: list[Record]
+    settings: DiagnosisSettings
+    verdict: Verdict
+    machine: MachineSettings | None
+    seed: int
+    data: str
+
+    @property
+    def selected(self) -> tuple[str, ...]:
+        """Names of the missing effects, in the order in which they were added."""
+        return self.verdict.selected
+
+    @property
+    def candidates(self) -> dict[str, Effect]:
+        """The catalogue that was searched."""
+        return self.settings.candidates
+
+    @cached_property
+    def models(self) -> list[FittedModel]:
+        """Base, base and first effect, …."""
+        from lumbar.diagnosis.selection.refined_model import fitted_models
+
+        return fitted_models(self.verdict.ladder, self.verdict.experiment)
+
+    @property
+    def model(self) -> FittedModel:
+        """The base with all selected effects."""
+        return self.models[-1]
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """Ties, the experiment that settles them, what these records would have shown, what remains."""
+        from lumbar.diagnosis.evidence.evidence import gather_evidence
+
+        return gather_evidence(self.verdict, self.records, self.settings, self.seed, self.machine)
+
+    @cached_property
+    def base_on_records(self) -> list[Simulated]:
+        """The base model beside every record, and where it fails."""
+        from lumbar.diagnosis.residuals.residual_report import compare_and_locate
+
+        verdict = self.verdict
+        floor, trained = verdict.experiment.floor, verdict.experiment.floor_from
+        return compare_and_locate(
+            self.records, verdict.base.fit, floor, trained, self.seed, self.settings.centre
+        )
+
+    @property
+    def sentences(self) -> list[str]:
+        """The verdict, then what a reader asks next."""
+        from lumbar.diagnosis.design.discrimination import separation_sentence
+        from lumbar.diagnosis.selection.sentences import details, headline
+
+        lines = [headline(self.verdict), *details(self.verdict, self.candidates)]
+        if self.evidence.separation is not None:
+            lines.append(separation_sentence(self.evidence.separation, self.verdict))
+        return lines
+
+    def add(self, *effects: str) -> Refinement:
+        """Refit the base with the selected effects and these; effects that are there already are not added twice."""
+        wanted = list(dict.fromkeys([*self.selected, *effects]))
+        return _refined(self.records, wanted, self.settings, self.seed, self.data)
+
+    def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
+        """Return the page of the diagnosis."""
+        from lumbar.reports.pages.diagnosis_page import diagnosis_page
+
+        return diagnosis_page(self.verdict, self.evidence, self.candidates, self.data, dict(pictures or {}))
+
+    def save(self, folder: str | os.PathLike, pictures: bool = True) -> None:
+        """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json`` and ``diagnosis.html``.
+
+        Parameters
+        ----------
+        folder : path
+        pictures : bool
+            Draw comparison, location, ladder and signatures too, and write the tables ``compare`` and ``location``;
+            takes a few seconds more.
+        """
+        from lumbar.diagnosis.evidence.diagnosis_files import write_diagnosis
+        from lumbar.files import write_text
+        from lumbar.models.models_file import write_models
+
+        folder, drawn = Path(folder), {}
+        if pictures:
+            drawn = self._save_pictures(folder)
+        write_models(folder / "refined.json", self.models, self.data)
+        write_text(folder / "diagnosis.html", self.to_html(drawn))
+        write_diagnosis(self.verdict, self.evidence, folder, self.data)
+
+    def _save_pictures(self, folder: Path) -> dict[str, Path]:
+        from lumbar.diagnosis.residuals.compare import comparison_table
+        from lumbar.diagnosis.residuals.locate import location_table
+        from lumbar.reports.pages.diagnosis_pictures import draw_pictures
+
+        simulated = self.base_on_records
+        comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")
+        location_table([item.location for item in simulated], self.data).write(folder / "location")
+        return draw_pictures(self.verdict, simulated, self.candidates, folder, self.data)
+
+    def __str__(self) -> str:
+        return "\n  ".join(self.sentences)
+
+    def __repr__(self) -> str:
+        return f"<Diagnosis of {self.verdict.base.name} on {len(self.records)} records: {self.verdict.verdict}>"
+
+    def _repr_html_(self) -> str:
+        return self.to_html()
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """A base model with named effects: the models on the way and their errors.
+
+    Attributes
+    ----------
+    records : list of Record
+    settings : DiagnosisSettings
+    experiment : Experiment
+    path : list of Candidate
+        Base, base and first effect, ….
+    seed : int
+    data : str
+    """
+
+    records: list[Record]
+    settings: DiagnosisSettings
+    experiment: Experiment
+    path: list[Candidate]
+    seed: int
+    data: str
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects, in the order in which they were added."""
+        return self.path[-1].effects
+
+    @cached_property
+    def models(self) -> list[FittedModel]:
+        """Base, base and first effect, …."""
+        from lumbar.diagnosis.selection.refined_model import fitted_models
+
+        return fitted_models(self.path, self.experiment)
+
+    @property
+    def model(self) -> FittedModel:
+        """The base with all effects."""
+        return self.models[-1]
+
+    def add(self, *effects: str) -> Refinement:
+        """Refit with these effects more."""
+        wanted = list(dict.fromkeys([*self.effects, *effects]))
+        return _refined(self.records, wanted, self.settings, self.seed, self.data)
+
+    def remove(self, *effects: str) -> Refinement:
+        """Refit without these effects."""
+        wanted = [name for name in self.effects if name not in effects]
+        return _refined(self.records, wanted, self.settings, self.seed, self.data)
+
+    def rows(self) -> list[dict]:
+        """The error ladder: one dict per model."""
+        unit = self.experiment.output_unit
+        return [
+            {
+                "model": "+".join([self.settings.base, *item.effects]),
+                f"training ({unit})": item.train_rms,
+                f"unseen ({unit})": item.test_rms,
+            }
+            for item in self.path
+        ]
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``refined.json``: every model of the path, ready for export."""
+        from lumbar.models.models_file import write_models
+
+        write_models(Path(folder) / "refined.json", self.models, self.data)
+
+    def __str__(self) -> str:
+        unit = self.experiment.output_unit
+        return "\n".join(
+            f"{'+'.join([self.settings.base, *item.effects])}: {item.train_rms:.4g} {unit} in training, "
+            f"{item.test_rms:.4g} unseen"
+            for item in self.path
+        )
+
+    def __repr__(self) -> str:
+        return f"<Refinement of {self.settings.base}: {', '.join(self.effects) or 'no effect'}>"
+
+    def _repr_html_(self) -> str:
+        import pandas as pd
+
+        return pd.DataFrame(self.rows()).to_html(index=False)

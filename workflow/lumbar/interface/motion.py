@@ -1,0 +1,206 @@
+"""``lumbar.bandwidth`` and ``lumbar.design_signals``: surgeons' motion, and signals that excite as it does."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.interface.diagnosis import SEED
+from lumbar.records.record import Record
+from lumbar.settings.plain import plain
+from lumbar.settings.signals import SignalsSettings
+from lumbar.settings.surgeon import SurgeonSettings
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from lumbar.signals.excitation import Excitation
+    from lumbar.signals.surgeon_motion import MotionSpectra
+
+
+def bandwidth(
+    trials: Sequence[Record],
+    surgeons: Sequence[str] | None = None,
+    *,
+    settings: SurgeonSettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Bandwidth:
+    """Find the bandwidth of surgeons' tool motion by Welch's method.
+
+    Parameters
+    ----------
+    trials : sequence of Record
+        With the channel ``position``.
+    surgeons : sequence of str, optional
+        Who moved the tool, by trial; default the part of the trial's name before ``_trial``.
+    settings : SurgeonSettings, optional
+    seed : int
+        Of the intervals.
+    data : str
+
+    Returns
+    -------
+    Bandwidth
+    """
+    from lumbar.signals.surgeon_motion import motion_bandwidths, motion_spectra
+
+    settings, trials = settings or SurgeonSettings(), list(trials)
+    surgeons = list(surgeons or (trial.name.split("_trial")[0] for trial in trials))
+    spectra = motion_spectra(trials, surgeons, settings.welch)
+    return Bandwidth(spectra, motion_bandwidths(spectra, settings.bandwidth, seed), settings, data)
+
+
+@dataclass(frozen=True, eq=False)
+class Bandwidth:
+    """Bandwidth of surgeons' motion.
+
+    Attributes
+    ----------
+    spectra : MotionSpectra
+        Of every trial.
+    values : dict
+        By quantity (position, velocity) and rule: ``value_Hz``, ``low_Hz``, ``high_Hz``.
+    settings : SurgeonSettings
+    data : str
+    """
+
+    spectra: MotionSpectra
+    values: dict
+    settings: SurgeonSettings
+    data: str
+
+    def figure(self) -> Figure:
+        """Return the spectra with the bandwidths read off them."""
+        from lumbar.reports.figures.surgeon_figures import psd_figure
+
+        pooled = {quantity: self.spectra.pooled(quantity) for quantity in self.spectra.psd}
+        return psd_figure(
+            self.spectra.frequency,
+            self.spectra.psd,
+            pooled,
+            self.spectra.surgeons,
+            self.values,
+            self.settings.reference_Hz,
+        )
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``bandwidth.json`` and ``psd.csv``."""
+        from lumbar.files import write_csv, write_json
+        from lumbar.signals.surgeon_motion import spectra_table
+
+        folder, welch = Path(folder), plain(self.settings.welch)
+        write_json(folder / "bandwidth.json", {**self.values, "welch": welch, "data": self.data})
+        write_csv(folder / "psd.csv", spectra_table(self.spectra).assign(data=self.data))
+
+    def rows(self) -> list[dict]:
+        """One dict per quantity and rule."""
+        return [
+            {"quantity": quantity, "rule": rule, **value}
+            for quantity in self.spectra.psd
+            for rule, value in self.values[quantity].items()
+        ]
+
+    def __str__(self) -> str:
+        return "\n".join(f"{row['quantity']}, {row['rule']}: {_text(row)}" for row in self.rows())
+
+    def _repr_html_(self) -> str:
+        import pandas as pd
+
+        return pd.DataFrame(self.rows()).to_html(index=False)
+
+
+def _text(row: dict) -> str:
+    if row["value_Hz"] is None:
+        return "none within the analysis band"
+    ends = [row["low_Hz"], row["high_Hz"]]
+    interval = "no interval" if None in ends else f"interval {ends[0]:.3g} to {ends[1]:.3g} Hz"
+    return f"{row['value_Hz']:.3g} Hz ({interval})"
+
+
+def design_signals(
+    band: float | Bandwidth | str | os.PathLike,
+    *,
+    settings: SignalsSettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Signals:
+    """Design multisine, noise and chirp for a testing machine, and check them against it.
+
+    Parameters
+    ----------
+    band : float, Bandwidth or path
+        Upper end of the band to excite in hertz; or the surgeons' bandwidth, or its file, from which it follows.
+    settings : SignalsSettings, optional
+    seed : int
+    data : str
+
+    Returns
+    -------
+    Signals
+
+    Raises
+    ------
+    InputError
+        If the band is not within the Nyquist frequency, or the machine cannot play a signal.
+    """
+    from lumbar.errors import InputError
+    from lumbar.files import read_json
+    from lumbar.signals.excitation import design_excitation, excited_band
+
+    settings = settings or SignalsSettings()
+    if isinstance(band, Bandwidth):
+        band = excited_band(band.values, settings)
+    elif isinstance(band, str | os.PathLike):
+        band = excited_band(read_json(Path(band)), settings)
+    elif not 0 < band < settings.rate_Hz / 2:
+        raise InputError(f"the band is {band:g} Hz; allowed: above 0 and below {settings.rate_Hz / 2:g} Hz")
+    return Signals(design_excitation(band, settings, seed), band, settings, data)
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Excitation signals for a testing machine.
+
+    Attributes
+    ----------
+    excitation : Excitation
+    band_Hz : float
+        Upper end of what is excited.
+    settings : SignalsSettings
+    data : str
+    """
+
+    excitation: Excitation
+    band_Hz: float
+    settings: SignalsSettings
+    data: str
+
+    @property
+    def properties(self) -> pd.DataFrame:
+        """What the signals are and ask of the machine."""
+        from lumbar.signals.signal_properties import signal_properties
+
+        return signal_properties(self.excitation, self.data).frame
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""
+        from lumbar.files import write_csv, write_json
+        from lumbar.signals.signal_properties import machine_file, multisine_description
+
+        folder = Path(folder)
+        for signal in self.excitation.signals:
+            write_csv(folder / f"{signal.name}.csv", machine_file(signal))
+        write_json(folder / "multisine.json", multisine_description(self.excitation, self.settings))
+        write_csv(folder / "properties.csv", self.properties)
+
+    def __str__(self) -> str:
+        names = ", ".join(signal.name for signal in self.excitation.signals)
+        return f"{names}: excited up to {self.band_Hz:g} Hz"
+
+    def _repr_html_(self) -> str:
+        return self.properties.to_html(index=False)

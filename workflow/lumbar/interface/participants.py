@@ -1,0 +1,108 @@
+"""``lumbar.analyse_survey``: participants' ratings of the models."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.interface.diagnosis import SEED
+from lumbar.settings.survey import SurveySettings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from lumbar.records.ratings import Ratings
+    from lumbar.survey.survey_analysis import SurveyAnalysis
+
+
+def analyse_survey(
+    ratings: Ratings | str | os.PathLike,
+    *,
+    settings: SurveySettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Survey:
+    """Analyse ratings as the thesis did (Table 3.2), and within participants.
+
+    Parameters
+    ----------
+    ratings : Ratings or path
+        Answers, or the participants' sheet.
+    settings : SurveySettings, optional
+    seed : int
+        Of the bootstrap.
+    data : str
+
+    Returns
+    -------
+    Survey
+
+    Raises
+    ------
+    NumericalError
+        If the answers do not differ at all.
+    """
+    from lumbar.records.ratings import read_ratings
+    from lumbar.survey.survey_analysis import analyse_survey as analyse
+
+    settings = settings or SurveySettings()
+    if isinstance(ratings, str | os.PathLike):
+        ratings = read_ratings(ratings, settings.layout)
+    return Survey(ratings, analyse(ratings, settings, seed, data), settings)
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What a survey shows.
+
+    Attributes
+    ----------
+    ratings : Ratings
+    analysis : SurveyAnalysis
+        Tables, and all results as plain data.
+    settings : SurveySettings
+    """
+
+    ratings: Ratings
+    analysis: SurveyAnalysis
+    settings: SurveySettings
+
+    def figures(self) -> dict[str, Figure]:
+        """Return the pictures by file name."""
+        from lumbar.reports.figures.survey_figures import best_picks_figure, likert_figure
+
+        counts, labels = self.ratings.counts(), self.settings.scale_labels
+        return {
+            "survey_likert": likert_figure(self.ratings.models, counts, labels, self.settings.statement),
+            "survey_best_picks_figure": best_picks_figure(
+                self.analysis.results["best_picks"], self.settings.confidence
+            ),
+        }
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write the tables, ``survey.json`` and the figures."""
+        from lumbar.files import write_json
+        from lumbar.reports.figures.style import save
+
+        folder, label = Path(folder), self.analysis.results["data"]
+        for name, table in self.analysis.tables.items():
+            table.write(folder / name)
+        write_json(folder / "survey.json", self.analysis.results)
+        for name, figure in self.figures().items():
+            save(figure, folder / name, label)
+
+    def __str__(self) -> str:
+        results = self.analysis.results
+        lines = [
+            f"{len(self.ratings)} participants rated {', '.join(self.ratings.models)} ({results['data']})"
+        ]
+        for name in ("kruskal_wallis", "friedman"):
+            freedom = f"{results[name]['dof']} degrees of freedom"
+            statistic, p_value = results[name]["statistic"], results[name]["p_value"]
+            lines.append(f"{name}: {statistic:.2f}, {freedom}, p = {p_value:#.2g}")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return self.analysis.tables["table_3_2"].frame.to_html(index=False)

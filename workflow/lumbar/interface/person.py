@@ -1,0 +1,286 @@
+"""``lumbar.lift`` and ``lumbar.basins``: from markers to pendulums, and from pendulums to basins of attraction."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.errors import InputError
+from lumbar.interface.diagnosis import SEED
+from lumbar.lifting import lift as lifting
+from lumbar.settings.plain import plain
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.subject import SubjectSettings, TrialSettings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.stability.basins import LiftBasins
+    from lumbar.stability.model.failures import Failure
+    from lumbar.stability.model.trajectory import Trajectory
+
+
+def lift(
+    markers: str | os.PathLike,
+    subject: SubjectSettings | str | os.PathLike,
+    box_mass_kg: float,
+    *,
+    trial: TrialSettings | None = None,
+    name: str | None = None,
+    settings: LiftingSettings | None = None,
+    data: str = "",
+) -> Lift:
+    """Find the events, centres of mass and pendulum states of one lift.
+
+    Parameters
+    ----------
+    markers : path
+        C3D or TRC file.
+    subject : SubjectSettings or path
+        The person: settings, or a file as in ``config/subjects``.
+    box_mass_kg : float
+        Mass of the box.
+    trial : TrialSettings, optional
+        Trial with events declared by hand; default the subject's trial whose marker file has the same name, if there
+        is one with this box.
+    name : str, optional
+        Name of the lift; default subject and box.
+    settings : LiftingSettings, optional
+    data : str
+        Words for the source of the data.
+
+    Returns
+    -------
+    Lift
+
+    Raises
+    ------
+    InputError, NumericalError
+        Naming the file and what is wrong with it.
+    """
+    from lumbar.records.markers import read_markers
+
+    if not 0 <= box_mass_kg <= 100:
+        raise InputError(f"mass of the box is {box_mass_kg:g} kg; allowed: 0 to 100")
+    if not isinstance(subject, SubjectSettings):
+        from lumbar.config.files import load_subject
+
+        subject = load_subject(Path(subject))
+    settings = settings or LiftingSettings()
+    trial = trial or _trial_of(subject, Path(markers), box_mass_kg)
+    name = name or f"{subject.name}_{box_mass_kg:g}kg"
+    recording = read_markers(markers, settings.markers, name=name)
+    return Lift(
+        lifting.analyse_lift(recording, name, subject, trial, settings), subject, trial, settings, data
+    )
+
+
+def _trial_of(subject: SubjectSettings, markers: Path, box_mass_kg: float) -> TrialSettings:
+    """The trial that a file is the recording of; events declared for another file are another lift's."""
+    for trial in subject.trials:
+        if trial.box_mass_kg == box_mass_kg and Path(trial.markers).name == markers.name:
+            return trial
+    return TrialSettings(box_mass_kg=box_mass_kg, markers=markers.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Lift:
+    """One analysed lift.
+
+    Attributes
+    ----------
+    analysed : lumbar.lifting.lift.AnalysedLift
+        Events, centres of mass, pendulum states.
+    subject : SubjectSettings
+    trial : TrialSettings
+    settings : LiftingSettings
+    data : str
+    """
+
+    analysed: lifting.AnalysedLift
+    subject: SubjectSettings
+    trial: TrialSettings
+    settings: LiftingSettings
+    data: str
+
+    @property
+    def name(self) -> str:
+        """Name of the lift, e.g. ``"expert_23kg"``."""
+        return self.analysed.name
+
+    @cached_property
+    def states(self) -> pd.DataFrame:
+        """Pendulum states of the deposit: one row per centre of mass, plane and instant."""
+        return lifting.states_frame(self.analysed)
+
+    @cached_property
+    def facts(self) -> dict:
+        """What the pendulums are made of: masses, lengths, pivot, rules, assumptions."""
+        return lifting.summary(self.analysed, self.subject, self.trial, self.settings)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write states, facts, centres of mass, events, gaps, motion and landmarks."""
+        from lumbar.files import write_csv, write_json
+
+        folder, label = Path(folder), {"data": self.data}
+        tables = {
+            "pendulum": self.states,
+            "centres": lifting.centres_frame(self.analysed),
+            "gaps": lifting.gaps_frame(self.analysed),
+            "motion": lifting.motion_frame(self.analysed),
+            "landmarks": lifting.landmarks_frame(self.analysed),
+        }
+        for name, frame in tables.items():
+            write_csv(folder / f"{name}.csv", frame.assign(**label))
+        events = {name: event.as_dict() for name, event in self.analysed.events.items()}
+        rules = plain(self.settings.events)
+        write_json(folder / "events.json", {"lift": self.name, "events": events, "rules": rules, **label})
+        write_json(folder / "pendulum.json", {**self.facts, **label})
+
+    def __str__(self) -> str:
+        times = {name: event.as_dict()["time_s"] for name, event in self.analysed.events.items()}
+        return "\n".join(
+            f"{name}: {'none' if time is None else f'{time:.3f} s'}" for name, time in times.items()
+        )
+
+    def __repr__(self) -> str:
+        return f"<Lift {self.name}>"
+
+    def _repr_html_(self) -> str:
+        import pandas as pd
+
+        return pd.DataFrame([event.as_dict() for event in self.analysed.events.values()]).to_html(index=False)
+
+
+def basins(
+    lift: Lift | str | os.PathLike,
+    *,
+    facts: Mapping | None = None,
+    settings: StabilitySettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Basins:
+    """Compute the basins of attraction of one lift, by all methods of the settings.
+
+    Parameters
+    ----------
+    lift : Lift or path
+        Of `lift`, or a file ``pendulum.csv``.
+    facts : mapping, optional
+        With a file: what the pendulums are made of; default ``pendulum.json`` beside it.
+    settings : StabilitySettings, optional
+    seed : int
+        Of the simulated starts.
+    data : str
+
+    Returns
+    -------
+    Basins
+    """
+    from lumbar.stability.model.trajectory import trajectories_of_lift
+
+    settings = settings or StabilitySettings()
+    if isinstance(lift, Lift):
+        states, facts, data = lift.states, lift.facts, data or lift.data
+    else:
+        states, facts = _read_states(Path(lift), facts)
+    trajectories, failures = trajectories_of_lift(states, facts, settings.pendulum.mass)
+    return Basins(trajectories, settings, seed, failures, data)
+
+
+def _read_states(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping]:
+    import pandas as pd
+
+    from lumbar.files import read_json
+
+    facts = facts or read_json(path.with_suffix(".json"))
+    try:
+        return pd.read_csv(path), facts
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a table of pendulum states ({error})") from error
+
+
+@dataclass(frozen=True, eq=False)
+class Basins:
+    """Basins of attraction of one lift.
+
+    Attributes
+    ----------
+    trajectories : list of Trajectory
+    settings : StabilitySettings
+    seed : int
+    without_trajectory : list of Failure
+        Pendulums whose states cannot be used.
+    data : str
+    """
+
+    trajectories: list[Trajectory]
+    settings: StabilitySettings
+    seed: int
+    without_trajectory: list[Failure]
+    data: str
+
+    @cached_property
+    def computed(self) -> LiftBasins:
+        """Areas, funnels and what could not be computed."""
+        from lumbar.stability.basins import basins_of_lift
+
+        return basins_of_lift(self.trajectories, self.settings, self.seed)
+
+    @property
+    def areas(self) -> pd.DataFrame:
+        """One row per centre of mass, plane, method and sign of gravity, with the checks."""
+        return self.computed.summary
+
+    @property
+    def funnels(self) -> pd.DataFrame:
+        """The exact funnels, knot by knot."""
+        return self.computed.funnels
+
+    @cached_property
+    def _extended(self) -> tuple[pd.DataFrame, list[Failure]]:
+        from lumbar.stability.extended_basins import extended_basins
+
+        return extended_basins(self.trajectories, self.settings, self.seed)
+
+    @property
+    def extended(self) -> pd.DataFrame:
+        """The same basins with limited torque, uncertain mass and a better V."""
+        return self._extended[0]
+
+    def failures(self, extended: bool = True) -> pd.DataFrame:
+        """Basins that could not be computed, with their reasons; with those of `extended` or without."""
+        from lumbar.stability.model.failures import failures_frame
+
+        beyond = self._extended[1] if extended else []
+        return failures_frame([*self.without_trajectory, *self.computed.failures, *beyond])
+
+    def save(self, folder: str | os.PathLike, extended: bool = True) -> None:
+        """Write ``boa.csv``, ``funnel.csv``, ``failures.csv`` and, unless told otherwise, ``extended.csv``."""
+        from lumbar.files import write_csv
+
+        folder = Path(folder)
+        write_csv(folder / "boa.csv", self.areas)
+        write_csv(folder / "funnel.csv", self.funnels)
+        if extended:
+            write_csv(folder / "extended.csv", self.extended)
+        write_csv(folder / "failures.csv", self.failures(extended))
+
+    def __str__(self) -> str:
+        shown = self.areas[self.areas["method"] == "exact"]
+        return "\n".join(
+            f"{row.com}, {row.plane}, {row.sign}: {row.mean_area:.4g} rad²/s on average, {row.initial_area:.4g} at first"
+            for row in shown.itertuples()
+        )
+
+    def __repr__(self) -> str:
+        return f"<Basins of {len(self.trajectories)} pendulums>"
+
+    def _repr_html_(self) -> str:
+        columns = ["com", "plane", "method", "sign", "mean_area", "initial_area", "minimum_area", "proved_share"]
+        return self.areas[columns].to_html(index=False)

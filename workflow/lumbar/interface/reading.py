@@ -1,0 +1,137 @@
+"""``lumbar.read``: recordings of any kind, validated."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from lumbar.errors import InputError
+from lumbar.records.record_set import RecordSet
+from lumbar.settings.layout import ColumnLayout, MarkerLayout
+
+if TYPE_CHECKING:
+    from lumbar.records.markers import MarkerRecording
+    from lumbar.records.ratings import Ratings
+    from lumbar.settings.survey import RatingsLayout
+
+Kind = Literal["tissue", "pendulum", "surgeon", "markers", "survey"]
+COLUMN_ENDINGS = (".csv", ".txt", ".mat")
+MARKER_ENDINGS = (".c3d", ".trc")
+
+
+def read(
+    source: str | os.PathLike | Iterable[str | os.PathLike],
+    kind: Kind | None = None,
+    *,
+    layout: ColumnLayout | MarkerLayout | RatingsLayout | None = None,
+    rate: float | None = None,
+    names: Iterable[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+) -> RecordSet | MarkerRecording | Ratings:
+    """Read recordings, whatever their format.
+
+    Parameters
+    ----------
+    source : path or iterable of path
+        A folder with one file per record, a file, or several files: CSV, TXT, MAT (also gzip), C3D, TRC.
+    kind : str, optional
+        What was recorded: ``tissue`` (position, force), ``pendulum`` (angle, moment), ``surgeon`` (position),
+        ``markers`` or ``survey``. Default: ``markers`` for C3D and TRC files, else ``tissue``.
+    layout : layout of `lumbar.settings.layout`, optional
+        Columns with their units, or labels and axes of markers; default that of the kind.
+    rate : float, optional
+        Resample column files to this rate in hertz, with an anti-aliasing filter.
+    names : iterable of str, optional
+        Names of the records; default the files' stems.
+    periods : mapping of str to float, optional
+        Periods of the excitations in seconds by the record's name, where they are known.
+
+    Returns
+    -------
+    RecordSet, MarkerRecording or Ratings
+        A set of records for column files, even where there is only one.
+
+    Raises
+    ------
+    InputError
+        With file, line or column, what was found and what is allowed; all problems of a file at once.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> records = lumbar.read("recordings/tissue")            # doctest: +SKIP
+    >>> records["multisine"].duration                         # doctest: +SKIP
+    100.0
+    """
+    files = [Path(source)] if isinstance(source, str | os.PathLike) else [Path(item) for item in source]
+    if len(files) == 1 and kind is None and files[0].suffix.lower() in MARKER_ENDINGS:
+        kind = "markers"
+    if kind == "markers":
+        from lumbar.records.markers import read_markers
+
+        return read_markers(_one(files, kind), layout or _default_layout(kind))
+    if kind == "survey":
+        from lumbar.records.ratings import read_ratings
+
+        return read_ratings(_one(files, kind), layout or _default_layout(kind))
+    from lumbar.records.columns import read_record
+    from lumbar.records.record import same_units
+
+    layout, periods = layout or _default_layout(kind or "tissue"), periods or {}
+    files = [file for item in files for file in (column_files(item) if item.is_dir() else [item])]
+    names = list(names) if names is not None else [None] * len(files)
+    records = [
+        read_record(file, layout, name, None, rate) for file, name in zip(files, names, strict=True)
+    ]
+    same_units(records)
+    return RecordSet(records).with_periods(periods)
+
+
+def _one(files: list[Path], kind: str) -> Path:
+    if len(files) != 1:
+        raise InputError(f"{len(files)} files of {kind} given; read them one by one")
+    return files[0]
+
+
+def _default_layout(kind: str):
+    from lumbar.settings.study import StudySettings
+
+    study = StudySettings()
+    layouts = {
+        "tissue": study.tissue.layout,
+        "pendulum": study.lifting.moment_layout,
+        "surgeon": study.surgeon.layout,
+        "markers": study.lifting.markers,
+        "survey": study.survey.layout,
+    }
+    if kind not in layouts:
+        raise InputError(f"kind of recording {kind!r} is unknown; there are {', '.join(layouts)}")
+    return layouts[kind]
+
+
+def column_files(folder: Path) -> list[Path]:
+    """Column files of a folder, by name.
+
+    Raises
+    ------
+    InputError
+        If there is no such folder, or no such file in it.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder")
+    files = [path for path in sorted(folder.iterdir()) if is_column_file(path)]
+    if not files:
+        raise InputError(f"{folder}: no recordings ({', '.join(COLUMN_ENDINGS)}, also with .gz)")
+    return files
+
+
+def is_column_file(path: Path) -> bool:
+    """Whether the name is that of a column file."""
+    return path.is_file() and path.name.lower().removesuffix(".gz").endswith(COLUMN_ENDINGS)
+
+
+def is_marker_file(path: Path) -> bool:
+    """Whether the name is that of a marker file."""
+    return path.suffix.lower() in MARKER_ENDINGS
