@@ -22,7 +22,7 @@ from lumbar.runtime.export_model import select_models
 from lumbar.runtime.package import export_fmus
 
 on_x86_64_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
+    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
 )
 FORMS = {form.key: form for effect in TISSUE.values() for form in effect.forms}
 ON_OUTPUT = [key for key in FORM_NUMBERS if FORMS[key].place is Place.OUTPUT]

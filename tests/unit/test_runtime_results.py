@@ -15,7 +15,8 @@ from lumbar.runtime.push import push
 from lumbar.runtime.reference import push_profile, reference_output
 
 needs_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
 )
 
 
