@@ -57,29 +57,6 @@ def test_certified_rate_is_the_maximum_on_the_circle(degree, terms, maximum):
     assert rate == pytest.approx(maximum, abs=1e-6)
 
 
-def test_certificate_against_cvxpy():
-    """The same programme written in cvxpy."""
-    import cvxpy as cp
-
-    generator = np.random.default_rng(7)
-    basis = monomials(2)
-    for _ in range(3):
-        coefficients = generator.normal(size=len(monomials(4)))
-        rate, multiplier, gram = cp.Variable(), cp.Variable(len(monomials(2))), cp.Variable((6, 6), PSD=True)
-        coefficient = dict.fromkeys(monomials(4), 0)
-        for row, (i, j) in enumerate(basis):
-            for column, (k, m) in enumerate(basis):
-                coefficient[i + k, j + m] += gram[row, column]
-        wanted = -coefficients - circle_map(3) @ multiplier
-        equations = [
-            coefficient[exponents] == wanted[position] + (rate if exponents == (0, 0) else 0)
-            for position, exponents in enumerate(monomials(4))
-        ]
-        problem = cp.Problem(cp.Minimize(rate), equations)
-        problem.solve(solver=cp.CLARABEL)
-        assert Certificate(3).solve(coefficients, "test")[0] == pytest.approx(problem.value, abs=1e-6)
-
-
 def test_maps_are_polynomial_identities():
     generator = np.random.default_rng(3)
     z1, z2 = generator.normal(size=2)

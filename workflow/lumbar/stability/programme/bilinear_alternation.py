@@ -34,7 +34,7 @@ from lumbar.stability.funnel.saturation import (
 )
 from lumbar.stability.model.riccati import cost_to_go_euler, determinant
 from lumbar.stability.programme.saturation_cases import Case, saturation_cases
-from lumbar.stability.programme.sum_of_squares import Certificate, GramProgramme
+from lumbar.stability.programme.sum_of_squares import Certificate, SumOfSquares, grams
 
 MOST_DECREASES = 10
 """Geometric decreases after which a knot counts as infeasible and keeps its ρ."""
@@ -44,7 +44,7 @@ class LevelStep:
     """Step 2 at one knot: with L fixed, maximise s = ρ/ρ_before."""
 
     def __init__(self, degree: int):
-        self._programme = GramProgramme(degree)
+        self._degree = degree
         self._ring = circle_map(degree)
 
     def solve(self, case: Case, rate: float, multiplier: np.ndarray) -> float | None:
@@ -66,8 +66,8 @@ class LevelStep:
         # −v + ρ̇/ρ_before + L·(|z|² − s) is to be a sum of squares, with L·|z|² = L − L·(1 − |z|²).
         constant = padded - self._ring @ multiplier - growth
         constant[0] += rate
-        constraints = self._programme.constraints(padded[:, None] / scale, case.side)
-        found = self._programme.solve(np.array([-1.0]), constraints, constant / scale)
+        programme = SumOfSquares(np.array([-1.0]), padded[:, None] / scale, grams(self._degree, case.side))
+        found = programme.solve(constant / scale)
         return None if found is None or found[0] <= 0 else float(found[0])
 
 
