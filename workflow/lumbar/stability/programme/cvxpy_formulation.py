@@ -153,12 +153,14 @@ class RateProgramme:
         units = np.sqrt(level * np.diag(np.linalg.inv(cost)))
         state = Polynomial({(1, 0): units[0]}), Polynomial({(0, 1): units[1]})
         _assign(self._v, lyapunov_function(cost, state) / level)
-        _assign(self._v_rate, lyapunov_rate(loops, point, pendulum, state, self.degree) / level)
+        v_rate = lyapunov_rate(loops, point, pendulum, state, self.degree) / level
+        scale = max(map(abs, v_rate.values()))
+        _assign(self._v_rate, v_rate / scale)
         self._problem.solve(solver=cp.CLARABEL)
         if self._problem.status != cp.OPTIMAL:
             label = loops.pendulums.labels[pendulum]
             raise NumericalError(f"{label}: Eq. 4.6 in cvxpy ended as {self._problem.status}")
-        return float(self._rate.value)
+        return float(self._rate.value) * scale
 
 
 def _assign(parameters: Polynomial, values: Polynomial) -> None:
