@@ -54,7 +54,7 @@ def test_rates_are_those_of_eq_4_6_from_the_equation_of_motion_in_cvxpy(loops, d
     assert rate_differences(loops, level, degree, knots).max() < AGREEMENT
     # It is able to fail: the feedback of another control weight is another loop.
     other = replace(loops, weights=replace(loops.weights, control=2 * loops.weights.control))
-    assert rate_differences(other, level, degree, knots).min() > 100 * AGREEMENT
+    assert rate_differences(other, level, degree, knots).min() > 10 * AGREEMENT
 
 
 @pytest.mark.parametrize("degree", [3, 5, 7])

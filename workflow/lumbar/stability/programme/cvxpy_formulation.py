@@ -19,7 +19,7 @@ from lumbar.stability.programme.circle_programme import CircleProgramme
 if TYPE_CHECKING:
     from cvxpy.constraints.constraint import Constraint
 
-AGREEMENT = 1e-5
+AGREEMENT = 1e-4
 """Largest difference of two certified rates in 1/s that both solvers' tolerances explain."""
 
 
@@ -153,14 +153,12 @@ class RateProgramme:
         units = np.sqrt(level * np.diag(np.linalg.inv(cost)))
         state = Polynomial({(1, 0): units[0]}), Polynomial({(0, 1): units[1]})
         _assign(self._v, lyapunov_function(cost, state) / level)
-        v_rate = lyapunov_rate(loops, point, pendulum, state, self.degree) / level
-        scale = max(map(abs, v_rate.values()))
-        _assign(self._v_rate, v_rate / scale)
+        _assign(self._v_rate, lyapunov_rate(loops, point, pendulum, state, self.degree) / level)
         self._problem.solve(solver=cp.CLARABEL)
         if self._problem.status != cp.OPTIMAL:
             label = loops.pendulums.labels[pendulum]
             raise NumericalError(f"{label}: Eq. 4.6 in cvxpy ended as {self._problem.status}")
-        return float(self._rate.value) * scale
+        return float(self._rate.value)
 
 
 def _assign(parameters: Polynomial, values: Polynomial) -> None:
