@@ -6,18 +6,10 @@ import numpy as np
 import pytest
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry
 
-<<<<<<< HEAD
-from lumbar.fmu.build.effect_entry import effect_model
-
-catalogue = pytest.importorskip("lumbar.effects.catalogue", reason="the catalogue of effects is not there")
-base_models = pytest.importorskip("lumbar.models.bases")
-
-=======
-from lumbar.effects import base as base_models
 from lumbar.effects import catalogue
-from lumbar.runtime.effect_entry import effect_model
+from lumbar.fmu.build.effect_entry import effect_model
+from lumbar.models import bases as base_models
 
->>>>>>> portable
 SAMPLING_TIME = 0.001
 FROM = 500
 """First sample compared: 0.5 s."""

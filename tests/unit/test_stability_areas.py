@@ -28,7 +28,7 @@ SETTINGS = {
     "goal_level": 1.0,
     "knots": 201,
     "proof": {"margin_1_s": 0.05},
-    "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5, "rational": True},
+    "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5},
     "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
     "attack": {"starts": 400, "control_overstated": 0.3},
     "limits": {

@@ -12,9 +12,10 @@ def main(input, output, params):
     from lumbar.files import read_json, write_csv
     from lumbar.stability.basins import DTYPES
     from lumbar.stability.comparison.basin_areas import areas_table
+    from lumbar.stability.comparison.cross_check import cross_checked
     from lumbar.stability.comparison.table_4_1 import table_4_1
     from lumbar.stability.extended_basins import COUNTS, extended_table
-    from lumbar.stability.model.failures import announcement, failures_table, joined
+    from lumbar.stability.model.failures import announcement, failures_frame, failures_table, joined
     from lumbar.stability.model.trajectory import trajectories_of_lift
 
     mass = params.settings["pendulum"]["mass"]
@@ -28,6 +29,8 @@ def main(input, output, params):
     )
     boa = joined([pd.read_csv(path, dtype=DTYPES) for path in input.boa])
     failures = joined([pd.read_csv(path) for path in input.failures])
+    boa, disagreements = cross_checked(boa, trajectories, params.settings)
+    failures = joined([failures, failures_frame(disagreements)])
     table, failures = table_4_1(
         boa, trajectories, params.settings, params.data, other_mass, params.seed, failures
     )

@@ -35,7 +35,6 @@ _SHARED = (
     "proved_area_ratio",
     "sos_margin_difference",
     "sos_taylor_optimism",
-    "sos_rational_share",
     "violation_share",
 )
 COLUMNS = {

@@ -79,7 +79,6 @@ def sum_of_squares(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMIT
         knots=options["knots"],
         alternations=options["alternations"],
         margin=options["margin_1_s"],
-        rational=options["rational"],
         limits=limits,
     )
     checks = {
@@ -87,8 +86,6 @@ def sum_of_squares(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMIT
         "sos_taylor_difference": agreement.taylor_difference,
         "sos_taylor_optimism": agreement.taylor_optimism,
     }
-    if agreement.rational_share is not None:
-        checks["sos_rational_share"] = agreement.rational_share
     return EngineResult(funnels, checks)
 
 

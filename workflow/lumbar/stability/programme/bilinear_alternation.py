@@ -38,7 +38,7 @@ from lumbar.stability.funnel.saturation import (
 )
 from lumbar.stability.model.riccati import cost_to_go_euler, determinant
 from lumbar.stability.programme.saturation_cases import Case, saturation_cases
-from lumbar.stability.programme.sum_of_squares import Certificate, GramProgramme
+from lumbar.stability.programme.sum_of_squares import Certificate, SumOfSquares, grams
 
 ACCURACY = 1e-6
 """At which the solver stops. Rounding (relative changes of 1e-13 in the polynomials) moves the areas of the default study
@@ -56,7 +56,7 @@ class LevelStep:
     """Step 2 at one knot: with L fixed, maximise s = ρ/ρ_before."""
 
     def __init__(self, degree: int, accuracy: float):
-        self._programme = GramProgramme(degree, accuracy)
+        self._degree, self._accuracy = degree, accuracy
         self._ring = circle_map(degree)
 
     def solve(self, case: Case, rate: float, multiplier: np.ndarray) -> float | None:
@@ -78,8 +78,9 @@ class LevelStep:
         # −v + ρ̇/ρ_before + L·(|z|² − s) is to be a sum of squares, with L·|z|² = L − L·(1 − |z|²).
         constant = padded - self._ring @ multiplier - growth
         constant[0] += rate
-        constraints = self._programme.constraints(padded[:, None] / scale, case.side)
-        found = self._programme.solve(np.array([-1.0]), constraints, constant / scale)
+        free = padded[:, None] / scale
+        programme = SumOfSquares(np.array([-1.0]), free, grams(self._degree, case.side), self._accuracy)
+        found = programme.solve(constant / scale)
         return None if found is None or found[0] <= 0 else float(found[0])
 
 

@@ -4,7 +4,7 @@ Between two knots ρ̇/ρ is one number r, ln ρ is linear, and the condition �
 at the middle of the interval (an error of second order in the spacing). ρ̇ is a variable and ρ(T) is fixed, so
 that going backward each interval is a small bilinear problem in (r, L, ρ) of its own, solved by alternation:
 
-1. ρ at the middle fixed: the programme of `circle_certificate` finds L and the smallest certified r, which is
+1. ρ at the middle fixed: the programme of `circle_programme` finds L and the smallest certified r, which is
    the margin form, γ = ρ̇/ρ − r being maximised;
 2. L and r fixed: ρ follows from r, ρ(t) = ρ(t + Δt)·exp(−r·Δt).
 
@@ -35,8 +35,7 @@ from lumbar.stability.funnel.saturation import (
     reference_of,
     require_torque,
 )
-from lumbar.stability.programme.circle_certificate import CircleCertificate, CircleProgramme
-from lumbar.stability.programme.rational_certificate import rational_certificate
+from lumbar.stability.programme.circle_programme import CircleProgramme
 from lumbar.stability.programme.saturation_cases import Case, case_maximum, saturation_cases
 
 MOST_ALTERNATIONS = 8
@@ -60,8 +59,6 @@ class Agreement:
     taylor_optimism : numpy.ndarray, shape (pendulums,)
         Largest (largest V̇/ρ with the true sine − ρ̇/ρ of the funnel) in 1/s: where positive, the Taylor
         polynomial was optimistic and the certificate does not hold for the true sine.
-    rational_share : numpy.ndarray, shape (pendulums,), or None
-        Share of the intervals whose certificates were all proved in rational arithmetic, if asked for.
     alternations : int
         Most alternations that an interval took.
     """
@@ -69,7 +66,6 @@ class Agreement:
     margin_difference: np.ndarray
     taylor_difference: np.ndarray
     taylor_optimism: np.ndarray
-    rational_share: np.ndarray | None
     alternations: int
 
 
@@ -80,7 +76,6 @@ def certified_funnels(
     knots: int,
     alternations: int,
     margin: float,
-    rational: bool,
     limits: Limits = NO_LIMITS,
 ) -> tuple[Funnels, Agreement]:
     """Compute funnels by sum-of-squares programmes.
@@ -97,9 +92,7 @@ def certified_funnels(
     alternations : int
         Programmes per interval, at least 2 (more are taken where the margin is still negative).
     margin : float
-        In 1/s; γ that is left so that certificates can be made rational.
-    rational : bool
-        Whether every certificate is proved in rational arithmetic.
+        In 1/s; γ that is left, above the solver's tolerance.
     limits : Limits
         Of the loop.
 
@@ -117,7 +110,7 @@ def certified_funnels(
     log_level[-1] = np.log(goal_level)
     reference = reference_of(loops.pendulums)
     require_torque(loops.pendulums, reference, limits)
-    differences, rational_knots, most = np.zeros((3, count)), np.zeros(count), 0
+    differences, most = np.zeros((3, count)), 0
     differences[2] = -np.inf
     rates: list[np.ndarray] = []
     for interval in range(len(chosen) - 2, -1, -1):
@@ -143,11 +136,12 @@ def certified_funnels(
                 limits,
                 degree,
             )
-            certificates = [
-                [_certify(programme, case, label) for case in own]
-                for own, label in zip(cases, loops.pendulums.labels, strict=True)
-            ]
-            certified = np.array([max(item.rate for item in own) for own in certificates])
+            certified = np.array(
+                [
+                    max(_certified_rate(programme, case, label) for case in own)
+                    for own, label in zip(cases, loops.pendulums.labels, strict=True)
+                ]
+            )
             left = guess - certified
             if alternation >= alternations and (left >= 0.5 * margin).all():
                 break
@@ -166,12 +160,9 @@ def certified_funnels(
         taylor_growth = np.array([max(case_maximum(case, degree) for case in own) for own in cases])
         found = [np.abs(certified - taylor_growth), np.abs(certified - true_growth), true_growth - guess]
         differences = np.maximum(differences, found)
-        if rational:
-            rational_knots += _rational(certificates, cases, guess, degree)
     require_taylor_range(loops.pendulums, loops.cost[2 * chosen], np.exp(log_level), degree)
-    share = rational_knots / (len(chosen) - 1) if rational else None
     funnels = Funnels("sum_of_squares", loops.pendulums.duration, loops.cost[2 * chosen], np.exp(log_level))
-    return funnels, Agreement(*differences, share, most)
+    return funnels, Agreement(*differences, most)
 
 
 def _require_basin(loops: ClosedLoops, level: np.ndarray, goal_level: float, limits: Limits) -> None:
@@ -192,7 +183,7 @@ def _extrapolate(rates: list[np.ndarray], largest: Callable, log_level: np.ndarr
     return 3 * rates[0] - 3 * rates[1] + rates[2]
 
 
-def _certify(programme: CircleProgramme, case: Case, label: str) -> CircleCertificate:
+def _certified_rate(programme: CircleProgramme, case: Case, label: str) -> float:
     """Solve one programme; where an arc is no solvable problem, that of a longer one: it covers the arc too."""
     for longer in LONGER_ARCS if case.side is not None else ():
         constant, *slope = case.side
@@ -202,10 +193,10 @@ def _certify(programme: CircleProgramme, case: Case, label: str) -> CircleCertif
             break
         side = case.side if not longer else np.array([-swing * np.cos(half), *slope])
         try:
-            return programme.solve(case.coefficients, label, side)
+            return programme.rate(case.coefficients, label, side)
         except NumericalError:
             continue
-    return programme.solve(case.coefficients, label)
+    return programme.rate(case.coefficients, label)
 
 
 def _next_rate(guess: np.ndarray, certified: np.ndarray, margin: float, before: tuple | None) -> np.ndarray:
@@ -221,18 +212,3 @@ def _next_rate(guess: np.ndarray, certified: np.ndarray, margin: float, before: 
         steep = rise * run > 0
         change = np.where(steep, change * np.divide(run, rise, where=steep, out=np.ones_like(run)), change)
     return guess + change + SAFETY * np.abs(change)
-
-
-def _rational(
-    certificates: list[list[CircleCertificate]], cases: list[list[Case]], rate: np.ndarray, degree: int
-) -> np.ndarray:
-    """Whether all certificates of each pendulum are proved."""
-    return np.array(
-        [
-            all(
-                rational_certificate(item, case.coefficients, bound, degree) is not None
-                for item, case in zip(own, laws, strict=True)
-            )
-            for own, laws, bound in zip(certificates, cases, rate, strict=True)
-        ]
-    )
