@@ -113,7 +113,7 @@ def test_all_bad_cells_of_all_files_are_named_with_their_lines(folder):
 @pytest.mark.parametrize(
     ("name", "change", "words"),
     [
-        ("nan", lambda rows: rows.__setitem__(5, "0.05,nan,0.1"), ("data row 6", "nan")),
+        ("nan", lambda rows: rows.__setitem__(5, "0.05,nan,0.1"), ("line 7", "nan")),
         ("unsorted", lambda rows: rows.__setitem__(slice(3, 5), [rows[4], rows[3]]), ("time must increase",)),
         ("uneven", lambda rows: rows.__delitem__(slice(100, 140)), ("sampled evenly",)),
         ("short", lambda rows: rows.__delitem__(slice(4, None)), ("samples",)),
