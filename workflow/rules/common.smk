@@ -8,7 +8,7 @@ sys.path.insert(0, str(WORKFLOW))
 
 from dependencies import library_sources
 from job_environment import set_job_environment
-from timings import summary
+from run_log import watch
 from lumbar.config.study import load_study
 from lumbar.errors import LumbarError
 from lumbar.stability.model.failures import announcement
@@ -36,6 +36,8 @@ CATEGORIES = {
     "perturbations": "8 Basins of attraction",
     "claims": "9 Claims",
 }
+BENCHMARKS = Path("results") / STUDY / "benchmarks"
+RUN = {}  # what is told of the run under way
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 
 
