@@ -94,6 +94,7 @@ def test_a_larger_model_never_fits_worse(key):
     assert add(base, FORMS[key], data).squared_error <= base.squared_error * (1 + 1e-4)
 
 
+@pytest.mark.statistical
 def test_intervals_hold_the_truth():
     inside = np.zeros(4)
     for seed in range(60):
