@@ -185,6 +185,7 @@ def test_verdicts():
     assert verdict(None, None, {}, None) == "not testable in this study"
 
 
+@pytest.mark.statistical
 def test_bootstrap_covers_what_it_should():
     """Of normal samples with a true difference of 10 %, about 95 of 100 intervals contain it."""
     generator = np.random.default_rng(3)
