@@ -36,6 +36,7 @@ CATEGORIES = {
     "perturbations": "8 Basins of attraction",
     "claims": "9 Claims",
 }
+STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}
 BENCHMARKS = Path("results") / STUDY / "benchmarks"
 RUN = {}  # what is told of the run under way
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")

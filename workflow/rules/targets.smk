@@ -24,7 +24,7 @@ for artefact in ARTEFACTS:
 
 
 onstart:
-    RUN["log"] = watch(workflow, CATEGORIES, BENCHMARKS)
+    RUN["log"] = watch(workflow, STAGES, BENCHMARKS)
 
 
 onsuccess:
