@@ -107,7 +107,7 @@ if study.has("stability"):
                 "<results>/figures/basin_comparison.svg",
                 caption=caption("basin_comparison"),
                 category=CATEGORIES["stability"],
-                labels={"artefact": "Basins by engine"},
+                labels={"artefact": "Basins by method"},
             ),
             basin_comparison_pdf="<results>/figures/basin_comparison.pdf",
         log:

@@ -1,4 +1,4 @@
-"""Figures 4.3 and 4.4: basins of attraction around the trajectories of one lift, and the engines compared."""
+"""Figures 4.3 and 4.4: basins of attraction around the trajectories of one lift, and the methods compared."""
 
 from job import run
 
@@ -11,7 +11,7 @@ def main(input, output, params):
     from lumbar.reports.figures.basin_comparison_figure import comparison_figure
     from lumbar.reports.figures.stability_figures import figure_4_3, figure_4_4, shown_lift
     from lumbar.reports.figures.style import save
-    from lumbar.stability.model.trajectory import trajectories_of_lift
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
     chosen = shown_lift([read_json(path) for path in input.facts])
     funnels = pd.read_csv(input.funnels[chosen])

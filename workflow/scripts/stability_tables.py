@@ -16,7 +16,7 @@ def main(input, output, params):
     from lumbar.stability.comparison.table_4_1 import table_4_1
     from lumbar.stability.extended_basins import COUNTS, extended_table
     from lumbar.stability.model.failures import announcement, failures_frame, failures_table, joined
-    from lumbar.stability.model.trajectory import trajectories_of_lift
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
     mass = params.settings["pendulum"]["mass"]
     lifts = [
