@@ -53,7 +53,13 @@ def documentation_html(
         sampling=f"{model.sampling_time:g}",
         feedthrough=feedthrough_text(model, version),
         variables=[
-            (item.name, item.kind, item.unit or "1", *map(_number, (item.start, item.low, item.high)), item.description)
+            (
+                item.name,
+                item.kind,
+                item.unit or "1",
+                *map(_number, (item.start, item.low, item.high)),
+                item.description,
+            )
             for item in variables(model)
         ],
         fit=model.fit,
