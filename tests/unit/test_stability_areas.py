@@ -16,7 +16,8 @@ from lumbar.stability.comparison.basin_areas import areas_table
 from lumbar.stability.comparison.percent_differences import percent_differences, varied_areas
 from lumbar.stability.comparison.table_4_1 import table_4_1
 from lumbar.stability.funnel.funnel import exact_funnels
-from lumbar.stability.model.trajectory import COMS, PLANES, find_problems, trajectories_of_lift
+from lumbar.stability.model.lift_trajectories import trajectories_of_lift
+from lumbar.stability.model.trajectory import COMS, PLANES, find_problems
 
 SETTINGS = {
     "pendulum": {"sign": "hanging", "mass": "with_box", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},

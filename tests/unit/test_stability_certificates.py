@@ -1,4 +1,4 @@
-"""The sum-of-squares engine against the exact engine, cvxpy and closed forms."""
+"""The sum-of-squares method against the exact method, cvxpy and closed forms."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.errors import NumericalError
 from lumbar.stability.funnel.funnel import exact_funnels, regulate
-from lumbar.stability.funnel.monte_carlo_check import attack
+from lumbar.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.stability.funnel.polynomials import (
     circle_maximum,
     harmonics,
@@ -73,11 +73,11 @@ def test_areas_and_margins(loops):
     assert (ratio > 0.9999).all() and (ratio < 1.001).all()
     assert agreement.margin_difference.max() < 1e-6
     assert agreement.alternations == 2
-    assert attack(loops, certified, 500, [3]).exits.sum() == 0
+    assert monte_carlo_check(loops, certified, 500, [3]).exits.sum() == 0
 
 
 def test_taylor_degree_decides_what_the_certificate_covers():
-    """A large basin: degree 3 misjudges the sine, degree 7 hardly, and the engine says by how much."""
+    """A large basin: degree 3 misjudges the sine, degree 7 hardly, and the method says by how much."""
     wide = regulate(pendulums_of([minimum_jerk(start=0.9)], "hanging", knots=101), WEIGHTS)
     differences = [
         certified_funnels(wide, 8.0, degree, 11, alternations=2, margin=1e-4)[1] for degree in (3, 5, 7)

@@ -11,7 +11,7 @@ from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 from lumbar.errors import NumericalError
 from lumbar.stability.funnel.funnel import even_knots, regulate
 from lumbar.stability.funnel.invariance import boundary_growth
-from lumbar.stability.funnel.monte_carlo_check import attack
+from lumbar.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.stability.funnel.polynomials import (
     circle_map,
     circle_maximum,
@@ -103,11 +103,11 @@ def test_status_other_than_solved_is_no_result():
 
 
 def test_alternation_is_no_certificate(loops):
-    """The thesis's engine overstates the basin: its condition is violated and simulated starts leave."""
+    """The thesis's method overstates the basin: its condition is violated and simulated starts leave."""
     settings = {"degree": 3, "knots": 9, "initial_level": 1.0, "ratio": 0.8, "alternations": 2}
     result = alternate(loops, **settings)
     assert (result.violation_share > 0).any()
-    assert attack(loops, result.funnels, 500, [4]).exits.sum() > 0
+    assert monte_carlo_check(loops, result.funnels, 500, [4]).exits.sum() > 0
     assert (result.euler_error > 0).all() and (result.euler_error < 0.05).all()
     # And it depends on its guess.
     other = alternate(loops, **{**settings, "initial_level": 5.0})

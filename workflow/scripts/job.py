@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as of every program that SIGINT ends."""
+
+
+def stem(files) -> str:
+    """Return the path without ending that the files of one artefact share."""
+    return os.path.splitext(files[0])[0]  # noqa: PTH122 - a string, as outputs are
 
 
 class _Tee:

@@ -8,12 +8,14 @@ import numpy as np
 
 from lumbar.stability.basins import close_loops
 from lumbar.stability.funnel.funnel import exact_funnels
-from lumbar.stability.model.failures import Failure, computed
+from lumbar.stability.model.failures import Failure, all_or_each
 from lumbar.stability.model.trajectory import Trajectory
 from lumbar.stability.programme.cvxpy_formulation import AGREEMENT, rate_differences
 
 if TYPE_CHECKING:
     import pandas as pd
+
+CHECK = "sum_of_squares, Eq. 4.6 in cvxpy"
 
 
 def cross_checked(
@@ -39,16 +41,14 @@ def cross_checked(
     rows = boa["method"] == "sum_of_squares"
     if not rows.any():
         return boa, []
-    results, failures = computed(
-        trajectories, lambda items: _differences(items, settings), "sum_of_squares, Eq. 4.6 in cvxpy"
-    )
+    results, failures = all_or_each(_differences, trajectories, settings, basin=CHECK)
     found = {
         item.label: value for items, values in results for item, value in zip(items, values, strict=True)
     }
     failures += [
         Failure.of(
             item,
-            "sum_of_squares, Eq. 4.6 in cvxpy",
+            CHECK,
             f"certified rates differ by {found[item.label]:.3g} 1/s; at most {AGREEMENT:g} 1/s is rounding",
         )
         for item in trajectories

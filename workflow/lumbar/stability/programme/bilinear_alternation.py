@@ -1,4 +1,4 @@
-"""The thesis's own engine (equations 4.5 to 4.7), for comparison: bilinear alternation with ρ̇ frozen.
+"""The thesis's own method (equations 4.5 to 4.7), for comparison: bilinear alternation with ρ̇ frozen.
 
 At every knot by itself, −V̇ + ρ̇ + L·(V − ρ) is to be a sum of squares. An alternation
 
@@ -29,12 +29,12 @@ from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, even_knots, wit
 from lumbar.stability.funnel.invariance import boundary_growth
 from lumbar.stability.funnel.polynomials import circle_map
 from lumbar.stability.funnel.saturation import (
-    NO_LIMITS,
-    Limits,
+    UNSATURATED,
+    Saturation,
     SaturationReference,
-    limited_growth,
     reference_of,
     require_torque,
+    saturated_growth,
 )
 from lumbar.stability.model.riccati import cost_to_go_euler, determinant
 from lumbar.stability.programme.saturation_cases import Case, saturation_cases
@@ -86,7 +86,7 @@ class LevelStep:
 
 @dataclass(frozen=True)
 class Alternation:
-    """Result of the thesis's engine.
+    """Result of the thesis's method.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ def alternate(
     initial_level: float,
     ratio: float,
     alternations: int,
-    limits: Limits = NO_LIMITS,
+    saturation: Saturation = UNSATURATED,
     accuracy: float = ACCURACY,
 ) -> Alternation:
     """Run the thesis's bilinear alternation.
@@ -133,7 +133,7 @@ def alternate(
         Of the geometric progression, between 0 and 1.
     alternations : int
         The thesis: 2.
-    limits : Limits
+    saturation : Saturation
         Of the loop; the thesis has none.
     accuracy : float
         At which the solver stops.
@@ -150,7 +150,7 @@ def alternate(
     certificate, level_step = Certificate(degree, accuracy), LevelStep(degree, accuracy)
     chosen = even_knots(loops.knots, knots)
     pendulums, reference = loops.pendulums, reference_of(loops.pendulums)
-    require_torque(pendulums, reference, limits)
+    require_torque(pendulums, reference, saturation)
     reference = SaturationReference(reference.torque[2 * chosen], reference.velocity[2 * chosen])
     cost = cost_to_go_euler(pendulums, loops.weights)[chosen]
     at_knots = with_cost(replace(pendulums, angle=pendulums.angle[2 * chosen]), loops.weights, cost)
@@ -159,7 +159,9 @@ def alternate(
     unsolved = np.zeros(level.shape[1])
     for _ in range(alternations):
         frozen = _difference(level, step)
-        level, multipliers = _multiplier_step(certificate, at_knots, level, frozen, ratio, reference, limits)
+        level, multipliers = _multiplier_step(
+            certificate, at_knots, level, frozen, ratio, reference, saturation
+        )
         frozen = _difference(level, step)
         for knot, index in np.ndindex(level.shape):
             rate = frozen[knot, index] / level[knot, index]
@@ -171,9 +173,10 @@ def alternate(
                 level[knot, index] *= min(factors)
             else:
                 unsolved[index] += 1
-    if limits.active:
+    if saturation.active:
         required = [
-            limited_growth(at_knots, knot, level[knot], limits, reference) for knot in range(len(chosen))
+            saturated_growth(at_knots, knot, level[knot], saturation, reference)
+            for knot in range(len(chosen))
         ]
     else:
         required = boundary_growth(at_knots.form(slice(None)), level)
@@ -200,7 +203,7 @@ def _multiplier_step(
     frozen: np.ndarray,
     ratio: float,
     reference: SaturationReference,
-    limits: Limits,
+    saturation: Saturation,
 ) -> tuple[np.ndarray, dict[tuple[int, int], list[tuple[Case, np.ndarray]]]]:
     """Step 1: decrease ρ where needed; return it with the cases and multipliers of the feasible knots."""
     result, multipliers = level.copy(), {}
@@ -215,7 +218,7 @@ def _multiplier_step(
                 at_knots.gains[knot],
                 trial,
                 (reference.torque[knot], reference.velocity[knot]),
-                limits,
+                saturation,
                 certificate.degree,
             )
             for index in sorted(wanted):

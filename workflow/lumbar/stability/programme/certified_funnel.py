@@ -1,4 +1,4 @@
-"""The sum-of-squares engine: funnels whose every rate ρ̇/ρ carries a certificate, backward from ρ(T).
+"""The sum-of-squares method: funnels whose every rate ρ̇/ρ carries a certificate, backward from ρ(T).
 
 Between two knots ρ̇/ρ is one number r, ln ρ is linear, and the condition −V̇ + ρ̇ + L·(V − ρ) ∈ SOS is imposed
 at the middle of the interval (an error of second order in the spacing). ρ̇ is a variable and ρ(T) is fixed, so
@@ -12,7 +12,7 @@ The first guess of r is extrapolated from the later intervals. As ρ depends on 
 alternations suffice; the last programme is solved at the very ρ that is returned and its margin γ must not be
 negative: what is returned is certified, however it was found.
 
-With torque limits or an uncertain mass (`limits`) r is certified for every extreme mass and every part of the
+With torque limits or an uncertain mass (`saturation`) r is certified for every extreme mass and every part of the
 saturation (`saturation_cases`), each on its arc of the circle.
 """
 
@@ -29,11 +29,11 @@ from lumbar.stability.funnel.invariance import boundary_growth
 from lumbar.stability.funnel.polynomials import require_taylor_range
 from lumbar.stability.funnel.saturation import (
     LEAST_LEVEL,
-    NO_LIMITS,
-    Limits,
-    limited_growth,
+    UNSATURATED,
+    Saturation,
     reference_of,
     require_torque,
+    saturated_growth,
 )
 from lumbar.stability.programme.circle_programme import CircleProgramme
 from lumbar.stability.programme.saturation_cases import Case, case_maximum, saturation_cases
@@ -71,19 +71,19 @@ class Agreement:
 
 def certified_funnels(
     loops: ClosedLoops,
-    goal_level: float,
+    terminal_level: float,
     degree: int,
     knots: int,
     alternations: int,
     margin: float,
-    limits: Limits = NO_LIMITS,
+    saturation: Saturation = UNSATURATED,
 ) -> tuple[Funnels, Agreement]:
     """Compute funnels by sum-of-squares programmes.
 
     Parameters
     ----------
     loops : ClosedLoops
-    goal_level : float
+    terminal_level : float
         ρ(T).
     degree : {3, 5, 7}
         Taylor degree of the sine.
@@ -93,7 +93,7 @@ def certified_funnels(
         Programmes per interval, at least 2 (more are taken where the margin is still negative).
     margin : float
         In 1/s; γ that is left, above the solver's tolerance.
-    limits : Limits
+    saturation : Saturation
         Of the loop.
 
     Raises
@@ -107,9 +107,9 @@ def certified_funnels(
     step = loops.step * (chosen[1] - chosen[0])
     count = len(loops.pendulums.labels)
     log_level = np.empty((len(chosen), count))
-    log_level[-1] = np.log(goal_level)
+    log_level[-1] = np.log(terminal_level)
     reference = reference_of(loops.pendulums)
-    require_torque(loops.pendulums, reference, limits)
+    require_torque(loops.pendulums, reference, saturation)
     differences, most = np.zeros((3, count)), 0
     differences[2] = -np.inf
     rates: list[np.ndarray] = []
@@ -118,14 +118,14 @@ def certified_funnels(
         form = loops.form(point)
 
         def largest(level, point=point, form=form):
-            if not limits.active:
+            if not saturation.active:
                 return boundary_growth(form, level)
-            return limited_growth(loops, point, level, limits, reference)
+            return saturated_growth(loops, point, level, saturation, reference)
 
         guess, before = _extrapolate(rates, largest, log_level[interval + 1]), None
         for alternation in range(1, MOST_ALTERNATIONS + 1):
             level = np.exp(log_level[interval + 1] - 0.5 * step * guess)
-            _require_basin(loops, level, goal_level, limits)
+            _require_basin(loops, level, terminal_level, saturation)
             cases = saturation_cases(
                 loops.pendulums,
                 form,
@@ -133,7 +133,7 @@ def certified_funnels(
                 loops.gains[point],
                 level,
                 (reference.torque[point], reference.velocity[point]),
-                limits,
+                saturation,
                 degree,
             )
             certified = np.array(
@@ -165,11 +165,13 @@ def certified_funnels(
     return funnels, Agreement(*differences, most)
 
 
-def _require_basin(loops: ClosedLoops, level: np.ndarray, goal_level: float, limits: Limits) -> None:
-    lost = level < LEAST_LEVEL * goal_level
+def _require_basin(
+    loops: ClosedLoops, level: np.ndarray, terminal_level: float, saturation: Saturation
+) -> None:
+    lost = level < LEAST_LEVEL * terminal_level
     if lost.any():
         raise NumericalError(
-            f"{loops.pendulums.labels[int(lost.argmax())]}: {limits}: no basin of the goal set is left (ρ falls below "
+            f"{loops.pendulums.labels[int(lost.argmax())]}: {saturation}: no basin of the goal set is left (ρ falls below "
             f"{LEAST_LEVEL:g} of its value there)"
         )
 
@@ -187,11 +189,11 @@ def _certified_rate(programme: CircleProgramme, case: Case, label: str) -> float
     """Solve one programme; where an arc is no solvable problem, that of a longer one: it covers the arc too."""
     for longer in LONGER_ARCS if case.side is not None else ():
         constant, *slope = case.side
-        swing = np.hypot(*slope)
-        half = np.arccos(np.clip(-constant / swing, -1.0, 1.0)) + longer
+        amplitude = np.hypot(*slope)
+        half = np.arccos(np.clip(-constant / amplitude, -1.0, 1.0)) + longer
         if half >= np.pi:
             break
-        side = case.side if not longer else np.array([-swing * np.cos(half), *slope])
+        side = case.side if not longer else np.array([-amplitude * np.cos(half), *slope])
         try:
             return programme.rate(case.coefficients, label, side)
         except NumericalError:
@@ -203,7 +205,7 @@ def _next_rate(guess: np.ndarray, certified: np.ndarray, margin: float, before: 
     """Return the next r: the certified one, or where the interval is long for the loop a step of the secant method.
 
     A larger r makes ρ at the middle smaller and with it the certified rate; where that falls faster than r rises,
-    taking the certified rate for the next r would swing ever wider.
+    taking the certified rate for the next r would oscillate ever wider.
     """
     change = certified + margin - guess
     if before is not None:
