@@ -34,7 +34,10 @@ def shared() -> Path:
     """Folder of recordings for tests: beside the project, or where LUMBAR_SHARED says."""
     folder = Path(os.environ.get("LUMBAR_SHARED", PROJECT.parent / "shared"))
     if not (folder / "real").is_dir():
-        pytest.skip(f"no recordings for tests in {folder} (set LUMBAR_SHARED)")
+        pytest.skip(
+            f"no recordings in {folder}: get those that config/studies/*.yaml name, as real/<data set>/ in a folder, "
+            "and set LUMBAR_SHARED to it"
+        )
     return folder
 
 

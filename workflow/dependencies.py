@@ -13,7 +13,7 @@ from pathlib import Path
 
 WORKFLOW = Path(__file__).resolve().parent
 PACKAGE = "lumbar"
-_DATA_ENDINGS = {".c", ".h", ".json", ".csv", ".yaml", ".in", ".txt", ".png"}
+_DATA_ENDINGS = {".c", ".h", ".json", ".csv", ".yaml", ".in", ".txt", ".png", ".jinja"}
 
 
 @cache

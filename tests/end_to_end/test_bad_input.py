@@ -114,7 +114,7 @@ def clip_at_median(rows):
 UNSOUND = {
     "number": (changed(replaced(9, "0.09,abc,0.1")), ("line 11", "'abc'")),
     "cells": (changed(replaced(29, "0.29,0.1")), ("line 31",)),
-    "nan": (changed(replaced(5, "0.05,nan,0.1")), ("data row 6", "nan")),
+    "nan": (changed(replaced(5, "0.05,nan,0.1")), ("line 7", "nan")),
     "unsorted": (changed(swap), ("time must increase",)),
     "uneven": (changed(lambda rows: rows[:100] + rows[140:]), ("sampled evenly",)),
     "short": (changed(lambda rows: rows[:4]), ("samples",)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -212,3 +213,30 @@ def test_p_values_of_the_null_table():
     assert len(shipped().gains) >= 200
     for system, catalogue in CATALOGUES.items():
         assert shipped(system).forms == sum(len(effect.forms) for effect in catalogue.values())
+
+
+@pytest.mark.parametrize(
+    ("floors", "after", "said"),
+    [
+        (1.05, "adequate", "What is left is noise as far as can be told"),
+        (1.15, "adequate", "Diagnosed again, none of the most promising further effects passes"),
+        (1.30, "unexplained", "Diagnosed again, something is left and none of the most promising"),
+    ],
+)
+def test_completeness_and_the_verdict_on_the_refined_model_follow_from_one_rule(floors, after, said):
+    """A refined model whose unseen error is a given number of noise floors, and a catalogue without further effects."""
+
+    def stiffening(time, position):
+        return 0.6 * position + 0.01 * position**3
+
+    catalogue = {"hardening_stiffness": TISSUE["hardening_stiffness"]}
+    records = [synthetic("a", stiffening, 1), synthetic("b", stiffening, 2, 40)]
+    settings = DiagnosisSettings(base="LE", catalogue=catalogue)
+    floor = diagnose(records, settings).experiment.floor.rms
+    other = np.sin(np.arange(len(records[1])) * 0.37) * np.sqrt(2 * (floors**2 - 1)) * floor
+    force = replace(records[1].channels["output"], values=records[1]["output"] + other)
+    disturbed = replace(records[1], channels={**records[1].channels, "output": force})
+    found = diagnose([records[0], disturbed], settings)
+    assert found.model.test_rms / found.experiment.floor.rms == pytest.approx(floors, abs=0.03)
+    assert (found.verdict_after, found.complete, found.further) == (after, after == "adequate", None)
+    assert any(line.startswith(said) for line in details(found, catalogue))

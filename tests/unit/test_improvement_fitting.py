@@ -127,6 +127,7 @@ def test_an_optimiser_that_ends_worse_has_not_converged(monkeypatch, key, kept):
         assert np.allclose(found.simulate(data.motion), base.simulate(data.motion))
 
 
+@pytest.mark.statistical
 def test_intervals_hold_the_truth():
     inside = np.zeros(4)
     for seed in range(60):

@@ -29,6 +29,7 @@ def diagnosed(effect, seed, strength=8.0, columns=True, periodic=True):
     return experiment, diagnose(records_of(experiment.records), PENDULUM_BASE)
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("effect", EFFECTS)
 @pytest.mark.parametrize(("seed", "strength"), list(enumerate(STRENGTHS)))
 def test_every_effect_is_named(effect, seed, strength):
@@ -62,6 +63,7 @@ def test_records_that_do_not_repeat_are_enough(effect):
     assert (diagnosis.verdict, diagnosis.selected) == ("named", (effect,))
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("seed", range(2))
 def test_nothing_is_accused_where_nothing_is_hidden(seed):
     assert diagnosed("", seed)[1].verdict == "adequate"

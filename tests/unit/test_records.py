@@ -178,10 +178,10 @@ def record_of(time, *channels, name="r") -> Record:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t, v: (t, np.where(np.arange(50) == 6, np.nan, v)), "data row 7.*input is nan"),
+        (lambda t, v: (t, np.where(np.arange(50) == 6, np.nan, v)), "sample 7: input is nan"),
         (lambda t, v: (t, np.full(50, 2.0)), "input: constant"),
-        (lambda t, v: (np.where(np.arange(50) == 9, 0.0, t), v), "data row 10: time 0 s after 0.08 s"),
-        (lambda t, v: (t + 0.01 * (np.arange(50) >= 20), v), "data row 21: step of 0.02 s"),
+        (lambda t, v: (np.where(np.arange(50) == 9, 0.0, t), v), "sample 10: time 0 s after 0.08 s"),
+        (lambda t, v: (t + 0.01 * (np.arange(50) >= 20), v), "sample 21: step of 0.02 s"),
         (lambda t, v: (t**1.2, v), "sampled evenly"),
     ],
 )
@@ -189,6 +189,33 @@ def test_records_that_cannot_be_analysed(change, message):
     time, value = change(TIME, np.sin(TIME))
     with pytest.raises(InputError, match=message):
         check_record(record_of(time, value))
+
+
+@pytest.mark.parametrize(
+    ("cell", "message"),
+    [
+        ("nan", "line 8: output is nan; every value must be a finite number, of at most 1e\\+100 in size"),
+        ("1e308", r"line 8: output is 1e\+308"),
+        ("-1e101", r"line 8: output is -1e\+101"),
+    ],
+)
+def test_unusable_values_are_named_by_their_line_in_the_file(tmp_path, values, cell, message):
+    """Comments and empty lines count: it is the line an editor shows."""
+    lines = text_of(values).splitlines()
+    lines.insert(3, "")
+    lines.insert(1, "# a comment")
+    lines[7] = f"{lines[7].rsplit(',', 1)[0]},{cell}"
+    path = written(tmp_path, "\n".join(lines))
+    with pytest.raises(InputError, match=message):
+        read_record(path, LAYOUT | {"comment": "#"})
+
+
+def test_a_value_that_its_scale_makes_infinite_is_refused(tmp_path, values):
+    lines = text_of(values).splitlines()
+    lines[4] = f"{lines[4].rsplit(',', 1)[0]},1e307"
+    columns = LAYOUT["columns"] | {"output": {**LAYOUT["columns"]["output"], "scale": 1e3}}
+    with pytest.raises(InputError, match="line 5: output is inf"):
+        read_record(written(tmp_path, "\n".join(lines)), {"columns": columns})
 
 
 def test_a_clock_written_with_few_digits_is_even():

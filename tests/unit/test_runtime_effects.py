@@ -22,7 +22,7 @@ from lumbar.fmu.check.fmu_check import check_fmus
 from lumbar.models.form import Place
 
 on_x86_64_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
+    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
 )
 FORMS = {form.key: form for effect in TISSUE.values() for form in effect.forms}
 ON_OUTPUT = [key for key in FORM_NUMBERS if FORMS[key].place is Place.OUTPUT]

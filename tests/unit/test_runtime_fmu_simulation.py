@@ -17,7 +17,8 @@ from lumbar.fmu.check.fmu_check import check_fmus
 from lumbar.fmu.check.reference_stimulus import push
 
 pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
 )
 
 

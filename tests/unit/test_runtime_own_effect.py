@@ -18,7 +18,7 @@ from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
 
 on_x86_64_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
+    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
 )
 WRITTEN = """
 import numpy as np

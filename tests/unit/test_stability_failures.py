@@ -17,8 +17,14 @@ from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.stability.comparison.percent_differences import comparisons
 from lumbar.stability.comparison.table_4_1 import table_4_1
 from lumbar.stability.extended_basins import COLUMNS, extended_basins, extended_table
-from lumbar.stability.model.failures import announcement, computed, failures_frame, failures_table, joined
-from lumbar.stability.model.trajectory import trajectories_of_lift
+from lumbar.stability.model.failures import (
+    all_or_each,
+    announcement,
+    failures_frame,
+    failures_table,
+    joined,
+)
+from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
 FAST = {
     **SETTINGS,
@@ -49,16 +55,16 @@ def test_all_at_once_or_one_by_one():
                 raise NumericalError(f"{item.label}: too hard")
         return [item.com for item in items]
 
-    results, failures = computed(lift(), compute, "exact, hanging")
+    results, failures = all_or_each(compute, lift(), basin="exact, hanging")
     assert [(len(items), found) for items, found in results] == [
         (1, [com]) for com in ("thorax", "thorax", "abdomen", "abdomen")
     ]
     assert [(item.com, item.basin) for item in failures] == [("pelvis", "exact, hanging")] * 2
     assert "expert 23 kg, pelvis" in failures[0].reason
     assert calls == [6, 1, 1, 1, 1, 1, 1]
-    assert computed(lift()[4:], compute, "x")[0] == []
-    assert computed([], compute, "x") == ([], [])
-    assert computed(lift()[:2], compute, "x")[0][0][1] == ["thorax", "thorax"]
+    assert all_or_each(compute, lift()[4:], basin="x")[0] == []
+    assert all_or_each(compute, [], basin="x") == ([], [])
+    assert all_or_each(compute, lift()[:2], basin="x")[0][0][1] == ["thorax", "thorax"]
 
 
 def test_what_is_no_numerical_failure_stops_everything():
@@ -66,7 +72,7 @@ def test_what_is_no_numerical_failure_stops_everything():
         raise InputError("weights")
 
     with pytest.raises(InputError, match="weights"):
-        computed(lift(), wrong, "x")
+        all_or_each(wrong, lift(), basin="x")
     regulator = {**FAST["regulator"], "state_weight": [[1.0, 2.0], [2.0, 1.0]], "control_weight": -1.0}
     with pytest.raises(InputError, match="2 problems"):
         basins_of_lift(lift(), {**FAST, "regulator": regulator}, seed=1)

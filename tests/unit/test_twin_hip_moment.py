@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
@@ -12,7 +13,6 @@ from lumbar.errors import InputError
 from lumbar.synthetic.hip_moment_recordings import write_trials
 from lumbar.synthetic.lifting_recordings import write_lift
 
-pd = pytest.importorskip("pandas")
 LIFTS = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")
 
 

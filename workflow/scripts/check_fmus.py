@@ -1,6 +1,6 @@
 """Checks of the FMUs, and the forces that they give to one push."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -22,7 +22,7 @@ def main(input, output, params):
         check_fmus(models, folder, params.settings["check_samples"], params.seed), params.data, params.seed
     )
     write_csv(output.checks, table.frame)
-    table.write(output.table_csv.removesuffix(".csv"))
+    table.write(stem(output.fmu_check))
     played = push(models, folder)
     figure = fmu_force_figure(
         played.time,
@@ -32,7 +32,7 @@ def main(input, output, params):
         models[0].input.label,
         models[0].output.label,
     )
-    save(figure, output.figure_svg.removesuffix(".svg"), params.data)
+    save(figure, stem(output.fmu_force), params.data)
 
 
 run(main, snakemake)

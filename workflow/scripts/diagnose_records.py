@@ -1,6 +1,6 @@
 """What a base model is missing on one record set: diagnosis, refined model, error ladder, where it fails."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -24,22 +24,20 @@ def main(input, output, params):
         read_record(path, params.layout, entry["name"], entry.get("period_s"), params.rate)
         for entry, path in zip(params.records, input.recordings, strict=True)
     ]
-    settings, folder = (
-        DiagnosisSettings.from_config(params.improvement, params.base),
-        Path(output.diagnosis).parent,
-    )
+    settings = DiagnosisSettings.from_config(params.improvement, params.base)
+    folder = Path(output.refined).parent
     diagnosis = diagnose(records, settings)
     evidence = gather_evidence(diagnosis, records, settings, params.seed, params.machine)
     floor, training = diagnosis.experiment.floor, diagnosis.experiment.floor_from
     simulated = compare_and_locate(records, diagnosis.base.fit, floor, training, params.seed, settings.centre)
     pictures = draw_pictures(diagnosis, simulated, settings.candidates, folder, params.data)
     comparisons = comparison_table([item.comparison for item in simulated], params.data)
-    comparisons.write(output.compare.removesuffix(".csv"))
+    comparisons.write(stem(output.comparisons))
     locations = location_table([item.location for item in simulated], params.data)
-    locations.write(output.location.removesuffix(".csv"))
+    locations.write(stem(output.locations))
     write_json(output.refined, refined_document(diagnosis.ladder, diagnosis.experiment, params.data))
     page = diagnosis_page(diagnosis, evidence, settings.candidates, params.data, pictures)
-    write_text(output.page, page)
+    write_text(folder / "diagnosis.html", page)
     write_diagnosis(diagnosis, evidence, folder, params.data)
 
 

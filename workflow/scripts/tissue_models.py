@@ -1,6 +1,6 @@
 """Table 3.1, physical parameters, models.json, search grid and Figures 3.4 and 3.5."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -22,9 +22,9 @@ def main(input, output, params):
     document = models_document(identified)
     write_json(output.models, {**document, "data": data})
     write_csv(output.search, pd.concat([pd.read_csv(path) for path in input.grids]))
-    table_3_1(identified, tissue, data).write(output.csv.removesuffix(".csv"))
+    table_3_1(identified, tissue, data).write(stem(output.table_3_1))
     confidence = tissue["bootstrap"]["confidence"]
-    physical_parameters_table(identified, confidence, data).write(output.parameters_csv.removesuffix(".csv"))
+    physical_parameters_table(identified, confidence, data).write(stem(output.physical_parameters))
 
     entries = {
         entry["name"]: (entry, path) for entry, path in zip(tissue["records"], input.recordings, strict=True)
@@ -36,7 +36,7 @@ def main(input, output, params):
     shortest_first = sorted(records.values(), key=lambda record: (record.duration, record.name))
     save(
         excitation_figure(shortest_first, tissue["segment_s"]),
-        output.excitation_svg.removesuffix(".svg"),
+        stem(output.figure_3_4),
         data,
     )
     first = tissue["training"][0]
@@ -50,7 +50,7 @@ def main(input, output, params):
         )
         simulated[refined["name"]] = simulate_entry(refined, records[first], catalogue_with(input.effects))
     comparison = comparison_figure(records[first], simulated, tissue["segment_s"])
-    save(comparison, output.comparison_svg.removesuffix(".svg"), data)
+    save(comparison, stem(output.figure_3_5), data)
 
 
 run(main, snakemake)

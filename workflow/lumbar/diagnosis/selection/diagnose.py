@@ -26,6 +26,7 @@ from lumbar.diagnosis.selection.forward_selection import (
 )
 from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
 from lumbar.diagnosis.selection.thresholds import (
+    COMPLETE,
     LEVEL,
     STRUCTURED,
     TIED,
@@ -256,8 +257,8 @@ class _Selection:
     def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
         if further is not None:
             return "named"
-        known = self.experiment.floor is not None
-        return "unexplained" if known and not is_adequate(model, self.experiment) else "adequate"
+        unknown = self.experiment.floor is None
+        return "adequate" if unknown or is_adequate(model, self.experiment, COMPLETE) else "unexplained"
 
     def ranking(self, model: Candidate) -> list[Ranked]:
         """The selected set first, then every other set tried, best first."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lumbar.diagnosis.selection.forward_selection import is_adequate
 from lumbar.diagnosis.selection.thresholds import LEVEL
 from lumbar.diagnosis.selection.verdict import Diagnosis, Ranked
 from lumbar.effects.pendulum_load import CHANNELS
@@ -110,11 +111,10 @@ def _diagnosed_again(diagnosis: Diagnosis) -> str:
         return "Diagnosed again, none of the most promising further effects passes."
     rms = max(model.train_rms, model.test_rms)
     left = f"the error of the refined model is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} {unit})"
-    if diagnosis.verdict_after == "adequate":
+    if is_adequate(model, diagnosis.experiment):
         return f"What is left is noise as far as can be told: {left}."
-    return (
-        f"Diagnosed again, something is left and none of the most promising further effects passes: {left}."
-    )
+    something = "" if diagnosis.complete else "something is left and "
+    return f"Diagnosed again, {something}none of the most promising further effects passes: {left}."
 
 
 def runner_up(diagnosis: Diagnosis) -> Ranked | None:

@@ -48,8 +48,8 @@ class Diagnosis:
     explainable_share_removed : float
         Share of the base's explainable variance on unseen records that the selected effects remove.
     verdict_after : str
-        Verdict on the refined model: ``adequate`` (its error is noise as far as can be told), ``named`` (`further` passes
-        what an effect must pass to be selected) or ``unexplained`` (neither).
+        Verdict on the refined model: ``named`` (`further` passes what an effect must pass to be selected), else
+        ``adequate`` (its error is within `COMPLETE` of the noise floor, or that is not known) or ``unexplained``.
     further : Candidate or None
         Refined model with the effect that one more step of the search would add. None as well where the refined model
         leaves only noise, so that no step was made.
@@ -80,7 +80,7 @@ class Diagnosis:
 
     @property
     def complete(self) -> bool | None:
-        """Whether the refined model leaves only noise; None where the noise floor is unknown."""
+        """Whether the verdict on the refined model is ``adequate``; None where the noise floor is unknown."""
         return None if self.experiment.floor is None else self.verdict_after == "adequate"
 
     def to_json(self) -> dict:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from lumbar.models.bases import BASES
-from lumbar.models.form import Effect, Form
 from lumbar.errors import Problems
 from lumbar.fmu.build.effect_code import step_problems
 from lumbar.fmu.build.effect_model import EffectModel, base_form, form_numbers
+from lumbar.models.bases import BASES
+from lumbar.models.form import Effect, Form
 
 MAX_MEMORY = 256
 """Numbers that one form may keep from sample to sample, e.g. those of a delay of 255 samples."""

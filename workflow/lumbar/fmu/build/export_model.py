@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from lumbar.effects.catalogue import TISSUE
-from lumbar.models.form import Effect
 from lumbar.errors import NumericalError, Problems
 from lumbar.fmu.build.effect_entry import effect_model
 from lumbar.fmu.build.effect_model import EffectModel
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.models_document import check_document
 from lumbar.fmu.build.resampled_model import at_rate
+from lumbar.models.form import Effect
 
 MAX_WINDOW = 16
 """Room for the moving average in an FMU's memory, as in ``model.h``."""

@@ -111,7 +111,7 @@ def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None):
 def varied_areas(
     trajectories: list[Trajectory], settings: dict, names: Iterable[str] = VARIANTS
 ) -> dict[str, np.ndarray]:
-    """Average cross-sections (exact engine) under the null control and with Q, R and b changed.
+    """Average cross-sections (exact method) under the null control and with Q, R and b changed.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def varied_areas(
 
 
 def taylor_areas(trajectories: list[Trajectory], settings: dict, degree: int) -> np.ndarray:
-    """Average cross-sections (exact engine) with the sine replaced by its Taylor polynomial of a degree.
+    """Average cross-sections (exact method) with the sine replaced by its Taylor polynomial of a degree.
 
     Raises
     ------
