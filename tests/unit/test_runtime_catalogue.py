@@ -7,6 +7,7 @@ import pytest
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry
 
 from lumbar.fmu.build.effect_entry import effect_model
+from lumbar.models.fitted_model import FittedModel
 
 catalogue = pytest.importorskip("lumbar.effects.catalogue", reason="the catalogue of effects is not there")
 base_models = pytest.importorskip("lumbar.models.bases")
@@ -70,7 +71,9 @@ def test_forces_are_those_of_the_catalogue(key):
     bare_force = bare.simulate(moved, np.array(linear), np.array(nonlinear))
     expected = bare.with_form(forms()[key]).simulate(moved, *numbers) - bare_force
     found, bare_found = (
-        effect_model(effect_entry("KB", *keys), SAMPLING_TIME, catalogue.TISSUE).response(moved.position)
+        effect_model(
+            FittedModel.from_json(effect_entry("KB", *keys), catalogue.CATALOGUES), SAMPLING_TIME
+        ).response(moved.position)
         for keys in ((key,), ())
     )
     np.testing.assert_allclose(bare_found[FROM:], bare_force[FROM:], atol=1e-4 * np.abs(bare_force).max())
