@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from effect_entries import effect_entry
-from runtime_models import SETTINGS, TARGET, models_json
+from runtime_models import SETTINGS, TARGET, models_json, selected
 
 
 @pytest.fixture(scope="session")
@@ -17,21 +17,19 @@ def zig_cache(project):
 @pytest.fixture(scope="session")
 def fmu_models():
     """Return models for export."""
-    from lumbar.fmu.build.export_model import select_models
 
-    return select_models(models_json(), SETTINGS)
+    return selected(models_json(), SETTINGS)
 
 
 @pytest.fixture(scope="session")
 def fmu_folder(fmu_models, zig_cache, made_once):
     """Return a folder with the FMUs of the shared models and of one with an effect and an awkward name."""
-    from lumbar.fmu.build.export_model import select_models
     from lumbar.fmu.build.package import export_fmus
 
     def export(folder):
         export_fmus(fmu_models, folder, "synthetic twin", TARGET, zig_cache)
         awkward = models_json(effect_entry("KB", "coulomb_friction/coulomb"))
-        chosen = select_models(awkward, {**SETTINGS, "models": ["KB+coulomb_friction"], "moving_average": 1})
+        chosen = selected(awkward, {**SETTINGS, "models": ["KB+coulomb_friction"], "moving_average": 1})
         export_fmus(chosen, folder, "A & B <lab>", TARGET, zig_cache)
 
     return made_once("fmu", export)[0]

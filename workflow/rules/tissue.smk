@@ -78,7 +78,6 @@ rule tissue_models:
         CONDA
     params:
         tissue=config["tissue"],
-        effects=config["improvement"]["effects"],
         data=DATA,
     message:
         "Table 3.1, Figures 3.4 and 3.5: the identified tissue models"

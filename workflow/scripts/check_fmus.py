@@ -7,16 +7,18 @@ def main(input, output, params):
     """Validate and simulate every FMU; write the table of checks and the figure of forces."""
     from pathlib import Path
 
-    from lumbar.effects.catalogue import catalogue_with
+    from lumbar.effects.catalogue import catalogues_with
     from lumbar.files import read_json, write_csv
     from lumbar.fmu.build.export_model import select_models
     from lumbar.fmu.check.check_table import check_table
     from lumbar.fmu.check.fmu_check import check_fmus
     from lumbar.fmu.check.reference_stimulus import push
+    from lumbar.models.models_file import read_models
     from lumbar.reports.figures.fmu_figures import fmu_force_figure
     from lumbar.reports.figures.style import save
 
-    models = select_models(read_json(input.models), params.settings, catalogue_with(input.effects))
+    fitted = read_models(read_json(input.models), catalogues_with(input.effects))
+    models = select_models(fitted, params.settings)
     folder = Path(input.fmus[0]).parent
     table = check_table(
         check_fmus(models, folder, params.settings["check_samples"], params.seed), params.data, params.seed

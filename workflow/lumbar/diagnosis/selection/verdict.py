@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from lumbar.diagnosis.fitting.preparation import Experiment
-from lumbar.diagnosis.fitting.uncertainty import Estimate
 from lumbar.diagnosis.selection.forward_selection import Candidate
+from lumbar.models.fitted_model import FittedParameter
 from lumbar.models.form import Form
 
 
@@ -20,12 +20,12 @@ class Ranked:
     candidate : Candidate
     p_value : float
         See `lumbar.diagnosis.selection.null_distribution`.
-    estimates : list of Estimate
+    estimates : list of FittedParameter
     """
 
     candidate: Candidate
     p_value: float
-    estimates: list[Estimate]
+    estimates: list[FittedParameter]
 
 
 @dataclass(frozen=True, eq=False)
