@@ -82,6 +82,7 @@ def test_wrong_keys_are_all_named(folder):
     for word in ("sede", "seed", "-3", "tissu"):
         assert word in run.text
     assert "Traceback" not in run.text
+    assert "common.smk" not in run.text
     assert nothing_written(folder, "wrong_keys")
 
 
@@ -106,7 +107,12 @@ def test_all_bad_cells_of_all_files_are_named_with_their_lines(folder):
     first[19] = "0.19,nan,0.1"
     second[29] = "0.29,0.1"
     config = lab(folder, "bad_cells", {"first.csv": text(first), "second.csv": text(second)})
-    fails(folder, config, "first.csv", "line 11", "'abc'", "second.csv", "line 31")
+    run = fails(folder, config, "first.csv", "line 11", "'abc'", "second.csv", "line 31")
+    # One line beside the message, and no list of a rule's files: a person reads this.
+    assert run.text.count("FAILED: ") == 1
+    assert "logs/check_all_recordings.log" in run.text
+    assert "CalledProcessError" not in run.text
+    assert max(map(len, run.text.splitlines())) < 300
     assert nothing_written(folder, "bad_cells")
 
 
@@ -116,6 +122,7 @@ def test_all_bad_cells_of_all_files_are_named_with_their_lines(folder):
         ("nan", lambda rows: rows.__setitem__(5, "0.05,nan,0.1"), ("line 7", "nan")),
         ("unsorted", lambda rows: rows.__setitem__(slice(3, 5), [rows[4], rows[3]]), ("time must increase",)),
         ("uneven", lambda rows: rows.__delitem__(slice(100, 140)), ("sampled evenly",)),
+        ("enormous", lambda rows: rows.__setitem__(5, "0.05,1e308,0.1"), ("line 7", "1e+308")),
         ("short", lambda rows: rows.__delitem__(slice(4, None)), ("samples",)),
         ("empty", lambda rows: rows.clear(), ("no data rows",)),
         ("clipped", clip_at_median, ("output: clipped",)),
