@@ -65,6 +65,7 @@ def test_wrong_keys_are_all_named(folder):
     for word in ("sede", "seed", "-3", "tissu"):
         assert word in run.text
     assert "Traceback" not in run.text
+    assert "common.smk" not in run.text
     assert nothing_written(folder, "wrong_keys")
 
 

@@ -45,6 +45,13 @@ def broken():
     return basins_of_lift(with_tiny_inertia(lift()), FAST, seed=1)
 
 
+@pytest.fixture(scope="module")
+def light():
+    """A lift of the lighter box and its basins."""
+    items = lift(box=15.0, mass=28.0)
+    return items, basins_of_lift(items, FAST, seed=1).summary
+
+
 def test_all_at_once_or_one_by_one():
     calls = []
 
@@ -96,9 +103,9 @@ def test_one_bad_basin_drops_only_its_row(broken):
     assert not broken.summary["mean_area"].isna().any()
 
 
-def test_table_4_1_names_the_missing_basin_in_place_of_its_number(broken):
-    light = lift(box=15.0, mass=28.0)
-    boa = pd.concat([broken.summary, basins_of_lift(light, FAST, seed=1).summary])
+def test_table_4_1_names_the_missing_basin_in_place_of_its_number(broken, light):
+    light, light_boa = light
+    boa = pd.concat([broken.summary, light_boa])
     items = [item for item in (*with_tiny_inertia(lift()), *light) if item.com == "thorax"]
     table, missing = table_4_1(boa, items, FAST, "test", items, 1, failures_frame(broken.failures))
     rows = table.frame.set_index(["comparison", "com"])
@@ -113,9 +120,8 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(broken):
     assert any("Q multiplied" in text for text in missing["basin"])
 
 
-def test_a_lift_without_any_basin_is_still_compared_by_name():
-    light = lift(box=15.0, mass=28.0)
-    boa = basins_of_lift(light, FAST, seed=1).summary
+def test_a_lift_without_any_basin_is_still_compared_by_name(light):
+    light, boa = light
     states, facts = states_and_facts(lift())
     facts["length_m"] = {com: dict.fromkeys(planes, 0.02) for com, planes in facts["length_m"].items()}
     sound, failures = trajectories_of_lift(states, facts, "with_box")

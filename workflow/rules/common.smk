@@ -19,7 +19,7 @@ set_job_environment(WORKFLOW)
 try:
     study = load_study(config, root=Path(workflow.basedir))
 except LumbarError as error:
-    raise WorkflowError(str(error)) from None
+    sys.exit(str(error))  # a WorkflowError would begin with this file and line, where nothing is wrong
 
 STUDY = study.name
 ARTEFACTS = study.artefacts

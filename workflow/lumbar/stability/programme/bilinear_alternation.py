@@ -42,7 +42,7 @@ from lumbar.stability.programme.sum_of_squares import Certificate, SumOfSquares,
 
 ACCURACY = 1e-6
 """At which the solver stops. Rounding (relative changes of 1e-13 in the polynomials) moves the areas of the default study
-by 1e-6 at most then; at the solver's own 1e-8 the last steps are made of rounding, which moves them by 2e-3."""
+by 3e-6 at most then; at the solver's own 1e-8 the last steps are made of rounding, which moves them by 2e-3."""
 
 RESOLUTION = {"mean_area": 0.01, "initial_area": 0.02, "minimum_area": 0.01, "final_area": 0.01}
 """Relative: how far the areas of the default study move, at most, when the solver stops at 1e-4 to 1e-8 (no choice is
