@@ -159,9 +159,9 @@ class Diagnosis:
     @cached_property
     def models(self) -> list[FittedModel]:
         """Base, base and first effect, …."""
-        from lumbar.diagnosis.selection.refined_model import fitted_models
+        from lumbar.diagnosis.selection.refined_model import fitted_model
 
-        return fitted_models(self.verdict.ladder, self.verdict.experiment)
+        return [fitted_model(item, self.verdict.experiment) for item in self.verdict.ladder]
 
     @property
     def model(self) -> FittedModel:
@@ -219,13 +219,14 @@ class Diagnosis:
             takes a few seconds more.
         """
         from lumbar.diagnosis.evidence.diagnosis_files import write_diagnosis
-        from lumbar.files import write_text
-        from lumbar.models.models_file import write_models
+        from lumbar.diagnosis.selection.refined_model import refined_document
+        from lumbar.files import write_json, write_text
 
         folder, drawn = Path(folder), {}
         if pictures:
             drawn = self._save_pictures(folder)
-        write_models(folder / "refined.json", self.models, self.data)
+        document = refined_document(self.verdict.ladder, self.verdict.experiment, self.data)
+        write_json(folder / "refined.json", document)
         write_text(folder / "diagnosis.html", self.to_html(drawn))
         write_diagnosis(self.verdict, self.evidence, folder, self.data)
 
@@ -279,9 +280,9 @@ class Refinement:
     @cached_property
     def models(self) -> list[FittedModel]:
         """Base, base and first effect, …."""
-        from lumbar.diagnosis.selection.refined_model import fitted_models
+        from lumbar.diagnosis.selection.refined_model import fitted_model
 
-        return fitted_models(self.path, self.experiment)
+        return [fitted_model(item, self.experiment) for item in self.path]
 
     @property
     def model(self) -> FittedModel:
@@ -312,9 +313,11 @@ class Refinement:
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``refined.json``: every model of the path, ready for export."""
-        from lumbar.models.models_file import write_models
+        from lumbar.diagnosis.selection.refined_model import refined_document
+        from lumbar.files import write_json
 
-        write_models(Path(folder) / "refined.json", self.models, self.data)
+        document = refined_document(self.path, self.experiment, self.data)
+        write_json(Path(folder) / "refined.json", document)
 
     def __str__(self) -> str:
         unit = self.experiment.output_unit

@@ -1,0 +1,200 @@
+"""``lumbar.identify``: the thesis's models of a set of tissue tests."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.errors import InputError
+from lumbar.interface.diagnosis import SEED
+from lumbar.models.fitted_model import ARX, FittedModel
+from lumbar.records.record import Record
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.tissue import TissueSettings
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from lumbar.tables import Table
+
+
+def identify(
+    records: Sequence[Record],
+    train: str | Sequence[str] | None = None,
+    *,
+    settings: TissueSettings | None = None,
+    improvement: ImprovementSettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Identification:
+    """Identify MW, Maxwell, KB, HO, LE and IL, by ridge ARX as in the thesis and by output error beside it.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        One per excitation, at one rate.
+    train : str or sequence of str, optional
+        Record to identify on, or several, each in turn; all others test. Default the settings', or the longest.
+    settings : TissueSettings, optional
+    improvement : ImprovementSettings, optional
+        Its ``effects`` are added to its ``base``: the model with them stands beside the others.
+    seed : int
+        Of the bootstrap.
+    data : str
+        Words for the source of the data.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    InputError
+        If records differ in units or sampling time, or a training record is too short.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> found = lumbar.identify(lumbar.read("recordings/tissue"), "multisine")  # doctest: +SKIP
+    >>> found["KB"]["spring_stiffness"].value                                    # doctest: +SKIP
+    0.61
+    """
+    from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+    from lumbar.diagnosis.selection.refine import refined_fit
+    from lumbar.identification.identify_tissue import given_model
+    from lumbar.identification.identify_tissue import identify as identify_one
+
+    settings, improvement = settings or TissueSettings(), improvement or ImprovementSettings()
+    records = list(records)
+    named = {record.name: record for record in records}
+    chosen = _training(train or settings.training, records, named)
+    models, grid = [], []
+    for name in chosen:
+        tests = [record for record in records if record.name != name]
+        found, rows = identify_one(named[name], tests, settings, seed)
+        given = settings.inverted_linear
+        found.append(given_model(named[name], tests, settings.settling_s, given.force_max, given.travel))
+        if improvement.effects:
+            chosen_settings = DiagnosisSettings.from_config(improvement, train=name)
+            found.append(refined_fit([named[name], *tests], list(improvement.effects), chosen_settings))
+        models += found
+        grid += rows
+    return Identification(models, grid, settings, data)
+
+
+def _training(train, records: list[Record], named: Mapping[str, Record]) -> list[str]:
+    chosen = [train] if isinstance(train, str) else list(train)
+    chosen = chosen or [max(records, key=len).name]
+    for name in chosen:
+        if name not in named:
+            raise InputError(f"no record {name!r}; there are {', '.join(named)}")
+    return chosen
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Identified models, found by name.
+
+    Attributes
+    ----------
+    models : list of FittedModel
+        By training record, in the order of Table 3.1.
+    grid : list of dict
+        Every structure and ridge coefficient that was tried.
+    settings : TissueSettings
+    data : str
+    """
+
+    models: list[FittedModel]
+    grid: list[dict]
+    settings: TissueSettings
+    data: str
+
+    def __getitem__(self, name: str) -> FittedModel:
+        """Return a model by name: the ridge ARX fit on the first training record where there are several."""
+        return self.get(name)
+
+    def get(self, name: str, estimator: str = ARX, trained_on: str | None = None) -> FittedModel:
+        """Return one model by name, estimator and training record (default the first).
+
+        Raises
+        ------
+        InputError
+            If there is no such model.
+        """
+        named = [model for model in self.models if model.name == name]
+        if not named:
+            known = ", ".join(dict.fromkeys(model.name for model in self.models))
+            raise InputError(f"no model {name!r}; there are {known}")
+        trained = [model for model in named if trained_on in (None, model.trained_on)]
+        exact = [model for model in trained if model.estimator == estimator]
+        if not trained:
+            raise InputError(f"{name} was not identified on {trained_on!r}")
+        return (exact or trained)[0]
+
+    def __iter__(self) -> Iterator[FittedModel]:
+        return iter(self.models)
+
+    def __len__(self) -> int:
+        return len(self.models)
+
+    @property
+    def table_3_1(self) -> Table:
+        """Error metrics of all models on all training records."""
+        from lumbar.identification.table_3_1 import table_3_1
+
+        return table_3_1(self.models, self.settings, self.data)
+
+    @property
+    def physical_parameters(self) -> Table:
+        """Physical parameters with intervals."""
+        from lumbar.identification.table_2_1 import physical_parameters_table
+
+        return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.data)
+
+    @property
+    def search(self) -> pd.DataFrame:
+        """Every structure and ridge coefficient that was tried, one row each."""
+        import pandas as pd
+
+        return pd.DataFrame(self.grid).assign(data=self.data)
+
+    def comparison_figure(self, record: Record) -> Figure:
+        """Return Figure 3.5: a record beside the free runs of the thesis's models and of those with effects."""
+        from lumbar.reports.figures.tissue_figures import comparison_figure
+
+        first = self.models[0].trained_on
+        shown = {
+            model.name: model.simulate(record)
+            for model in self.models
+            if model.trained_on == first
+            and model.stable
+            and (not model.discrete or (model.estimator == ARX and model.name in ("MW", "KB", "HO")))
+        }
+        return comparison_figure(record, shown, self.settings.segment_s)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``models.json``, ``search.csv`` and the tables ``table_3_1`` and ``physical_parameters``."""
+        from lumbar.files import write_csv, write_json
+        from lumbar.identification.identify_tissue import distinct
+        from lumbar.models.models_file import models_document
+
+        folder = Path(folder)
+        write_json(folder / "models.json", models_document(distinct(self.models), self.data))
+        write_csv(folder / "search.csv", self.search)
+        self.table_3_1.write(folder / "table_3_1")
+        self.physical_parameters.write(folder / "physical_parameters")
+
+    def __str__(self) -> str:
+        return "\n".join(
+            f"{model.name} ({model.estimator}, {model.trained_on}): "
+            + ("unstable" if model.scores.vaf_percent is None else f"{model.scores.vaf_percent:.1f} %VAF")
+            for model in self.models
+        )
+
+    def _repr_html_(self) -> str:
+        return self.table_3_1.frame.to_html(index=False)
