@@ -26,8 +26,9 @@ $(VENV)/installed: envs/build-lock.txt envs/lock.txt pyproject.toml
 	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
+# A file stays with one worker, as its fixtures do; the longest come first, in order.
 test: environment ## the tests
-	python -m pytest
+	python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
 
 test-portable: environment ## tests, results and verdicts under other processors' kernels, threads, Pythons, packages: hours
 	python tests/portable/run.py
@@ -62,8 +63,8 @@ format: environment ## put the sources into the house's format
 	snakefmt Snakefile workflow/rules
 
 docs: environment ## renew the references of all configuration keys and of the catalogues of effects
-	python -m lumbar.config_reference config/README.md
-	python -m lumbar.effects_reference docs
+	python -m lumbar.config.reference config/README.md
+	python -m lumbar.reports.effects_reference docs
 
 lock: ## renew envs/ from pyproject.toml (needs uv)
 	uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \

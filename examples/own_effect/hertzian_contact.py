@@ -7,8 +7,8 @@ the simulation.
 
 import numpy as np
 
-from lumbar.effects.c_step import CStep
-from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
+from lumbar.models.c_step import CStep
+from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
 
 HERTZIAN_CONTACT = Effect(
     name="hertzian_contact",
@@ -20,7 +20,7 @@ HERTZIAN_CONTACT = Effect(
             name="sphere",
             equation=r"k_H \max(z, 0)^{3/2}",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("contact_stiffness", "{y}/{x}^1.5"),),
+            linear=(LinearParameter("contact_stiffness", "{y}/{x}^1.5"),),
             columns=lambda motion, _: [np.maximum(motion.position, 0.0) ** 1.5],
             c_step=CStep(
                 "contact_stiffness * (depth * sqrt(depth))",
@@ -31,9 +31,9 @@ HERTZIAN_CONTACT = Effect(
             name="power",
             equation=r"F_n \max(z/z_0, 0)^n,\quad z_0 = 1\ \mathrm{unit}",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("contact_force", "{y}"),),
-            shapes=(Shape("exponent", "1", "one", 1.2, 3.0, 4, reach=(0.9, 1.3)),),
-            columns=lambda motion, shapes: [np.maximum(motion.position, 0.0) ** shapes[0]],
+            linear=(LinearParameter("contact_force", "{y}"),),
+            nonlinear=(NonlinearParameter("exponent", "1", "one", 1.2, 3.0, 4, reach=(0.9, 1.3)),),
+            columns=lambda motion, nonlinear: [np.maximum(motion.position, 0.0) ** nonlinear[0]],
             c_step=CStep("contact_force * portable_power(position > 0 ? position : 0.0, exponent)"),
         ),
     ),

@@ -18,15 +18,15 @@ from functools import partial
 import numpy as np
 from scipy.signal import lfilter
 
-from lumbar.effects.base import BASES
+from lumbar.diagnosis.fitting.fit_data import FitData
+from lumbar.diagnosis.fitting.joint_fit import add, fit_base
+from lumbar.diagnosis.noise.noise_floor import noise_floor
+from lumbar.diagnosis.selection.null_distribution import TABLES
 from lumbar.effects.catalogue import catalogue_of
-from lumbar.effects.motion import Motion
-from lumbar.effects.structure import Structure
 from lumbar.files import write_json
-from lumbar.improvement.fit_data import FitData
-from lumbar.improvement.fitting import add, fit_base
-from lumbar.improvement.noise_floor import noise_floor
-from lumbar.improvement.null_gains import TABLES
+from lumbar.models.bases import BASES
+from lumbar.models.motion import Motion
+from lumbar.models.structure import Structure
 from lumbar.progress import track
 from lumbar.records.record import Channel, Record
 
@@ -41,24 +41,24 @@ def forms_of(base: str) -> list:
 
 def sines(time: np.ndarray, lines: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """Sum of sines of random phases and slope of the spectrum, of largest value 1."""
-    amplitudes = lines ** random.choice([0.0, -0.5, -1.0])
+    linear = lines ** random.choice([0.0, -0.5, -1.0])
     phases = random.uniform(0, 2 * np.pi, len(lines))
-    values = np.cos(2 * np.pi * np.outer(time, lines) + phases) @ amplitudes
+    values = np.cos(2 * np.pi * np.outer(time, lines) + phases) @ linear
     return values / np.abs(values).max()
 
 
 def tissue_test(random: np.random.Generator) -> tuple[Motion, bool, np.ndarray, np.ndarray]:
-    """Motion, whether it repeats, amplitudes and shapes: periods of a multisine of 10 s, or noise, 0.1 to 5 Hz."""
+    """Motion, whether it repeats, and parameters: periods of a multisine of 10 s, or noise, 0.1 to 5 Hz."""
     time = np.arange(0, random.choice([30, 60, 100]), STEP)
     periodic = random.random() < 0.8
     lines = np.arange(1, 51) * 0.1 if periodic else random.uniform(0.05, 5.0, 80)
     motion = Motion(time, sines(time, lines, random) * random.uniform(3, 8), STEP)
-    amplitudes = np.array([random.uniform(0.25, 0.9), random.uniform(0.2, 1.9)])
-    return motion, periodic, amplitudes, np.array([random.uniform(0.05, 0.35)])
+    linear = np.array([random.uniform(0.25, 0.9), random.uniform(0.2, 1.9)])
+    return motion, periodic, linear, np.array([random.uniform(0.05, 0.35)])
 
 
 def swings(random: np.random.Generator) -> tuple[Motion, bool, np.ndarray, np.ndarray]:
-    """Motion, whether it repeats, amplitudes and shapes: swings of 0.1 to 1.5 Hz, hanging or inverted.
+    """Motion, whether it repeats, and parameters: swings of 0.1 to 1.5 Hz, hanging or inverted.
 
     Box, length and pivot are measured, so that every candidate can be tried.
     """
@@ -74,8 +74,8 @@ def swings(random: np.random.Generator) -> tuple[Motion, bool, np.ndarray, np.nd
         "pivot_acceleration_z": sines(time, random.uniform(0.1, 1.5, 3), random),
     }
     gravity = random.choice([-1, 1]) * random.uniform(60, 250)
-    amplitudes = np.array([random.uniform(2, 20), random.uniform(2, 12), gravity])
-    return Motion(time, angle, STEP, channels=channels), periodic, amplitudes, np.zeros(0)
+    linear = np.array([random.uniform(2, 20), random.uniform(2, 12), gravity])
+    return Motion(time, angle, STEP, channels=channels), periodic, linear, np.zeros(0)
 
 
 EXCITATIONS = {"KB": tissue_test, "pendulum": swings}
@@ -98,8 +98,8 @@ def largest_gain(base: str, seed: int) -> float:
     """Largest gain in twice the log-likelihood among all candidates, for one null experiment."""
     random = np.random.default_rng([20260, seed])
     structure = Structure(BASES[base])
-    motion, periodic, amplitudes, shapes = EXCITATIONS[base](random)
-    clean = structure.simulate(motion, amplitudes, shapes)
+    motion, periodic, linear, nonlinear = EXCITATIONS[base](random)
+    clean = structure.simulate(motion, linear, nonlinear)
     share = random.choice([0.005, 0.01, 0.02, 0.3])
     coloured = periodic and random.random() < 0.4
     output = clean + share * clean.std() * unit_noise(random, len(clean), coloured)

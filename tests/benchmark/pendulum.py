@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.selection.diagnose import diagnose
 from lumbar.files import write_csv
-from lumbar.improvement.diagnose import diagnose
-from lumbar.improvement.settings import Settings
 from lumbar.progress import track
-from lumbar.twin.pendulum_experiments import EFFECTS, make_pendulum_experiment
+from lumbar.synthetic.pendulum_experiments import EFFECTS, make_pendulum_experiment
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "unit"))
 from pendulum_records import records_of
@@ -47,7 +47,7 @@ def plans(seeds: int, strengths: list[float]) -> list[tuple]:
 def examine(plan: tuple) -> dict:
     """Make one experiment, diagnose it, and only then look at its label."""
     experiment = make_pendulum_experiment(*plan)
-    diagnosis = diagnose(records_of(experiment.records), Settings(base="pendulum"))
+    diagnosis = diagnose(records_of(experiment.records), DiagnosisSettings(base="pendulum"))
     effect, seed, strength, columns, periodic = plan
     wanted = ("named", (effect,)) if effect else ("adequate", ())
     return {

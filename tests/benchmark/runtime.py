@@ -22,11 +22,10 @@ sys.path.insert(0, str(HERE.parent / "unit"))
 
 from c_programs import loader_program  # noqa: E402
 from effect_entries import COMBINATIONS, effect_entry  # noqa: E402
-from runtime_models import SETTINGS, models_json  # noqa: E402
+from runtime_models import SETTINGS, models_json, selected  # noqa: E402
 
-from lumbar.runtime.compiler import TARGETS, host_target, warm_cache  # noqa: E402
-from lumbar.runtime.export_model import select_models  # noqa: E402
-from lumbar.runtime.package import export_fmus  # noqa: E402
+from lumbar.fmu.build.compiler import TARGETS, host_target, warm_cache  # noqa: E402
+from lumbar.fmu.build.package import export_fmus  # noqa: E402
 
 CACHE = HERE.parent.parent / ".snakemake" / "zig-cache"
 STEPS = 1_000_000
@@ -75,10 +74,8 @@ print(statistics.median(taken))
 def models():
     """Return KB and four models with effects."""
     entries = [effect_entry(*structure) for structure in COMBINATIONS]
-    linear = select_models(models_json(), {**SETTINGS, "models": ["KB"]})
-    nonlinear = select_models(
-        models_json(*entries), {**SETTINGS, "models": [entry["name"] for entry in entries]}
-    )
+    linear = selected(models_json(), {**SETTINGS, "models": ["KB"]})
+    nonlinear = selected(models_json(*entries), {**SETTINGS, "models": [entry["name"] for entry in entries]})
     return [*linear, *nonlinear]
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from effect_steps import Functions
 
-from lumbar.runtime.compiler import TARGETS, compile_library
-from lumbar.runtime.export_model import ExportModel
-from lumbar.runtime.sources import c_files, source_files
+from lumbar.fmu.build.compiler import TARGETS, compile_library
+from lumbar.fmu.build.export_model import ExportModel
+from lumbar.fmu.build.sources import c_files, source_files
 
 _DOUBLE = ctypes.POINTER(ctypes.c_double)
 _NUMBERS = itertools.count()
@@ -87,9 +87,9 @@ class CModel:
 
 def portable_functions(folder: Path, cache: Path) -> Functions:
     """Elementary functions of ``portable_math.c`` for the simulation in Python."""
-    import lumbar.runtime
+    import lumbar.fmu.c
 
-    source = Path(lumbar.runtime.__file__).parent
+    source = lumbar.fmu.c.FOLDER
     names = ("expm1", "tanh", "sinh", "arctan", "softplus", "sine", "cosine")
     lines = ['#include "portable_math.h"']
     for name in names:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lumbar.effects.effect import Place
 from lumbar.errors import NumericalError
+from lumbar.models.form import Place
 
 NEGLIGIBLE = 1e-200
 """Numbers below this are flushed to zero, as in ``sampled_force.c``."""
@@ -267,7 +267,7 @@ _OUTPUT = {
 
 
 def _parameters(term) -> tuple[float, ...]:
-    return (*term.amplitudes, *term.shapes)
+    return (*term.linear, *term.nonlinear)
 
 
 class Simulation:
@@ -319,7 +319,7 @@ def simulate(model, positions: Sequence[float], functions: Functions | None = No
 
     Parameters
     ----------
-    model : lumbar.runtime.effect_model.EffectModel
+    model : lumbar.fmu.build.effect_model.EffectModel
     positions : array_like, shape (samples,)
         Deviations from rest.
     functions : Functions, optional

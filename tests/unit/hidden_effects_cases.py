@@ -8,7 +8,7 @@ import numpy as np
 import yaml
 from scipy.interpolate import make_interp_spline
 
-from lumbar.twin.hidden_effects.motion import OVERSAMPLING, Motion
+from lumbar.synthetic.hidden_effects.tool_motion import OVERSAMPLING, ToolMotion
 
 PROJECT = Path(__file__).resolve().parents[2]
 
@@ -19,12 +19,12 @@ def settings(**changes) -> dict:
     return {**yaml.safe_load(text)["hidden_effects"], **changes}
 
 
-def recorded_motion(name: str, time: np.ndarray, position: np.ndarray) -> Motion:
+def recorded_motion(name: str, time: np.ndarray, position: np.ndarray) -> ToolMotion:
     """Motion between the samples of a band-limited recording, by a spline of seventh degree."""
     spline = make_interp_spline(time, position, k=7)
     step = (time[1] - time[0]) / OVERSAMPLING
     fine = step * np.arange((len(time) - 1) * OVERSAMPLING + 1)
-    return Motion(name, step, spline(fine), spline(fine, 1), spline(fine, 2))
+    return ToolMotion(name, step, spline(fine), spline(fine, 1), spline(fine, 2))
 
 
 def diagnosis(

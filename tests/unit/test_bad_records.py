@@ -7,12 +7,12 @@ import pytest
 import yaml
 
 from lumbar import cli
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.fitting.record_checks import check_excitation
+from lumbar.diagnosis.selection.refine import refine
+from lumbar.diagnosis.selection.sentences import details
 from lumbar.effects.catalogue import TISSUE
 from lumbar.errors import InputError
-from lumbar.improvement.excitation_checks import check_excitation
-from lumbar.improvement.refinement import refine
-from lumbar.improvement.sentences import details
-from lumbar.improvement.settings import Settings
 from lumbar.records.clipping import check_clipping, flat_tops
 from lumbar.records.record import Channel, Record
 
@@ -65,10 +65,13 @@ def bad_training() -> dict[str, tuple]:
     force = force_of(GOOD)
     with_gap = force.copy()
     with_gap[100] = np.nan
+    enormous = force.copy()
+    enormous[100] = 1e308
     return {
         "constant input": (np.full(len(GOOD), 1.0), force, "input: constant (1)"),
         "constant output": (GOOD, np.full(len(GOOD), 2.0), "output: constant (2)"),
-        "not a number": (GOOD, with_gap, "data row 101: output is nan"),
+        "not a number": (GOOD, with_gap, "line 102: output is nan"),
+        "beyond measure": (GOOD, enormous, "line 102: output is 1e+308"),
         "clipped force": (GOOD, np.clip(force, -1.5, 1.5), "output: clipped: "),
         "clipped position": (np.clip(GOOD, -1.5, 1.5), force, "input: clipped: "),
         "no motion": (5e-4 * NOISE, 0.02 * NOISE[::-1], "a model fitted on it says nothing about b"),
@@ -110,7 +113,7 @@ def test_unequal_sampling(run, tmp_path):
     path.write_text("\n".join(lines[:101] + lines[141:]) + "\n")
     status, _, err = run("diagnose", tmp_path / "in", "--output", tmp_path / "out")
     assert status == 1
-    assert "sampled evenly" in err and "data row 101" in err
+    assert "sampled evenly" in err and "line 102" in err
     assert not (tmp_path / "out").exists()
 
 
@@ -162,15 +165,15 @@ def test_an_effect_that_the_record_does_not_excite_is_refused():
     sine = motion(40.0, lines=[10])
     records = [record_of(sine, force_of(sine)), record_of(motion(12.0, 4), force_of(motion(12.0, 4)), "b")]
     with pytest.raises(InputError, match="a: the record does not excite inertia"):
-        refine(records, ["inertia"], Settings(train="a"))
+        refine(records, ["inertia"], DiagnosisSettings(train="a"))
     rich = [record_of(GOOD, force_of(GOOD)), records[1]]
-    assert refine(rich, ["inertia"], Settings(train="a"))[1][-1].effects == ("inertia",)
+    assert refine(rich, ["inertia"], DiagnosisSettings(train="a"))[1][-1].effects == ("inertia",)
 
 
 def test_a_fit_that_did_not_converge_is_no_result():
     from dataclasses import replace
 
-    from lumbar.improvement.diagnose import diagnose
+    from lumbar.diagnosis.selection.diagnose import diagnose
 
     position = motion(40.0)
     records = [
@@ -188,7 +191,7 @@ def test_a_force_that_grows_beyond_measure_with_speed_is_in_no_other_unit():
     """Slow motion tells units apart: there a force that explodes at high speed is as in any other record."""
     from periodic_records import STEP, record
 
-    from lumbar.improvement.excitation_checks import check_excitation
+    from lumbar.diagnosis.fitting.record_checks import check_excitation
 
     time = np.arange(0, 20, STEP)
     slow = 5 * np.sin(2 * np.pi * 0.2 * time)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from lumbar.claims import basins, identification, ratings
-from lumbar.claims.claim import (
+from lumbar.reports.reproduction import basin_claims as basins
+from lumbar.reports.reproduction import identification_claims as identification
+from lumbar.reports.reproduction import rating_claims as ratings
+from lumbar.reports.reproduction.claim import (
     BUILT_IN,
     CANNOT_BE_TESTED,
     DOES_NOT_HOLD,
@@ -16,8 +18,8 @@ from lumbar.claims.claim import (
     examine,
     verdict,
 )
-from lumbar.claims.register import all_claims, examine_claims
-from lumbar.claims.summary import summary_table
+from lumbar.reports.reproduction.claims_summary import summary_table
+from lumbar.reports.reproduction.register import all_claims, examine_claims
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 
+from lumbar.diagnosis.noise.noise_floor import noise_floor
+from lumbar.diagnosis.residuals.compare import block_groups, compare_record, comparison_table
 from lumbar.errors import InputError, NumericalError
-from lumbar.improvement.compare import block_groups, compare_record, comparison_table
-from lumbar.improvement.noise_floor import noise_floor
 
 
 def aperiodic(size: int, sigma: float, seed: int, pole: float = 0.0):
@@ -56,6 +56,7 @@ def test_the_true_model_leaves_noise():
     assert "no more than the 0.3" in found.sentence
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("pole", [0.0, 0.9])
 def test_intervals_cover(pole):
     """The RMS and VAF that very long records would give lie inside in about 95 % of the cases."""

@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from lumbar.config.artefacts import Artefact, read_artefacts
-from lumbar.config.recordings import reading_plan, record_layout, record_set_base, recordings_of
 from lumbar.config.study import load_study, name_lifts
+from lumbar.config.study_recordings import reading_plan, record_layout, record_set_base, recordings_of
 from lumbar.errors import InputError
 
 

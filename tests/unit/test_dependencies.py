@@ -20,7 +20,7 @@ def test_imports_are_followed_at_any_depth(dependencies, project):
     library = project / "workflow" / "lumbar"
     sources = set(map(Path, dependencies.library_sources("survey_tables.py")))
     for module in (
-        "errors.py", "files.py", "tables.py", "survey/paired.py", "survey/signed_rank.py",
+        "errors.py", "files.py", "tables.py", "survey/paired_analysis.py", "survey/signed_rank.py",
         "records/ratings.py", "survey/__init__.py", "__init__.py",
     ):  # fmt: skip
         assert library / module in sources
@@ -35,7 +35,7 @@ def test_everything_that_a_script_loads_is_declared(dependencies, project, tmp_p
 
     script = (
         "import sys, runpy\n"
-        "from lumbar.survey.analysis import analyse_survey\n"
+        "from lumbar.survey.survey_analysis import analyse_survey\n"
         "from lumbar.records.ratings import read_ratings\n"
         "print('\\n'.join(m.__file__ for n, m in sys.modules.items() if n.split('.')[0] == 'lumbar'))\n"
     )

@@ -15,7 +15,7 @@ import yaml
 from scipy.signal import lfilter
 
 from lumbar import cli
-from lumbar.improvement.frequency_view import EVEN, EXCITED, ODD, excited_lines, line_classes
+from lumbar.diagnosis.residuals.frequency_diagnostic import EVEN, EXCITED, ODD, excited_lines, line_classes
 
 PERIODS = 6
 SIGMA = 0.02

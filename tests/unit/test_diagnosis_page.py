@@ -12,24 +12,24 @@ import numpy as np
 import pytest
 from periodic_records import STEP, multisine, noise, record, relaxing_force
 
-from lumbar.effects.base import BASES
+from lumbar.diagnosis.design.detectable import detectable_effects, threshold_gain
+from lumbar.diagnosis.evidence.diagnosis_files import EXCITATION, diagnosis_document, write_diagnosis
+from lumbar.diagnosis.evidence.evidence import gather_evidence
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.selection.diagnose import diagnose
+from lumbar.diagnosis.selection.forward_selection import gain
+from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
+from lumbar.diagnosis.selection.sentences import runner_up
+from lumbar.diagnosis.selection.thresholds import LEVEL
 from lumbar.effects.catalogue import TISSUE
-from lumbar.effects.effect import Place
 from lumbar.effects.signature import RATES, SHARE, signatures, standard_motion
 from lumbar.errors import InputError
-from lumbar.improvement.detectable import detectable_effects, threshold_gain
-from lumbar.improvement.diagnose import diagnose
-from lumbar.improvement.evidence import gather_evidence
-from lumbar.improvement.null_gains import NullGains, shipped
-from lumbar.improvement.report import EXCITATION, diagnosis_document, write_diagnosis
-from lumbar.improvement.search import gain
-from lumbar.improvement.sentences import runner_up
-from lumbar.improvement.settings import Settings
-from lumbar.improvement.thresholds import LEVEL
-from lumbar.pages.diagnosis import diagnosis_page
-from lumbar.pages.diagnosis_pictures import draw_pictures, pictured_effects
-from lumbar.pages.html import document, figure, listing, paragraph, picture, table
-from lumbar.runtime.equation_svg import equation_svg
+from lumbar.fmu.build.equation_svg import equation_svg
+from lumbar.models.bases import BASES
+from lumbar.models.form import Place
+from lumbar.reports.pages.diagnosis_page import diagnosis_page
+from lumbar.reports.pages.diagnosis_pictures import draw_pictures, pictured_effects
+from lumbar.reports.pages.html import document, figure, listing, paragraph, picture, table
 
 SIGMA = 0.02
 
@@ -47,7 +47,7 @@ def hardening():
     """Diagnosis of records with a cubic spring, with its evidence."""
     tests = records(lambda z: 0.01 * z**3)
     diagnosis = diagnose(tests)
-    return diagnosis, gather_evidence(diagnosis, tests, Settings(), 1), tests
+    return diagnosis, gather_evidence(diagnosis, tests, DiagnosisSettings(), 1), tests
 
 
 def text_of(page: str) -> str:
@@ -113,7 +113,9 @@ def test_pictures_of_a_diagnosis(hardening, tmp_path):
 def test_limits_name_what_is_missing_in_the_records():
     (one, _) = records(periods=2)
     diagnosis = diagnose([one])
-    page = text_of(diagnosis_page(diagnosis, gather_evidence(diagnosis, [one], Settings(), 1), TISSUE, "x"))
+    page = text_of(
+        diagnosis_page(diagnosis, gather_evidence(diagnosis, [one], DiagnosisSettings(), 1), TISSUE, "x")
+    )
     assert "there is one record only" in page
     assert "no record repeats" in page
     assert "the best candidate gains" in page

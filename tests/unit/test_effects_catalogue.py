@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lumbar.effects.base import BASES
 from lumbar.effects.catalogue import CATALOGUES, TISSUE, choose, load_effects
-from lumbar.effects.effect import Place
-from lumbar.effects.motion import Motion
-from lumbar.effects.structure import Structure
 from lumbar.errors import InputError
+from lumbar.models.bases import BASES
+from lumbar.models.form import Place
+from lumbar.models.motion import Motion
+from lumbar.models.structure import Structure
 
 NAMES = {
     "hardening_stiffness", "quadratic_stiffness", "coulomb_friction", "hysteresis", "contact_loss",
@@ -27,7 +27,7 @@ def motion():
 
 
 def middle(form):
-    return np.array([np.sqrt(shape.low * shape.high) for shape in form.shapes])
+    return np.array([np.sqrt(shape.low * shape.high) for shape in form.nonlinear])
 
 
 def test_the_names_that_others_rely_on():
@@ -43,7 +43,7 @@ def test_every_effect_is_described(effect):
     for form in effect.forms:
         assert form.equation
         assert form.effect == effect.name
-        parameters = [*form.amplitudes, *form.shapes]
+        parameters = [*form.linear, *form.nonlinear]
         assert len({item.name for item in parameters}) == len(parameters)
         assert all(item.unit for item in parameters)
 
@@ -51,9 +51,7 @@ def test_every_effect_is_described(effect):
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.key)
 def test_every_form_simulates(form, motion):
     structure = Structure(BASES["KB"], (form,))
-    force = structure.simulate(
-        motion, np.ones(len(structure.amplitudes)), np.concatenate([[0.1], middle(form)])
-    )
+    force = structure.simulate(motion, np.ones(len(structure.linear)), np.concatenate([[0.1], middle(form)]))
     assert force.shape == motion.position.shape
     assert np.isfinite(force).all()
     base = Structure(BASES["KB"]).simulate(motion, np.ones(2), np.array([0.1]))
@@ -140,9 +138,9 @@ def test_unknown_effect_lists_the_known_ones():
 def test_an_effect_of_the_users_own(tmp_path):
     path = tmp_path / "own.py"
     path.write_text(
-        "from lumbar.effects.effect import Amplitude, Effect, Form, Place\n"
+        "from lumbar.models.form import LinearParameter, Effect, Form, Place\n"
         "STEP = Effect('step', 'A step at zero.', (Form('sign', 'F sign(z)', Place.PARALLEL,\n"
-        "    (Amplitude('step_force', '{y}'),), columns=lambda motion, _: [(motion.position > 0) * 1.0]),), 'me')\n",
+        "    (LinearParameter('step_force', '{y}'),), columns=lambda motion, _: [(motion.position > 0) * 1.0]),), 'me')\n",
         encoding="utf-8",
     )
     assert list(load_effects(path)) == ["step"]
@@ -158,7 +156,7 @@ def test_an_effect_of_the_users_own(tmp_path):
 
 @pytest.mark.parametrize(("system", "name"), [("tissue", "effects"), ("pendulum", "pendulum_effects")])
 def test_the_pages_of_the_catalogues_say_what_the_definitions_say(project, system, name):
-    from lumbar.effects_reference import effects_page
+    from lumbar.reports.effects_reference import effects_page
 
     page = project / "docs" / f"{name}.md"
     text = page.read_text(encoding="utf-8")

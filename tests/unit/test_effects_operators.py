@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lumbar.effects.motion import Motion
-from lumbar.effects.operators import bouc_wen, elastoplastic, play, presliding, relaxation
+from lumbar.models.motion import Motion
+from lumbar.models.operators import bouc_wen, elastoplastic, play, presliding, relaxation
 
 STEP = 0.01
 

@@ -1,17 +1,17 @@
-"""The pendulum and its effects against Newton's law for point masses (`lumbar.twin.pendulum`)."""
+"""The pendulum and its effects against Newton's law for point masses (`lumbar.synthetic.swinging_body`)."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from lumbar.effects.base import BASES
 from lumbar.effects.catalogue import PENDULUM, TISSUE, catalogue_of, without_channels
-from lumbar.effects.modulation import held_between, interval_starts, modulation_starts
-from lumbar.effects.motion import Motion
-from lumbar.effects.structure import Structure
+from lumbar.effects.windows import held_between, interval_starts, modulation_starts
 from lumbar.errors import InputError
-from lumbar.twin.pendulum import Mass, Swing, acceleration, constant, rate
+from lumbar.models.bases import BASES
+from lumbar.models.motion import Motion
+from lumbar.models.structure import Structure
+from lumbar.synthetic.swinging_body import Mass, Swing, acceleration, constant, rate
 
 NAMES = ["hand_load", "passive_stiffness", "coulomb_friction", "variable_length", "moving_pivot", "drag"]
 FORMS = {form.key: form for effect in PENDULUM.values() for form in effect.forms}
@@ -53,7 +53,7 @@ def newton(hanging=True, length=None, central=CENTRAL, box=None, pivot=None):
     return swing.moment(TIME) + DAMPING * rate(angle, TIME)
 
 
-def base_amplitudes(sign, inertia=CENTRAL + MASS * LENGTH**2, gravity=MASS * 9.81 * LENGTH):
+def base_linear(sign, inertia=CENTRAL + MASS * LENGTH**2, gravity=MASS * 9.81 * LENGTH):
     return [inertia, DAMPING, sign * gravity]
 
 
@@ -64,10 +64,10 @@ def assert_alike(found, expected):
 SIGNS = pytest.mark.parametrize(("name", "sign"), [("hanging", 1.0), ("inverted", -1.0)])
 
 
-def simulated(key, amplitudes, shapes=(), base=None, sign=1.0):
+def simulated(key, linear, nonlinear=(), base=None, sign=1.0):
     structure = Structure(BASES["pendulum"], (FORMS[key],) if key else ())
-    everything = np.array([*(base or base_amplitudes(sign)), *amplitudes])
-    return structure.simulate(MOTION, everything, np.array(shapes))
+    everything = np.array([*(base or base_linear(sign)), *linear])
+    return structure.simulate(MOTION, everything, np.array(nonlinear))
 
 
 def test_the_names_that_others_rely_on():
@@ -86,7 +86,7 @@ def test_every_effect_is_described(effect):
     for form in effect.forms:
         assert form.equation
         assert form.effect == effect.name
-        assert all(item.unit for item in (*form.amplitudes, *form.shapes))
+        assert all(item.unit for item in (*form.linear, *form.nonlinear))
 
 
 @SIGNS
@@ -106,7 +106,7 @@ def test_a_box_that_is_held(name, sign):
 
 @SIGNS
 def test_a_length_that_varies_has_its_coriolis_term(name, sign):
-    found = simulated(f"variable_length/measured_{name}", [MASS], base=base_amplitudes(sign, CENTRAL, 0.0))
+    found = simulated(f"variable_length/measured_{name}", [MASS], base=base_linear(sign, CENTRAL, 0.0))
     assert_alike(found, newton(name == "hanging", length=stretched))
 
 
@@ -158,7 +158,7 @@ def test_a_pivot_that_moves(name, sign):
 
 
 @pytest.mark.parametrize(
-    ("key", "shapes", "law"),
+    ("key", "nonlinear", "law"),
     [
         ("passive_stiffness/linear", [], lambda q, v: [q, np.ones_like(q)]),
         ("passive_stiffness/cubic", [], lambda q, v: [q**3]),
@@ -171,15 +171,15 @@ def test_a_pivot_that_moves(name, sign):
         ("drag/quadratic", [], lambda q, v: [v * np.abs(v)]),
     ],
 )
-def test_moments_of_the_joint(key, shapes, law):
-    columns = FORMS[key].columns(MOTION, np.array(shapes))
+def test_moments_of_the_joint(key, nonlinear, law):
+    columns = FORMS[key].columns(MOTION, np.array(nonlinear))
     expected = law(angle(TIME), rate(angle, TIME))
     for found, wanted in zip(columns, expected, strict=True):
         assert_alike(found, wanted)
 
 
 def test_amplitudes_are_moments():
-    names = {item.name for form in FORMS.values() for item in form.amplitudes}
+    names = {item.name for form in FORMS.values() for item in form.linear}
     assert "coulomb_moment" in names
     assert not any("force" in name for name in names)
 

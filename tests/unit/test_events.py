@@ -77,7 +77,7 @@ def test_known_events_are_found(settings, seed, shuffle):
 @pytest.mark.parametrize("lift", ["expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg"])
 @pytest.mark.parametrize("seed", [45, 7, 1000])
 def test_the_twins_events_are_found_within_50_ms(project, tmp_path, lift, seed):
-    from lumbar.twin.lifting import write_lift
+    from lumbar.synthetic.lifting_recordings import write_lift
 
     config = yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["lifting"]
     twin = yaml.safe_load((project / "config" / "twin.yaml").read_text(encoding="utf-8"))["twin"]["lifting"]
@@ -90,7 +90,7 @@ def test_the_twins_events_are_found_within_50_ms(project, tmp_path, lift, seed):
 
 @pytest.mark.parametrize("lift", ["expert_23kg", "novice_23kg"])
 def test_six_times_the_noise_moves_no_event_far(project, settings, tmp_path, lift):
-    from lumbar.twin.lifting import write_lift
+    from lumbar.synthetic.lifting_recordings import write_lift
 
     config = yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["lifting"]
     twin = yaml.safe_load((project / "config" / "twin.yaml").read_text(encoding="utf-8"))["twin"]["lifting"]

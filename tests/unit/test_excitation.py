@@ -11,7 +11,7 @@ import yaml
 from lumbar.errors import InputError
 from lumbar.signals.excitation import design_excitation, excited_band
 from lumbar.signals.machine_limits import peak_kinematics
-from lumbar.signals.properties import machine_file, multisine_description, signal_properties
+from lumbar.signals.signal_properties import machine_file, multisine_description, signal_properties
 
 
 @pytest.fixture

@@ -10,14 +10,14 @@ import json
 import pytest
 from hidden_effects_cases import settings
 
-from lumbar.improvement.benchmark import outcome
-from lumbar.improvement.blind import diagnose_folders
-from lumbar.improvement.diagnose import diagnose
-from lumbar.twin.hidden_effects.catalogue import MECHANISMS, SINGLE
-from lumbar.twin.hidden_effects.experiment import plan_batch
-from lumbar.twin.hidden_effects.folder import write_experiments
+from lumbar.diagnosis.scoring.scores import outcome
+from lumbar.diagnosis.selection.batch import diagnose_folders
+from lumbar.diagnosis.selection.diagnose import diagnose
+from lumbar.synthetic.hidden_effects.experiment import plan_batch
+from lumbar.synthetic.hidden_effects.experiment_folder import write_experiments
+from lumbar.synthetic.hidden_effects.hidden_catalogue import MECHANISMS, SINGLE
 
-pytestmark = pytest.mark.end_to_end
+pytestmark = pytest.mark.statistical
 
 STRONG = settings(
     slices=1, residual_over_noise=[5, 15], noise_colours={"white": 1, "autoregressive": 0, "flicker": 0}

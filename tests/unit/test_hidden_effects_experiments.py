@@ -10,11 +10,11 @@ from hidden_effects_cases import settings
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from lumbar.diagnosis.selection.batch import diagnose_folders, read_folder
 from lumbar.errors import InputError, NumericalError
-from lumbar.improvement.blind import diagnose_folders, read_folder
-from lumbar.twin.hidden_effects.catalogue import OUTSIDE_FORMS, PAIRS, SINGLE
-from lumbar.twin.hidden_effects.experiment import KINDS, make_experiment, plan_batch
-from lumbar.twin.hidden_effects.folder import write_experiments
+from lumbar.synthetic.hidden_effects.experiment import KINDS, make_experiment, plan_batch
+from lumbar.synthetic.hidden_effects.experiment_folder import write_experiments
+from lumbar.synthetic.hidden_effects.hidden_catalogue import OUTSIDE_FORMS, PAIRS, SINGLE
 
 SHORT = settings(periods=2, slices=1)
 

@@ -12,29 +12,44 @@ from hidden_effects_cases import PROJECT
 from scipy.integrate import solve_ivp
 
 from lumbar.errors import InputError
-from lumbar.twin.hidden_effects import channel, damping, friction, outside, stiffness
-from lumbar.twin.hidden_effects.catalogue import MECHANISMS, OUTSIDE_FORMS, PAIRS, SINGLE, form_named
-from lumbar.twin.hidden_effects.form import Scales
-from lumbar.twin.hidden_effects.motion import Motion, chirp_motion, draw_motions, line_spectrum_motion
-from lumbar.twin.hidden_effects.noise import COLOURS, draw_noise
-from lumbar.twin.hidden_effects.rate_independent import bouc_wen, dahl, play, rounded_play, stop
-from lumbar.twin.hidden_effects.simulation import Effect, simulate
-from lumbar.twin.hidden_effects.tissue import Tissue, kelvin_boltzmann_residual, maxwell_force
+from lumbar.synthetic.hidden_effects import hidden_channel as channel
+from lumbar.synthetic.hidden_effects import hidden_damping as damping
+from lumbar.synthetic.hidden_effects import hidden_friction as friction
+from lumbar.synthetic.hidden_effects import hidden_stiffness as stiffness
+from lumbar.synthetic.hidden_effects import outside
+from lumbar.synthetic.hidden_effects.force_simulation import HiddenEffect, simulate
+from lumbar.synthetic.hidden_effects.hidden_catalogue import (
+    MECHANISMS,
+    OUTSIDE_FORMS,
+    PAIRS,
+    SINGLE,
+    form_named,
+)
+from lumbar.synthetic.hidden_effects.hidden_form import Scales
+from lumbar.synthetic.hidden_effects.hidden_tissue import Tissue, kelvin_boltzmann_residual, maxwell_force
+from lumbar.synthetic.hidden_effects.load_cell_noise import COLOURS, draw_noise
+from lumbar.synthetic.hidden_effects.rate_independent import bouc_wen, dahl, play, rounded_play, stop
+from lumbar.synthetic.hidden_effects.tool_motion import (
+    ToolMotion,
+    chirp_motion,
+    draw_motions,
+    line_spectrum_motion,
+)
 
 TISSUE = Tissue(0.5, 1.0, 0.15)
 
 
-def smooth_motion(duration: float = 4.0, step: float = 0.0005) -> Motion:
+def smooth_motion(duration: float = 4.0, step: float = 0.0005) -> ToolMotion:
     """Two sines whose reversals are of many sizes."""
     time = step * np.arange(round(duration / step) + 1)
     waves = ((3.0, 2 * np.pi * 0.7, 0.3), (1.5, 2 * np.pi * 2.3, 1.1))
     position = sum(a * np.sin(w * time + p) for a, w, p in waves)
     velocity = sum(a * w * np.cos(w * time + p) for a, w, p in waves)
     acceleration = sum(-a * w**2 * np.sin(w * time + p) for a, w, p in waves)
-    return Motion("multisine", step, position, velocity, acceleration)
+    return ToolMotion("multisine", step, position, velocity, acceleration)
 
 
-def integrate(motion: Motion, slope, start: float = 0.0) -> np.ndarray:
+def integrate(motion: ToolMotion, slope, start: float = 0.0) -> np.ndarray:
     """Solution of ds/dt = slope(s, z, v), by an adaptive solver kept from stepping over reversals."""
     time = motion.time
     found = solve_ivp(
@@ -51,7 +66,7 @@ def integrate(motion: Motion, slope, start: float = 0.0) -> np.ndarray:
 
 def test_imports_nothing_that_later_looks_for_the_effect():
     folder = PROJECT / "workflow" / "lumbar" / "twin" / "hidden_effects"
-    own = ("lumbar.twin.hidden_effects", "lumbar.files", "lumbar.errors")
+    own = ("lumbar.synthetic.hidden_effects", "lumbar.files", "lumbar.errors")
     for file in folder.glob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
@@ -231,7 +246,7 @@ def test_power_law_branch_solves_its_differential_equation_and_is_linear_for_exp
 def test_spring_pot_gives_the_fractional_derivative_of_a_ramp():
     step = 0.0005
     time = step * np.arange(4001)
-    ramp = Motion("chirp", step, time, np.ones_like(time), np.zeros_like(time))
+    ramp = ToolMotion("chirp", step, time, np.ones_like(time), np.zeros_like(time))
     found = outside.spring_pot(ramp, TISSUE, 2.0, 0.4)
     assert np.allclose(found[200:], 2.0 * time[200:] ** 0.6 / gamma(1.6), rtol=2e-3)
 
@@ -286,15 +301,16 @@ def test_every_form_is_weak_at_its_weakest_and_deterministic(form):
     scales = Scales.of(motion, TISSUE)
     shape = form.draw(np.random.default_rng(7), scales)
     assert shape == form.draw(np.random.default_rng(7), scales)
-    weak = simulate(motion, TISSUE, [Effect(form, form.strength(scales, shape, 0.0), shape)])
+    weak = simulate(motion, TISSUE, [HiddenEffect(form, form.strength(scales, shape, 0.0), shape)])
     strong = [
-        simulate(motion, TISSUE, [Effect(form, form.strength(scales, shape, 1.0), shape)]) for _ in "ab"
+        simulate(motion, TISSUE, [HiddenEffect(form, form.strength(scales, shape, 1.0), shape)]) for _ in "ab"
     ]
     base = TISSUE.force(motion)
     assert np.array_equal(*strong)
     assert np.std(weak - base) < 0.01 * base.std() < np.std(strong[0] - base)
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("colour", COLOURS)
 def test_noise_has_its_rms_and_its_spectrum(colour):
     rng = np.random.default_rng(11)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hidden_effects_cases import recorded_motion
 
-from lumbar.twin.hidden_effects.catalogue import form_named
-from lumbar.twin.hidden_effects.simulation import Effect, residual_rms, simulate
-from lumbar.twin.hidden_effects.tissue import Tissue
+from lumbar.synthetic.hidden_effects.force_simulation import HiddenEffect, residual_rms, simulate
+from lumbar.synthetic.hidden_effects.hidden_catalogue import form_named
+from lumbar.synthetic.hidden_effects.hidden_tissue import Tissue
 
 # How the labels' one "shape" number and their forms read in this generator's terms. Their delays were rounded
 # down to a grid of 0.25 ms, which the phase of the recorded force shows.
@@ -37,13 +37,13 @@ FORMS = {
 DELAY_GRID_S = 0.00025
 
 
-def labelled_effects(label: dict) -> list[Effect]:
+def labelled_effects(label: dict) -> list[HiddenEffect]:
     effects = []
     for mechanism, strength, shape in zip(label["effects"], label["strengths"], label["shape"], strict=True):
         name, read = FORMS[mechanism]
         if mechanism == "delay":
             strength = np.floor(strength / DELAY_GRID_S) * DELAY_GRID_S
-        effects.append(Effect(form_named(f"{mechanism}:{name}"), strength, read(shape)))
+        effects.append(HiddenEffect(form_named(f"{mechanism}:{name}"), strength, read(shape)))
     return effects
 
 

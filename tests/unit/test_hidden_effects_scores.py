@@ -11,8 +11,8 @@ from scipy.optimize import minimize
 from scipy.special import expit
 from statsmodels.stats.proportion import proportion_confint
 
-from lumbar.errors import InputError
-from lumbar.improvement.benchmark import (
+from lumbar.diagnosis.scoring.power_curve import fit_power_curve, strength_interval
+from lumbar.diagnosis.scoring.scores import (
     accuracy_table,
     confusion,
     forms_table,
@@ -21,8 +21,8 @@ from lumbar.improvement.benchmark import (
     scores,
     share_with_interval,
 )
-from lumbar.improvement.power_curve import fit_power_curve, strength_interval
-from lumbar.twin.hidden_effects.catalogue import MECHANISMS, OUTSIDE_FORMS, SINGLE
+from lumbar.errors import InputError
+from lumbar.synthetic.hidden_effects.hidden_catalogue import MECHANISMS, OUTSIDE_FORMS, SINGLE
 
 FRICTION, HARDENING = "coulomb_friction", "hardening_stiffness"
 

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from periodic_records import STEP, noise, record
 
-from lumbar.effects.base import BASES
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.fitting.fit_data import FitData, JointData
+from lumbar.diagnosis.fitting.joint_fit import add, fit_base
+from lumbar.diagnosis.fitting.preparation import prepare
+from lumbar.diagnosis.selection.diagnose import diagnose
 from lumbar.effects.catalogue import TISSUE
-from lumbar.effects.motion import Motion
-from lumbar.effects.motions import Motions
-from lumbar.effects.structure import Structure, forces_of
 from lumbar.errors import InputError
-from lumbar.improvement.diagnose import diagnose
-from lumbar.improvement.fit_data import FitData, JointData
-from lumbar.improvement.fitting import add, fit_base
-from lumbar.improvement.preparation import prepare
-from lumbar.improvement.settings import Settings
+from lumbar.models.bases import BASES
+from lumbar.models.joined_motions import JoinedMotions
+from lumbar.models.motion import Motion
+from lumbar.models.structure import Structure, forces_of
 
 WORN = next(form for form in TISSUE["softening"].forms if form.name == "path")
 CLIPPED = next(form for form in TISSUE["saturation"].forms if form.name == "sharp")
@@ -43,11 +43,11 @@ def test_every_record_begins_anew():
     motions = [Motion(np.arange(900) * STEP, moved(seed)[:900], STEP) for seed in (1, 2)]
     structure = Structure(BASES["KB"], (WORN, CLIPPED))
     numbers = np.array([0.8, 1.0, -0.3]), np.array([0.1, 200.0, 3.0])
-    together = structure.simulate(Motions(tuple(motions)), *numbers)
+    together = structure.simulate(JoinedMotions(tuple(motions)), *numbers)
     np.testing.assert_array_equal(
         together, np.concatenate([structure.simulate(motion, *numbers) for motion in motions])
     )
-    columns = forces_of(WORN, Motions(tuple(motions)), np.array([200.0]))
+    columns = forces_of(WORN, JoinedMotions(tuple(motions)), np.array([200.0]))
     assert columns.shape == (1800, 1)
     assert columns[900, 0] == forces_of(WORN, motions[1], np.array([200.0]))[0, 0]
 
@@ -73,7 +73,7 @@ def test_the_start_of_every_record_is_left_out():
 
 
 def test_the_fit_is_that_of_least_squares_over_all_records():
-    """Without shapes the joint fit is ordinary least squares of the stacked records."""
+    """Without nonlinear parameters the joint fit is ordinary least squares of the stacked records."""
     records = [softening_record("a", 4), softening_record("b", 5, 30.0)]
     training = prepare([*records, softening_record("c", 6)], ["a", "b"]).training
     found = fit_base(Structure(BASES["KV"]), training)
@@ -83,15 +83,15 @@ def test_the_fit_is_that_of_least_squares_over_all_records():
         rows.append(np.column_stack([item["input"], velocity])[50:])
         force.append(item["output"][50:])
     expected = np.linalg.lstsq(np.concatenate(rows), np.concatenate(force), rcond=None)[0]
-    np.testing.assert_allclose(found.amplitudes, np.maximum(expected, 0), rtol=1e-6)
+    np.testing.assert_allclose(found.linear, np.maximum(expected, 0), rtol=1e-6)
     worn = add(found, WORN, training)
-    assert worn.amplitudes[0] == pytest.approx(0.8, abs=0.01)
-    assert worn.amplitudes[2] == pytest.approx(-0.3, abs=0.02)
+    assert worn.linear[0] == pytest.approx(0.8, abs=0.01)
+    assert worn.linear[2] == pytest.approx(-0.3, abs=0.02)
 
 
 def test_a_diagnosis_on_two_records_names_them_and_tests_on_the_others():
     records = [softening_record(name, seed) for name, seed in (("a", 7), ("b", 8), ("c", 9))]
-    found = diagnose(records, Settings(base="LE", train=["a", "b"]))
+    found = diagnose(records, DiagnosisSettings(base="LE", train=["a", "b"]))
     assert (found.verdict, found.selected) == ("named", ("softening",))
     assert found.to_json()["train"] == "a+b"
     assert [item.name for item in found.experiment.tests] == ["c"]
@@ -118,10 +118,10 @@ def test_the_noises_colour_is_left_out_where_the_error_is_a_models():
     """An error far above the noise is fitted as it is; one at the noise is whitened."""
     from periodic_records import noisy_record
 
-    from lumbar.improvement.diagnose import diagnose as diagnosed
+    from lumbar.diagnosis.selection.diagnose import diagnose as diagnosed
 
     texture = lambda time, force: 3.0 * np.sin(7.0 * force)  # noqa: E731, nothing of the catalogue
-    settings = Settings(base="KB", most_effects=1)
+    settings = DiagnosisSettings(base="KB", most_effects=1)
     far = diagnosed([noisy_record(6, 0.02, 1, 0.9, extra=texture)], settings)
     near = diagnosed([noisy_record(6, 0.3, 1, 0.9)], settings)
     assert far.model.train_rms > 3 * far.experiment.floor.rms

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import yaml
 
-from lumbar.figures.lifting import events_figure, pendulum_figure, segments_figure
 from lumbar.lifting import lift as lifting
 from lumbar.records.markers import read_markers
+from lumbar.reports.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
 
 
 @pytest.fixture(scope="module")
 def drawn(project, tmp_path_factory):
-    from lumbar.twin.lifting import write_lift
+    from lumbar.synthetic.lifting_recordings import write_lift
 
     read = lambda name: yaml.safe_load((project / "config" / name).read_text(encoding="utf-8"))  # noqa: E731
     settings, twin = read("config.yaml")["lifting"], read("twin.yaml")["twin"]["lifting"]

@@ -11,15 +11,15 @@ from scipy.signal import lfilter
 from scipy.stats import chi2, kendalltau, spearmanr
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
+from lumbar.diagnosis.noise.noise_floor import noise_floor
+from lumbar.diagnosis.residuals.cycle_diagnostic import rank_correlation
+from lumbar.diagnosis.residuals.frequency_diagnostic import EVEN, EXCITED, ODD, excited_lines, line_classes
+from lumbar.diagnosis.residuals.locate import locate, location_table
+from lumbar.diagnosis.residuals.residual import Residual, chi_square_p, steady_velocity
+from lumbar.diagnosis.residuals.residual_tests import cross_correlation, ljung_box
+from lumbar.diagnosis.residuals.state_diagnostics import reversals
+from lumbar.diagnosis.residuals.time_diagnostic import mann_kendall_p
 from lumbar.errors import InputError
-from lumbar.improvement.cycle_view import rank_correlation
-from lumbar.improvement.frequency_view import EVEN, EXCITED, ODD, excited_lines, line_classes
-from lumbar.improvement.locate import locate, location_table
-from lumbar.improvement.noise_floor import noise_floor
-from lumbar.improvement.residual import Residual, chi_square_p, steady_velocity
-from lumbar.improvement.residual_tests import cross_correlation, ljung_box
-from lumbar.improvement.state_views import reversals
-from lumbar.improvement.time_view import mann_kendall_p
 
 DETECTION_GRID = [line for line in range(1, 50, 2) if line % 9 != 0]
 """Odd lines, of which 9, 27 and 45 are left out."""
@@ -181,6 +181,7 @@ def test_a_floor_of_another_record_serves():
     assert worse.views["linear dynamics"].share > 0.9
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize(("pole", "repeating"), [(0.0, True), (0.9, True), (0.0, False)])
 def test_sizes_under_the_null(pole, repeating):
     """At the 5 % level no test of a true model's residual rejects in clearly more than 5 % of 500 cases."""
@@ -204,6 +205,7 @@ def test_sizes_under_the_null(pole, repeating):
     assert accused / trials <= 0.05 + scatter
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("pole", [0.0, 0.9])
 def test_deviation_of_averages_under_noise(pole):
     """Standard deviations of bin means, against their scatter over simulated noise."""

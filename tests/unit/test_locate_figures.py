@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from periodic_records import STEP, noise, noisy_record, record, relaxing_force
 
-from lumbar.figures.comparison import comparison_figure, default_segment
-from lumbar.figures.location import location_figure
-from lumbar.figures.style import save
-from lumbar.improvement.compare import compare_record
-from lumbar.improvement.locate import locate
-from lumbar.improvement.noise_floor import noise_floor
+from lumbar.diagnosis.noise.noise_floor import noise_floor
+from lumbar.diagnosis.residuals.compare import compare_record
+from lumbar.diagnosis.residuals.locate import locate
+from lumbar.reports.figures.comparison_figure import comparison_figure, default_segment
+from lumbar.reports.figures.location_figure import location_figure
+from lumbar.reports.figures.style import save
 
 
 @pytest.fixture(autouse=True)

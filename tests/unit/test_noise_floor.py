@@ -11,8 +11,8 @@ import pytest
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 from scipy.stats import chi2
 
+from lumbar.diagnosis.noise.noise_floor import find_period, noise_floor
 from lumbar.errors import InputError
-from lumbar.improvement.noise_floor import find_period, noise_floor
 
 
 def test_period_is_found_exactly():
@@ -82,6 +82,7 @@ def test_without_structure_the_floor_is_the_spread_over_the_periods():
     assert floor.high == pytest.approx(high, rel=0.01)
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize(("pole", "periods"), [(0.0, 10), (0.0, 3), (0.9, 10), (0.98, 10), (0.5, 30)])
 def test_intervals_cover_the_noise_and_nothing_is_taken_for_structure(pole, periods):
     sigma, trials = 0.3, 100
@@ -260,7 +261,7 @@ def test_hidden_effects(shared):
 
 def test_only_numpy_is_loaded():
     script = (
-        "import sys, lumbar.improvement.noise_floor\n"
+        "import sys, lumbar.diagnosis.noise.noise_floor\n"
         "print([name for name in ('scipy', 'pandas', 'statsmodels', 'matplotlib') if name in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lumbar.effects.base import BASES
-from lumbar.effects.motion import Motion
 from lumbar.errors import InputError
-from lumbar.improvement.angle import for_base, smoothed
+from lumbar.models.bases import BASES
+from lumbar.models.measured_angle import for_base, smoothed
+from lumbar.models.motion import Motion
 from lumbar.records.record import Channel, Record
 
 STEP = 0.01

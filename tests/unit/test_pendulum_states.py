@@ -125,7 +125,7 @@ def study(project):
 
 @pytest.fixture(scope="module")
 def recording(study, tmp_path_factory):
-    from lumbar.twin.lifting import write_lift
+    from lumbar.synthetic.lifting_recordings import write_lift
 
     path = tmp_path_factory.mktemp("twin") / "novice_23kg.c3d"
     write_lift(study[1], "novice_23kg", [3], path, None)
@@ -134,7 +134,7 @@ def recording(study, tmp_path_factory):
 
 def test_the_whole_chain_recovers_the_twins_true_pendulum(study, recording):
     """Gaps, noise, filter and spline against finite differences of the noise-free movement at 10 kHz."""
-    from lumbar.twin.lifter import simulate
+    from lumbar.synthetic.lifter import simulate
 
     settings, twin, subject, trial = study
     lift = analyse_lift(recording, "novice_23kg", subject, trial, settings)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry
 
-from lumbar.effects import base as base_models
 from lumbar.effects import catalogue
-from lumbar.runtime.effect_entry import effect_model
+from lumbar.fmu.build.effect_entry import effect_model
+from lumbar.models import bases as base_models
+from lumbar.models.fitted_model import FittedModel
 
 SAMPLING_TIME = 0.001
 FROM = 500
@@ -47,29 +48,31 @@ def forms():
 
 
 def motion():
-    from lumbar.effects.motion import Motion
+    from lumbar.models.motion import Motion
 
     time = np.arange(4000) * SAMPLING_TIME
     position = sum(
-        amplitude * np.sin(2 * np.pi * frequency * time + phase)
-        for amplitude, frequency, phase in ((1.0, 0.5, 0.3), (0.4, 1.7, 1.1), (0.15, 4.0, 2.0))
+        linear_parameter * np.sin(2 * np.pi * frequency * time + phase)
+        for linear_parameter, frequency, phase in ((1.0, 0.5, 0.3), (0.4, 1.7, 1.1), (0.15, 4.0, 2.0))
     )
     return Motion(time, position, SAMPLING_TIME)
 
 
 @pytest.mark.parametrize("key", FORM_NUMBERS)
 def test_forces_are_those_of_the_catalogue(key):
-    from lumbar.effects.structure import Structure
+    from lumbar.models.structure import Structure
 
-    moved, (amplitudes, shapes) = motion(), BASE_NUMBERS["KB"]
+    moved, (linear, nonlinear) = motion(), BASE_NUMBERS["KB"]
     bare = Structure(base_models.BASES["KB"])
     numbers = [
-        np.array([*base, *own]) for base, own in zip((amplitudes, shapes), FORM_NUMBERS[key], strict=True)
+        np.array([*base, *own]) for base, own in zip((linear, nonlinear), FORM_NUMBERS[key], strict=True)
     ]
-    bare_force = bare.simulate(moved, np.array(amplitudes), np.array(shapes))
+    bare_force = bare.simulate(moved, np.array(linear), np.array(nonlinear))
     expected = bare.with_form(forms()[key]).simulate(moved, *numbers) - bare_force
     found, bare_found = (
-        effect_model(effect_entry("KB", *keys), SAMPLING_TIME, catalogue.TISSUE).response(moved.position)
+        effect_model(
+            FittedModel.from_json(effect_entry("KB", *keys), catalogue.CATALOGUES), SAMPLING_TIME
+        ).response(moved.position)
         for keys in ((key,), ())
     )
     np.testing.assert_allclose(bare_found[FROM:], bare_force[FROM:], atol=1e-4 * np.abs(bare_force).max())

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from lumbar.runtime.lint import lint_fmu
-from lumbar.runtime.package import write_fmu
+from lumbar.fmu.build.package import write_fmu
+from lumbar.fmu.check.lint import lint_fmu
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"

@@ -13,16 +13,15 @@ import fmpy
 import numpy as np
 import pytest
 from effect_entries import COMBINATIONS, effect_entry
-from runtime_models import SETTINGS, TARGET, entry, models_json
+from runtime_models import SETTINGS, TARGET, entry, models_json, selected
 
 from lumbar.errors import InputError
-from lumbar.runtime import package
-from lumbar.runtime.check import simulate_fmu
-from lumbar.runtime.compiler import TARGETS, compile_library
-from lumbar.runtime.export_model import select_models
-from lumbar.runtime.lint import lint_fmu
-from lumbar.runtime.package import compile_model, export_fmus, write_fmu
-from lumbar.runtime.sources import c_files, source_files
+from lumbar.fmu.build import package
+from lumbar.fmu.build.compiler import TARGETS, compile_library
+from lumbar.fmu.build.package import compile_model, export_fmus, write_fmu
+from lumbar.fmu.build.sources import c_files, source_files
+from lumbar.fmu.check.fmu_check import simulate_fmu
+from lumbar.fmu.check.lint import lint_fmu
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"),
@@ -61,7 +60,7 @@ def test_the_same_bytes_from_another_folder_and_a_cold_cache(fmu_models, fmu_fol
         first, second = ((place / name).read_bytes() for place in (fmu_folder, tmp_path / "elsewhere"))
         assert hashlib.sha256(first).hexdigest() == hashlib.sha256(second).hexdigest()
     with_effects = effect_entry(*COMBINATIONS[1])
-    models = select_models(models_json(with_effects), {**SETTINGS, "models": [with_effects["name"]]})
+    models = selected(models_json(with_effects), {**SETTINGS, "models": [with_effects["name"]]})
     first, again = (
         export_fmus(models, tmp_path / folder, "synthetic twin", TARGET, cache)
         for folder, cache in (("one", zig_cache), ("another folder", tmp_path / "cold cache"))
@@ -154,7 +153,7 @@ def test_places_that_cannot_be_written_are_named(fmu_models, fmu_folder, zig_cac
         export_fmus(fmu_models[:1], blocked / "fmu", "", TARGET, zig_cache)
     with pytest.raises(InputError, match="TMPDIR"):
         compile_model(fmu_models[0], TARGET, zig_cache, tmp_path / "absent")
-    monkeypatch.setattr("lumbar.runtime.compiler.find_spec", lambda _: None)
+    monkeypatch.setattr("lumbar.fmu.build.compiler.find_spec", lambda _: None)
     with pytest.raises(InputError, match="ziglang"):
         export_fmus(fmu_models[:1], tmp_path, "", TARGET, zig_cache)
 
@@ -205,7 +204,7 @@ int main(void) {
 def test_accumulated_steps_are_never_mistimed(start, zig_cache, tmp_path):
     """A client in C, built with traps for undefined behaviour, takes three million steps."""
     settings = {**SETTINGS, "models": ["gain"], "moving_average": 1, "output_limit": 1e9}
-    model = select_models(models_json(entry("gain", [1.0], [1.0])), settings)[0]
+    model = selected(models_json(entry("gain", [1.0], [1.0])), settings)[0]
     for name, text in source_files(model).items():
         (tmp_path / name).write_text(text)
     (tmp_path / "client.c").write_text(CLIENT)

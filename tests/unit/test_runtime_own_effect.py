@@ -8,14 +8,13 @@ import sys
 import numpy as np
 import pytest
 from c_programs import CModel
-from effect_entries import BASE_NUMBERS
-from runtime_models import SETTINGS, TARGET, models_json
+from effect_entries import entry_of_effects
+from runtime_models import SETTINGS, TARGET, models_json, selected
 
 from lumbar.effects.catalogue import catalogue_with
 from lumbar.errors import InputError
-from lumbar.runtime.check import check_fmus
-from lumbar.runtime.export_model import select_models
-from lumbar.runtime.package import export_fmus
+from lumbar.fmu.build.package import export_fmus
+from lumbar.fmu.check.fmu_check import check_fmus
 
 on_x86_64_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
@@ -23,22 +22,22 @@ on_x86_64_linux = pytest.mark.skipif(
 WRITTEN = """
 import numpy as np
 from scipy.signal import lfilter
-from lumbar.effects.c_step import CStep
-from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
+from lumbar.models.c_step import CStep
+from lumbar.models.form import LinearParameter, Effect, Form, Place, NonlinearParameter
 
 
-def smoothed(motion, shapes):
-    pole = np.exp(-motion.sampling_time / shapes[0])
+def smoothed(motion, nonlinear):
+    pole = np.exp(-motion.sampling_time / nonlinear[0])
     start = [pole * motion.position[0]]
     return motion.replaced(lfilter([1 - pole], [1, -pole], motion.position, zi=start)[0])
 
 
 LAG = Effect("lag", "The mount is soft.", (Form("first_order", r"T \\dot z + z", Place.INPUT,
-    shapes=(Shape("lag_time", "s", "time", 0.01, 1.0, 3),), input_transform=smoothed,
+    nonlinear=(NonlinearParameter("lag_time", "s", "time", 0.01, 1.0, 3),), input_transform=smoothed,
     c_step=CStep("next[0]", "next[0] = first ? position : pole * memory[0] + (1.0 - pole) * position;", memory=1,
         constants=lambda given, T: {"pole": float(np.exp(-T / given["lag_time"]))})),), "own")
 CREEP = Effect("creep", "Force follows the mean position.", (Form("mean", "c m", Place.PARALLEL,
-    (Amplitude("creep_stiffness", "{y}/{x}"),),
+    (LinearParameter("creep_stiffness", "{y}/{x}"),),
     columns=lambda motion, _: [np.cumsum(motion.position) / np.arange(1, len(motion) + 1)],
     c_step=CStep("creep_stiffness * (next[1] / next[0])",
         "next[0] = memory[0] + 1.0;\\nnext[1] = memory[1] + position;", memory=2)),), "own")
@@ -48,26 +47,11 @@ RECTIFIED = Effect("rectified", "The sensor shows no sign.", (Form("size", "|F| 
 """Effects at all three places, with memory and constants; one equation that would end the comment it stands in."""
 
 
-def entry(*effects: tuple) -> dict:
-    """Entry of KB with effects: name, form, amplitudes, shapes."""
-    amplitudes, shapes = BASE_NUMBERS["KB"]
-    keys = ("effect", "form", "amplitudes", "shapes")
-    return {
-        "name": "KB+own",
-        "trained_on": "multisine",
-        "estimator": "output_error",
-        "base": "KB",
-        "amplitudes": amplitudes,
-        "shapes": shapes,
-        "effects": [dict(zip(keys, effect, strict=True)) for effect in effects],
-    }
-
-
 def exported(catalogue, *effects, **settings):
-    content = models_json(entry(*effects))
-    return select_models(
-        content, {**SETTINGS, "models": ["KB+own"], "moving_average": 1, **settings}, catalogue
-    )[0]
+    added = {f"{effect}/{form}": numbers for effect, form, *numbers in effects}
+    content = models_json({**entry_of_effects("KB", added, catalogue), "name": "KB+own"})
+    chosen = {**SETTINGS, "models": ["KB+own"], "moving_average": 1, **settings}
+    return selected(content, chosen, catalogue)[0]
 
 
 def held_to_its_simulation(model, folder, cache) -> None:
@@ -82,14 +66,14 @@ def held_to_its_simulation(model, folder, cache) -> None:
 
 
 @on_x86_64_linux
-@pytest.mark.parametrize(("form", "amplitude", "shapes"), [("sphere", 0.7, []), ("power", 0.4, [1.7])])
-def test_the_example_becomes_an_fmu(form, amplitude, shapes, project, zig_cache, tmp_path):
+@pytest.mark.parametrize(("form", "amplitude", "nonlinear"), [("sphere", 0.7, []), ("power", 0.4, [1.7])])
+def test_the_example_becomes_an_fmu(form, amplitude, nonlinear, project, zig_cache, tmp_path):
     catalogue = catalogue_with([project / "examples" / "own_effect" / "hertzian_contact.py"])
-    model = exported(catalogue, ("hertzian_contact", form, [amplitude], shapes))
+    model = exported(catalogue, ("hertzian_contact", form, [amplitude], nonlinear))
     held_to_its_simulation(model, tmp_path, zig_cache)
     depth = np.array([0.0, -2.0, 0.5])
     bare = exported(catalogue).dynamics.response(depth)
-    added = amplitude * np.array([0.0, 0.0, 0.5 ** (shapes or [1.5])[0]])
+    added = amplitude * np.array([0.0, 0.0, 0.5 ** (nonlinear or [1.5])[0]])
     np.testing.assert_allclose(model.dynamics.response(depth) - bare, added, atol=1e-14)
 
 

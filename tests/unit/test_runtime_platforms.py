@@ -15,15 +15,14 @@ import numpy as np
 import pytest
 from c_programs import loader_program, write_sources
 from effect_entries import effect_entry
-from runtime_models import SETTINGS, entry, models_json
+from runtime_models import SETTINGS, entry, models_json, selected
 
 from lumbar.errors import InputError
-from lumbar.runtime import compiler
-from lumbar.runtime.compiler import TARGETS, host_target, resolve_targets
-from lumbar.runtime.export_model import select_models
-from lumbar.runtime.package import export_fmus, fmu_contents
-from lumbar.runtime.reference import reference_push
-from lumbar.runtime.universal import universal_library
+from lumbar.fmu.build import compiler
+from lumbar.fmu.build.compiler import TARGETS, host_target, resolve_targets
+from lumbar.fmu.build.mach_o import universal_library
+from lumbar.fmu.build.package import export_fmus, fmu_contents
+from lumbar.fmu.build.reference_response import reference_push
 
 HERE = Path(__file__).parent
 WINE = (
@@ -57,12 +56,12 @@ FIVE_EFFECTS = effect_entry(
 def some_models():
     """KB, a static gain, and a model with effects."""
     entries = [entry("KB", [1.9, -1.2], [1.0, -0.45]), entry("gain", [1.0], [1.0])]
-    linear = select_models(
+    linear = selected(
         models_json(*entries),
         {**SETTINGS, "models": ["KB", "gain"], "moving_average": 1, "output_limit": 1e9},
     )
     settings = {**SETTINGS, "models": [NONLINEAR["name"]]}
-    return [*linear, *select_models(models_json(NONLINEAR), settings)]
+    return [*linear, *selected(models_json(NONLINEAR), settings)]
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +165,7 @@ def test_the_loader_in_c_sharp_prints_the_embedded_reference(platform_fmus, proj
 def test_five_platforms_fit_into_150_kilobytes(zig_cache, tmp_path):
     """A linear model, and the most effects that a diagnosis adds at the rate of a haptic loop."""
     chosen = {**SETTINGS, "models": [FIVE_EFFECTS["name"]], "rate_Hz": 1000}
-    models = [some_models()[0], *select_models(models_json(FIVE_EFFECTS), chosen)]
+    models = [some_models()[0], *selected(models_json(FIVE_EFFECTS), chosen)]
     for path in export_fmus(models, tmp_path, "synthetic twin", list(TARGETS), zig_cache):
         assert path.stat().st_size <= 150_000, path.name
 
@@ -253,6 +252,6 @@ def test_reference_of_the_fmu_is_what_its_version_gives():
     time, inputs, forces = reference_push(model, "3.0")
     _, _, late = reference_push(model, "2.0")
     assert np.abs(forces).max() == pytest.approx(model.output_limit / 2)
-    through = model.dynamics.state_space.D * (inputs - np.concatenate([inputs[:1], inputs[:-1]]))
+    through = model.dynamics.numerator[0] * (inputs - np.concatenate([inputs[:1], inputs[:-1]]))
     np.testing.assert_allclose(forces - late, through, atol=1e-6)
     assert len(time) == len(inputs) == len(forces)

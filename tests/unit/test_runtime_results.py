@@ -7,12 +7,12 @@ import sys
 import numpy as np
 import pytest
 
-from lumbar.figures.runtime import fmu_force_figure
-from lumbar.figures.style import save
-from lumbar.runtime.check import check_fmus, check_input
-from lumbar.runtime.check_table import check_table
-from lumbar.runtime.push import push
-from lumbar.runtime.reference import push_profile, reference_output
+from lumbar.fmu.build.reference_response import push_profile, reference_output
+from lumbar.fmu.check.check_table import check_table
+from lumbar.fmu.check.fmu_check import check_fmus, check_input
+from lumbar.fmu.check.reference_stimulus import push
+from lumbar.reports.figures.fmu_figures import fmu_force_figure
+from lumbar.reports.figures.style import save
 
 needs_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"),

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lumbar.figures.signals import excitation_figure
-from lumbar.figures.surgeon import psd_figure
+from lumbar.reports.figures.signal_figures import excitation_figure
+from lumbar.reports.figures.surgeon_figures import psd_figure
 from lumbar.signals.excitation import Signal
 
 

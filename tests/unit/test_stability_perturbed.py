@@ -9,7 +9,7 @@ import pytest
 from stability_cases import minimum_jerk
 
 from lumbar.errors import InputError
-from lumbar.stability.perturbed_trials import (
+from lumbar.stability.comparison.perturbed_trials import (
     PHASE_POINTS,
     Trial,
     compare_trials,

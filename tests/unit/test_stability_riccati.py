@@ -7,8 +7,8 @@ import pytest
 from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.errors import InputError, NumericalError
-from lumbar.stability.pendulum import feedforward_torque, remainder
-from lumbar.stability.riccati import (
+from lumbar.stability.model.pendulum_loop import feedforward_torque, remainder
+from lumbar.stability.model.riccati import (
     Weights,
     check_weights,
     cost_to_go,

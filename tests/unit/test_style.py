@@ -6,7 +6,7 @@ import matplotlib.colors as colours
 import numpy as np
 import pytest
 
-from lumbar.figures.style import MODELS, new_figure, save
+from lumbar.reports.figures.style import MODELS, new_figure, save
 
 
 def draw():

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from lumbar.figures.survey import best_picks_figure, likert_figure
+from lumbar.reports.figures.survey_figures import best_picks_figure, likert_figure
 
 
 @pytest.fixture(autouse=True)

@@ -13,17 +13,17 @@ from scipy import stats
 
 from lumbar.errors import NumericalError
 from lumbar.records.ratings import Ratings, read_ratings
-from lumbar.survey.analysis import analyse_survey, describe_participants
 from lumbar.survey.best_picks import equal_shares_test, pick_shares
-from lumbar.survey.paired import (
+from lumbar.survey.paired_analysis import (
     compare_pairs,
     friedman,
     resampled_counts,
     superiority_interval,
     vargha_delaney,
 )
-from lumbar.survey.published import holm, kruskal_wallis, mann_whitney, modes, pairs, printed
 from lumbar.survey.signed_rank import EXACT_LIMIT, positive_rank_sum_distribution, signed_rank_test
+from lumbar.survey.survey_analysis import analyse_survey, describe_participants
+from lumbar.survey.table_3_2 import holm, kruskal_wallis, mann_whitney, modes, pairs, printed
 
 
 @pytest.fixture(scope="module")

@@ -11,29 +11,29 @@ from hidden_effects_cases import recorded_motion
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
-from lumbar.effects.base import BASES
-from lumbar.effects.catalogue import TISSUE
-from lumbar.effects.motion import Motion
-from lumbar.effects.structure import Structure
-from lumbar.improvement.diagnose import diagnose
-from lumbar.improvement.excitation_family import band, excitation_family
-from lumbar.improvement.fit_data import FitData
-from lumbar.improvement.fitting import fit
-from lumbar.improvement.separating_excitation import (
+from lumbar.diagnosis.design.discrimination import (
     excitation_csv,
     separating_excitation,
     separation_sentence,
 )
-from lumbar.improvement.settings import Settings
-from lumbar.improvement.tangent import beyond, tangent_basis
-from lumbar.improvement.ties import angles_between, complete_linkage, signal_angles
+from lumbar.diagnosis.design.excitation_family import band, excitation_family
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.fitting.fit_data import FitData
+from lumbar.diagnosis.fitting.joint_fit import fit
+from lumbar.diagnosis.fitting.sensitivity_subspace import beyond, tangent_basis
+from lumbar.diagnosis.selection.diagnose import diagnose
+from lumbar.diagnosis.selection.ties import angles_between, complete_linkage, signal_angles
+from lumbar.effects.catalogue import TISSUE
+from lumbar.models.bases import BASES
+from lumbar.models.motion import Motion
+from lumbar.models.structure import Structure
 from lumbar.records.record import Channel, Record
 from lumbar.signals.machine_limits import Kinematics, peak_kinematics
-from lumbar.twin.hidden_effects.catalogue import form_named
-from lumbar.twin.hidden_effects.form import Scales
-from lumbar.twin.hidden_effects.motion import RATE_HZ, line_spectrum_motion
-from lumbar.twin.hidden_effects.simulation import calibrated, simulate
-from lumbar.twin.hidden_effects.tissue import Tissue
+from lumbar.synthetic.hidden_effects.force_simulation import calibrated, simulate
+from lumbar.synthetic.hidden_effects.hidden_catalogue import form_named
+from lumbar.synthetic.hidden_effects.hidden_form import Scales
+from lumbar.synthetic.hidden_effects.hidden_tissue import Tissue
+from lumbar.synthetic.hidden_effects.tool_motion import RATE_HZ, line_spectrum_motion
 
 TRUE_TISSUE = Tissue(elastic=0.5, relaxing=0.6, relaxation_s=0.15)
 ONE_LINE = 10
@@ -73,7 +73,7 @@ def test_a_refit_takes_up_what_lies_in_the_tangent_space():
     assert left < 1e-3 * np.linalg.norm((nearby - truth)[50:])
     cubic = motion.position[50:] ** 3
     data = FitData("a", motion, truth + 1e-3 * motion.position**3)
-    refitted = fit(structure, data, fitted.shapes)
+    refitted = fit(structure, data, fitted.nonlinear)
     assert np.sqrt(refitted.squared_error) == pytest.approx(
         1e-3 * np.linalg.norm(beyond(basis, cubic)), rel=0.01
     )
@@ -114,6 +114,7 @@ TIED_CASES = (
 )
 
 
+@pytest.mark.statistical
 def test_the_proposed_excitation_breaks_the_tie():
     """Effects far below the noise, of which three of four must tie on sines and be named once the proposal is recorded."""
     outcomes = {case: outcome(*case) for case in TIED_CASES}
@@ -133,7 +134,7 @@ def outcome(label: str, strength: float, seed: int) -> str:
     assert found.distance > 2 * found.recorded
     motion = found.excitation.motion
     proposed = recorded(recorded_motion("proposed", motion.time, motion.position), effect, noise, 7)
-    after = diagnose([*records, proposed], Settings(train="proposed"))
+    after = diagnose([*records, proposed], DiagnosisSettings(train="proposed"))
     if (after.verdict, after.selected) == ("named", truth):
         return "named after the proposal"
     return f"{after.verdict} after the proposal: {after.selected}"

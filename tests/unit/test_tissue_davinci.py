@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import yaml
 
+from lumbar.identification.identify_tissue import IdentificationSettings, identify
 from lumbar.records.columns import read_record
-from lumbar.tissue.identification import Settings, identify
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,9 @@ def test_units_of_the_recording(study):
 
 def test_a_spring_explains_little_and_fits_on_one_sine_fail_on_another(study):
     settings, (slow, middle, fast) = study
-    fits = identify(slow, [middle, fast], replace(Settings.from_config(settings), order_max=2), 1)["fits"]
+    fits = identify(
+        slow, [middle, fast], replace(IdentificationSettings.from_config(settings), order_max=2), 1
+    )["fits"]
     found = {(fit["name"], fit["estimator"]): fit for fit in fits}
     assert found["LE", "arx"]["vaf_percent"] < 40
     maxwell = found["Maxwell", "output_error"]

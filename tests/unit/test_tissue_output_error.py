@@ -5,18 +5,18 @@ import pytest
 from scipy.optimize import minimize
 
 from lumbar.errors import InputError, NumericalError
-from lumbar.tissue.bootstrap import block_bootstrap
-from lumbar.tissue.first_order import discretise
-from lumbar.tissue.models import KB, MAXWELL, MW, kelvin_boltzmann
-from lumbar.tissue.output_error import (
+from lumbar.identification.bootstrap import block_bootstrap
+from lumbar.identification.output_error import (
     fit_output_error,
     relaxation_starts,
     simulation_sensitivities,
     stabilised,
 )
-from lumbar.tissue.ridge import ReducedRegression
-from lumbar.tissue.structure import Structure
-from lumbar.tissue.transfer_function import TransferFunction
+from lumbar.identification.ridge import ReducedRegression
+from lumbar.models.arx_structure import ArxStructure
+from lumbar.models.first_order import discretise
+from lumbar.models.tissue_models import KB, MAXWELL, MW, kelvin_boltzmann
+from lumbar.models.transfer_function import TransferFunction
 
 T = 0.01
 TRUTH = {"k1": 0.4, "k2": 3.2, "b": 0.126}
@@ -37,7 +37,7 @@ def arx(structure, inputs, outputs):
     )
 
 
-@pytest.mark.parametrize("structure", [KB.structure, MAXWELL.structure, Structure(3, (1, 2))], ids=str)
+@pytest.mark.parametrize("structure", [KB.structure, MAXWELL.structure, ArxStructure(3, (1, 2))], ids=str)
 def test_sensitivities_are_the_derivatives_of_the_free_run(structure):
     inputs, _ = experiment(0, samples=200)
     coefficients = np.linspace(0.4, -0.2, structure.parameter_count)

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 import statsmodels.api as sm
 
-from lumbar.tissue.metrics import (
+from lumbar.identification.metrics import (
     condition_number,
     fit_ratio,
     mean_residual,
     normalized_mean_squared_error,
     variance_accounted_for,
 )
-from lumbar.tissue.models import KB, MAXWELL, MW, higher_order_structures
-from lumbar.tissue.ridge import ReducedRegression, RidgePath, ridge_grid
-from lumbar.tissue.structure import Structure
-from lumbar.tissue.transfer_function import TransferFunction
+from lumbar.identification.ridge import ReducedRegression, RidgePath, ridge_grid
+from lumbar.models.arx_structure import ArxStructure
+from lumbar.models.tissue_models import KB, MAXWELL, MW, higher_order_structures
+from lumbar.models.transfer_function import TransferFunction
 
 STRUCTURES = [MW.structure, MAXWELL.structure, KB.structure, *higher_order_structures(4)]
 
@@ -60,7 +60,7 @@ def test_one_factorisation_gives_every_ridge_solution(record, structure):
         assert path.residual_sum_of_squares(alpha) == pytest.approx(residual @ residual, rel=1e-9)
 
 
-@pytest.mark.parametrize("structure", [MW.structure, KB.structure, Structure(3, (0, 1, 2))], ids=str)
+@pytest.mark.parametrize("structure", [MW.structure, KB.structure, ArxStructure(3, (0, 1, 2))], ids=str)
 def test_parameter_covariance_is_that_of_ordinary_least_squares(record, structure):
     path = ReducedRegression(*record, lag=4).path(structure)
     regressors, target = regressor_matrix(structure, *record, lag=4)
@@ -74,8 +74,8 @@ def test_parameter_covariance_is_that_of_ordinary_least_squares(record, structur
     ("structure", "truth"),
     [
         (KB.structure, TransferFunction((1.9, -1.5), (1.0, -0.7))),
-        (Structure(2, (0, 1, 2)), TransferFunction((1.0, -0.4, 0.2), (1.0, -1.1, 0.5))),
-        (Structure(4, (1, 2)), TransferFunction((0.0, 0.4, 0.2), (1.0, -0.5, 0.2, -0.1, 0.3))),
+        (ArxStructure(2, (0, 1, 2)), TransferFunction((1.0, -0.4, 0.2), (1.0, -1.1, 0.5))),
+        (ArxStructure(4, (1, 2)), TransferFunction((0.0, 0.4, 0.2), (1.0, -0.5, 0.2, -0.1, 0.3))),
     ],
 )
 def test_noise_free_coefficients_are_recovered(structure, truth):
@@ -105,7 +105,7 @@ def test_a_single_sine_is_reported_as_rank_deficient():
     time = np.arange(600) * 0.01
     inputs = np.sin(2 * np.pi * time)
     outputs = TransferFunction((1.9, -1.5), (1.0, -0.7)).simulate(inputs)[200:]
-    path = ReducedRegression(inputs[200:], outputs, 4).path(Structure(3, (0, 1, 2, 3)))
+    path = ReducedRegression(inputs[200:], outputs, 4).path(ArxStructure(3, (0, 1, 2, 3)))
     assert path.rank == 2
     assert path.condition_number is None
     assert path.standard_deviations(0.0) is None

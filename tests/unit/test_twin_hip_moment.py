@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from lumbar.errors import InputError
-from lumbar.twin.hip_moment import write_trials
-from lumbar.twin.lifting import write_lift
+from lumbar.synthetic.hip_moment_recordings import write_trials
+from lumbar.synthetic.lifting_recordings import write_lift
 
 LIFTS = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")
 
@@ -100,15 +100,15 @@ def test_the_default_study_weighs_the_box(twin, tmp_path):
     """Diagnosed as a study would: the twin's truth is read by the assertions only."""
     from pendulum_records import records_of
 
-    from lumbar.improvement.diagnose import diagnose
-    from lumbar.improvement.settings import Settings
+    from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+    from lumbar.diagnosis.selection.diagnose import diagnose
 
     trials = {}
     for name in twin["hip_moment"]["trials"]:
         write_trials(twin, [name], [tmp_path / f"{name}.csv"], [45, 3])
         table = pd.read_csv(tmp_path / f"{name}.csv")
         trials[name] = {key: table[key].to_numpy() for key in table}
-    diagnosis = diagnose(records_of(trials), Settings(base="pendulum"))
+    diagnosis = diagnose(records_of(trials), DiagnosisSettings(base="pendulum"))
     assert (diagnosis.verdict, diagnosis.selected) == ("named", ("hand_load",))
     assert diagnosis.complete
     assert diagnosis.experiment.training.name == "paced"

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from lumbar.errors import InputError
-from lumbar.twin.lifter import ARM_LENGTH
-from lumbar.twin.lifting import true_movement, write_lift
+from lumbar.synthetic.lifter import ARM_LENGTH
+from lumbar.synthetic.lifting_recordings import true_movement, write_lift
 
 LIFTS = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")
 

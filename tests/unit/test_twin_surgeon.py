@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from lumbar.errors import InputError
-from lumbar.twin.surgeon import minimum_jerk_chain, surgeon_trial, tremor_noise
+from lumbar.synthetic.surgeon_recordings import minimum_jerk_chain, surgeon_trial, tremor_noise
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from lumbar.errors import InputError
 from lumbar.records.columns import read_record
-from lumbar.twin.tissue import play, tissue_force
+from lumbar.synthetic.tissue_recordings import play, tissue_force
 
 TISSUE = {
     "k1_N_per_mm": 0.4,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import pytest
 
-from lumbar.figures.workflow import depths, draw_workflow, parse_rule_graph
+from lumbar.reports.figures.workflow_figure import depths, draw_workflow, parse_rule_graph
 
 DOT = """digraph snakemake_dag {
     graph[bgcolor=white, margin=0];

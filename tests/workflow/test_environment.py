@@ -55,14 +55,14 @@ def test_derived_files_are_up_to_date(project):
 
 
 def test_key_reference_says_what_the_schemas_say(project):
-    from lumbar.config_reference import renewed
+    from lumbar.config.reference import renewed
 
     page = (project / "config" / "README.md").read_text(encoding="utf-8")
     assert renewed(page, project) == page, "run: make docs"
 
 
 def test_every_key_of_the_schemas_is_described(project):
-    from lumbar.config_reference import keys
+    from lumbar.config.reference import keys
 
     folder = project / "workflow" / "schemas"
     schema = yaml.safe_load((folder / "config.schema.yaml").read_text(encoding="utf-8"))

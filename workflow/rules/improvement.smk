@@ -1,6 +1,6 @@
 # Improvement: what the base model is missing on each record set, the model with it, and the error ladder.
 
-from lumbar.config.recordings import record_layout, record_set_base, record_set_records
+from lumbar.config.study_recordings import record_layout, record_set_base, record_set_records
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
 RECORD_SETS = [entry["name"] for entry in config["improvement"]["record_sets"]]
@@ -19,59 +19,16 @@ rule diagnose_records:
         effects=config["improvement"]["effect_files"],
         sources=library_sources("diagnose_records.py"),
     output:
-        diagnosis="<results>/improvement/{record_set}/diagnosis.json",
-        page=report(
-            "<results>/improvement/{record_set}/diagnosis.html",
-            caption=caption("diagnosis"),
-            category=CATEGORIES["improvement"],
-            labels={"artefact": "Diagnosis of the records {record_set}"},
+        **published(
+            "diagnoses",
+            "comparisons",
+            "locations",
+            "comparison_figures",
+            "location_figures",
+            "effect_signatures",
+            "error_ladders",
         ),
-        ladder="<results>/improvement/{record_set}/ladder.csv",
         refined="<results>/improvement/{record_set}/refined.json",
-        compare="<results>/improvement/{record_set}/compare.csv",
-        compare_tex="<results>/improvement/{record_set}/compare.tex",
-        compare_html=report(
-            "<results>/improvement/{record_set}/compare.html",
-            caption=caption("comparison"),
-            category=CATEGORIES["improvement"],
-            labels={"artefact": "Base model against the records {record_set}"},
-        ),
-        location="<results>/improvement/{record_set}/location.csv",
-        location_tex="<results>/improvement/{record_set}/location.tex",
-        location_html=report(
-            "<results>/improvement/{record_set}/location.html",
-            caption=caption("location"),
-            category=CATEGORIES["improvement"],
-            labels={"artefact": "Where the base model fails on the records {record_set}"},
-        ),
-        comparison_svg=report(
-            "<results>/improvement/{record_set}/comparison.svg",
-            caption=caption("comparison_figure"),
-            category=CATEGORIES["improvement"],
-            labels={"artefact": "Base model beside the least explained of the records {record_set}"},
-        ),
-        comparison_pdf="<results>/improvement/{record_set}/comparison.pdf",
-        location_svg=report(
-            "<results>/improvement/{record_set}/location.svg",
-            caption=caption("location_figure"),
-            category=CATEGORIES["improvement"],
-            labels={"artefact": "Where the base model fails: pictures of the records {record_set}"},
-        ),
-        location_pdf="<results>/improvement/{record_set}/location.pdf",
-        signatures_svg=report(
-            "<results>/improvement/{record_set}/signatures.svg",
-            caption=caption("signatures"),
-            category=CATEGORIES["improvement"],
-            labels={"artefact": "Signatures of the effects named for the records {record_set}"},
-        ),
-        signatures_pdf="<results>/improvement/{record_set}/signatures.pdf",
-        ladder_svg=report(
-            "<results>/improvement/{record_set}/ladder.svg",
-            caption=caption("error_ladder"),
-            category=CATEGORIES["improvement"],
-            labels={"artefact": "Error ladder of the records {record_set}"},
-        ),
-        ladder_pdf="<results>/improvement/{record_set}/ladder.pdf",
     log:
         "<logs>/diagnose_records/{record_set}.log",
     benchmark:

@@ -10,8 +10,8 @@ def main(input, output, params):
     from lumbar.files import read_json, write_csv
     from lumbar.stability.basins import basins_of_lift
     from lumbar.stability.extended_basins import extended_basins
-    from lumbar.stability.failures import failures_frame
-    from lumbar.stability.trajectory import trajectories_of_lift
+    from lumbar.stability.model.failures import failures_frame
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
     mass = params.settings["pendulum"]["mass"]
     trajectories, failures = trajectories_of_lift(pd.read_csv(input.states), read_json(input.facts), mass)

@@ -2,16 +2,16 @@
 
 from pathlib import Path
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
     """Read the published tables and this run's results, examine all claims, write them."""
     import pandas as pd
 
-    from lumbar.claims.register import all_claims, examine_claims
-    from lumbar.claims.summary import summary_table
     from lumbar.files import read_json, write_csv
+    from lumbar.reports.reproduction.claims_summary import summary_table
+    from lumbar.reports.reproduction.register import all_claims, examine_claims
 
     published = {Path(path).stem: pd.read_csv(path) for path in input.published}
     results = {
@@ -20,7 +20,7 @@ def main(input, output, params):
     }
     claims = examine_claims(all_claims(published, params.synthetic), results, params.synthetic, params.data)
     write_csv(output.claims, claims)
-    summary_table(claims, params.data).write(output.csv.removesuffix(".csv"))
+    summary_table(claims, params.data).write(stem(output.claims_table))
 
 
 run(main, snakemake)

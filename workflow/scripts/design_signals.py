@@ -1,15 +1,15 @@
 """Excitation signals of the tissue tests: files for the testing machine, their properties, figure."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
     """Design the signals from the surgeons' bandwidth, check them against the machine, write them."""
-    from lumbar.figures.signals import excitation_figure
-    from lumbar.figures.style import save
     from lumbar.files import read_json, write_csv, write_json
+    from lumbar.reports.figures.signal_figures import excitation_figure
+    from lumbar.reports.figures.style import save
     from lumbar.signals.excitation import design_excitation, excited_band
-    from lumbar.signals.properties import machine_file, multisine_description, signal_properties
+    from lumbar.signals.signal_properties import machine_file, multisine_description, signal_properties
 
     band = excited_band(read_json(input.bandwidth), params.settings)
     excitation = design_excitation(band, params.settings, params.seed)
@@ -20,8 +20,8 @@ def main(input, output, params):
     )
     table = signal_properties(excitation, params.data)
     write_csv(output.properties, table.frame.assign(data=params.data))
-    table.write(output.csv.removesuffix(".csv"))
-    save(excitation_figure(excitation.signals, band), output.svg.removesuffix(".svg"), params.data)
+    table.write(stem(output.signal_properties))
+    save(excitation_figure(excitation.signals, band), stem(output.excitation_signals), params.data)
 
 
 run(main, snakemake)

@@ -8,9 +8,9 @@ def main(input, output, params):
     import pandas as pd
 
     from lumbar.files import write_csv, write_json
+    from lumbar.identification.identify_tissue import IdentificationSettings, given_model, identify
+    from lumbar.models.models_file import models_document
     from lumbar.records.columns import read_record
-    from lumbar.tissue.identification import Settings, identify
-    from lumbar.tissue.models_file import inverted_linear_fit
 
     tissue = params.tissue
     records = {
@@ -21,17 +21,16 @@ def main(input, output, params):
     }
     training = records.pop(params.training)
     tests = list(records.values())
-    result = identify(training, tests, Settings.from_config(tissue), params.seed)
-    given = inverted_linear_fit(training, tests, tissue["settling_s"], **tissue["inverted_linear"])
-    result["fits"].append(given)
+    models, grid = identify(training, tests, IdentificationSettings.from_config(tissue), params.seed)
+    models.append(given_model(training, tests, tissue["settling_s"], **tissue["inverted_linear"]))
     if params.improvement["effects"]:
-        from lumbar.improvement.published import refined_fit
-        from lumbar.improvement.settings import Settings as Improvement
+        from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+        from lumbar.diagnosis.selection.refine import refined_fit
 
-        settings = Improvement.from_config(params.improvement, train=training.name)
-        result["fits"].append(refined_fit([training, *tests], params.improvement["effects"], settings))
-    write_csv(output.grid, pd.DataFrame(result.pop("grid")).assign(data=params.data))
-    write_json(output.fits, {**result, "data": params.data})
+        settings = DiagnosisSettings.from_config(params.improvement, train=training.name)
+        models.append(refined_fit([training, *tests], params.improvement["effects"], settings))
+    write_csv(output.grid, pd.DataFrame(grid).assign(data=params.data))
+    write_json(output.fits, models_document(models, params.data))
 
 
 run(main, snakemake)

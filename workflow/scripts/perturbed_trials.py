@@ -1,14 +1,14 @@
 """Perturbed and unperturbed trials against the basin of the unperturbed mean."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
     """Read all trials, compare them, write table and figure."""
-    from lumbar.figures.perturbed_trials import trials_figure
-    from lumbar.figures.style import save
     from lumbar.records.markers import read_markers
-    from lumbar.stability.perturbed_trials import compare_trials, trial_of, trials_table
+    from lumbar.reports.figures.perturbed_trials_figure import trials_figure
+    from lumbar.reports.figures.style import save
+    from lumbar.stability.comparison.perturbed_trials import compare_trials, trial_of, trials_table
 
     settings = params.settings
     trials = [
@@ -17,11 +17,9 @@ def main(input, output, params):
         for path in input[group]
     ]
     frame = compare_trials(trials, settings, params.stability)
-    trials_table(frame, trials, settings, params.stability, params.data).write(
-        output.table_html.removesuffix(".html")
-    )
+    trials_table(frame, trials, settings, params.stability, params.data).write(stem(output.perturbed_trials))
     figure = trials_figure(trials, settings, params.stability)
-    save(figure, output.figure_svg.removesuffix(".svg"), params.data)
+    save(figure, stem(output.perturbed_trials_figure), params.data)
 
 
 run(main, snakemake)

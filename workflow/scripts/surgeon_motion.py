@@ -1,14 +1,14 @@
 """Bandwidth of the surgeons' tool motion: spectra, rules with intervals, figure."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
     """Read the trials, analyse them, write spectra, bandwidths and the figure."""
-    from lumbar.figures.style import save
-    from lumbar.figures.surgeon import psd_figure
     from lumbar.files import write_csv, write_json
     from lumbar.records.columns import read_record
+    from lumbar.reports.figures.style import save
+    from lumbar.reports.figures.surgeon_figures import psd_figure
     from lumbar.signals.surgeon_motion import (
         BandwidthSettings,
         motion_bandwidths,
@@ -49,7 +49,7 @@ def main(input, output, params):
         bandwidths,
         settings["reference_Hz"],
     )
-    save(figure, output.svg.removesuffix(".svg"), params.data)
+    save(figure, stem(output.surgeon_psd), params.data)
 
 
 run(main, snakemake)

@@ -1,22 +1,22 @@
 """Figures of the survey: diverging bars of the ratings, and the best picks with their intervals."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
     """Draw the results of the survey."""
     import numpy as np
 
-    from lumbar.figures.style import save
-    from lumbar.figures.survey import best_picks_figure, likert_figure
     from lumbar.files import read_json
+    from lumbar.reports.figures.style import save
+    from lumbar.reports.figures.survey_figures import best_picks_figure, likert_figure
 
     results = read_json(input.results)
     counts = np.array([results["rating_counts"][model] for model in results["models"]])
     likert = likert_figure(results["models"], counts, params.scale_labels, params.statement)
     picks = best_picks_figure(results["best_picks"], params.confidence)
-    save(likert, output.likert_svg.removesuffix(".svg"), results["data"])
-    save(picks, output.picks_svg.removesuffix(".svg"), results["data"])
+    save(likert, stem(output.survey_likert), results["data"])
+    save(picks, stem(output.survey_best_picks_figure), results["data"])
 
 
 run(main, snakemake)

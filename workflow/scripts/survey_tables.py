@@ -1,18 +1,18 @@
 """Tables of the survey: Table 3.2, the within-subject analysis, the best picks, and all results as JSON."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
     """Read the answers, analyse them as published and within participants, write tables and results."""
     from lumbar.files import write_json
     from lumbar.records.ratings import read_ratings
-    from lumbar.survey.analysis import analyse_survey
+    from lumbar.survey.survey_analysis import analyse_survey
 
     ratings = read_ratings(input.ratings, params.settings["layout"])
     analysis = analyse_survey(ratings, params.settings, params.seed, params.data)
     for name, table in analysis.tables.items():
-        table.write(output[f"{name}_csv"].removesuffix(".csv"))
+        table.write(stem(output[name]))
     write_json(output.results, analysis.results)
 
 

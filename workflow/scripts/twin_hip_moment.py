@@ -5,7 +5,7 @@ from job import run
 
 def main(input, output, params):
     """Make every trial of the study."""
-    from lumbar.twin.hip_moment import write_trials
+    from lumbar.synthetic.hip_moment_recordings import write_trials
 
     write_trials(params.settings, params.trials, output.recordings, [params.seed, _STREAM])
 

@@ -7,7 +7,7 @@ def main(input, output, params):
     """Make every lift of the study that the twin moves."""
     import zlib
 
-    from lumbar.twin.lifting import write_lift
+    from lumbar.synthetic.lifting_recordings import write_lift
 
     moments = dict(zip(params.with_moment, output.hip_moment, strict=True))
     for lift, markers in zip(params.lifts, output.markers, strict=True):

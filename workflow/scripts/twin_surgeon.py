@@ -6,7 +6,7 @@ from job import run
 def main(input, output, params):
     """Make every trial the study reads."""
     from lumbar.files import write_csv
-    from lumbar.twin.surgeon import surgeon_trial
+    from lumbar.synthetic.surgeon_recordings import surgeon_trial
 
     for record, path in zip(params.records, output.recordings, strict=True):
         write_csv(path, surgeon_trial(record["name"], record["surgeon"], params.settings, params.seed))

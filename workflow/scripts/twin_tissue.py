@@ -5,7 +5,7 @@ from job import run
 
 def main(input, output, params):
     """Play each signal file and write what the machine records."""
-    from lumbar.twin.tissue import play
+    from lumbar.synthetic.tissue_recordings import play
 
     for number, (signal, recording) in enumerate(zip(input.signals, output.recordings, strict=True)):
         play(signal, recording, params.tissue, params.seed, number)

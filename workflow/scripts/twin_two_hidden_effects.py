@@ -7,8 +7,8 @@ def main(input, output, params):
     """Make the records and write one file each."""
     from pathlib import Path
 
-    from lumbar.twin.hidden_effects.folder import write_experiment
-    from lumbar.twin.two_hidden_effects import make_two_hidden_effects
+    from lumbar.synthetic.hidden_effects.experiment_folder import write_experiment
+    from lumbar.synthetic.two_hidden_effects import make_two_hidden_effects
 
     experiment = make_two_hidden_effects(params.twin, params.generator)
     write_experiment(Path(output.recordings[0]).parent, experiment)

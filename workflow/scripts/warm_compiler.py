@@ -8,7 +8,7 @@ def main(input, output, params):
     from pathlib import Path
 
     from lumbar.files import write_json
-    from lumbar.runtime.compiler import resolve_targets, warm_cache
+    from lumbar.fmu.build.compiler import resolve_targets, warm_cache
 
     warm_cache(params.targets, Path(params.compiler_cache))
     write_json(output.targets, {"targets": resolve_targets(params.targets)})

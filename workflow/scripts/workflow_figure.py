@@ -3,14 +3,14 @@
 import subprocess
 import sys
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
     """Ask Snakemake for the rule graph of this very configuration and draw it."""
     from lumbar.errors import LumbarError
-    from lumbar.figures.style import save
-    from lumbar.figures.workflow import draw_workflow, parse_rule_graph
+    from lumbar.reports.figures.style import save
+    from lumbar.reports.figures.workflow_figure import draw_workflow, parse_rule_graph
 
     command = [
         sys.executable,
@@ -26,7 +26,7 @@ def main(input, output, params):
     if answer.returncode:
         raise LumbarError(f"Snakemake could not draw its rule graph:\n{answer.stderr}")
     figure = draw_workflow(parse_rule_graph(answer.stdout), params.chapter_of, params.chapters)
-    save(figure, output.svg.removesuffix(".svg"), data="")
+    save(figure, stem(output.workflow), data="")
 
 
 run(main, snakemake)

@@ -22,11 +22,11 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Fit the model, simulate it on every record, write table, pictures and page, and tell it."""
-    from lumbar.figures.comparison import comparison_figure
-    from lumbar.figures.style import save
+    from lumbar.diagnosis.residuals.compare import comparison_table
     from lumbar.files import write_text
-    from lumbar.improvement.compare import comparison_table
-    from lumbar.pages.records import comparison_page
+    from lumbar.reports.figures.comparison_figure import comparison_figure
+    from lumbar.reports.figures.style import save
+    from lumbar.reports.pages.record_pages import comparison_page
 
     model, simulated, data = simulated_model(options)
     comparisons = [item.comparison for item in simulated]

@@ -35,13 +35,13 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Diagnose, write the verdict with its evidence, a page and the error ladder, print the verdict."""
+    from lumbar.diagnosis.design.discrimination import separation_sentence
+    from lumbar.diagnosis.evidence.diagnosis_files import write_diagnosis
+    from lumbar.diagnosis.evidence.evidence import gather_evidence
+    from lumbar.diagnosis.selection.diagnose import diagnose
+    from lumbar.diagnosis.selection.sentences import details, headline
     from lumbar.files import write_text
-    from lumbar.improvement.diagnose import diagnose
-    from lumbar.improvement.evidence import gather_evidence
-    from lumbar.improvement.report import write_diagnosis
-    from lumbar.improvement.sentences import details, headline
-    from lumbar.improvement.separating_excitation import separation_sentence
-    from lumbar.pages.diagnosis import diagnosis_page
+    from lumbar.reports.pages.diagnosis_page import diagnosis_page
 
     settings, records, chosen = read_and_choose(options)
     data = options.data or options.folder.name
@@ -49,7 +49,7 @@ def run(options) -> None:
     evidence = gather_evidence(diagnosis, records, chosen, settings["seed"], settings["signals"]["machine"])
     pictures = {}
     if options.pictures:
-        from lumbar.pages.diagnosis_pictures import diagnosis_pictures
+        from lumbar.reports.pages.diagnosis_pictures import diagnosis_pictures
 
         pictures = diagnosis_pictures(diagnosis, records, chosen, settings["seed"], options.output, data)
     page = diagnosis_page(diagnosis, evidence, chosen.candidates, data, pictures)

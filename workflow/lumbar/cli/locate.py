@@ -22,11 +22,11 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Fit the model, simulate it on every record, write table, pictures and page, and tell it."""
-    from lumbar.figures.location import location_figure
-    from lumbar.figures.style import save
+    from lumbar.diagnosis.residuals.locate import location_table
     from lumbar.files import write_text
-    from lumbar.improvement.locate import location_table
-    from lumbar.pages.records import location_page
+    from lumbar.reports.figures.location_figure import location_figure
+    from lumbar.reports.figures.style import save
+    from lumbar.reports.pages.record_pages import location_page
 
     model, simulated, data = simulated_model(options)
     table = location_table([item.location for item in simulated], data)

@@ -22,9 +22,9 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Refit base and effects jointly, write refined.json, print the error ladder."""
+    from lumbar.diagnosis.selection.refined_model import refined_document
+    from lumbar.diagnosis.selection.sentences import effects_text
     from lumbar.files import write_json
-    from lumbar.improvement.refined_model import refined_document
-    from lumbar.improvement.sentences import effects_text
 
     _, _, chosen, experiment, ladder = fitted_model(options)
     data = options.data or options.folder.name

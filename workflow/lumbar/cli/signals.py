@@ -30,7 +30,7 @@ def run(options) -> None:
     from lumbar.errors import InputError
     from lumbar.files import read_json, write_csv, write_json
     from lumbar.signals.excitation import design_excitation, excited_band
-    from lumbar.signals.properties import machine_file, multisine_description, signal_properties
+    from lumbar.signals.signal_properties import machine_file, multisine_description, signal_properties
 
     settings = load_settings(options.config, "signals")
     signals = settings["signals"]

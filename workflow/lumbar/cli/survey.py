@@ -25,11 +25,11 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Write tables, figures and survey.json, and print the overall tests."""
-    from lumbar.figures.style import save
-    from lumbar.figures.survey import best_picks_figure, likert_figure
     from lumbar.files import write_json
     from lumbar.records.ratings import read_ratings
-    from lumbar.survey.analysis import analyse_survey
+    from lumbar.reports.figures.style import save
+    from lumbar.reports.figures.survey_figures import best_picks_figure, likert_figure
+    from lumbar.survey.survey_analysis import analyse_survey
 
     settings = load_settings(options.config, "survey")
     survey, output = settings["survey"], options.output

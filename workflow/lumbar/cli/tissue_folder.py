@@ -31,13 +31,13 @@ def fitted_model(options):
     dict
         The settings.
     list of Record
-    Settings
-        Of `lumbar.improvement.settings`.
+    DiagnosisSettings
+        Of `lumbar.diagnosis.fitting.diagnosis_settings`.
     Experiment
     list of Candidate
         The ladder: base, base and first effect, ….
     """
-    from lumbar.improvement.refinement import refine
+    from lumbar.diagnosis.selection.refine import refine
 
     settings, records, chosen = read_and_choose(options)
     return settings, records, chosen, *refine(records, options.add, chosen)
@@ -51,10 +51,10 @@ def read_and_choose(options):
     dict
         The settings.
     list of Record
-    Settings
-        Of `lumbar.improvement.settings`.
+    DiagnosisSettings
+        Of `lumbar.diagnosis.fitting.diagnosis_settings`.
     """
-    from lumbar.config.recordings import record_layout
+    from lumbar.config.study_recordings import record_layout
 
     settings = load_settings(options.config, "tissue", "improvement", "lifting", "signals")
     chosen = selection(options, settings["improvement"])
@@ -72,8 +72,8 @@ def simulated_model(options):
     str
         Label of the data.
     """
-    from lumbar.improvement.refined_model import model_name
-    from lumbar.improvement.simulated import compare_and_locate
+    from lumbar.diagnosis.residuals.residual_report import compare_and_locate
+    from lumbar.diagnosis.selection.refined_model import model_name
 
     settings, records, chosen, experiment, ladder = fitted_model(options)
     fit, training = ladder[-1].fit, experiment.floor_from
@@ -115,10 +115,10 @@ def read_folder(folder: Path, layout: dict, rate: float | None) -> list:
 
 
 def selection(options, improvement: dict):
-    """Return the `lumbar.improvement.settings.Settings` of the options and the configuration."""
-    from lumbar.improvement.settings import Settings
+    """Return the `lumbar.diagnosis.fitting.diagnosis_settings.DiagnosisSettings` of the options and the configuration."""
+    from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 
-    return Settings.from_config(
+    return DiagnosisSettings.from_config(
         improvement, base=options.base, train=options.train, periods=dict(map(_period, options.period))
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.config.recordings import record_layout, record_set_base, recordings_of
+from lumbar.config.study_recordings import record_layout, record_set_base, recordings_of
 from lumbar.errors import Problems
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def check_consistency(study: Study, problems: Problems) -> None:
     if study.has("survey"):
         _check_survey(config["survey"], problems)
     if study.has("stability") or study.has("perturbations"):
-        from lumbar.stability.riccati import weight_problems
+        from lumbar.stability.model.riccati import weight_problems
 
         regulator = config["stability"]["regulator"]
         problems.extend(weight_problems(**regulator))

@@ -7,25 +7,33 @@ from collections.abc import Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from lumbar.effects import channel, elapsed, friction, pendulum, pendulum_load, rate, stiffness
-from lumbar.effects.base import BASES
-from lumbar.effects.effect import Effect, Form
+from lumbar.effects import (
+    damping_and_inertia,
+    friction,
+    measurement_chain,
+    pendulum_joint,
+    pendulum_load,
+    stiffness,
+    time_dependent,
+)
 from lumbar.errors import InputError
+from lumbar.models.bases import BASES
+from lumbar.models.form import Effect, Form
 
 TISSUE = {
     effect.name: effect
     for effect in (
         *stiffness.EFFECTS[:2],
         *friction.EFFECTS,
-        channel.CONTACT_LOSS,
-        *rate.EFFECTS,
+        measurement_chain.CONTACT_LOSS,
+        *damping_and_inertia.EFFECTS,
         stiffness.SECOND_RELAXATION,
-        channel.DELAY,
-        channel.SATURATION,
-        elapsed.DRIFT,
+        measurement_chain.DELAY,
+        measurement_chain.SATURATION,
+        time_dependent.DRIFT,
         stiffness.SOFTENING,
-        elapsed.PERIODIC_DISTURBANCE,
-        channel.BACKLASH,
+        time_dependent.PERIODIC_DISTURBANCE,
+        measurement_chain.BACKLASH,
     )
 }
 """The tissue catalogue, in the order in which reports list it."""
@@ -34,9 +42,9 @@ PENDULUM = {
     effect.name: effect
     for effect in (
         pendulum_load.HAND_LOAD,
-        *pendulum.EFFECTS[:2],
+        *pendulum_joint.EFFECTS[:2],
         *pendulum_load.EFFECTS[1:],
-        pendulum.DRAG,
+        pendulum_joint.DRAG,
     )
 }
 """The catalogue of the pendulum of equation 4.1."""
@@ -124,6 +132,12 @@ def catalogue_with(files: Iterable[str | Path], base: str = "KB") -> dict[str, E
     for file in files:
         catalogue.update(load_effects(Path(file)))
     return catalogue
+
+
+def catalogues_with(files: Iterable[str | Path]) -> dict[str, dict[str, Effect]]:
+    """Return the catalogue of every system with the effects of a user's files, as `catalogue_with`."""
+    own = {name: effect for file in files for name, effect in load_effects(Path(file)).items()}
+    return {system: {**catalogue, **own} for system, catalogue in CATALOGUES.items()}
 
 
 def choose(names: list[str], catalogue: dict[str, Effect]) -> list[Effect]:

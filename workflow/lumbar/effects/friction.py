@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.effects.c_step import CStep
-from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
-from lumbar.effects.operators import bouc_wen, elastoplastic, presliding
+from lumbar.models.c_step import CStep
+from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
+from lumbar.models.operators import bouc_wen, elastoplastic, presliding
 
-_SLIDING_SPEED = Shape("smoothing_speed", "{x}/s", "speed", 0.001, 0.3, 6, reach=(0.1, 2.0))
-_STRIBECK_SPEED = Shape("stribeck_speed", "{x}/s", "speed", 0.05, 1.0, 4, reach=(0.3, 2.0))
+_SLIDING_SPEED = NonlinearParameter("smoothing_speed", "{x}/s", "speed", 0.001, 0.3, 6, reach=(0.1, 2.0))
+_STRIBECK_SPEED = NonlinearParameter("stribeck_speed", "{x}/s", "speed", 0.05, 1.0, 4, reach=(0.3, 2.0))
 
 
-def _stribeck(motion, shapes):
-    sliding = np.tanh(motion.velocity / shapes[0])
-    return [sliding, sliding * np.exp(-((motion.velocity / shapes[1]) ** 2))]
+def _stribeck(motion, nonlinear):
+    sliding = np.tanh(motion.velocity / nonlinear[0])
+    return [sliding, sliding * np.exp(-((motion.velocity / nonlinear[1]) ** 2))]
 
 
 COULOMB = Effect(
@@ -27,18 +27,18 @@ COULOMB = Effect(
             name="coulomb",
             equation=r"F_c \tanh(v/v_s)",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("coulomb_force", "{y}"),),
-            shapes=(_SLIDING_SPEED,),
-            columns=lambda motion, shapes: [np.tanh(motion.velocity / shapes[0])],
+            linear=(LinearParameter("coulomb_force", "{y}"),),
+            nonlinear=(_SLIDING_SPEED,),
+            columns=lambda motion, nonlinear: [np.tanh(motion.velocity / nonlinear[0])],
             c_step=CStep("coulomb_force * portable_tanh(velocity / smoothing_speed)"),
         ),
         Form(
             name="arctangent",
             equation=r"\frac{2}{\pi} F_c \arctan(v/v_s)",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("coulomb_force", "{y}"),),
-            shapes=(_SLIDING_SPEED,),
-            columns=lambda motion, shapes: [2 / np.pi * np.arctan(motion.velocity / shapes[0])],
+            linear=(LinearParameter("coulomb_force", "{y}"),),
+            nonlinear=(_SLIDING_SPEED,),
+            columns=lambda motion, nonlinear: [2 / np.pi * np.arctan(motion.velocity / nonlinear[0])],
             c_step=CStep(
                 "coulomb_force * (0.63661977236758134308 * portable_arctan(velocity / smoothing_speed))"
             ),
@@ -47,9 +47,9 @@ COULOMB = Effect(
             name="stribeck",
             equation=r"(F_c + (F_s - F_c) e^{-(v/v_{St})^2}) \tanh(v/v_s)",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("coulomb_force", "{y}"), Amplitude("breakaway_excess", "{y}")),
-            shapes=(
-                Shape("smoothing_speed", "{x}/s", "speed", 0.003, 0.1, 3, reach=(0.1, 5.0)),
+            linear=(LinearParameter("coulomb_force", "{y}"), LinearParameter("breakaway_excess", "{y}")),
+            nonlinear=(
+                NonlinearParameter("smoothing_speed", "{x}/s", "speed", 0.003, 0.1, 3, reach=(0.1, 5.0)),
                 _STRIBECK_SPEED,
             ),
             columns=_stribeck,
@@ -61,8 +61,8 @@ COULOMB = Effect(
     ),
 )
 
-_DISTANCE = Shape("presliding_distance", "{x}", "position", 0.005, 1.5, 9, reach=(0.2, 3.0))
-_LIMIT = Amplitude("friction_limit", "{y}")
+_DISTANCE = NonlinearParameter("presliding_distance", "{x}", "position", 0.005, 1.5, 9, reach=(0.2, 3.0))
+_LIMIT = LinearParameter("friction_limit", "{y}")
 _ELEMENTS = 4
 """Jenkins elements of an Iwan model; each slides at half the distance of the one before."""
 _IWAN_STEP = "\n".join(
@@ -107,27 +107,27 @@ HYSTERESIS = Effect(
             name="dahl",
             equation=r"F_h r,\quad \frac{dr}{dz} = (1 - r\,\mathrm{sign}\,v)/d",
             place=Place.PARALLEL,
-            amplitudes=(_LIMIT,),
-            shapes=(_DISTANCE,),
-            columns=lambda motion, shapes: [presliding(motion, shapes[0])],
+            linear=(_LIMIT,),
+            nonlinear=(_DISTANCE,),
+            columns=lambda motion, nonlinear: [presliding(motion, nonlinear[0])],
             c_step=CStep("friction_limit * next[0]", _DAHL_STEP, memory=1),
         ),
         Form(
             name="bouc_wen",
             equation=r"F_h r,\quad \frac{dr}{dz} = (1 - r^2 [r v > 0])/d",
             place=Place.PARALLEL,
-            amplitudes=(_LIMIT,),
-            shapes=(_DISTANCE,),
-            columns=lambda motion, shapes: [bouc_wen(motion, shapes[0])],
+            linear=(_LIMIT,),
+            nonlinear=(_DISTANCE,),
+            columns=lambda motion, nonlinear: [bouc_wen(motion, nonlinear[0])],
             c_step=CStep("friction_limit * next[0]", _BOUC_WEN_STEP, memory=1),
         ),
         Form(
             name="elastoplastic",
             equation=r"F_h (z - \mathrm{play}_d(z))/d",
             place=Place.PARALLEL,
-            amplitudes=(_LIMIT,),
-            shapes=(_DISTANCE,),
-            columns=lambda motion, shapes: [elastoplastic(motion, shapes[0])],
+            linear=(_LIMIT,),
+            nonlinear=(_DISTANCE,),
+            columns=lambda motion, nonlinear: [elastoplastic(motion, nonlinear[0])],
             c_step=CStep(
                 "friction_limit * ((position - next[0]) / presliding_distance)",
                 "next[0] = behind_gap(memory[0], position, presliding_distance, first);  // the slider",
@@ -138,10 +138,12 @@ HYSTERESIS = Effect(
             name="iwan",
             equation=r"\sum_{n=0}^{3} F_n\,(z - \mathrm{play}_{d_n}(z))/d_n,\quad d_n = d/2^n",
             place=Place.PARALLEL,
-            amplitudes=tuple(Amplitude(f"friction_limit_{order}", "{y}") for order in range(_ELEMENTS)),
-            shapes=(Shape("largest_distance", "{x}", "position", 0.2, 1.5, 3, reach=(0.5, 1.5)),),
-            columns=lambda motion, shapes: [
-                elastoplastic(motion, shapes[0] / 2**order) for order in range(_ELEMENTS)
+            linear=tuple(LinearParameter(f"friction_limit_{order}", "{y}") for order in range(_ELEMENTS)),
+            nonlinear=(
+                NonlinearParameter("largest_distance", "{x}", "position", 0.2, 1.5, 3, reach=(0.5, 1.5)),
+            ),
+            columns=lambda motion, nonlinear: [
+                elastoplastic(motion, nonlinear[0] / 2**order) for order in range(_ELEMENTS)
             ],
             c_step=CStep(_IWAN_FORCE, _IWAN_STEP, memory=_ELEMENTS),
         ),

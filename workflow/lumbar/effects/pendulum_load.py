@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
-from lumbar.effects.modulation import held_between, interval_starts, modulation_starts
-from lumbar.effects.motion import Motion
+from lumbar.effects.windows import held_between, interval_starts, modulation_starts
+from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
+from lumbar.models.motion import Motion
 
 GRAVITY = 9.81
 """m/s²; masses come out in kg where moments are in N m and angles in rad."""
@@ -23,8 +23,8 @@ CHANNELS = {
 """Column of each further channel. box_held: share of the box that the hands carry, 0 to 1; length: from the pivot to the
 centre of mass; pivot acceleration: x horizontal, positive where a growing angle moves the mass to, z upward."""
 _SIGNS = {"hanging": 1.0, "inverted": -1.0}
-_BOX = Amplitude("box_mass", "kg")
-_MASS = Amplitude("moving_mass", "kg")
+_BOX = LinearParameter("box_mass", "kg")
+_MASS = LinearParameter("moving_mass", "kg")
 
 
 def _held(motion: Motion, distance: float, sign: float) -> np.ndarray:
@@ -32,10 +32,10 @@ def _held(motion: Motion, distance: float, sign: float) -> np.ndarray:
     return distance**2 * motion.acceleration + sign * GRAVITY * distance * np.sin(motion.position)
 
 
-_DISTANCE = Shape("hand_distance", "m", "one", 0.25, 0.75, 2, reach=(0.2, 3.0))
+_DISTANCE = NonlinearParameter("hand_distance", "m", "one", 0.25, 0.75, 2, reach=(0.2, 3.0))
 _TIMES = (
-    Shape("grasp_time", "s", "duration", 0.01, 0.3, 1, reach=(0.01, 3.3)),
-    Shape("release_time", "s", "duration", 0.9, 1.2, 1, reach=(0.001, 1.0)),
+    NonlinearParameter("grasp_time", "s", "duration", 0.01, 0.3, 1, reach=(0.01, 3.3)),
+    NonlinearParameter("release_time", "s", "duration", 0.9, 1.2, 1, reach=(0.001, 1.0)),
 )
 
 
@@ -51,19 +51,21 @@ def _hand_load(name: str, sign: float) -> tuple[Form, Form]:
             name=f"measured_{name}",
             equation=rf"h(t)\,{moment}",
             place=Place.PARALLEL,
-            amplitudes=(_BOX,),
-            shapes=(_DISTANCE,),
-            columns=lambda motion, shapes: [motion.channels["box_held"] * _held(motion, shapes[0], sign)],
+            linear=(_BOX,),
+            nonlinear=(_DISTANCE,),
+            columns=lambda motion, nonlinear: [
+                motion.channels["box_held"] * _held(motion, nonlinear[0], sign)
+            ],
             channels=("box_held",),
         ),
         Form(
             name=f"interval_{name}",
             equation=rf"[t_1 < t < t_2]\,{moment}",
             place=Place.PARALLEL,
-            amplitudes=(_BOX,),
-            shapes=(_DISTANCE, *_TIMES),
-            columns=lambda motion, shapes: [
-                held_between(motion.time, shapes[1], shapes[2]) * _held(motion, shapes[0], sign)
+            linear=(_BOX,),
+            nonlinear=(_DISTANCE, *_TIMES),
+            columns=lambda motion, nonlinear: [
+                held_between(motion.time, nonlinear[1], nonlinear[2]) * _held(motion, nonlinear[0], sign)
             ],
             starts=_grasp_and_release,
         ),
@@ -92,8 +94,8 @@ def _swept(motion: Motion, power: int) -> np.ndarray:
     return angle**power * motion.acceleration + power * angle ** (power - 1) * velocity**2
 
 
-def _pumped(motion, shapes):
-    turn = 2 * np.pi * shapes[0]
+def _pumped(motion, nonlinear):
+    turn = 2 * np.pi * nonlinear[0]
     sine, cosine = np.sin(turn * motion.time), np.cos(turn * motion.time)
     return [
         sine * motion.acceleration + turn * cosine * motion.velocity,
@@ -103,8 +105,8 @@ def _pumped(motion, shapes):
     ]
 
 
-def _frequency(lines: float = 0.7) -> Shape:
-    return Shape("frequency", "Hz", "time", 0.01, 5.0, 1, lines=lines)
+def _frequency(lines: float = 0.7) -> NonlinearParameter:
+    return NonlinearParameter("frequency", "Hz", "time", 0.01, 5.0, 1, lines=lines)
 
 
 VARIABLE_LENGTH = Effect(
@@ -118,7 +120,7 @@ VARIABLE_LENGTH = Effect(
                 name=f"measured_{name}",
                 equation=rf"m (\ell^2 \ddot\theta + 2 \ell \dot\ell \dot\theta {mark} g \ell \sin\theta)",
                 place=Place.PARALLEL,
-                amplitudes=(_MASS,),
+                linear=(_MASS,),
                 columns=lambda motion, _, sign=_SIGNS[name]: [_telescope(motion, sign)],
                 channels=("length",),
             )
@@ -128,10 +130,10 @@ VARIABLE_LENGTH = Effect(
             name="linear_in_angle",
             equation=r"\frac{d}{dt}[(a_1\theta + a_2\theta^2)\dot\theta] + a_g\theta\sin\theta",
             place=Place.PARALLEL,
-            amplitudes=(
-                Amplitude("inertia_per_angle", "{y} s^2/{x}^2", sign=0),
-                Amplitude("inertia_per_squared_angle", "{y} s^2/{x}^3"),
-                Amplitude("gravity_moment_per_angle", "{y}/{x}", sign=0),
+            linear=(
+                LinearParameter("inertia_per_angle", "{y} s^2/{x}^2", sign=0),
+                LinearParameter("inertia_per_squared_angle", "{y} s^2/{x}^3"),
+                LinearParameter("gravity_moment_per_angle", "{y}/{x}", sign=0),
             ),
             columns=lambda motion, _: [
                 _swept(motion, 1),
@@ -143,9 +145,9 @@ VARIABLE_LENGTH = Effect(
             name="quadratic_in_angle",
             equation=r"\frac{d}{dt}[a_2\theta^2\dot\theta] + a_g\theta^2\sin\theta",
             place=Place.PARALLEL,
-            amplitudes=(
-                Amplitude("inertia_per_squared_angle", "{y} s^2/{x}^3", sign=0),
-                Amplitude("gravity_moment_per_squared_angle", "{y}/{x}^2", sign=0),
+            linear=(
+                LinearParameter("inertia_per_squared_angle", "{y} s^2/{x}^3", sign=0),
+                LinearParameter("gravity_moment_per_squared_angle", "{y}/{x}^2", sign=0),
             ),
             columns=lambda motion, _: [_swept(motion, 2), motion.position**2 * np.sin(motion.position)],
         ),
@@ -154,13 +156,13 @@ VARIABLE_LENGTH = Effect(
             equation=r"\frac{d}{dt}[I(t)\dot\theta] + G(t)\sin\theta,"
             r"\quad I, G = (\cdot)_s \sin 2\pi f t + (\cdot)_c \cos 2\pi f t",
             place=Place.PARALLEL,
-            amplitudes=(
-                Amplitude("inertia_sine", "{y} s^2/{x}", sign=0),
-                Amplitude("inertia_cosine", "{y} s^2/{x}", sign=0),
-                Amplitude("gravity_moment_sine", "{y}", sign=0),
-                Amplitude("gravity_moment_cosine", "{y}", sign=0),
+            linear=(
+                LinearParameter("inertia_sine", "{y} s^2/{x}", sign=0),
+                LinearParameter("inertia_cosine", "{y} s^2/{x}", sign=0),
+                LinearParameter("gravity_moment_sine", "{y}", sign=0),
+                LinearParameter("gravity_moment_cosine", "{y}", sign=0),
             ),
-            shapes=(_frequency(),),
+            nonlinear=(_frequency(),),
             columns=_pumped,
             starts=lambda motion, residual: modulation_starts(
                 motion, residual, [np.sin(motion.position), motion.acceleration]
@@ -173,8 +175,8 @@ VARIABLE_LENGTH = Effect(
 def _oscillating(carrier):
     """Columns sine and cosine of a frequency of their own, times a function of the angle."""
 
-    def columns(motion, shapes):
-        turn = 2 * np.pi * shapes[0] * motion.time
+    def columns(motion, nonlinear):
+        turn = 2 * np.pi * nonlinear[0] * motion.time
         return [np.sin(turn) * carrier(motion.position), np.cos(turn) * carrier(motion.position)]
 
     return columns
@@ -185,17 +187,17 @@ def _pivot_oscillates(name: str, equation: str, carrier) -> Form:
         name=name,
         equation=equation,
         place=Place.PARALLEL,
-        amplitudes=(
-            Amplitude("sine_moment", "{y}", sign=0),
-            Amplitude("cosine_moment", "{y}", sign=0),
+        linear=(
+            LinearParameter("sine_moment", "{y}", sign=0),
+            LinearParameter("cosine_moment", "{y}", sign=0),
         ),
-        shapes=(_frequency(),),
+        nonlinear=(_frequency(),),
         columns=_oscillating(carrier),
         starts=lambda motion, residual: modulation_starts(motion, residual, [carrier(motion.position)]),
     )
 
 
-_FIRST_MOMENT = Amplitude("mass_times_length", "kg m", sign=0)
+_FIRST_MOMENT = LinearParameter("mass_times_length", "kg m", sign=0)
 
 
 def _pivot(motion: Motion, axis: str) -> np.ndarray:
@@ -213,7 +215,7 @@ MOVING_PIVOT = Effect(
             name="measured_horizontal",
             equation=r"m\ell\,\ddot x_p \cos\theta",
             place=Place.PARALLEL,
-            amplitudes=(_FIRST_MOMENT,),
+            linear=(_FIRST_MOMENT,),
             columns=lambda motion, _: [_pivot(motion, "x")],
             channels=("pivot_acceleration_x",),
         ),
@@ -221,7 +223,7 @@ MOVING_PIVOT = Effect(
             name="measured_vertical",
             equation=r"m\ell\,\ddot z_p \sin\theta",
             place=Place.PARALLEL,
-            amplitudes=(_FIRST_MOMENT,),
+            linear=(_FIRST_MOMENT,),
             columns=lambda motion, _: [_pivot(motion, "z")],
             channels=("pivot_acceleration_z",),
         ),
@@ -230,7 +232,7 @@ MOVING_PIVOT = Effect(
                 name=f"measured_{name}",
                 equation=rf"m\ell (\ddot x_p \cos\theta {mark} \ddot z_p \sin\theta)",
                 place=Place.PARALLEL,
-                amplitudes=(_FIRST_MOMENT,),
+                linear=(_FIRST_MOMENT,),
                 columns=lambda motion, _, sign=_SIGNS[name]: [
                     _pivot(motion, "x") + sign * _pivot(motion, "z")
                 ],

@@ -7,10 +7,10 @@ from itertools import product
 
 import numpy as np
 
-from lumbar.effects.base import BASES
-from lumbar.effects.effect import Effect, Form, Place
-from lumbar.effects.motion import Motion
-from lumbar.effects.structure import Structure
+from lumbar.models.bases import BASES
+from lumbar.models.form import Effect, Form, Place
+from lumbar.models.motion import Motion
+from lumbar.models.structure import Structure
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,8 @@ class Standard:
     """A base with the numbers it is pictured with, in arbitrary units."""
 
     base: str
-    amplitudes: tuple[float, ...]
-    shapes: tuple[float, ...]
+    linear: tuple[float, ...]
+    nonlinear: tuple[float, ...]
 
 
 STANDARDS = {
@@ -74,18 +74,19 @@ def pictured_form(effect: Effect) -> Form | None:
 def signatures(effect: Effect, form: Form | None = None, system: str = "tissue") -> list[Signature]:
     """Simulate an effect, by default in its first form that needs no further channel, at the standard rates.
 
-    Shapes are taken from the middle of their starting range, amplitudes so that the effect adds `SHARE` of the base's RMS at
-    the lower rate; of forms without amplitudes that starting shape is taken which comes nearest to it.
+    Nonlinear parameters are taken from the middle of their starting range, linear ones so that the effect adds `SHARE`
+    of the base's RMS at the lower rate; of forms without linear parameters the starting value that comes
+    nearest to it is taken.
     """
     form, standard = form or pictured_form(effect), STANDARDS[system]
     bare = Structure(BASES[standard.base])
     structure = bare.with_form(form)
     motions = [standard_motion(frequency) for frequency in RATES]
-    own = np.array(standard.amplitudes), np.array(standard.shapes)
+    own = np.array(standard.linear), np.array(standard.nonlinear)
     bases = [bare.simulate(motion, *own) for motion in motions]
-    amplitudes, shapes = _pictured(structure, form, standard, motions[0], bases[0])
+    linear, nonlinear = _pictured(structure, form, standard, motions[0], bases[0])
     return [
-        Signature(motion, base, structure.simulate(motion, amplitudes, shapes))
+        Signature(motion, base, structure.simulate(motion, linear, nonlinear))
         for motion, base in zip(motions, bases, strict=True)
     ]
 
@@ -93,26 +94,26 @@ def signatures(effect: Effect, form: Form | None = None, system: str = "tissue")
 def _pictured(
     structure: Structure, form: Form, standard: Standard, motion: Motion, base: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Amplitudes and shapes of the picture."""
+    """Linear and nonlinear parameters of the picture."""
     wanted = SHARE * _rms(base)
     if form.place is Place.PARALLEL:
         middle = [
-            np.sqrt(shape.low * shape.high) * _scale(shape.scale, motion, base) for shape in form.shapes
+            np.sqrt(shape.low * shape.high) * _scale(shape.scale, motion, base) for shape in form.nonlinear
         ]
-        shapes = np.concatenate([standard.shapes, middle])
-        directions = np.array([amplitude.sign or 1 for amplitude in form.amplitudes], dtype=float)
+        nonlinear = np.concatenate([standard.nonlinear, middle])
+        directions = np.array([linear_parameter.sign or 1 for linear_parameter in form.linear], dtype=float)
         columns = np.array(form.columns(motion, np.array(middle))).T
         sizes = directions / np.maximum([_rms(column) for column in columns.T], 1e-12)
         scale = wanted / _rms(columns @ sizes)
-        return np.concatenate([standard.amplitudes, scale * sizes]), shapes
+        return np.concatenate([standard.linear, scale * sizes]), nonlinear
     best = None
-    for point in product(*(shape.grid(_scale(shape.scale, motion, base)) for shape in form.shapes)):
-        shapes = np.array([*standard.shapes, *point])
-        force = structure.simulate(motion, np.array(standard.amplitudes), shapes)
+    for point in product(*(shape.grid(_scale(shape.scale, motion, base)) for shape in form.nonlinear)):
+        nonlinear = np.array([*standard.nonlinear, *point])
+        force = structure.simulate(motion, np.array(standard.linear), nonlinear)
         distance = abs(_rms(force - base) - wanted)
         if best is None or distance < best[0]:
-            best = (distance, shapes)
-    return np.array(standard.amplitudes), best[1]
+            best = (distance, nonlinear)
+    return np.array(standard.linear), best[1]
 
 
 def _scale(kind: str, motion: Motion, base: np.ndarray) -> float:

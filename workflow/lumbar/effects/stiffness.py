@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.effects.c_step import RELAX, CStep, ramp_relaxation
-from lumbar.effects.effect import Amplitude, Effect, Form, Place, Shape
-from lumbar.effects.operators import relaxation
+from lumbar.models.c_step import RELAX, CStep, ramp_relaxation
+from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
+from lumbar.models.operators import relaxation
 
-_KNEE = Shape("knee", "{x}", "position", 0.1, 0.8, 5, reach=(0.2, 1.2))
+_KNEE = NonlinearParameter("knee", "{x}", "position", 0.1, 0.8, 5, reach=(0.2, 1.2))
 
 HARDENING = Effect(
     name="hardening_stiffness",
@@ -20,7 +20,7 @@ HARDENING = Effect(
             name="cubic",
             equation=r"k_3 z^3",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("cubic_stiffness", "{y}/{x}^3", sign=0),),
+            linear=(LinearParameter("cubic_stiffness", "{y}/{x}^3", sign=0),),
             columns=lambda motion, _: [motion.position * motion.position * motion.position],
             c_step=CStep("cubic_stiffness * (position * position * position)"),
         ),
@@ -28,10 +28,12 @@ HARDENING = Effect(
             name="exponential",
             equation=r"F_h\,\mathrm{sign}(z)\,(e^{|z|/z_h} - 1)",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("hardening_force", "{y}"),),
-            shapes=(Shape("hardening_length", "{x}", "position", 0.15, 1.5, 6, reach=(0.7, 3.0)),),
-            columns=lambda motion, shapes: [
-                np.sign(motion.position) * np.expm1(np.abs(motion.position) / shapes[0]),
+            linear=(LinearParameter("hardening_force", "{y}"),),
+            nonlinear=(
+                NonlinearParameter("hardening_length", "{x}", "position", 0.15, 1.5, 6, reach=(0.7, 3.0)),
+            ),
+            columns=lambda motion, nonlinear: [
+                np.sign(motion.position) * np.expm1(np.abs(motion.position) / nonlinear[0]),
             ],
             c_step=CStep(
                 "hardening_force * (sign(position) * portable_expm1(fabs(position) / hardening_length))"
@@ -41,10 +43,10 @@ HARDENING = Effect(
             name="bilinear",
             equation=r"k_b\,\mathrm{sign}(z)\,\max(|z| - z_b, 0)",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
-            shapes=(_KNEE,),
-            columns=lambda motion, shapes: [
-                np.sign(motion.position) * np.maximum(np.abs(motion.position) - shapes[0], 0.0)
+            linear=(LinearParameter("added_stiffness", "{y}/{x}", sign=0),),
+            nonlinear=(_KNEE,),
+            columns=lambda motion, nonlinear: [
+                np.sign(motion.position) * np.maximum(np.abs(motion.position) - nonlinear[0], 0.0)
             ],
             c_step=CStep(
                 "added_stiffness * (sign(position) * (beyond > 0 ? beyond : 0.0))",
@@ -55,9 +57,11 @@ HARDENING = Effect(
             name="power",
             equation=r"k_n\,\mathrm{sign}(z)\,|z/z_1|^n,\quad z_1 = \text{1 unit}",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("hardening_force", "{y}"),),
-            shapes=(Shape("exponent", "1", "one", 2.0, 6.0, 3, reach=(0.8, 1.5)),),
-            columns=lambda motion, shapes: [np.sign(motion.position) * np.abs(motion.position) ** shapes[0]],
+            linear=(LinearParameter("hardening_force", "{y}"),),
+            nonlinear=(NonlinearParameter("exponent", "1", "one", 2.0, 6.0, 3, reach=(0.8, 1.5)),),
+            columns=lambda motion, nonlinear: [
+                np.sign(motion.position) * np.abs(motion.position) ** nonlinear[0]
+            ],
             c_step=CStep("hardening_force * (sign(position) * portable_power(fabs(position), exponent))"),
         ),
     ),
@@ -73,7 +77,7 @@ QUADRATIC = Effect(
             name="quadratic",
             equation=r"k_2 z^2",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("quadratic_stiffness", "{y}/{x}^2", sign=0),),
+            linear=(LinearParameter("quadratic_stiffness", "{y}/{x}^2", sign=0),),
             columns=lambda motion, _: [motion.position**2],
             c_step=CStep("quadratic_stiffness * (position * position)"),
         ),
@@ -81,7 +85,7 @@ QUADRATIC = Effect(
             name="two_sided",
             equation=r"k_\pm |z|",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("half_difference_of_stiffness", "{y}/{x}", sign=0),),
+            linear=(LinearParameter("half_difference_of_stiffness", "{y}/{x}", sign=0),),
             columns=lambda motion, _: [np.abs(motion.position)],
             c_step=CStep("half_difference_of_stiffness * fabs(position)"),
         ),
@@ -89,9 +93,11 @@ QUADRATIC = Effect(
             name="rounded",
             equation=r"k_\pm (\sqrt{z^2 + r^2} - r)",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("half_difference_of_stiffness", "{y}/{x}", sign=0),),
-            shapes=(Shape("corner_radius", "{x}", "position", 0.05, 0.8, 4, reach=(0.2, 3.0)),),
-            columns=lambda motion, shapes: [np.hypot(motion.position, shapes[0]) - shapes[0]],
+            linear=(LinearParameter("half_difference_of_stiffness", "{y}/{x}", sign=0),),
+            nonlinear=(
+                NonlinearParameter("corner_radius", "{x}", "position", 0.05, 0.8, 4, reach=(0.2, 3.0)),
+            ),
+            columns=lambda motion, nonlinear: [np.hypot(motion.position, nonlinear[0]) - nonlinear[0]],
             c_step=CStep(
                 "half_difference_of_stiffness"
                 " * (sqrt(position * position + corner_radius * corner_radius) - corner_radius)"
@@ -101,18 +107,18 @@ QUADRATIC = Effect(
             name="deep",
             equation=r"k_d \max(z - z_d, 0)",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
-            shapes=(_KNEE,),
-            columns=lambda motion, shapes: [np.maximum(motion.position - shapes[0], 0.0)],
+            linear=(LinearParameter("added_stiffness", "{y}/{x}", sign=0),),
+            nonlinear=(_KNEE,),
+            columns=lambda motion, nonlinear: [np.maximum(motion.position - nonlinear[0], 0.0)],
             c_step=CStep("added_stiffness * (position > knee ? position - knee : 0.0)"),
         ),
         Form(
             name="shallow",
             equation=r"k_d \min(z + z_d, 0)",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("added_stiffness", "{y}/{x}", sign=0),),
-            shapes=(_KNEE,),
-            columns=lambda motion, shapes: [np.minimum(motion.position + shapes[0], 0.0)],
+            linear=(LinearParameter("added_stiffness", "{y}/{x}", sign=0),),
+            nonlinear=(_KNEE,),
+            columns=lambda motion, nonlinear: [np.minimum(motion.position + nonlinear[0], 0.0)],
             c_step=CStep("added_stiffness * (position < -knee ? position + knee : 0.0)"),
         ),
     ),
@@ -135,27 +141,27 @@ SOFTENING = Effect(
             name="path",
             equation=r"-k_s z\,(1 - e^{-s/s_0}),\quad s = \int|\dot z|\,dt",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
-            shapes=(Shape("path_constant", "{x}", "path", 0.02, 3.0, 6),),
-            columns=lambda motion, shapes: [-motion.position * np.expm1(-motion.path / shapes[0])],
+            linear=(LinearParameter("stiffness_lost", "{y}/{x}", sign=-1),),
+            nonlinear=(NonlinearParameter("path_constant", "{x}", "path", 0.02, 3.0, 6),),
+            columns=lambda motion, nonlinear: [-motion.position * np.expm1(-motion.path / nonlinear[0])],
             c_step=CStep("stiffness_lost * (-position * portable_expm1(-path / path_constant))"),
         ),
         Form(
             name="time",
             equation=r"-k_s z\,(1 - e^{-t/T_s})",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
-            shapes=(Shape("time_constant", "s", "duration", 0.02, 3.0, 6),),
-            columns=lambda motion, shapes: [-motion.position * np.expm1(-motion.time / shapes[0])],
+            linear=(LinearParameter("stiffness_lost", "{y}/{x}", sign=-1),),
+            nonlinear=(NonlinearParameter("time_constant", "s", "duration", 0.02, 3.0, 6),),
+            columns=lambda motion, nonlinear: [-motion.position * np.expm1(-motion.time / nonlinear[0])],
             c_step=CStep("stiffness_lost * (-position * portable_expm1(-time / time_constant))"),
         ),
         Form(
             name="path_to_floor",
             equation=r"-k_s z \min(s/s_0, 1)",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("stiffness_lost", "{y}/{x}", sign=-1),),
-            shapes=(Shape("path_constant", "{x}", "path", 0.05, 1.0, 5, reach=(0.2, 1.5)),),
-            columns=lambda motion, shapes: [motion.position * np.minimum(motion.path / shapes[0], 1.0)],
+            linear=(LinearParameter("stiffness_lost", "{y}/{x}", sign=-1),),
+            nonlinear=(NonlinearParameter("path_constant", "{x}", "path", 0.05, 1.0, 5, reach=(0.2, 1.5)),),
+            columns=lambda motion, nonlinear: [motion.position * np.minimum(motion.path / nonlinear[0], 1.0)],
             c_step=CStep(
                 "stiffness_lost * (position * (share < 1 ? share : 1.0))",
                 "double share = path / path_constant;",
@@ -165,11 +171,13 @@ SOFTENING = Effect(
             name="whole_force",
             equation=r"F \to F\,(1 - a\,(1 - e^{-s/s_0}))",
             place=Place.OUTPUT,
-            shapes=(
-                Shape("share_lost", "1", "one", 0.05, 0.6, 3, reach=(0.02, 1.6)),
-                Shape("path_constant", "{x}", "path", 0.05, 1.0, 3),
+            nonlinear=(
+                NonlinearParameter("share_lost", "1", "one", 0.05, 0.6, 3, reach=(0.02, 1.6)),
+                NonlinearParameter("path_constant", "{x}", "path", 0.05, 1.0, 3),
             ),
-            output_transform=lambda force, motion, shapes: force * (1 - _worn(motion, shapes[0], shapes[1])),
+            output_transform=lambda force, motion, nonlinear: (
+                force * (1 - _worn(motion, nonlinear[0], nonlinear[1]))
+            ),
             c_step=CStep("force * (1.0 + share_lost * portable_expm1(-path / path_constant))"),
         ),
     ),
@@ -185,9 +193,11 @@ SECOND_RELAXATION = Effect(
             name="maxwell_branch",
             equation=r"k_3 q,\quad \dot q = \dot z - q/\tau_2",
             place=Place.PARALLEL,
-            amplitudes=(Amplitude("branch_stiffness", "{y}/{x}"),),
-            shapes=(Shape("relaxation_time", "s", "time", 0.008, 20.0, 12, reach=(0.4, 5.0)),),
-            columns=lambda motion, shapes: [relaxation(motion, shapes[0])],
+            linear=(LinearParameter("branch_stiffness", "{y}/{x}"),),
+            nonlinear=(
+                NonlinearParameter("relaxation_time", "s", "time", 0.008, 20.0, 12, reach=(0.4, 5.0)),
+            ),
+            columns=lambda motion, nonlinear: [relaxation(motion, nonlinear[0])],
             c_step=CStep("branch_stiffness * next[0]", RELAX, memory=1, constants=ramp_relaxation),
         ),
     ),

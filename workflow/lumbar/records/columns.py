@@ -68,12 +68,16 @@ def read_record(
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    raw = _read_mat(path, layout) if layout.get("format", "text") == "mat" else _read_text(path, layout)
+    if layout.get("format", "text") == "mat":
+        raw, lines = _read_mat(path, layout), None
+    else:
+        raw, lines = _read_text(path, layout)
     columns = {role: column for role, column in layout["columns"].items() if role in raw}
-    scaled = {
-        role: raw[role] * float(column.get("scale", 1.0)) + float(column.get("offset", 0.0))
-        for role, column in columns.items()
-    }
+    with np.errstate(over="ignore"):  # what overflows is refused below, with its place
+        scaled = {
+            role: raw[role] * float(column.get("scale", 1.0)) + float(column.get("offset", 0.0))
+            for role, column in columns.items()
+        }
     channels = {
         role: Channel(scaled[role], column.get("quantity", role), column.get("unit", ""))
         for role, column in columns.items()
@@ -89,9 +93,10 @@ def read_record(
         source=str(path),
         period=period,
     )
-    check_record(record, may_rest=[role for role, column in columns.items() if column.get("optional")])
+    may_rest = [role for role, column in columns.items() if column.get("optional")]
+    check_record(record, may_rest=may_rest, lines=lines)
     if layout.get("clipped", "refuse") == "refuse":
-        check_clipping(record)
+        check_clipping(record, lines)
     if rate is not None:
         from lumbar.records.resampling import resample
 
@@ -111,7 +116,8 @@ def _lines(path: Path):
             raise InputError(f"{path}: not a readable text file ({error})") from error
 
 
-def _read_text(path: Path, layout: dict) -> dict[str, np.ndarray]:
+def _read_text(path: Path, layout: dict) -> tuple[dict[str, np.ndarray], list[int]]:
+    """Columns by role, and the line of each sample."""
     delimiter = layout.get("delimiter", ",")
     separator = None if delimiter == "whitespace" else delimiter
     comment = layout.get("comment")
@@ -123,6 +129,7 @@ def _read_text(path: Path, layout: dict) -> dict[str, np.ndarray]:
     by_name = any(isinstance(column["column"], str) for column in layout["columns"].values())
     width: int | None = None
     rows: list[list[float]] = []
+    lines: list[int] = []
     for number, line in _lines(path):
         text = line.strip()
         if not text or (comment and text.startswith(comment)):
@@ -142,6 +149,7 @@ def _read_text(path: Path, layout: dict) -> dict[str, np.ndarray]:
             )
         else:
             rows.append(_numbers(cells, positions, number, decimal, problems))
+            lines.append(number)
         if len(problems.entries) >= 20:
             problems.add("", "reading stopped after 20 problems")
             break
@@ -149,7 +157,7 @@ def _read_text(path: Path, layout: dict) -> dict[str, np.ndarray]:
     if positions is None or not rows:
         raise InputError(f"{path}: no data rows")
     table = np.array(rows)
-    return dict(zip(positions, table.T, strict=True))
+    return dict(zip(positions, table.T, strict=True)), lines
 
 
 def _split(line: str, separator: str | None) -> list[str]:

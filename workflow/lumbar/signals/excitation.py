@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.errors import InputError
+from lumbar.signals.band_limited_noise import band_limited_noise
 from lumbar.signals.chirp import linear_chirp
 from lumbar.signals.machine_limits import Kinematics, check_machine_limits, peak_kinematics
 from lumbar.signals.multisine import Multisine, design_multisine
-from lumbar.signals.noise import band_limited_noise
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from lumbar.errors import NumericalError
 from lumbar.records.ratings import Ratings
-from lumbar.survey.published import Overall, reality_notes
+from lumbar.survey.table_3_2 import Overall, reality_notes
 from lumbar.tables import Table
 
 

@@ -1,0 +1,112 @@
+"""What a referee asks of a diagnosis beyond the ranking: ties, the experiment that settles them, limits, what is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.diagnosis.design.detectable import Detectable, detectable_effects, threshold_gain
+from lumbar.diagnosis.design.discrimination import Separation, separating_excitation
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.fitting.joint_fit import fit
+from lumbar.diagnosis.residuals.residual_report import Simulated, compare_and_locate
+from lumbar.diagnosis.selection.forward_selection import Candidate, extend, judge
+from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
+from lumbar.diagnosis.selection.ties import Ties, signal_angles
+from lumbar.diagnosis.selection.verdict import Diagnosis
+from lumbar.effects.catalogue import without_channels
+from lumbar.models.form import Effect
+from lumbar.records.record import Record
+from lumbar.signals.machine_limits import Kinematics
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Evidence beside a diagnosis.
+
+    Attributes
+    ----------
+    remaining : list of Simulated
+        The selected model on every record: where it still fails.
+    ties : Ties or None
+        None where nothing was selected.
+    separation : Separation or None
+        None without a tie.
+    detectable : list of Detectable
+        How large other effects would have to be.
+    threshold : float
+        Gain that an effect needs to be selected.
+    null : NullGains
+        Simulated experiments that the threshold comes from.
+    other_forms : list of Candidate
+        The selected model with one of its effects in another mathematical form.
+    """
+
+    remaining: list[Simulated]
+    ties: Ties | None
+    separation: Separation | None
+    detectable: list[Detectable]
+    threshold: float
+    null: NullGains
+    other_forms: list[Candidate]
+
+
+def gather_evidence(
+    diagnosis: Diagnosis,
+    records: list[Record],
+    settings: DiagnosisSettings,
+    seed: int,
+    machine: dict | None = None,
+) -> Evidence:
+    """Gather the evidence for a diagnosis.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    records : list of Record
+        Those it was made from.
+    settings : DiagnosisSettings
+        Those it was made with.
+    seed : int
+        Of the intervals.
+    machine : dict, optional
+        Limits ``displacement_mm``, ``velocity_mm_s``, ``acceleration_mm_s2``; taken where the input is in mm.
+    """
+    experiment = diagnosis.experiment
+    null = shipped(diagnosis.base.fit.structure.base.system)
+    catalogue, _ = without_channels(settings.candidates, experiment.training.motion.channels)
+    limits = None
+    if machine and experiment.input_unit == "mm":
+        limits = Kinematics(
+            machine["displacement_mm"], machine["velocity_mm_s"], machine["acceleration_mm_s2"]
+        )
+    forms = sum(len(effect.forms) for effect in catalogue.values())
+    return Evidence(
+        remaining=compare_and_locate(
+            records, diagnosis.model.fit, experiment.floor, experiment.floor_from, seed, settings.centre
+        ),
+        ties=signal_angles(diagnosis),
+        separation=separating_excitation(diagnosis, limits),
+        detectable=detectable_effects(diagnosis, catalogue, null),
+        threshold=threshold_gain(null, forms),
+        null=null,
+        other_forms=_other_forms(diagnosis, catalogue),
+    )
+
+
+def _other_forms(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[Candidate]:
+    """The model refitted with every other form of each of its effects."""
+    experiment, model = diagnosis.experiment, diagnosis.model
+    found = []
+    for mine in model.fit.structure.forms:
+        effect = catalogue[mine.effect]
+        others = tuple(form for form in effect.forms if form.name != mine.name)
+        if not others:
+            continue
+        rest = model.fit.structure.without(mine.effect)
+        base, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
+        start = np.concatenate([base, *(parts[form.key] for form in rest.forms)])
+        without = judge(fit(rest, experiment.training, start), experiment)
+        found += extend(without, {mine.effect: replace(effect, forms=others)}, experiment)
+    return found

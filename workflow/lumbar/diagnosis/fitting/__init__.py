@@ -1,0 +1,1 @@
+"""Base and effects fitted to records: preparation, joint fit, intervals, identifiability."""

@@ -1,0 +1,82 @@
+"""How to diagnose: base, training records, candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from lumbar.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.effects.catalogue import catalogue_of, catalogue_with
+from lumbar.errors import InputError
+from lumbar.models.bases import BASES
+from lumbar.models.form import Effect
+from lumbar.models.measured_angle import for_base
+from lumbar.records.record import Record
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """How to diagnose.
+
+    Attributes
+    ----------
+    base : str
+        Base model, a key of `lumbar.models.bases.BASES`.
+    train : str, sequence of str or None
+        Training record, or several that are fitted together; None takes the longest.
+    periods : dict of str to float
+        Periods of records in seconds; others are found.
+    catalogue : dict of str to Effect, optional
+        Candidates; default those of the system that the base is a model of.
+    most_effects : int
+        Most effects to add.
+    centre : bool
+        Take each record's means off input and output.
+    """
+
+    base: str = "KB"
+    train: str | Sequence[str] | None = None
+    periods: dict[str, float] = field(default_factory=dict)
+    catalogue: dict[str, Effect] | None = None
+    most_effects: int = 3
+    centre: bool = False
+
+    @property
+    def candidates(self) -> dict[str, Effect]:
+        """The catalogue that is given, or that of the base."""
+        return catalogue_of(self.base) if self.catalogue is None else self.catalogue
+
+    @classmethod
+    def from_config(
+        cls,
+        config: dict,
+        base: str | None = None,
+        train: str | Sequence[str] | None = None,
+        periods: dict[str, float] | None = None,
+    ) -> DiagnosisSettings:
+        """Settings from a study's section ``improvement``; what is given beside it comes first."""
+        base = base or config["base"]
+        return cls(
+            base=base,
+            train=train or config.get("train"),
+            periods=periods or {},
+            catalogue=catalogue_with(config["effect_files"], base),
+            most_effects=config["most_effects"],
+            centre=config["centre"],
+        )
+
+
+def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:
+    """Prepare records as base and settings say.
+
+    Raises
+    ------
+    InputError
+        As `prepare`; and for a pendulum whose angle would be centred.
+    """
+    if settings.centre and BASES[settings.base].system == "pendulum":
+        raise InputError("improvement.centre: a pendulum's angle counts from the vertical; set it to false")
+    base = BASES[settings.base]
+    return prepare(
+        [for_base(record, base) for record in records], settings.train, settings.periods, settings.centre
+    )

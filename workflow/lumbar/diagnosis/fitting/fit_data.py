@@ -1,0 +1,130 @@
+"""Records as a fit sees them: motion, force, which samples count, and the noise's colour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from lumbar.models.joined_motions import JoinedMotions
+from lumbar.models.motion import Motion
+
+SETTLING = 0.5
+"""Seconds at the start of every record that are left out of every error: the initial state is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitData:
+    """One record prepared for fitting.
+
+    Attributes
+    ----------
+    name : str
+    motion : Motion
+    force : numpy.ndarray, shape (samples,)
+    whitening : numpy.ndarray
+        Coefficients of an FIR filter that makes the noise white; ``[1]`` where it is white.
+    counts_from : float
+        Seconds at the start that are left out of every error.
+    """
+
+    name: str
+    motion: Motion | JoinedMotions
+    force: np.ndarray
+    whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
+    counts_from: float = SETTLING
+
+    @property
+    def first(self) -> int:
+        """Index of the first sample that counts."""
+        return round(self.counts_from / self.motion.sampling_time)
+
+    def split(self, share: float) -> tuple[FitData, FitData]:
+        """Cut the record in two: its first part, and the whole of it of which only what follows counts."""
+        count = round(share * len(self.force))
+        early = replace(self, motion=self.motion.beginning(count), force=self.force[:count])
+        return early, replace(self, counts_from=count * self.motion.sampling_time)
+
+    def unwhitened(self) -> FitData:
+        """The same record, its errors taken as they are."""
+        return replace(self, whitening=np.ones(1))
+
+    @property
+    def size(self) -> int:
+        """Number of samples that count."""
+        return len(self.force) - self.first
+
+    def settled(self, signal: np.ndarray) -> np.ndarray:
+        """Signal (samples first) from the first sample that counts."""
+        return signal[self.first :]
+
+    def counted(self, signal: np.ndarray) -> np.ndarray:
+        """Whitened signal (samples first) from the first sample that counts."""
+        if len(self.whitening) > 1:
+            from scipy.signal import lfilter
+
+            signal = lfilter(self.whitening, [1.0], signal, axis=0)
+        return self.settled(signal)
+
+    def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
+        """Motion of the longest record, and a signal over all samples there."""
+        return self.motion, signal
+
+    def scale(self, kind: str) -> float:
+        """Size of a quantity for starting values; ``force`` is the largest force of the record."""
+        return float(np.abs(self.force).max()) if kind == "force" else self.motion.scale(kind)
+
+
+@dataclass(frozen=True, eq=False)
+class JointData(FitData):
+    """Several records that a model is fitted to together.
+
+    Attributes
+    ----------
+    parts : tuple of FitData
+        Sampled alike.
+    """
+
+    parts: tuple[FitData, ...] = ()
+
+    @classmethod
+    def of(cls, parts: list[FitData]) -> JointData:
+        """Put records together; the name lists theirs."""
+        return cls(
+            "+".join(part.name for part in parts),
+            JoinedMotions(tuple(part.motion for part in parts)),
+            np.concatenate([part.force for part in parts]),
+            parts[0].whitening,
+            parts[0].counts_from,
+            tuple(parts),
+        )
+
+    def split(self, share: float) -> tuple[FitData, FitData]:
+        """Cut every record in two."""
+        early, later = zip(*(part.split(share) for part in self.parts), strict=True)
+        return JointData.of(list(early)), JointData.of(list(later))
+
+    def unwhitened(self) -> FitData:
+        """The same records, their errors taken as they are."""
+        return JointData.of([part.unwhitened() for part in self.parts])
+
+    @property
+    def size(self) -> int:
+        """Number of samples that count."""
+        return sum(part.size for part in self.parts)
+
+    def settled(self, signal: np.ndarray) -> np.ndarray:
+        """Signal (samples first) without what does not count of each record."""
+        pieces = zip(self.parts, self.motion.split(signal), strict=True)
+        return np.concatenate([part.settled(piece) for part, piece in pieces])
+
+    def counted(self, signal: np.ndarray) -> np.ndarray:
+        """Whitened signal (samples first) without what does not count of each record."""
+        pieces = zip(self.parts, self.motion.split(signal), strict=True)
+        return np.concatenate([part.counted(piece) for part, piece in pieces])
+
+    def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
+        """Motion of the longest record, and a signal over all samples there."""
+        return max(
+            zip(self.motion.parts, self.motion.split(signal), strict=True), key=lambda pair: len(pair[0])
+        )

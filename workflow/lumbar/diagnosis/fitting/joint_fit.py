@@ -1,0 +1,334 @@
+"""Joint fit of base and effects to a record by free-run simulation error.
+
+Linear parameters enter linearly and are eliminated (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973)
+413-432); only nonlinear parameters are searched. Forms that act on the output make the problem nonlinear in all of them; then
+all parameters are searched together, from the linear solution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from lumbar.diagnosis.fitting.fit_data import FitData
+from lumbar.models.form import Form, Place
+from lumbar.models.joined_motions import JoinedMotions
+from lumbar.models.motion import Motion
+from lumbar.models.structure import Structure
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted model.
+
+    Attributes
+    ----------
+    structure : Structure
+    linear, nonlinear : numpy.ndarray
+    squared_error : float
+        Sum of squared (whitened) errors over the samples that count.
+    converged : bool
+        Whether the optimiser reported convergence.
+    """
+
+    structure: Structure
+    linear: np.ndarray
+    nonlinear: np.ndarray
+    squared_error: float
+    converged: bool = True
+
+    def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
+        """Free-run simulation, shape (samples,)."""
+        return self.structure.simulate(motion, self.linear, self.nonlinear)
+
+    def rms(self, *records: FitData) -> float:
+        """Root mean square of the simulation error over all samples that count of these records together."""
+        return float(np.sqrt(np.mean(np.concatenate([self.errors(item) for item in records]) ** 2)))
+
+    def errors(self, record: FitData) -> np.ndarray:
+        """Free-run simulation error of the samples that count."""
+        return record.settled(self.simulate(record.motion) - record.force)
+
+    def whitened_errors(self, record: FitData) -> np.ndarray:
+        """Free-run simulation error of the samples that count, through the record's whitening filter."""
+        return record.counted(self.simulate(record.motion) - record.force)
+
+
+def solve_linear(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
+    """Least squares with sign constraints.
+
+    Parameters
+    ----------
+    design : numpy.ndarray, shape (samples, linear parameters)
+    force : numpy.ndarray, shape (samples,)
+    signs : tuple of int
+        1: not negative, -1: not positive, 0: free.
+
+    Returns
+    -------
+    numpy.ndarray, shape (linear parameters,)
+    """
+    normal = design.T @ design
+    size = np.sqrt(np.diag(normal))
+    size[size == 0] = 1.0
+    normal /= np.outer(size, size)
+    right = (design.T @ force) / size
+    # A ridge far below rounding of the data keeps columns that have become equal solvable.
+    normal[np.diag_indices_from(normal)] += 1e-11
+    free = np.linalg.solve(normal, right)
+    if all(sign * value >= 0 for sign, value in zip(signs, free, strict=True)):
+        return free / size
+    return _constrained(normal, right, signs) / size
+
+
+def _constrained(normal: np.ndarray, right: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
+    """Non-negative least squares on the Cholesky factor; a free amplitude is a difference of two."""
+    from scipy.linalg import solve_triangular
+    from scipy.optimize import nnls
+
+    factor = np.linalg.cholesky(normal)
+    target = solve_triangular(factor, right, lower=True)
+    expanded = [(index, 1.0) for index, sign in enumerate(signs) if sign >= 0]
+    expanded += [(index, -1.0) for index, sign in enumerate(signs) if sign <= 0]
+    positive, _ = nnls(np.stack([direction * factor[index] for index, direction in expanded], axis=1), target)
+    linear = np.zeros(len(signs))
+    for (index, direction), value in zip(expanded, positive, strict=True):
+        linear[index] += direction * value
+    return linear
+
+
+def shape_bounds(structure: Structure, data: FitData, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return lower and upper bounds of all nonlinear parameters."""
+    bounds = []
+    for shape, value in zip(structure.nonlinear, start, strict=True):
+        if shape.lines is not None:
+            reach = shape.lines / data.motion.time[-1]
+            bounds.append((max(value - reach, 0.1 * value), value + reach))
+        else:
+            bounds.append(shape.bounds(data.scale(shape.scale)))
+    return tuple(np.array(bounds).reshape(-1, 2).T)
+
+
+def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np.ndarray]:
+    """Return the starting nonlinear parameters of a form: its own, or the grid of all its nonlinear parameters."""
+    if form.starts is not None:
+        return form.starts(*data.longest(residual))
+    grids = [shape.grid(data.scale(shape.scale)) for shape in form.nonlinear]
+    return [np.array(point) for point in product(*grids)]
+
+
+def fit(structure: Structure, data: FitData, start: np.ndarray, evaluations: int = 40) -> Fit:
+    """Fit a structure to a record from one start.
+
+    Parameters
+    ----------
+    structure : Structure
+    data : FitData
+    start : numpy.ndarray
+        Nonlinear parameters to start from, base first.
+    evaluations : int
+        Most steps of the optimiser.
+
+    Returns
+    -------
+    Fit
+    """
+    if not len(start):
+        return (
+            _at(structure, data, start)
+            if structure.is_linear
+            else _search_all(structure, data, start, evaluations)
+        )
+    low, high = shape_bounds(structure, data, start)
+    start = np.clip(start, low * 1.0001, high * 0.9999)
+    search = _search_nonlinear if structure.is_linear else _search_all
+    return search(structure, data, start, evaluations, low, high)
+
+
+def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: bool = True) -> Fit:
+    """Solve for the linear parameters at given nonlinear parameters."""
+    design = data.counted(structure.design(data.motion, nonlinear))
+    force = data.counted(data.force)
+    linear = solve_linear(design, force, structure.signs)
+    error = force - design @ linear
+    return Fit(structure, linear, nonlinear, float(error @ error), converged)
+
+
+def _search_nonlinear(structure, data, start, evaluations, low, high) -> Fit:
+    from scipy.optimize import least_squares
+
+    force = data.counted(data.force)
+
+    def error(logarithms):
+        design = data.counted(structure.design(data.motion, np.exp(logarithms)))
+        return design @ solve_linear(design, force, structure.signs) - force
+
+    found = least_squares(
+        error, np.log(start), bounds=(np.log(low), np.log(high)), diff_step=1e-5, xtol=1e-7, ftol=1e-9,
+        max_nfev=evaluations,
+    )  # fmt: skip
+    return _at(structure, data, np.exp(found.x), found.status > 0)
+
+
+def _search_all(structure, data, start, evaluations, low=(), high=()) -> Fit:
+    """Search all parameters together: the output forms' derivative by differences, the rest by columns."""
+    from scipy.optimize import least_squares
+
+    force = data.counted(data.force)
+    count = len(structure.nonlinear)
+    inner = Structure(
+        structure.base, tuple(form for form in structure.forms if form.place is not Place.OUTPUT)
+    )
+    keep = _inner_nonlinear(structure)
+    first = solve_linear(
+        data.counted(inner.design(data.motion, np.asarray(start)[keep])), force, structure.signs
+    )
+    size = np.maximum(np.abs(first), 1e-3 * np.abs(first).max() + 1e-12)
+    signs = np.array(structure.signs)
+
+    def parts(vector):
+        return np.exp(vector[:count]), vector[count:] * size
+
+    def error(vector):
+        nonlinear, linear = parts(vector)
+        return data.counted(structure.simulate(data.motion, linear, nonlinear)) - force
+
+    def jacobian(vector):
+        nonlinear, linear = parts(vector)
+        _, slope = _output_slope(structure, data, structure.design(data.motion, nonlinear), linear, nonlinear)
+        columns = [
+            (error(vector + 1e-5 * unit) - error(vector - 1e-5 * unit)) / 2e-5
+            for unit in np.eye(len(vector))[:count]
+        ]
+        by_amplitude = data.counted(slope) * size
+        return np.column_stack([*columns, by_amplitude])
+
+    lower = np.concatenate([np.log(low), np.where(signs > 0, -1e-9, -np.inf)])
+    upper = np.concatenate([np.log(high), np.where(signs < 0, 1e-9, np.inf)])
+    vector = np.concatenate(
+        [np.log(start), np.clip(first / size, lower[count:] + 1e-9, upper[count:] - 1e-9)]
+    )
+    found = least_squares(
+        error, vector, jac=jacobian, bounds=(lower, upper), xtol=1e-8, ftol=1e-9, max_nfev=evaluations
+    )
+    nonlinear, linear = parts(found.x)
+    linear = np.where(signs > 0, np.maximum(linear, 0), np.where(signs < 0, np.minimum(linear, 0), linear))
+    residual = data.counted(structure.simulate(data.motion, linear, nonlinear)) - force
+    return Fit(structure, linear, nonlinear, float(residual @ residual), found.status > 0)
+
+
+def _inner_nonlinear(structure: Structure) -> list[int]:
+    """Indices of the nonlinear parameters that do not belong to output forms."""
+    keep = list(range(len(structure.base.nonlinear)))
+    position = len(keep)
+    for form in structure.forms:
+        if form.place is not Place.OUTPUT:
+            keep.extend(range(position, position + len(form.nonlinear)))
+        position += len(form.nonlinear)
+    return keep
+
+
+def fit_base(structure: Structure, data: FitData) -> Fit:
+    """Fit a structure without effects from every combination of its nonlinear parameters' starting values; return the best."""
+    grids = [shape.grid(data.scale(shape.scale)) for shape in structure.nonlinear]
+    starts = [np.array(point) for point in product(*grids)]
+    ranked = sorted((_at(structure, data, start) for start in starts), key=lambda item: item.squared_error)
+    return min(
+        (fit(structure, data, item.nonlinear) for item in ranked[:2]), key=lambda item: item.squared_error
+    )
+
+
+def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:
+    """Squared error of every starting value of a form added to a fitted model, best first.
+
+    The model's own nonlinear parameters are kept; linear ones are solved for together (parallel and input forms) or kept (output
+    forms, which only transform the force).
+    """
+    residual = data.force - previous.simulate(data.motion)
+    structure = previous.structure.with_form(form)
+    found = []
+    for start in nonlinear_starts(form, data, residual):
+        nonlinear = np.concatenate([previous.nonlinear, start])
+        if structure.is_linear:
+            squared = _at(structure, data, nonlinear).squared_error
+        else:
+            squared = _linearised_error(structure, data, linear_with_new(previous, form), nonlinear)
+        found.append((squared, start))
+    return sorted(found, key=lambda item: item[0])
+
+
+def _linearised_error(
+    structure: Structure, data: FitData, linear: np.ndarray, nonlinear: np.ndarray
+) -> float:
+    """Squared error after one Gauss–Newton step in the linear parameters, their signs aside, of a structure with output forms.
+
+    Without the step every form that adds a force would look alike: it starts at amplitude 0.
+    """
+    inner, slope = _output_slope(structure, data, structure.design(data.motion, nonlinear), linear, nonlinear)
+    error = data.counted(structure.output(inner, data.motion, nonlinear) - data.force)
+    columns = data.counted(slope)
+    return float(np.sum((error - columns @ np.linalg.lstsq(columns, error, rcond=1e-9)[0]) ** 2))
+
+
+def _output_slope(
+    structure: Structure, data: FitData, design: np.ndarray, linear: np.ndarray, nonlinear: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force before the output forms, and derivative of the measured force by the linear parameters."""
+    inner = design @ linear
+    step = 1e-6 * (np.abs(inner).max() + 1e-12)
+    above, below = (structure.output(inner + sign * step, data.motion, nonlinear) for sign in (1, -1))
+    return inner, ((above - below) / (2 * step))[:, None] * design
+
+
+def linear_with_new(previous: Fit, form: Form) -> np.ndarray:
+    """Linear parameters of a fitted model with those of a new form at 0."""
+    return np.concatenate([previous.linear, np.zeros(len(form.linear))])
+
+
+def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
+    """Refit a model with one form more, jointly, from the best starting values.
+
+    A parallel form contains the smaller model, at amplitude 0: its fit is never worse. Where the optimiser ends above the
+    smaller model, that one stands in its place, not converged.
+
+    An input or output form comes to the smaller model only in the limit of a parameter (no play, no delay, saturation at
+    an infinite force), beyond its bounds. Its fit may therefore be worse, with the parameter at a bound; where none of its
+    parameters is, it has not converged.
+
+    Parameters
+    ----------
+    previous : Fit
+    form : Form
+    data : FitData
+    starts : int
+        How many of the starting values, best first, are refined.
+
+    Returns
+    -------
+    Fit
+    """
+    structure = previous.structure.with_form(form)
+    best = min(
+        (
+            fit(structure, data, np.concatenate([previous.nonlinear, start]))
+            for _, start in screen(previous, form, data)[:starts]
+        ),
+        key=lambda item: item.squared_error,
+    )
+    if best.squared_error <= previous.squared_error * (1 + 1e-6):
+        return best
+    new = best.nonlinear[len(previous.nonlinear) :]
+    if form.place is Place.PARALLEL:
+        nonlinear = np.concatenate([previous.nonlinear, new])
+        return Fit(
+            structure, linear_with_new(previous, form), nonlinear, previous.squared_error, converged=False
+        )
+    low, high = (bound[len(previous.nonlinear) :] for bound in shape_bounds(structure, data, best.nonlinear))
+    bounded = np.any((new <= low * (1 + _AT_BOUND)) | (new >= high * (1 - _AT_BOUND)))
+    return replace(best, converged=best.converged and bool(bounded))
+
+
+_AT_BOUND = 1e-3
+"""Relative distance within which a parameter counts as at its bound."""

@@ -1,0 +1,182 @@
+"""From validated records to data for fitting: training and test records, noise floor, whitening."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.diagnosis.fitting.fit_data import SETTLING, FitData, JointData
+from lumbar.diagnosis.fitting.record_checks import check_excitation, check_response
+from lumbar.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
+from lumbar.errors import InputError
+from lumbar.models.motion import Motion
+from lumbar.records.record import Record, same_units
+
+DWARFING = 3.0
+"""Error in noise floors from which on it is a model's and not the noise's."""
+_HELD_BACK = 0.3
+"""Share of a single record that is held back as test where there is no other record."""
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A set of records ready for diagnosis.
+
+    Attributes
+    ----------
+    training : FitData
+        Of several records that are fitted together, a `JointData`.
+    tests : list of FitData
+        Unseen excitation; the last part of the training record where there is no other record.
+    floor : NoiseFloor or None
+        None where no record repeats.
+    input_unit, output_unit : str
+    floor_from : str
+        Name of the training record that the floor was taken from, or would have been.
+    input_offset, output_offset : float
+        What was taken off the training record's channels; 0 where records are taken as they are.
+    input_quantity, output_quantity : str
+    """
+
+    training: FitData
+    tests: list[FitData]
+    floor: NoiseFloor | None
+    input_unit: str
+    output_unit: str
+    floor_from: str
+    input_offset: float = 0.0
+    output_offset: float = 0.0
+    input_quantity: str = "position"
+    output_quantity: str = "force"
+
+    def unwhitened(self) -> Experiment:
+        """The same records, their errors taken as they are."""
+        return replace(
+            self, training=self.training.unwhitened(), tests=[item.unwhitened() for item in self.tests]
+        )
+
+    def error_dwarfs_noise(self, train_rms: float) -> bool:
+        """Whether a model's error on the training record is so large that whitening by the noise's colour is out of place.
+
+        Whitening weighs an error that is noise. Where a model's own error is what is left, it weighs frequencies at which
+        there happens to be little noise, and the simulation gets worse.
+        """
+        whitened = len(self.training.whitening) > 1
+        return whitened and self.floor is not None and train_rms > DWARFING * self.floor.rms
+
+
+def prepare(
+    records: list[Record],
+    train: str | Sequence[str] | None = None,
+    periods: dict[str, float] | None = None,
+    centre: bool = False,
+) -> Experiment:
+    """Choose the training records, estimate their noise and prepare all records.
+
+    Parameters
+    ----------
+    records : list of Record
+        With channels ``input`` and ``output``.
+    train : str or sequence of str, optional
+        Name of the training record, or of several that are fitted together; default the longest.
+    periods : dict of str to float, optional
+        Period of a record's excitation in seconds; default found from the input.
+    centre : bool
+        Take each record's means off input and output: for sensors whose zero is arbitrary.
+
+    Returns
+    -------
+    Experiment
+
+    Raises
+    ------
+    InputError
+        No or unknown records, different units, a record shorter than what is left out for settling, or training records
+        that are not sampled alike.
+    """
+    if not records:
+        raise InputError("no records to diagnose")
+    same_units(records)
+    names = [record.name for record in records]
+    wanted = [train] if isinstance(train, str) else list(train or [])
+    for name in [*(periods or {}), *wanted]:
+        if name not in names:
+            raise InputError(f"no record {name!r}; there are {', '.join(names)}")
+    _check_durations(records)
+    chosen = [item for item in records if item.name in wanted] or [max(records, key=len)]
+    others = [item for item in records if all(item is not one for one in chosen)]
+    _check_sampled_alike(chosen)
+    check_excitation(max(chosen, key=lambda item: float(np.ptp(item["input"]))), others)
+    first, floor = _noise_floor_of(chosen, periods or {})
+    check_response(first, floor)
+    training, tests = _split(chosen, others)
+    whitening = np.ones(1) if floor is None else floor.whitening
+    fitted = [_fit_data(item, centre, whitening) for item in training]
+    return Experiment(
+        fitted[0] if len(fitted) == 1 else JointData.of(fitted),
+        [_fit_data(item, centre, _at_rate(whitening, item, first)) for item in tests],
+        floor,
+        first.channels["input"].unit,
+        first.channels["output"].unit,
+        first.name,
+        float(np.mean(training[0]["input"])) if centre else 0.0,
+        float(np.mean(training[0]["output"])) if centre else 0.0,
+        first.channels["input"].quantity,
+        first.channels["output"].quantity,
+    )
+
+
+def _check_durations(records: list[Record]) -> None:
+    for record in records:
+        if record.duration < 2 * SETTLING + 50 * record.sampling_time:
+            raise InputError(
+                f"{record.source or record.name}: {record.duration:g} s is too short: the first {SETTLING} s settle, "
+                "and at least as much and 50 samples must follow"
+            )
+
+
+def _check_sampled_alike(chosen: list[Record]) -> None:
+    for record in chosen[1:]:
+        if not np.isclose(record.sampling_time, chosen[0].sampling_time, rtol=1e-6):
+            raise InputError(
+                f"{record.source or record.name}: sampled every {record.sampling_time:g} s, {chosen[0].name} every "
+                f"{chosen[0].sampling_time:g} s; records that are fitted together must be sampled alike: give a rate "
+                "(tissue.rate_Hz)"
+            )
+
+
+def _noise_floor_of(chosen: list[Record], periods: dict[str, float]) -> tuple[Record, NoiseFloor | None]:
+    """First record that repeats, with its noise floor; the first of all and None where none does."""
+    for record in chosen:
+        # A study's own period of a record with fewer than three of them says nothing about noise; one that is asked
+        # for here and cannot be used is an error.
+        known = record.period if record.period and record.duration >= 3 * record.period else None
+        floor = noise_floor(replace(record, period=known), periods.get(record.name))
+        if floor is not None:
+            return record, floor
+    return chosen[0], None
+
+
+def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndarray:
+    """Whitening filter for a record: the training record's, where both are sampled alike."""
+    return whitening if np.isclose(record.sampling_time, training.sampling_time) else np.ones(1)
+
+
+def _fit_data(record: Record, centre: bool, whitening: np.ndarray) -> FitData:
+    offset, level = (float(record[role].mean()) if centre else 0.0 for role in ("input", "output"))
+    motion, force = Motion.of(record, offset=offset), record["output"] - level
+    return FitData(record.name, motion, force, whitening)
+
+
+def _split(chosen: list[Record], others: list[Record]) -> tuple[list[Record], list[Record]]:
+    """Training and test records; where all are fitted, the last part of each is held back."""
+    if others:
+        return chosen, others
+    cuts = [item.time[0] + (1 - _HELD_BACK) * item.duration for item in chosen]
+    pairs = list(zip(chosen, cuts, strict=True))
+    return (
+        [item.between(item.time[0], cut) for item, cut in pairs],
+        [item.between(cut, np.inf) for item, cut in pairs],
+    )

@@ -1,0 +1,1 @@
+"""What of a record is noise: its floor, its colour, and what does not repeat."""

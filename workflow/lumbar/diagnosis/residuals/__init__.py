@@ -1,0 +1,1 @@
+"""How large a simulation's error is, and where a model fails."""

@@ -1,0 +1,1 @@
+"""Scores of the diagnosis on experiments whose hidden effect is known."""

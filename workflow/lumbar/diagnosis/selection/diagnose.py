@@ -1,0 +1,281 @@
+"""Which physical effect a model is missing: selection of effects, ranking and verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
+from lumbar.diagnosis.fitting.joint_fit import Fit, add, fit_base
+from lumbar.diagnosis.fitting.preparation import Experiment
+from lumbar.diagnosis.fitting.uncertainty import estimates
+from lumbar.diagnosis.selection.forward_selection import (
+    REFITTED,
+    Candidate,
+    best_by_effect,
+    exchange,
+    extend,
+    gain,
+    is_adequate,
+    judge,
+    later_improvement,
+    pairs,
+    unseen_improvement,
+)
+from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
+from lumbar.diagnosis.selection.thresholds import (
+    COMPLETE,
+    LEVEL,
+    STRUCTURED,
+    TIED,
+    UNSEEN,
+    WORTHWHILE,
+    WORTHWHILE_BLIND,
+)
+from lumbar.diagnosis.selection.verdict import Diagnosis, Ranked
+from lumbar.effects.catalogue import without_channels
+from lumbar.models.bases import BASES
+from lumbar.models.structure import Structure
+from lumbar.records.record import Record
+
+
+def diagnose(
+    records: list[Record], settings: DiagnosisSettings | None = None, null: NullGains | None = None
+) -> Diagnosis:
+    """Diagnose what a base model is missing on a set of records.
+
+    Parameters
+    ----------
+    records : list of Record
+        One per excitation, with channels ``input`` and ``output``.
+    settings : DiagnosisSettings, optional
+    null : NullGains, optional
+        Gains where nothing is missing; default the table that comes with the project.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        For an unknown base and for records that cannot be used (`prepare`).
+    """
+    settings = settings or DiagnosisSettings()
+    catalogue = settings.candidates
+    experiment = prepare_for(records, settings)
+    usable, not_tried = without_channels(catalogue, experiment.training.motion.channels)
+    null = null or shipped(BASES[settings.base].system)
+    found = _searched(experiment, replace(settings, catalogue=usable), null)
+    if experiment.error_dwarfs_noise(found.model.train_rms):
+        found = _searched(experiment.unwhitened(), replace(settings, catalogue=usable), null)
+    return replace(found, not_tried=not_tried)
+
+
+def _searched(experiment: Experiment, settings: DiagnosisSettings, null: NullGains) -> Diagnosis:
+    base = judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)
+    return _Selection(experiment, base, settings, null).diagnosis()
+
+
+class _Selection:
+    """One diagnosis under way: the candidates tried so far and what was selected."""
+
+    def __init__(self, experiment: Experiment, base: Candidate, settings: DiagnosisSettings, null: NullGains):
+        self.experiment = experiment
+        self.base = base
+        self.settings = settings
+        self.null = null
+        self.forms = sum(len(effect.forms) for effect in settings.catalogue.values())
+        self.singles = extend(base, settings.catalogue, experiment, most=None)
+        self.tried = list(self.singles)
+
+    def diagnosis(self) -> Diagnosis:
+        ladder = self.climb()
+        model = ladder[-1]
+        tied = self.tied(model)
+        share = self.share_removed(model)
+        verdict = self.verdict(model, tied, share)
+        further = self.further(model)
+        return Diagnosis(
+            experiment=self.experiment,
+            base=self.base,
+            verdict=verdict,
+            ladder=ladder,
+            tied_with=tied,
+            ranking=self.ranking(model),
+            explainable_share_removed=share,
+            verdict_after=verdict if model is self.base else self.verdict_after(model, further),
+            further=further,
+        )
+
+    def p_value(self, before: Candidate, after: Candidate) -> float:
+        return self.null.p_value(gain(before, after, self.experiment), self.forms)
+
+    def passes(self, before: Candidate, after: Candidate) -> bool:
+        """Whether an effect may be selected: no false alarm in training, and surely better on unseen records."""
+        if after.test_rms >= before.test_rms or self.p_value(before, after) > LEVEL:
+            return False
+        if unseen_improvement(before, after, self.experiment) > UNSEEN:
+            return True
+        added = set(after.effects) - set(before.effects)
+        accumulating = any(self.settings.catalogue[name].accumulates for name in added)
+        return accumulating and later_improvement(before, after, self.experiment) > UNSEEN
+
+    def worthwhile(self, before: Candidate, after: Candidate) -> bool:
+        """Whether a further effect explains more than the form of the effects before it being slightly wrong."""
+        removed = before.train_rms**2 - after.train_rms**2
+        floor = self.experiment.floor
+        if floor is None:
+            return removed >= WORTHWHILE_BLIND * self.base.train_rms**2
+        explainable = max(self.base.train_rms**2 - floor.rms**2, 0.0)
+        return removed >= max(WORTHWHILE * explainable, floor.rms**2)
+
+    def climb(self) -> list[Candidate]:
+        """Select effects one after the other; return the ladder from the base up."""
+        if is_adequate(self.base, self.experiment) and not self.any_passes(self.base, self.singles):
+            return [self.base]
+        model = next((item for item in self.singles if self.passes(self.base, item)), None)
+        if model is not None and is_adequate(model, self.experiment):
+            return [self.base, model]
+        if self.settings.most_effects < 2:
+            return [self.base] if model is None else [self.base, model]
+        pair = self.best_pair(model)
+        if pair is None:
+            return [self.base] if model is None else [self.base, model]
+        return self.climb_further(pair)
+
+    def any_passes(self, before: Candidate, candidates: list[Candidate]) -> bool:
+        return any(self.passes(before, item) for item in candidates)
+
+    def best_pair(self, single: Candidate | None) -> Candidate | None:
+        """Return the best pair if it is worth a second effect; pairs are tried even where no single effect passes."""
+        found = pairs(self.base, self.singles, self.settings.catalogue, self.experiment)
+        self.tried += found
+        before = single or self.base
+        found = [item for item in found if self.passes(before, item) and self.worthwhile(before, item)]
+        if not found:
+            return None
+        best = exchange(found[0], self.settings.catalogue, self.experiment)
+        return best if best.test_rms <= found[0].test_rms * 1.001 else found[0]
+
+    def climb_further(self, pair: Candidate) -> list[Candidate]:
+        """Add effects to a pair while they are worth it, drop what has become needless, order what is left."""
+        model = pair
+        while len(model.effects) < self.settings.most_effects and not is_adequate(model, self.experiment):
+            more = extend(model, self.settings.catalogue, self.experiment, most=4)
+            self.tried += more
+            best = next(
+                (item for item in more if self.passes(model, item) and self.worthwhile(model, item)), None
+            )
+            if best is None:
+                break
+            model = best
+        return self.ordered_ladder(model)
+
+    def ordered_ladder(self, model: Candidate) -> list[Candidate]:
+        """Rungs from the base to the model: each adds the effect that helps most; needless ones are dropped."""
+        forms = list(model.fit.structure.forms)
+        rungs = [self.base]
+        while forms:
+            found = [
+                judge(add(rungs[-1].fit, form, self.experiment.training), self.experiment) for form in forms
+            ]
+            best = min(found, key=lambda item: item.score)
+            forms = [form for form in forms if form.effect != best.effects[-1]]
+            if not forms and best.score > model.score:
+                # The last rung is the model itself, with its effects in the order in which they help.
+                best = self.in_order(model, best.effects)
+            rungs.append(best)
+        while len(rungs) > 2 and not self.passes(rungs[-2], rungs[-1]):
+            rungs.pop()
+        return rungs
+
+    def in_order(self, model: Candidate, names: Sequence[str]) -> Candidate:
+        """The same fitted model with its forms in another order."""
+        fit = model.fit
+        base = fit.structure.base
+        forms = tuple(next(form for form in fit.structure.forms if form.effect == name) for name in names)
+        first, parts = fit.structure.nonlinear_of(fit.nonlinear)
+        linear, position = {}, len(base.linear)
+        for form in fit.structure.forms:
+            linear[form.key] = fit.linear[position : position + len(form.linear)]
+            position += len(form.linear)
+        ordered = Fit(
+            Structure(base, forms),
+            np.concatenate([fit.linear[: len(base.linear)], *(linear[form.key] for form in forms)]),
+            np.concatenate([first, *(parts[form.key] for form in forms)]),
+            fit.squared_error,
+            fit.converged,
+        )
+        return Candidate(ordered, model.train_rms, model.test_rms, model.score)
+
+    def tied(self, model: Candidate) -> list[Candidate]:
+        """Other sets of as many effects that explain all records as well."""
+        if model is self.base:
+            return []
+        return [
+            item
+            for item in best_by_effect([*self.tried, model])
+            if set(item.effects) != set(model.effects)
+            and len(item.effects) <= len(model.effects)
+            and item.score - model.score < TIED
+        ]
+
+    def share_removed(self, model: Candidate) -> float:
+        floor = self.experiment.floor.rms if self.experiment.floor else 0.0
+        explainable = max(self.base.test_rms**2 - floor**2, 0.0)
+        removed = max(self.base.test_rms**2 - model.test_rms**2, 0.0)
+        return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
+
+    def verdict(self, model: Candidate, tied: list[Candidate], share: float) -> str:
+        if model is self.base:
+            floor = self.experiment.floor
+            # Periods that differ by more than noise show that something is missing, even where it raises the floor.
+            differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
+            lacking = floor is not None and (differing or not is_adequate(self.base, self.experiment))
+            return "unexplained" if lacking else "adequate"
+        if share < 0.5 and not is_adequate(model, self.experiment):
+            return "unexplained"
+        return "tied" if tied else "named"
+
+    def further(self, model: Candidate) -> Candidate | None:
+        """Diagnose the refined model: what one more step of the search would add, however many effects it has.
+
+        Nothing is looked for beyond a model that leaves only noise, nor beyond the base, whose every single effect has
+        been tried. A step that the search has made from this very model is not made again.
+        """
+        if model is self.base or is_adequate(model, self.experiment):
+            return None
+        forms = {form.key for form in model.fit.structure.forms}
+        made = [item for item in self.tried if {form.key for form in item.fit.structure.forms[:-1]} == forms]
+        found = made or extend(model, self.settings.catalogue, self.experiment, REFITTED)
+        found = [item for item in found if self.passes(model, item) and self.worthwhile(model, item)]
+        return min(found, key=lambda item: item.score, default=None)
+
+    def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
+        if further is not None:
+            return "named"
+        unknown = self.experiment.floor is None
+        return "adequate" if unknown or is_adequate(model, self.experiment, COMPLETE) else "unexplained"
+
+    def ranking(self, model: Candidate) -> list[Ranked]:
+        """The selected set first, then every other set tried, best first."""
+        sets = best_by_effect([*self.tried, *([model] if model is not self.base else [])])
+        others = [item for item in sets if set(item.effects) != set(model.effects)]
+        chosen = [] if model is self.base else [model]
+        return [self.ranked(item) for item in [*chosen, *others][:_SHOWN]]
+
+    def ranked(self, candidate: Candidate) -> Ranked:
+        experiment = self.experiment
+        units = experiment.input_unit, experiment.output_unit
+        return Ranked(
+            candidate,
+            self.p_value(self.base, candidate),
+            estimates(candidate.fit, experiment.training, *units),
+        )
+
+
+_SHOWN = 10
+"""How many sets of effects a ranking shows."""

@@ -1,0 +1,227 @@
+"""Which effects are missing: forward selection with look-ahead over pairs and a backward pass.
+
+Every candidate is refitted jointly with base and effects. Candidates are compared by the likelihood of the training
+record and of the unseen records together: a wrong effect also lowers the training error, but not the others'.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.diagnosis.fitting.fit_data import FitData
+from lumbar.diagnosis.fitting.joint_fit import Fit, add, screen
+from lumbar.diagnosis.fitting.joint_fit import fit as refit
+from lumbar.diagnosis.fitting.preparation import Experiment
+from lumbar.models.form import Effect, Form
+
+ADEQUATE = 1.1
+"""A model whose error is within this factor of the noise floor leaves nothing to explain."""
+LOOK_AHEAD = 3
+"""How many first effects are tried with a second one."""
+REFITTED = 5
+"""How many effects are refitted after screening in the rounds after the first one, which refits all."""
+EXCHANGED = 3
+"""How many effects are tried, in all their forms, in the place of one that is taken out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A fitted set of effects and how well it does.
+
+    Attributes
+    ----------
+    fit : Fit
+    train_rms, test_rms : float
+        Free-run simulation errors in the output's unit.
+    score : float
+        Minus twice the log-likelihood of all records, up to a constant, and the logarithm of their size for each
+        parameter (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better. Unseen errors are taken as Student's t,
+        so that a few peaks beyond the range of the training record do not outweigh all the rest.
+    """
+
+    fit: Fit
+    train_rms: float
+    test_rms: float
+    score: float
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects, in the order added."""
+        return self.fit.structure.effects
+
+
+def judge(fit: Fit, experiment: Experiment) -> Candidate:
+    """Simulate a fitted model on all records."""
+    training, tests = experiment.training, experiment.tests
+    test_rms = fit.rms(*tests)
+    unseen = np.concatenate([fit.whitened_errors(item) for item in tests])
+    score = training.size * np.log(fit.squared_error / training.size) + _unlikelihood(unseen)
+    score += (len(fit.linear) + len(fit.nonlinear)) * np.log(training.size + len(unseen))
+    return Candidate(fit, fit.rms(training), test_rms, float(score))
+
+
+_EARLY = 0.6
+"""Share of the training record from which the rest is predicted."""
+_FREEDOM = 4
+"""Degrees of freedom of Student's t for unseen errors."""
+
+
+def _robust_scale(errors: np.ndarray) -> float:
+    """Maximum-likelihood scale of Student's t, by expectation and maximisation."""
+    square = errors**2
+    scale = float(np.median(square)) or float(np.mean(square))
+    for _ in range(12):
+        if scale <= 0:
+            break
+        scale = float(np.mean((_FREEDOM + 1) * square / (_FREEDOM + square / scale)))
+    return float(np.sqrt(scale))
+
+
+def _loss(errors: np.ndarray, scale: float) -> np.ndarray:
+    """Minus twice the log-likelihood of Student's t, per error, up to a constant."""
+    return (_FREEDOM + 1) * np.log1p((errors / scale) ** 2 / _FREEDOM)
+
+
+def _unlikelihood(errors: np.ndarray) -> float:
+    scale = _robust_scale(errors)
+    if scale <= 0:
+        return float("-inf")
+    return float(np.sum(_loss(errors, scale))) + 2 * len(errors) * float(np.log(scale))
+
+
+def gain(before: Candidate, after: Candidate, experiment: Experiment) -> float:
+    """Twice the gain in log-likelihood on the training record."""
+    return experiment.training.size * float(np.log(before.fit.squared_error / after.fit.squared_error))
+
+
+def unseen_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
+    """How many standard errors the loss on unseen records falls by.
+
+    Mean difference of losses over its standard error, neighbouring samples taken as dependent (Diebold and Mariano,
+    J. Bus. Econ. Stat. 13 (1995) 253-263; Bartlett weights over half a second). The loss is that of Student's t: of
+    squared errors the mean hangs on a few peaks where the force is extrapolated, and no difference is ever certain.
+    """
+    return _improvement(before.fit, after.fit, experiment.tests)
+
+
+def later_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
+    """How many standard errors the loss falls by on what follows in the training record, refitted to its beginning.
+
+    For effects that accumulate: short records, in which they begin anew, hardly show them.
+    """
+    early, later = experiment.training.split(_EARLY)
+    fits = [refit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
+    return _improvement(*fits, [later])
+
+
+def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
+    errors = [(before.whitened_errors(record), after.whitened_errors(record)) for record in records]
+    scale = min(_robust_scale(np.concatenate(own)) for own in zip(*errors, strict=True))
+    if scale <= 0:
+        return np.inf
+    differences = [_loss(first, scale) - _loss(second, scale) for first, second in errors]
+    size = sum(len(item) for item in differences)
+    mean = sum(float(item.sum()) for item in differences) / size
+    lags = max(1, round(0.5 / records[0].motion.sampling_time))
+    variance = 0.0
+    for item in differences:
+        centred = item - mean
+        variance += float(centred @ centred)
+        for lag in range(1, min(lags, len(centred) - 1)):
+            variance += 2 * (1 - lag / lags) * float(centred[lag:] @ centred[:-lag])
+    if variance <= 0:
+        return 0.0 if mean == 0 else float(np.copysign(np.inf, mean))
+    return mean * size / float(np.sqrt(variance))
+
+
+def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
+    """Whether the errors are within this factor of the noise floor, or of what it may scatter to; False without one."""
+    if experiment.floor is None:
+        return False
+    floor, training, tests = experiment.floor, experiment.training, experiment.tests
+    return all(
+        rms <= floor.rms * max(factor, floor.largest_ratio(sum(item.size for item in records)))
+        for rms, records in ((candidate.train_rms, [training]), (candidate.test_rms, tests))
+    )
+
+
+def best_by_effect(candidates: list[Candidate]) -> list[Candidate]:
+    """Best form of every set of effects, best first."""
+    best: dict[frozenset[str], Candidate] = {}
+    for candidate in sorted(candidates, key=lambda item: item.score):
+        best.setdefault(frozenset(candidate.effects), candidate)
+    return list(best.values())
+
+
+def extend(
+    model: Candidate,
+    catalogue: dict[str, Effect],
+    experiment: Experiment,
+    most: int | None = None,
+    all_forms: bool = True,
+) -> list[Candidate]:
+    """Add each effect of the catalogue that the model does not have.
+
+    Parameters
+    ----------
+    model : Candidate
+    catalogue : dict of str to Effect
+    experiment : Experiment
+    most : int or None
+        Refit only this many effects, those with the best screening; None refits all.
+    all_forms : bool
+        Refit all forms of an effect, or only the one with the best screening.
+
+    Returns
+    -------
+    list of Candidate
+        Every refitted form, best first.
+    """
+    forms = [
+        form for effect in catalogue.values() if effect.name not in model.effects for form in effect.forms
+    ]
+    if most is not None:
+        forms = _promising(model.fit, forms, experiment, most, all_forms)
+    found = [judge(add(model.fit, form, experiment.training), experiment) for form in forms]
+    return sorted(found, key=lambda item: item.score)
+
+
+def _promising(fit: Fit, forms: list[Form], experiment: Experiment, most: int, all_forms: bool) -> list[Form]:
+    """Forms of the effects that screening ranks first."""
+    screened = {form.key: screen(fit, form, experiment.training)[0][0] for form in forms}
+    ranked = sorted(forms, key=lambda item: screened[item.key])
+    first: dict[str, Form] = {}
+    for form in ranked:
+        first.setdefault(form.effect, form)
+    effects = list(first)[:most]
+    return [form for form in forms if form.effect in effects and (all_forms or form is first[form.effect])]
+
+
+def pairs(
+    base: Candidate, singles: list[Candidate], catalogue: dict[str, Effect], experiment: Experiment
+) -> list[Candidate]:
+    """Pairs of effects that begin with one of the best single ones, best first.
+
+    Further first effects are not tried once a pair leaves nothing but noise; `exchange` looks for others like it.
+    """
+    found: list[Candidate] = []
+    for first in best_by_effect(singles)[:LOOK_AHEAD]:
+        found += extend(first, catalogue, experiment, REFITTED, all_forms=False)
+        if any(is_adequate(pair, experiment) for pair in found):
+            break
+    return sorted(found, key=lambda item: item.score)
+
+
+def exchange(model: Candidate, catalogue: dict[str, Effect], experiment: Experiment) -> Candidate:
+    """Take out each effect in turn and put back whatever then fits best: another form, another effect or it itself."""
+    for name in model.effects:
+        structure = model.fit.structure.without(name)
+        base, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
+        start = np.concatenate([base, *(parts[form.key] for form in structure.forms)])
+        remaining = judge(refit(structure, experiment.training, start), experiment)
+        best = extend(remaining, catalogue, experiment, EXCHANGED)[0]
+        if best.score < model.score - 1.0:
+            model = best
+    return model

@@ -1,0 +1,123 @@
+"""A diagnosis in sentences with numbers."""
+
+from __future__ import annotations
+
+from lumbar.diagnosis.selection.forward_selection import is_adequate
+from lumbar.diagnosis.selection.thresholds import LEVEL
+from lumbar.diagnosis.selection.verdict import Diagnosis, Ranked
+from lumbar.effects.pendulum_load import CHANNELS
+from lumbar.models.form import Effect
+
+
+def readable(name: str) -> str:
+    """Name of an effect for a reader."""
+    return name.replace("_", " ")
+
+
+def effects_text(names) -> str:
+    """Names of several effects for a reader."""
+    *first, last = [readable(name) for name in names] or ["no effect"]
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the verdict in one sentence."""
+    unit, base = diagnosis.experiment.output_unit, diagnosis.base.fit.structure.base.name
+    before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
+    named = effects_text(diagnosis.selected)
+    fall = f"the error on unseen records falls from {before:.3g} to {after:.3g} {unit}"
+    if diagnosis.verdict == "adequate":
+        return f"Nothing is missing: what the {base} model leaves ({before:.3g} {unit}) is noise as far as can be told."
+    if diagnosis.verdict == "named":
+        added = "it" if len(diagnosis.selected) == 1 else "them"
+        return f"The {base} model is missing {named}: with {added} {fall}."
+    if diagnosis.verdict == "tied":
+        others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
+        return (
+            f"Something is missing; {named} explains it ({fall}), but {others} cannot be told apart from it."
+        )
+    tail = f"; the best candidate, {named}, removes too little of it" if diagnosis.selected else ""
+    return f"Something is missing from the {base} model and no effect of the catalogue explains it{tail}."
+
+
+def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
+    """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
+    unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
+    lines = []
+    if not diagnosis.model.fit.converged:
+        lines.append(
+            f"The fit of {effects_text(diagnosis.selected)} did not converge: its parameters are where the optimiser "
+            "stopped and no result."
+        )
+    if floor is None:
+        lines.append("No record repeats, so the noise floor is unknown and completeness cannot be judged.")
+    else:
+        lines.append(
+            f"Noise floor: {floor.rms:.3g} {unit} ({floor.low:.3g} to {floor.high:.3g}) from {floor.periods} periods of "
+            f"{floor.period:g} s."
+        )
+        lines += [
+            f"Beside noise the periods differ by {words} (RMS {rms:.3g} {unit})."
+            for words, rms in floor.structured
+        ]
+    if diagnosis.selected:
+        lines.append(
+            f"The selected effects remove {100 * diagnosis.explainable_share_removed:.1f} % of the variance that a model "
+            "could explain."
+        )
+        lines.append(_diagnosed_again(diagnosis))
+        lines += [
+            f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
+        ]
+    second = runner_up(diagnosis)
+    if second is not None and diagnosis.verdict == "adequate":
+        lines.append(
+            f"Best candidate: {effects_text(second.candidate.effects)}, error on unseen records "
+            f"{second.candidate.test_rms:.3g} {unit}; where nothing is missing the best of all gains as much in "
+            f"{100 * second.p_value:.2g} % of the cases ({100 * LEVEL:g} % would be needed)."
+        )
+    elif second is not None:
+        lines.append(
+            f"Runner-up: {effects_text(second.candidate.effects)}, error on unseen records "
+            f"{second.candidate.test_rms:.3g} {unit}."
+        )
+    for item in diagnosis.tied_with:
+        new = [name for name in item.effects if name not in diagnosis.selected]
+        lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in new]
+    if diagnosis.tied_with:
+        lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in diagnosis.selected]
+    return lines + not_tried(diagnosis)
+
+
+def not_tried(diagnosis: Diagnosis) -> list[str]:
+    """Say which candidates the records left out, and what would have to be recorded for them."""
+    columns: dict[str, dict[str, None]] = {}
+    for form, missing in diagnosis.not_tried:
+        columns.setdefault(form.effect, {}).update({CHANNELS.get(role, role): None for role in missing})
+    return [
+        f"Not tried: {readable(name)} as measured, for want of {' and '.join(missing)} in the records."
+        for name, missing in columns.items()
+    ]
+
+
+def _diagnosed_again(diagnosis: Diagnosis) -> str:
+    unit, floor, model = diagnosis.experiment.output_unit, diagnosis.experiment.floor, diagnosis.model
+    if diagnosis.further is not None:
+        return (
+            f"Diagnosed again, {readable(diagnosis.further.effects[-1])} is missing too: with it the error on unseen "
+            f"records falls to {diagnosis.further.test_rms:.3g} {unit}."
+        )
+    if floor is None:
+        return "Diagnosed again, none of the most promising further effects passes."
+    rms = max(model.train_rms, model.test_rms)
+    left = f"the error of the refined model is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} {unit})"
+    if is_adequate(model, diagnosis.experiment):
+        return f"What is left is noise as far as can be told: {left}."
+    something = "" if diagnosis.complete else "something is left and "
+    return f"Diagnosed again, {something}none of the most promising further effects passes: {left}."
+
+
+def runner_up(diagnosis: Diagnosis) -> Ranked | None:
+    """Best of the ranked sets of effects that is not the selected one."""
+    chosen = set(diagnosis.selected)
+    return next((item for item in diagnosis.ranking if set(item.candidate.effects) != chosen), None)

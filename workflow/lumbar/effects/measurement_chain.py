@@ -1,0 +1,156 @@
+"""Effects of the way from position to tissue and from tissue to sensor: play, delay, lost contact, clipping."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lumbar.models.c_step import CStep
+from lumbar.models.form import Effect, Form, NonlinearParameter, Place
+from lumbar.models.operators import play
+
+BACKLASH = Effect(
+    name="backlash",
+    mechanism="Play in the tool mount: the position reaches the tissue through a gap.",
+    source="Nordin and Gutman, Automatica 38 (2002) 1633-1649",
+    experiment="reverse with strokes smaller than the gap: the force then rests",
+    forms=(
+        Form(
+            name="play",
+            equation=r"z \to \mathrm{play}_g(z)",
+            place=Place.INPUT,
+            nonlinear=(NonlinearParameter("half_gap", "{x}", "position", 0.005, 0.5, 9, reach=(0.2, 1.6)),),
+            input_transform=lambda motion, nonlinear: motion.replaced(play(motion, nonlinear[0])),
+            c_step=CStep("next[0]", "next[0] = behind_gap(memory[0], position, half_gap, first);", memory=1),
+        ),
+    ),
+)
+
+
+def _samples_late(parameters, sampling_time):
+    """Whole samples and the share of one that is left over."""
+    samples = parameters["delay"] / sampling_time
+    whole = math.floor(samples)
+    return {"whole": float(whole), "share": samples - whole}
+
+
+_DELAY_STEP = """\
+// The positions before, newest first; linear in between.
+int last = (int)whole;
+double newer = first || last == 0 ? position : memory[last - 1], older = first ? position : memory[last];
+for (int i = last; i > 0; --i) next[i] = first ? position : memory[i - 1];
+next[0] = position;"""
+
+DELAY = Effect(
+    name="delay",
+    mechanism="The force comes late: transport or processing time between position and force.",
+    source="Ljung, System Identification (1999), section 4.2",
+    experiment="excite at higher frequencies: a delay turns the phase in proportion to frequency, at equal gain",
+    forms=(
+        Form(
+            name="pure",
+            equation=r"F(t) \to F(t - T_d)",
+            place=Place.INPUT,
+            nonlinear=(NonlinearParameter("delay", "s", "sampling", 0.05, 5.0, 6, reach=(0.05, 10.0)),),
+            input_transform=lambda motion, nonlinear: motion.delayed(nonlinear[0]),
+            c_step=CStep(
+                "newer + share * (older - newer)",
+                _DELAY_STEP,
+                memory=lambda numbers: int(numbers["whole"]) + 1,
+                constants=_samples_late,
+            ),
+        ),
+    ),
+)
+
+
+def _soft_maximum(force, limit, width):
+    """Smooth max(force, -limit): the corner is rounded over `width`."""
+    return width * np.logaddexp(0.0, (force + limit) / width) - limit
+
+
+_LIMIT = NonlinearParameter("limit", "{y}", "force", 0.3, 1.0, 8, reach=(0.05, 1.6))
+
+CONTACT_LOSS = Effect(
+    name="contact_loss",
+    mechanism="The tool leaves the tissue: the force cannot fall below the adhesion.",
+    source="Johnson, Contact Mechanics (1985), chapter 5",
+    experiment="move about a greater mean depth: a contact that is never left shows no loss",
+    forms=(
+        Form(
+            name="sharp",
+            equation=r"F \to \max(F, -F_0)",
+            place=Place.OUTPUT,
+            nonlinear=(_LIMIT,),
+            output_transform=lambda force, motion, nonlinear: np.maximum(force, -nonlinear[0]),
+            c_step=CStep("force > -limit ? force : -limit"),
+        ),
+        Form(
+            name="soft",
+            equation=r"F \to w \ln(1 + e^{(F + F_0)/w}) - F_0",
+            place=Place.OUTPUT,
+            nonlinear=(
+                _LIMIT,
+                NonlinearParameter("corner_width", "{y}", "force", 0.02, 0.2, 2, reach=(0.1, 4.0)),
+            ),
+            output_transform=lambda force, motion, nonlinear: _soft_maximum(
+                force, nonlinear[0], nonlinear[1]
+            ),
+            c_step=CStep("corner_width * portable_softplus((force + limit) / corner_width) - limit"),
+        ),
+    ),
+)
+
+
+def _rounded_clip(force, limit, sharpness):
+    """Clipping at ±limit with a knee that is the rounder the smaller the sharpness."""
+    ratio = np.abs(force / limit)
+    # The smaller of the ratio and its inverse: a high power of a large number overflows.
+    smaller = np.where(ratio > 1, 1 / np.maximum(ratio, 1.0), ratio)
+    return np.clip(force, -limit, limit) / (1 + smaller**sharpness) ** (1 / sharpness)
+
+
+SATURATION = Effect(
+    name="saturation",
+    mechanism="The force channel clips.",
+    source="range of the force sensor and its amplifier",
+    experiment="halve the amplitude: a channel that no longer clips shows no loss",
+    forms=(
+        Form(
+            name="sharp",
+            equation=r"F \to \min(\max(F, -F_s), F_s)",
+            place=Place.OUTPUT,
+            nonlinear=(_LIMIT,),
+            output_transform=lambda force, motion, nonlinear: np.clip(force, -nonlinear[0], nonlinear[0]),
+            c_step=CStep("clipped(force, -limit, limit)"),
+        ),
+        Form(
+            name="soft",
+            equation=r"F \to F_s \tanh(F/F_s)",
+            place=Place.OUTPUT,
+            nonlinear=(NonlinearParameter("limit", "{y}", "force", 0.6, 4.0, 6, reach=(0.4, 3.0)),),
+            output_transform=lambda force, motion, nonlinear: nonlinear[0] * np.tanh(force / nonlinear[0]),
+            c_step=CStep("limit * portable_tanh(force / limit)"),
+        ),
+        Form(
+            name="rounded",
+            equation=r"F \to F\,(1 + |F/F_s|^p)^{-1/p}",
+            place=Place.OUTPUT,
+            nonlinear=(
+                NonlinearParameter("limit", "{y}", "force", 0.6, 1.5, 4, reach=(0.4, 3.0)),
+                NonlinearParameter("sharpness", "1", "one", 3.0, 10.0, 2, reach=(0.5, 2.0)),
+            ),
+            output_transform=lambda force, motion, nonlinear: _rounded_clip(
+                force, nonlinear[0], nonlinear[1]
+            ),
+            c_step=CStep(
+                "clipped(force, -limit, limit)"
+                " / portable_power(1.0 + portable_power(ratio > 1 ? 1.0 / ratio : ratio, sharpness), inverse)",
+                "double ratio = fabs(force / limit), inverse = 1.0 / sharpness;",
+            ),
+        ),
+    ),
+)
+
+EFFECTS = (BACKLASH, DELAY, CONTACT_LOSS, SATURATION)

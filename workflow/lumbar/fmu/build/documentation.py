@@ -1,0 +1,97 @@
+"""documentation/index.html of an FMU: equation, variables, fit, timing, and where the data come from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.fmu.build.description import feedthrough_text, variables
+from lumbar.fmu.build.effect_model import Term
+from lumbar.fmu.build.equation_svg import equation_svg
+from lumbar.fmu.build.export_model import ExportModel
+from lumbar.fmu.build.linear_model import LinearModel
+from lumbar.fmu.build.reference_plot import reference_plot
+from lumbar.models.form import Place
+from lumbar.templates import template
+
+
+def documentation_html(
+    model: ExportModel, version: str, data: str, push: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> str:
+    """Return a page of its own: no script, no outside resource.
+
+    Parameters
+    ----------
+    model : ExportModel
+    version : str
+        Of FMI.
+    data : str
+        Where the model's data come from.
+    push : tuple of numpy.ndarray
+        Time, input and output of the embedded reference, drawn.
+    """
+    from markupsafe import Markup
+
+    x, y = model.input, model.output
+    averaged = (
+        f"u[k] is the mean of the last {model.moving_average} samples of {x.variable} − {x.variable}_offset, "
+        "the newest included; before the start the model was at rest."
+        if model.moving_average > 1
+        else f"u[k] = {x.variable} − {x.variable}_offset."
+    )
+    linear = isinstance(model.dynamics, LinearModel)
+    return template("fmu/build/documentation.html.jinja").render(
+        name=model.name,
+        version=version,
+        data=data,
+        input=x,
+        output=y,
+        linear_equations=model.dynamics.equations() if linear else [],
+        terms=[] if linear else [_term(model, term) for term in model.dynamics.terms],
+        averaged=averaged,
+        stable=model.stable,
+        largest_pole=f"{model.dynamics.largest_pole:.6g}",
+        sampling=f"{model.sampling_time:g}",
+        feedthrough=feedthrough_text(model, version),
+        variables=[
+            (
+                item.name,
+                item.kind,
+                item.unit or "1",
+                *map(_number, (item.start, item.low, item.high)),
+                item.description,
+            )
+            for item in variables(model)
+        ],
+        fit=model.fit,
+        plot=Markup(reference_plot(push[0], [(x.label, push[1]), (y.label, push[2])])),
+    )
+
+
+_ACTS = {
+    Place.INPUT: "the position, before it reaches the tissue",
+    Place.PARALLEL: "adds to the force",
+    Place.OUTPUT: "the sum of the forces",
+}
+
+
+def _term(model: ExportModel, term: Term) -> tuple:
+    """One row of the table of forms."""
+    from markupsafe import Markup
+
+    equation = Markup(equation_svg(term.form.equation))
+    return term.form.key, _ACTS[term.form.place], equation, _numbers(model, term)
+
+
+def _numbers(model: ExportModel, term: Term) -> str:
+    """Parameters of a form with units, to six digits."""
+    parameters = (*term.form.linear, *term.form.nonlinear)
+    return ", ".join(
+        f"{item.name} = {value:.6g} {item.unit.format(x=model.input.unit, y=model.output.unit)}".removesuffix(
+            " 1"
+        )
+        for item, value in zip(parameters, (*term.linear, *term.nonlinear), strict=True)
+    )
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:g}"

@@ -1,0 +1,61 @@
+"""What an FMU runs of a fitted model with effects, and what keeps it from being exported."""
+
+from __future__ import annotations
+
+import math
+
+from lumbar.errors import Problems
+from lumbar.fmu.build.effect_code import step_problems
+from lumbar.fmu.build.effect_model import EffectModel, base_form, form_numbers
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.form import Form
+
+MAX_MEMORY = 256
+"""Numbers that one form may keep from sample to sample, e.g. those of a delay of 255 samples."""
+
+
+def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
+    """Return a continuous model as an FMU runs it.
+
+    Parameters
+    ----------
+    model : FittedModel
+        A base with effects.
+    sampling_time : float
+        Seconds; that of the FMU.
+
+    Raises
+    ------
+    InputError
+        A form without C code or with code that cannot be used or keeps too much: all problems at once.
+    """
+    problems = Problems(f"model {model.name!r}")
+    base, forms = model.structure.base, model.structure.forms
+    base_numbers, *numbers = (model.values_of(part) for part in (base, *forms))
+    for form, values in zip((base_form(base), *forms), (base_numbers, *numbers), strict=True):
+        unusable = step_problems(form)
+        for found, needed in unusable:
+            problems.add(form.key, found, needed)
+        if not unusable:
+            _check_numbers(form, values, sampling_time, problems)
+    problems.raise_if_any()
+    given = tuple((form, *values) for form, values in zip(forms, numbers, strict=True))
+    return EffectModel(base, base_numbers, given, sampling_time)
+
+
+def _check_numbers(form: Form, values: tuple, sampling_time: float, problems: Problems) -> None:
+    try:
+        numbers = form_numbers(form, *values, sampling_time)
+        memory = form.c_step.memory_size(numbers)
+    except Exception as error:  # code of the user's own
+        problems.add(form.key, f"constants or memory of its c_step fail ({type(error).__name__}: {error})")
+        return
+    for name, value in numbers.items():
+        if not math.isfinite(value):
+            problems.add(form.key, f"{name} becomes {value}", "all numbers of its C code must be finite")
+    if not 0 <= memory <= MAX_MEMORY:
+        problems.add(
+            form.key,
+            f"keeps {memory} numbers at {1 / sampling_time:g} Hz",
+            f"at most {MAX_MEMORY} fit into an FMU; lower runtime.rate_Hz",
+        )

@@ -1,0 +1,223 @@
+"""What is exported: a model with its signals, limits and fit, checked before anything is compiled."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from lumbar.errors import NumericalError, Problems
+from lumbar.fmu.build.effect_entry import effect_model
+from lumbar.fmu.build.effect_model import EffectModel
+from lumbar.fmu.build.linear_model import LinearModel
+from lumbar.fmu.build.resampled_model import at_rate
+from lumbar.models.fitted_model import FittedModel, Port, identifier
+
+MAX_WINDOW = 16
+"""Room for the moving average in an FMU's memory, as in ``model.h``."""
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+"""What no file can be called on Windows, whatever its ending."""
+
+
+@dataclass(frozen=True)
+class ExportModel:
+    """A model ready for export.
+
+    Attributes
+    ----------
+    name : str
+        As in file names, e.g. ``"KB+coulomb_friction"``.
+    dynamics : LinearModel or EffectModel
+        From deviations of the input to deviations of the output.
+    sampling_time : float
+        Seconds.
+    input, output : Port
+    moving_average : int
+        Samples of the input's moving average, the newest included; 1 is off.
+    output_limit : float
+        Largest magnitude of the output, in its unit.
+    gain_limit : float
+        Largest factor on the output that a user may set.
+    fit : dict of str to str
+        How the model was found, for the documentation: label and text.
+    """
+
+    name: str
+    dynamics: LinearModel | EffectModel
+    sampling_time: float
+    input: Port
+    output: Port
+    moving_average: int
+    output_limit: float
+    gain_limit: float
+    fit: dict[str, str]
+
+    def __post_init__(self):
+        problems = Problems(f"model {self.name!r}")
+        if not _NAME.fullmatch(self.name) or _DEVICE.fullmatch(self.name):
+            allowed = "a letter, then letters, digits, _ . + -, at most 200, and no device of Windows"
+            problems.add("name", repr(self.name), f"{allowed} (it becomes a file name)")
+        if not 1 <= self.moving_average <= MAX_WINDOW:
+            problems.add("runtime.moving_average", f"{self.moving_average}", f"allowed are 1 to {MAX_WINDOW}")
+        for problem in self.dynamics.problems():
+            problems.add(*problem)
+        for label, value in (
+            ("sampling_time_s", self.sampling_time),
+            ("runtime.output_limit", self.output_limit),
+            ("runtime.gain_limit", self.gain_limit),
+        ):
+            if not (math.isfinite(value) and value > 0):
+                problems.add(label, f"{value}", "a finite number above 0 is needed")
+        if self.gain_limit < 1:
+            problems.add(
+                "runtime.gain_limit", f"{self.gain_limit}", "at least 1, the gain a simulation starts with"
+            )
+        if self.input.variable == self.output.variable:
+            problems.add(
+                "quantities", f"input and output are both {self.input.quantity!r}", "they need two names"
+            )
+        if not abs(self.output.offset) <= self.output_limit:
+            problems.add(
+                "output_offset",
+                f"{self.output.offset}",
+                f"it must lie within ±{self.output_limit} (the limit)",
+            )
+        problems.raise_if_any()
+
+    @property
+    def identifier(self) -> str:
+        """FMI's model identifier: a name that C allows."""
+        return identifier(self.name)
+
+    @property
+    def feedthrough(self) -> bool:
+        """Whether the output depends on the input of the same sample."""
+        return self.dynamics.feedthrough
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles lie strictly inside the unit circle."""
+        return self.dynamics.largest_pole < 1.0
+
+
+def select_models(fitted: list[FittedModel], settings: dict) -> list[ExportModel]:
+    """Pick the models to export from the identified ones.
+
+    Parameters
+    ----------
+    fitted : list of FittedModel
+        Those of ``tissue/models.json``.
+    settings : dict
+        Section ``runtime`` of the configuration: ``models``, ``trained_on``, ``estimator``, ``unstable``,
+        ``moving_average``, ``output_limit``, ``gain_limit``, ``rate_Hz``.
+
+    Returns
+    -------
+    list of ExportModel
+        In the order of ``settings["models"]``. A model without a training record (IL is prescribed, not
+        identified) is taken whatever ``trained_on`` and ``estimator`` say.
+
+    Raises
+    ------
+    InputError
+        A model is not there, or cannot be exported: all problems at once.
+    NumericalError
+        A model is unstable and ``unstable`` is ``"refuse"``.
+    """
+    problems = Problems("runtime.models")
+    for text in _duplicate_identifiers(settings["models"]):
+        problems.add("", text, "rename one: both would have the same name in C")
+    models = []
+    for name in settings["models"]:
+        found = _find(fitted, name, settings, problems)
+        if found is not None:
+            models.append(_export_model(found, settings))
+    problems.raise_if_any()
+    if settings["unstable"] == "refuse":
+        _refuse_unstable(models)
+    return models
+
+
+def _duplicate_identifiers(names: list[str]) -> list[str]:
+    first: dict[str, str] = {}
+    return [
+        f"{name!r} and {first[identifier(name)]!r}"
+        for name in names
+        if first.setdefault(identifier(name), name) != name
+    ]
+
+
+def _find(models: list[FittedModel], name: str, settings: dict, problems: Problems) -> FittedModel | None:
+    named = [model for model in models if model.name == name]
+    fitting = [
+        model
+        for model in named
+        if model.trained_on is None
+        or (
+            model.trained_on == settings["trained_on"]
+            # A model with effects has one fit, by the error of its free run.
+            and (not model.discrete or model.estimator == settings["estimator"])
+        )
+    ]
+    if len(fitting) == 1:
+        return fitting[0]
+    if not named:
+        known = ", ".join(dict.fromkeys(model.name for model in models))
+        problems.add(name, "no such model in tissue/models.json", f"there are: {known}")
+    else:
+        there = "; ".join(f"{model.estimator} on {model.trained_on}" for model in named)
+        problems.add(
+            name,
+            f"{len(fitting)} fits by {settings['estimator']!r} on {settings['trained_on']!r}",
+            f"set runtime.estimator and runtime.trained_on to one of: {there}",
+        )
+    return None
+
+
+def _export_model(model: FittedModel, settings: dict) -> ExportModel:
+    """Model at the rate asked for."""
+    wanted = model.sampling_time if settings["rate_Hz"] is None else 1.0 / settings["rate_Hz"]
+    if model.discrete:
+        linear = LinearModel(model.structure.numerator, model.structure.denominator, name=model.name)
+        dynamics = at_rate(linear, model.sampling_time, wanted)
+    else:
+        dynamics = effect_model(model, wanted)
+    return ExportModel(
+        name=model.name,
+        dynamics=dynamics,
+        sampling_time=wanted,
+        input=model.input,
+        output=model.output,
+        moving_average=settings["moving_average"],
+        output_limit=float(settings["output_limit"]),
+        gain_limit=float(settings["gain_limit"]),
+        fit=_fit_texts(model),
+    )
+
+
+def _fit_texts(model: FittedModel) -> dict[str, str]:
+    texts = {"Identified from": "nothing: the coefficients are prescribed"}
+    if model.trained_on:
+        texts["Identified from"] = f"record {model.trained_on}, estimator {model.estimator}"
+    if model.alpha is not None:
+        texts["Ridge parameter"] = f"{model.alpha:.6g}"
+    if model.scores.vaf_percent is not None:
+        texts["VAF of the free run on the training record"] = f"{model.scores.vaf_percent:.2f} %"
+    for item in model.parameters:
+        interval = "" if item.low is None else f" ({item.low:.4g} to {item.high:.4g})"
+        texts[item.key] = f"{item.value:.6g} {item.unit}{interval}"
+    return texts
+
+
+def _refuse_unstable(models: list[ExportModel]) -> None:
+    unstable = [model for model in models if not model.stable]
+    if unstable:
+        found = ", ".join(
+            f"{model.name} (largest |pole| {model.dynamics.largest_pole:.6g})" for model in unstable
+        )
+        raise NumericalError(
+            f"unstable, not exported: {found}. Take the model out of runtime.models, use another "
+            "runtime.trained_on or runtime.estimator, or set runtime.unstable: export "
+            "(the output then runs into its limit)"
+        )

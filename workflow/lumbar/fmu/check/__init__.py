@@ -1,0 +1,1 @@
+"""Checks of finished FMUs: schema, lint, simulation against a reference."""

@@ -1,0 +1,124 @@
+"""Operators with memory, exact between samples for the stated motion.
+
+Rate-independent operators (play, presliding) have closed forms along a monotone stretch of motion, so they are
+evaluated from reversal to reversal and not from sample to sample.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lumbar.models.motion import Motion
+
+
+def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
+    """Elongation of the spring of a Maxwell branch with τ = b/k: q̇ = ẋ − q/τ, q(0) = 0.
+
+    Exact for a velocity that is a parabola between samples (from the spline's values at the samples and halfway); a
+    position that is not smooth is taken as linear between samples (ramp-invariant). A branch as fast as two samples
+    would otherwise show the interpolation's error as a force.
+
+    Parameters
+    ----------
+    motion : Motion
+    time_constant : float
+        τ in seconds.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        In the unit of the position.
+    """
+    from scipy.signal import lfilter
+
+    rate = motion.sampling_time / time_constant
+    constant = -np.expm1(-rate) / rate
+    if motion.smooth:
+        # Weights of the parabola's moments ∫e^{-(1-r)x} r^j dr, j = 0, 1, 2, with x the rate.
+        linear = (1 - constant) / rate
+        square = (1 - 2 * linear) / rate
+        driven = np.zeros(len(motion))
+        driven[1:] = motion.sampling_time * (
+            (constant - 3 * linear + 2 * square) * motion.velocity[:-1]
+            + 4 * (linear - square) * motion.velocity_between
+            + (2 * square - linear) * motion.velocity[1:]
+        )
+    else:
+        driven = constant * motion.increments
+    return lfilter([1.0], [1.0, -np.exp(-rate)], driven)
+
+
+def play(motion: Motion, gap: float) -> np.ndarray:
+    """Position behind a gap of half-width `gap` (backlash): it rests until the gap is closed.
+
+    Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989), the play operator; at rest in the middle first.
+    """
+    position = motion.position
+    turns = position[motion.reversals]
+    reached = [float(turns[0])]
+    for low, high in zip((turns[1:] - gap).tolist(), (turns[1:] + gap).tolist(), strict=True):
+        reached.append(min(max(reached[-1], low), high))
+    start = np.array(reached)[motion.stretch]
+    return np.clip(start, position - gap, position + gap)
+
+
+def presliding(motion: Motion, distance: float) -> np.ndarray:
+    """Dahl's friction as a share of its limit: dr/dx = (1 − r·sign ẋ)/d, r(0) = 0.
+
+    P. Dahl, A solid friction model (1968), exponent 1; along a monotone stretch r approaches ±1 exponentially with
+    the presliding distance d.
+    """
+    position = motion.position
+    turns = position[motion.reversals]
+    steps = np.diff(turns)
+    direction = np.sign(steps)
+    share = [0.0]
+    for sign, decay in zip(direction.tolist(), np.exp(-np.abs(steps) / distance).tolist(), strict=True):
+        share.append(sign + (share[-1] - sign) * decay)
+    stretch = motion.stretch
+    start, sign = np.array(share)[stretch], direction[stretch]
+    return sign + (start - sign) * np.exp(-np.abs(position - turns[stretch]) / distance)
+
+
+def bouc_wen(motion: Motion, distance: float) -> np.ndarray:
+    """Bouc–Wen hysteresis with exponent 2 and β = γ as a share of its limit.
+
+    dr/dx = (1 − r²·[r ẋ > 0])/d: loading approaches the limit as a hyperbolic tangent, unloading is straight.
+    Y. Wen, J. Eng. Mech. Div. 102 (1976) 249-263, with n = 2, β = γ = 1/2.
+    """
+    position = motion.position
+    turns = position[motion.reversals]
+    steps = np.diff(turns)
+    direction = np.sign(steps)
+    share = [0.0]
+    for sign, travel in zip(direction.tolist(), (np.abs(steps) / distance).tolist(), strict=True):
+        share.append(sign * _loaded_once(sign * share[-1], travel))
+    stretch = motion.stretch
+    sign = direction[stretch]
+    start = sign * np.array(share)[stretch]
+    travel = np.abs(position - turns[stretch]) / distance
+    unloading = np.minimum(start + travel, 0.0)
+    loading = np.arctanh(np.maximum(start, 0.0)) + np.maximum(travel + np.minimum(start, 0.0), 0.0)
+    return sign * np.where(start + travel < 0, unloading, np.tanh(loading))
+
+
+_NEARLY_ONE = 1 - 1e-12
+
+
+def _loaded_once(share: float, travel: float) -> float:
+    """Share after `travel` (in presliding distances) in the positive direction, from `share` > −1.
+
+    Below 0 it unloads in a straight line; above 0 it approaches 1 as a hyperbolic tangent.
+    """
+    if share + travel < 0:
+        return share + travel
+    if share < 0:
+        travel, share = travel + share, 0.0
+    return min(math.tanh(math.atanh(share) + travel), _NEARLY_ONE)
+
+
+def elastoplastic(motion: Motion, distance: float) -> np.ndarray:
+    """Jenkins element (spring and slider in series) as a share of its limit: x less its play, over the distance."""
+    return (motion.position - play(motion, distance)) / distance

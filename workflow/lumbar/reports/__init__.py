@@ -1,0 +1,1 @@
+"""What people read: figures, pages, the thesis's claims against a run."""

@@ -1,0 +1,87 @@
+"""One section in one picture: the methods' basins at t = 0, a better V, and everything that reaches the goal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.reports.figures.stability_figures import NO_BASIN, PLANE_TITLES, shared_legend
+from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, new_figure
+from lumbar.stability.basins import close_loops
+from lumbar.stability.funnel.funnel import Funnels
+from lumbar.stability.funnel.invariance import normal_axes
+from lumbar.stability.funnel.lyapunov_family import best_of_family
+from lumbar.stability.funnel.monte_carlo_check import preimage
+from lumbar.stability.methods import METHODS, chosen_methods
+from lumbar.stability.model.failures import all_or_each
+from lumbar.stability.model.trajectory import Trajectory
+
+STYLES = {
+    "exact": ("exact", {"color": SEGMENTS["abdomen"], "linewidth": 1.8}),
+    "sum_of_squares": ("sum of squares", {"color": MEASURED, "linewidth": 0.9, "linestyle": (0, (2, 2))}),
+    "thesis": ("thesis (no certificate)", {"color": "#b03030", "linewidth": 1.1, "linestyle": (0, (5, 2))}),
+    "best": ("best V of the family", {"color": SEGMENTS["pelvis"], "linewidth": 1.4}),
+}
+_CIRCLE = np.linspace(0.0, 2 * np.pi, 241)
+
+
+def comparison_figure(trajectories: list[Trajectory], settings: dict):
+    """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates.
+
+    Parameters
+    ----------
+    trajectories : list of Trajectory
+        Of one lift.
+    settings : dict
+        Section ``stability`` of the configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, sharex=True, sharey=True)
+    for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
+        shown = [item for item in trajectories if (item.com, item.plane) == ("abdomen", plane)]
+        drawn = shown and _draw(axis, shown, settings)
+        if not drawn:
+            axis.text(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
+        axis.set_title(title)
+        axis.set_xlabel("θ − θ0 (rad)")
+    axes[0].set_ylabel(r"$\dot\theta - \dot\theta_0$ (rad/s)")
+    shared_legend(figure, axes, ncols=3)
+    return figure
+
+
+def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
+    """Draw the sections of one trajectory; return whether it has an exact basin."""
+    # A picture needs no more knots than the other variants, and no proof.
+    fewer = {**settings, "knots": settings["limits"]["knots"], "proof": None}
+    sections = {}
+    for name in (*chosen_methods(settings), "best"):
+        results, _ = all_or_each(_funnels, shown, name, fewer, basin=name)
+        for _, found in results:
+            sections[name] = found
+    if "exact" not in sections:
+        return False
+    edge = _section(sections["exact"], -1)
+    reached = preimage(close_loops(shown, settings["pendulum"]["sign"], fewer), edge)
+    grey = {"facecolor": "#00000014", "edgecolor": "#777777", "linewidth": 0.8}
+    axis.fill(*reached[:, 0], label="all that reach the goal", **grey)
+    for name, found in sections.items():
+        label, style = STYLES[name]
+        axis.plot(*_section(found, 0)[:, 0], label=label, **style)
+    axis.plot(*edge[:, 0], color="#777777", linewidth=0.8, linestyle=":", label="goal set (at T)")
+    return True
+
+
+def _funnels(trajectories: list[Trajectory], name: str, settings: dict) -> Funnels:
+    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
+    if name == "best":
+        return best_of_family(loops, settings["goal_level"], settings["lyapunov_shares"]).funnels
+    return METHODS[name](loops, settings).funnels
+
+
+def _section(funnels: Funnels, knot: int) -> np.ndarray:
+    """Edge of one section, shape (2, pendulums, points)."""
+    a, p, q = (axis[:, None] for axis in normal_axes(funnels.cost[knot]))
+    root = np.sqrt(funnels.level[knot])[:, None]
+    return root * np.stack([a * np.cos(_CIRCLE), p * np.cos(_CIRCLE) + q * np.sin(_CIRCLE)])

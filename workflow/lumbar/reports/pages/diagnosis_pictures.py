@@ -1,0 +1,87 @@
+"""Pictures of a diagnosis: the base model beside the records, where it fails, the ladder, the effects' signatures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.residuals.residual_report import Simulated, compare_and_locate, least_explained
+from lumbar.diagnosis.selection.sentences import runner_up
+from lumbar.diagnosis.selection.verdict import Diagnosis
+from lumbar.effects.signature import pictured_form
+from lumbar.models.form import Effect
+from lumbar.records.record import Record
+from lumbar.reports.figures.comparison_figure import comparison_figure
+from lumbar.reports.figures.ladder_figure import ladder_figure, ladder_rungs
+from lumbar.reports.figures.location_figure import location_figure
+from lumbar.reports.figures.signature_figures import signature_figure
+from lumbar.reports.figures.style import save
+from lumbar.reports.pages.record_pages import LOCATION_CAPTION
+
+
+def diagnosis_pictures(
+    diagnosis: Diagnosis,
+    records: list[Record],
+    settings: DiagnosisSettings,
+    seed: int,
+    folder: Path,
+    data: str,
+) -> dict[str, Path]:
+    """Draw the pictures of a diagnosis for a page; parameters as for `draw_pictures`."""
+    experiment = diagnosis.experiment
+    simulated = compare_and_locate(
+        records, diagnosis.base.fit, experiment.floor, experiment.floor_from, seed, settings.centre
+    )
+    return draw_pictures(diagnosis, simulated, settings.candidates, folder, data)
+
+
+def draw_pictures(
+    diagnosis: Diagnosis, simulated: list[Simulated], catalogue: dict[str, Effect], folder: Path, data: str
+) -> dict[str, Path]:
+    """Write ``comparison``, ``location``, ``ladder`` and ``signatures`` as SVG and PDF.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    simulated : list of Simulated
+        The base model on every record.
+    catalogue : dict of str to Effect
+    folder : Path
+    data : str
+
+    Returns
+    -------
+    dict of str to pathlib.Path
+        SVG files by caption.
+    """
+    comparisons = [item.comparison for item in simulated]
+    shown, base = least_explained(simulated), diagnosis.base.fit.structure.base.name
+    trained = next(item for item in simulated if item.record.name == diagnosis.experiment.floor_from)
+    content = diagnosis.to_json()
+    figures = {
+        "comparison": comparison_figure(shown.record, shown.values, comparisons, base),
+        "location": location_figure(trained.location),
+        "ladder": ladder_figure(ladder_rungs(content), content["unit"], content["noise_floor_rms"]),
+        "signatures": signature_figure(
+            pictured_effects(diagnosis, catalogue), diagnosis.base.fit.structure.base.system
+        ),
+    }
+    captions = {
+        "comparison": f"The {base} model beside {shown.record.name}, the record it explains least, and what it leaves of "
+        "every record.",
+        "location": f"Where the {base} model fails on {trained.record.name}. {LOCATION_CAPTION}",
+        "ladder": "Error on training and unseen records, effect by effect, down to the noise floor.",
+        "signatures": "Signature of the selected effects and of the runner-up, each in its first form on a standard motion: "
+        "force over position, added force at two rates and over time; arbitrary units.",
+    }
+    for name, drawn in figures.items():
+        save(drawn, folder / name, "" if name == "signatures" else data)
+    return {captions[name]: folder / f"{name}.svg" for name in figures}
+
+
+def pictured_effects(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[Effect]:
+    """Selected effects, then those of the runner-up; where nothing was selected the runner-up's alone."""
+    second = runner_up(diagnosis)
+    names = [*diagnosis.selected, *(second.candidate.effects if second is not None else ())]
+    effects = [catalogue[name] for name in dict.fromkeys(names)]
+    return [effect for effect in effects if pictured_form(effect) is not None]

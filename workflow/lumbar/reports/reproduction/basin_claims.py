@@ -1,0 +1,160 @@
+"""Sentences of Chapter 4 on basins of attraction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from lumbar.reports.reproduction.claim import Claim, Finding, Results
+
+PLANES = ("lateral_bending", "flexion_extension")
+
+
+def _rows(results: Results, comparison: str) -> pd.DataFrame | None:
+    table = results["table_4_1"]
+    rows = table[table.comparison == comparison]
+    values = rows[[f"{plane}_percent" for plane in PLANES]]
+    return None if rows.empty or values.isna().any(axis=None) else rows.set_index("com")
+
+
+def _spread(rows: pd.DataFrame) -> str:
+    return "; ".join(
+        f"{com}: {row.lateral_bending_percent:+.2f} %, {row.flexion_extension_percent:+.2f} %"
+        for com, row in rows.iterrows()
+    )
+
+
+_INVENTED = "the twin's lifters are invented"
+_MISSING = Finding(None, None, "this study lacks one of the lifts compared")
+_NO_BASIN = Finding(None, None, "no basin could be computed")
+
+
+def _judged(agrees: bool, synthetic: bool) -> tuple[bool | None, str]:
+    return (None, _INVENTED) if synthetic else (bool(agrees), "")
+
+
+def _expert_larger(synthetic: bool):
+    def judge(results: Results) -> Finding:
+        rows = _rows(results, "expert_vs_novice")
+        if rows is None:
+            return _MISSING
+        return Finding(_spread(rows), *_judged((rows.lateral_bending_percent > 0).all(), synthetic))
+
+    return judge
+
+
+def _lateral_largest(synthetic: bool):
+    def judge(results: Results) -> Finding:
+        rows = _rows(results, "expert_vs_novice")
+        if rows is None:
+            return _MISSING
+        larger = rows.lateral_bending_percent.abs() > rows.flexion_extension_percent.abs()
+        return Finding(_spread(rows), *_judged(larger.all(), synthetic))
+
+    return judge
+
+
+def _expert_unchanged(synthetic: bool):
+    def judge(results: Results) -> Finding:
+        rows = _rows(results, "decrease_in_mass_expert")
+        if rows is None:
+            return _MISSING
+        largest = rows[[f"{plane}_percent" for plane in PLANES]].abs().max(axis=None)
+        return Finding(_spread(rows), *_judged(largest <= 1, synthetic))
+
+    return judge
+
+
+def _novice_susceptible(synthetic: bool):
+    def judge(results: Results) -> Finding:
+        expert, novice = (_rows(results, f"decrease_in_mass_{name}") for name in ("expert", "novice"))
+        if expert is None or novice is None:
+            return _MISSING
+        columns = [f"{plane}_percent" for plane in PLANES]
+        mean = {
+            name: rows[columns].abs().mean(axis=None)
+            for name, rows in (("expert", expert), ("novice", novice))
+        }
+        text = f"mean size of the change: expert {mean['expert']:.2f} %, novice {mean['novice']:.2f} %"
+        return Finding(text, *_judged(mean["novice"] > mean["expert"], synthetic))
+
+    return judge
+
+
+def _trajectories_matter(results: Results) -> Finding:
+    """Compare the published differences with those of the null control (every trajectory replaced by θ0 = 0)."""
+    table = results["table_4_1"]
+    if not {f"{plane}_null_percent" for plane in PLANES} <= set(table.columns):
+        return Finding(None, None, "no null control")
+    actual = np.concatenate([table[f"{plane}_percent"] for plane in PLANES])
+    null = np.concatenate([table[f"{plane}_null_percent"] for plane in PLANES])
+    known = np.isfinite(actual) & np.isfinite(null)
+    if known.sum() < 3:
+        return _MISSING
+    correlation = float(np.corrcoef(actual[known], null[known])[0, 1])
+    share = 1 - np.sum((actual[known] - null[known]) ** 2) / np.sum(actual[known] ** 2)
+    text = (
+        f"without any trajectory the differences correlate {correlation:.3f} and explain {100 * share:.0f} %"
+    )
+    remark = "the differences reflect duration, mass, length and the settings, not the trajectory"
+    return Finding(text, bool(share < 0.5), remark if share >= 0.5 else "")
+
+
+def _alternation_certifies(results: Results) -> Finding:
+    rows = results["boa"][results["boa"].method == "thesis"]
+    if rows.empty:
+        return Finding(None, None, "the thesis's procedure was not run")
+    worst = 100 * float(rows.violation_share.max())
+    text = (
+        f"{100 * float(rows.violation_share.min()):.0f} to {worst:.0f} % of the knots violate the condition"
+    )
+    return Finding(text, worst == 0, "ρ̇ frozen at the previous guess is not the ρ̇ of the result")
+
+
+def _exact_is_invariant(results: Results) -> Finding:
+    rows = results["boa"][results["boa"].method == "exact"]
+    if rows.empty:
+        return _NO_BASIN
+    starts, exits = int(rows.simulated_starts.sum()), int(rows.exits.sum())
+    return Finding(f"{exits} exits in {starts} simulated starts", exits == 0, "fixed V, exact ρ(t)")
+
+
+def _expands_backward(results: Results) -> Finding:
+    rows = results["boa"][results["boa"].method == "exact"]
+    if rows.empty:
+        return _NO_BASIN
+    larger = rows.initial_area > rows.final_area
+    return Finding(
+        f"{int(larger.sum())} of {len(rows)} basins larger at the start than at the goal", bool(larger.all())
+    )
+
+
+def sentences(synthetic: bool) -> list[Claim]:
+    """Return the claims of Chapter 4.
+
+    Parameters
+    ----------
+    synthetic : bool
+        Whether the lifters are the twin's: what concerns persons then cannot be tested.
+    """
+    table, areas = ("table_4_1",), ("boa",)
+    return [
+        Claim("expert_larger", "4.2.5", "The expert's basins are larger than the novice's in lateral bending",
+              "2.27 to 4.44 %", "positive for all three COMs", table, _expert_larger(synthetic)),
+        Claim("lateral_largest", "4.2.5", "The largest differences are in lateral bending", "lateral bending",
+              "larger than in flexion/extension for all three COMs", table, _lateral_largest(synthetic)),
+        Claim("expert_unchanged", "4.2.5", "A lighter box hardly changes the expert's basins", "−0.87 to 0.07 %",
+              "at most 1 % for every COM and plane", table, _expert_unchanged(synthetic)),
+        Claim("novice_susceptible", "4.2.1, 4.2.5", "The novice is more susceptible to changes of the box's mass",
+              "up to 7.51 %", "mean size of the change larger than the expert's", table,
+              _novice_susceptible(synthetic)),
+        Claim("trajectories_matter", "4.2.1, 4.2.6", "The differences come from the trajectories the lifters select",
+              "yes", "less than half is left when every trajectory is replaced by θ0 = 0", table,
+              _trajectories_matter),
+        Claim("alternation_certifies", "4.2.5", "The sum-of-squares programmes certify that the basins are invariant",
+              "yes", "no knot of the thesis's procedure violates eq. 4.6", areas, _alternation_certifies),
+        Claim("exact_is_invariant", "4.2.5", "Simulation confirms that the basins reach the goal", "proposed as future work",
+              "no simulated start leaves the exact funnel", areas, _exact_is_invariant),
+        Claim("expands_backward", "4.2.4", "The basin expands away from the goal set", "Figure 4.3",
+              "initial area above final area for every basin", areas, _expands_backward),
+    ]  # fmt: skip

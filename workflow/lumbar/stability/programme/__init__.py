@@ -1,0 +1,1 @@
+"""Sum-of-squares programmes: the thesis's alternation and the certified funnels."""

@@ -1,0 +1,1 @@
+"""Proof by interval arithmetic that a funnel holds between its knots."""
