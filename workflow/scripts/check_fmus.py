@@ -15,11 +15,14 @@ def main(input, output, params):
     from lumbar.fmu.check.reference_stimulus import push
     from lumbar.reports.figures.fmu_figures import fmu_force_figure
     from lumbar.reports.figures.style import save
+    from lumbar.settings.plain import typed
+    from lumbar.settings.runtime import RuntimeSettings
 
-    models = select_models(read_json(input.models), params.settings, catalogue_with(input.effects))
+    settings = typed(RuntimeSettings, params.settings)
+    models = select_models(read_json(input.models), settings, catalogue_with(input.effects))
     folder = Path(input.fmus[0]).parent
     table = check_table(
-        check_fmus(models, folder, params.settings["check_samples"], params.seed), params.data, params.seed
+        check_fmus(models, folder, settings.check_samples, params.seed), params.data, params.seed
     )
     write_csv(output.checks, table.frame)
     table.write(output.table_csv.removesuffix(".csv"))

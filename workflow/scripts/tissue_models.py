@@ -16,30 +16,32 @@ def main(input, output, params):
     from lumbar.records.columns import read_record
     from lumbar.reports.figures.style import save
     from lumbar.reports.figures.tissue_figures import comparison_figure, excitation_figure
+    from lumbar.settings.plain import typed
+    from lumbar.settings.tissue import TissueSettings
 
-    tissue, data = params.tissue, params.data
+    tissue, data = typed(TissueSettings, params.tissue), params.data
     identified = [read_json(path) for path in input.fits]
     document = models_document(identified)
     write_json(output.models, {**document, "data": data})
     write_csv(output.search, pd.concat([pd.read_csv(path) for path in input.grids]))
     table_3_1(identified, tissue, data).write(output.csv.removesuffix(".csv"))
-    confidence = tissue["bootstrap"]["confidence"]
+    confidence = tissue.bootstrap.confidence
     physical_parameters_table(identified, confidence, data).write(output.parameters_csv.removesuffix(".csv"))
 
     entries = {
-        entry["name"]: (entry, path) for entry, path in zip(tissue["records"], input.recordings, strict=True)
+        entry.name: (entry, path) for entry, path in zip(tissue.records, input.recordings, strict=True)
     }
     records = {}
-    for name in tissue["training"]:
+    for name in tissue.training:
         entry, path = entries[name]
-        records[name] = read_record(path, tissue["layout"], name, entry.get("period_s"), tissue["rate_Hz"])
+        records[name] = read_record(path, tissue.layout, name, entry.period_s, tissue.rate_Hz)
     shortest_first = sorted(records.values(), key=lambda record: (record.duration, record.name))
     save(
-        excitation_figure(shortest_first, tissue["segment_s"]),
+        excitation_figure(shortest_first, tissue.segment_s),
         output.excitation_svg.removesuffix(".svg"),
         data,
     )
-    first = tissue["training"][0]
+    first = tissue.training[0]
     simulated = simulate_models(document, records[first], (MW.name, KB.name, HO.name), first, ARX)
     if params.effects:
         from lumbar.diagnosis.selection.refined_model import simulate_entry
@@ -49,7 +51,7 @@ def main(input, output, params):
             item for item in document["models"] if "effects" in item and item["trained_on"] == first
         )
         simulated[refined["name"]] = simulate_entry(refined, records[first], catalogue_with(input.effects))
-    comparison = comparison_figure(records[first], simulated, tissue["segment_s"])
+    comparison = comparison_figure(records[first], simulated, tissue.segment_s)
     save(comparison, output.comparison_svg.removesuffix(".svg"), data)
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from lumbar.cli.settings import PROJECT, add_output, load_settings, new_command
+from lumbar.cli.settings import add_output, load_settings, new_command
 
 
 def add(commands) -> None:
@@ -52,25 +53,29 @@ def run(options) -> None:
     """Compile and pack the models."""
     from lumbar.effects.catalogue import catalogue_with
     from lumbar.files import read_json
+    from lumbar.fmu.build.compiler import cache_folder
     from lumbar.fmu.build.export_model import select_models
     from lumbar.fmu.build.models_document import check_document, from_refined
     from lumbar.fmu.build.package import export_fmus
 
-    settings = load_settings(options.config, "runtime", "improvement")
-    runtime = dict(settings["runtime"])
+    settings = load_settings(options.config)
+    runtime = settings.runtime
     read = read_json(options.models)
     content = from_refined(read)
     check_document(content)
     trained_on = {model.get("trained_on") for model in content["models"]} - {None}
-    if options.trained_on or len(trained_on) == 1:
-        runtime["trained_on"] = options.trained_on or trained_on.pop()
+    only = trained_on.pop() if len(trained_on) == 1 else runtime.trained_on
     # Of an error ladder the last rung is what a user wants.
-    named = runtime["models"] if content is read else [content["models"][-1]["name"]]
-    runtime["models"] = options.model or named
-    runtime["targets"] = options.target or runtime["targets"]
-    runtime["rate_Hz"] = options.rate or runtime["rate_Hz"]
-    models = select_models(content, runtime, catalogue_with(settings["improvement"]["effect_files"]))
+    named = runtime.models if content is read else [content["models"][-1]["name"]]
+    runtime = replace(
+        runtime,
+        trained_on=options.trained_on or only,
+        models=tuple(options.model or named),
+        targets=tuple(options.target or runtime.targets),
+        rate_Hz=options.rate or runtime.rate_Hz,
+    )
+    models = select_models(content, runtime, catalogue_with(settings.improvement.effect_files))
     data = content.get("data") or options.models.name
-    cache = PROJECT / runtime["compiler_cache"]
-    for path in export_fmus(models, options.output, data, runtime["targets"], cache):
+    cache = cache_folder(runtime.compiler_cache)
+    for path in export_fmus(models, options.output, data, runtime.targets, cache):
         print(path)

@@ -33,16 +33,16 @@ def run(options) -> None:
     from lumbar.diagnosis.selection.refined_row import refined_fit
     from lumbar.errors import InputError
     from lumbar.files import write_json
-    from lumbar.identification.identify_tissue import IdentificationSettings, identify
+    from lumbar.identification.identify_tissue import identify
     from lumbar.identification.models_file import inverted_linear_fit, models_document
     from lumbar.identification.table_3_1 import table_3_1
     from lumbar.records.columns import read_record
     from lumbar.records.record import same_units
 
-    settings = load_settings(options.config, "tissue", "improvement")
-    tissue = settings["tissue"]
+    settings = load_settings(options.config)
+    tissue = settings.tissue
     files = record_files(options.folder)
-    records = [read_record(path, tissue["layout"], rate=tissue["rate_Hz"]) for path in files]
+    records = [read_record(path, tissue.layout, rate=tissue.rate_Hz) for path in files]
     same_units(records)
     named = {record.name: record for record in records}
     train = options.train or max(records, key=lambda record: record.duration).name
@@ -52,14 +52,14 @@ def run(options) -> None:
         )
     training = named.pop(train)
     tests = list(named.values())
-    result = identify(training, tests, IdentificationSettings.from_config(tissue), settings["seed"])
+    result = identify(training, tests, tissue, settings.seed)
     fits = [
         *result["fits"],
-        inverted_linear_fit(training, tests, tissue["settling_s"], **tissue["inverted_linear"]),
+        inverted_linear_fit(training, tests, tissue.settling_s, **vars(tissue.inverted_linear)),
     ]
-    if settings["improvement"]["effects"]:
-        chosen = DiagnosisSettings.from_config(settings["improvement"], train=train)
-        fits.append(refined_fit([training, *tests], settings["improvement"]["effects"], chosen))
+    if settings.improvement.effects:
+        chosen = DiagnosisSettings.from_improvement(settings.improvement, train=train)
+        fits.append(refined_fit([training, *tests], settings.improvement.effects, chosen))
     identified = [{**result, "fits": fits}]
     data = options.data or options.folder.name
     write_json(options.output / "models.json", {**models_document(identified), "data": data})

@@ -7,6 +7,7 @@ attacked by simulation and, where the configuration asks for it, proved between 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,8 @@ from lumbar.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from lumbar.settings.stability import StabilitySettings
 
 _SHARED = (
     "initial_area",
@@ -55,25 +58,24 @@ COLUMNS = {
 COUNTS = {"control_exits": "Int64"}
 
 
-def loops_with_limits(settings: dict) -> dict[str, Limits]:
+def loops_with_limits(settings: StabilitySettings) -> dict[str, Limits]:
     """Limits of the configuration by the name in the column ``loop``."""
-    limits = settings["limits"]
+    limits = settings.limits
     return {
-        "torque_limited": Limits(torque=limits["torque_N_m"]),
-        "uncertain_mass": Limits(mass_share=limits["mass_share"]),
+        "torque_limited": Limits(torque=limits.torque_N_m),
+        "uncertain_mass": Limits(mass_share=limits.mass_share),
     }
 
 
 def extended_basins(
-    trajectories: list[Trajectory], settings: dict, seed: int
+    trajectories: list[Trajectory], settings: StabilitySettings, seed: int
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Compute the extended basins of one lift.
 
     Parameters
     ----------
     trajectories : list of Trajectory
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
     seed : int
 
     Returns
@@ -86,7 +88,7 @@ def extended_basins(
     import pandas as pd
 
     settings = _with_fewer_knots(settings)
-    published = settings["pendulum"]["sign"]
+    published = settings.pendulum.sign
     rows: list[dict] = []
     failures: list[Failure] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
@@ -123,7 +125,7 @@ def extended_basins(
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COUNTS), failures
 
 
-def _nominal_loops(sign: str, settings: dict) -> Callable[[list[Trajectory]], tuple]:
+def _nominal_loops(sign: str, settings: StabilitySettings) -> Callable[[list[Trajectory]], tuple]:
     """Return a function from trajectories to loops and areas without limits, each computed once."""
     known: dict[tuple, tuple] = {}
 
@@ -131,25 +133,25 @@ def _nominal_loops(sign: str, settings: dict) -> Callable[[list[Trajectory]], tu
         key = tuple(item.label for item in items)
         if key not in known:
             loops = close_loops(items, sign, settings)
-            known[key] = loops, exact_funnels(loops, settings["goal_level"]).mean_area
+            known[key] = loops, exact_funnels(loops, settings.goal_level).mean_area
         return known[key]
 
     return nominal_loops
 
 
 def _result(
-    loops: ClosedLoops, name: str, method: str, limits: Limits, settings: dict
+    loops: ClosedLoops, name: str, method: str, limits: Limits, settings: StabilitySettings
 ) -> tuple[ClosedLoops, EngineResult, dict[str, np.ndarray]]:
     """Run one engine; a better V changes the loops that are attacked too."""
     if name != "better_v":
         return loops, ENGINES[method](loops, settings, limits), {}
-    proof = settings["proof"]
+    proof = settings.proof
     best = best_of_family(
         loops,
-        settings["goal_level"],
-        settings["lyapunov_shares"],
-        proof["margin_1_s"] if proof else 0.0,
-        settings["attack"]["control_overstated"],
+        settings.goal_level,
+        settings.lyapunov_shares,
+        proof.margin_1_s if proof else 0.0,
+        settings.attack.control_overstated,
     )
     checks = {}
     if proof:
@@ -158,22 +160,19 @@ def _result(
     return best.loops, EngineResult(best.funnels, checks, best.overstated), {"best_share": best.share}
 
 
-def _with_fewer_knots(settings: dict) -> dict:
+def _with_fewer_knots(settings: StabilitySettings) -> StabilitySettings:
     """Return the settings with knots and proof of the section ``limits`` for every engine."""
-    limits = settings["limits"]
-    certified = settings["sum_of_squares"] and {
-        **settings["sum_of_squares"],
-        "knots": limits["certified_knots"],
-    }
-    proof = settings["proof"] if limits["proved"] else None
-    return {**settings, "knots": limits["knots"], "sum_of_squares": certified, "proof": proof}
+    limits = settings.limits
+    certified = settings.sum_of_squares and replace(settings.sum_of_squares, knots=limits.certified_knots)
+    proof = settings.proof if limits.proved else None
+    return replace(settings, knots=limits.knots, sum_of_squares=certified, proof=proof)
 
 
-def extended_table(frame: pd.DataFrame, settings: dict, data: str) -> Table:
+def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
     """Return the extended basins of all lifts as a published table."""
     import pandas as pd
 
-    limits = settings["limits"]
+    limits = settings.limits
     counts = pd.Series(
         [None if pd.isna(item) else int(item) for item in frame["control_exits"]], dtype=object
     )
@@ -184,10 +183,10 @@ def extended_table(frame: pd.DataFrame, settings: dict, data: str) -> Table:
         definitions=COLUMNS,
         data=data,
         notes=(
-            f"U = {limits['torque_N_m']:g} N·m, the same for all; the mass lies within "
-            f"±{100 * limits['mass_share']:g} % of the nominal one, the pendulum's mass "
-            f"{settings['pendulum']['mass'].replace('_', ' ')}; λ tried: "
-            + ", ".join(f"{share:g}" for share in settings["lyapunov_shares"]),
+            f"U = {limits.torque_N_m:g} N·m, the same for all; the mass lies within "
+            f"±{100 * limits.mass_share:g} % of the nominal one, the pendulum's mass "
+            f"{settings.pendulum.mass.replace('_', ' ')}; λ tried: "
+            + ", ".join(f"{share:g}" for share in settings.lyapunov_shares),
         ),
         may_be_empty=frozenset({*optional, "best_share"}),
     )

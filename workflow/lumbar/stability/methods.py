@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,9 @@ from lumbar.stability.funnel.saturation import NO_LIMITS, Limits, limited_funnel
 from lumbar.stability.programme.bilinear_alternation import alternate
 from lumbar.stability.programme.certified_funnel import certified_funnels
 from lumbar.stability.proof.interval_proof import proved_share
+
+if TYPE_CHECKING:
+    from lumbar.settings.stability import StabilitySettings
 
 
 @dataclass(frozen=True)
@@ -46,11 +50,11 @@ class EngineResult:
     control: Funnels | None = None
 
 
-def exact(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> EngineResult:
+def exact(loops: ClosedLoops, settings: StabilitySettings, limits: Limits = NO_LIMITS) -> EngineResult:
     """Compute the largest funnels and prove those with a margin between the knots."""
-    goal, overstated = settings["goal_level"], settings["attack"]["control_overstated"]
-    proof = settings["proof"]
-    margin = proof["margin_1_s"] if proof else 0.0
+    goal, overstated = settings.goal_level, settings.attack.control_overstated
+    proof = settings.proof
+    margin = proof.margin_1_s if proof else 0.0
     if limits.active:
         found = limited_funnels(loops, goal, limits, margin, overstated)
         for label, reason in zip(loops.pendulums.labels, found.reason, strict=True):
@@ -66,17 +70,19 @@ def exact(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> Eng
     return EngineResult(largest, checks, control)
 
 
-def sum_of_squares(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> EngineResult:
+def sum_of_squares(
+    loops: ClosedLoops, settings: StabilitySettings, limits: Limits = NO_LIMITS
+) -> EngineResult:
     """Compute funnels by certificates at the knots."""
-    options = settings["sum_of_squares"]
+    options = settings.sum_of_squares
     funnels, agreement = certified_funnels(
         loops,
-        settings["goal_level"],
-        degree=options["degree"],
-        knots=options["knots"],
-        alternations=options["alternations"],
-        margin=options["margin_1_s"],
-        rational=options["rational"],
+        settings.goal_level,
+        degree=options.degree,
+        knots=options.knots,
+        alternations=options.alternations,
+        margin=options.margin_1_s,
+        rational=options.rational,
         limits=limits,
     )
     checks = {
@@ -89,9 +95,9 @@ def sum_of_squares(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMIT
     return EngineResult(funnels, checks)
 
 
-def thesis(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> EngineResult:
+def thesis(loops: ClosedLoops, settings: StabilitySettings, limits: Limits = NO_LIMITS) -> EngineResult:
     """Run the thesis's procedure and count where its result breaks its own condition."""
-    found = alternate(loops, **settings["thesis_method"], limits=limits)
+    found = alternate(loops, **vars(settings.thesis_method), limits=limits)
     checks = {
         "violation_share": found.violation_share,
         "unsolved_share": found.unsolved_share,
@@ -100,7 +106,7 @@ def thesis(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> En
     return EngineResult(found.funnels, checks)
 
 
-ENGINES: dict[str, Callable[[ClosedLoops, dict, Limits], EngineResult]] = {
+ENGINES: dict[str, Callable[[ClosedLoops, StabilitySettings, Limits], EngineResult]] = {
     "exact": exact,
     "sum_of_squares": sum_of_squares,
     "thesis": thesis,
@@ -108,7 +114,7 @@ ENGINES: dict[str, Callable[[ClosedLoops, dict, Limits], EngineResult]] = {
 """By the name in the column ``method``."""
 
 
-def chosen_engines(settings: dict) -> list[str]:
+def chosen_engines(settings: StabilitySettings) -> list[str]:
     """Names of the engines a configuration asks for; the exact one always."""
-    optional = {"sum_of_squares": settings["sum_of_squares"], "thesis": settings["thesis_method"]}
+    optional = {"sum_of_squares": settings.sum_of_squares, "thesis": settings.thesis_method}
     return ["exact", *(name for name, options in optional.items() if options)]

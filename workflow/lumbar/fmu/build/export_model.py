@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
 import math
 import re
 from collections.abc import Mapping
@@ -15,6 +16,9 @@ from lumbar.fmu.build.effect_model import EffectModel
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.models_document import check_document
 from lumbar.fmu.build.resampled_model import at_rate
+
+if TYPE_CHECKING:
+    from lumbar.settings.runtime import RuntimeSettings
 
 MAX_WINDOW = 16
 """Room for the moving average in an FMU's memory, as in ``model.h``."""
@@ -132,7 +136,7 @@ def identifier(name: str) -> str:
 
 
 def select_models(
-    content: dict, settings: dict, catalogue: Mapping[str, Effect] = TISSUE
+    content: dict, settings: RuntimeSettings, catalogue: Mapping[str, Effect] = TISSUE
 ) -> list[ExportModel]:
     """Pick the models to export from the identified ones.
 
@@ -140,16 +144,14 @@ def select_models(
     ----------
     content : dict
         ``tissue/models.json``.
-    settings : dict
-        Section ``runtime`` of the configuration: ``models``, ``trained_on``, ``estimator``, ``unstable``,
-        ``moving_average``, ``output_limit``, ``gain_limit``, ``rate_Hz``.
+    settings : RuntimeSettings
     catalogue : mapping of str to Effect
         Effects that models may name, those of the user's own included.
 
     Returns
     -------
     list of ExportModel
-        In the order of ``settings["models"]``. A model without a training record (IL is prescribed, not
+        In the order of ``settings.models``. A model without a training record (IL is prescribed, not
         identified) is taken whatever ``trained_on`` and ``estimator`` say.
 
     Raises
@@ -161,15 +163,15 @@ def select_models(
     """
     check_document(content)
     problems = Problems("runtime.models")
-    for text in _duplicate_identifiers(settings["models"]):
+    for text in _duplicate_identifiers(settings.models):
         problems.add("", text, "rename one: both would have the same name in C")
     models = []
-    for name in settings["models"]:
+    for name in settings.models:
         entry = _find(content["models"], name, settings, problems)
         if entry is not None:
             models.append(_export_model(entry, content, settings, catalogue))
     problems.raise_if_any()
-    if settings["unstable"] == "refuse":
+    if settings.unstable == "refuse":
         _refuse_unstable(models)
     return models
 
@@ -183,17 +185,17 @@ def _duplicate_identifiers(names: list[str]) -> list[str]:
     ]
 
 
-def _find(entries: list[dict], name: str, settings: dict, problems: Problems) -> dict | None:
+def _find(entries: list[dict], name: str, settings: RuntimeSettings, problems: Problems) -> dict | None:
     named = [entry for entry in entries if entry["name"] == name]
     fitting = [
         entry
         for entry in named
-        if entry.get("trained_on") in (None, settings["trained_on"])
+        if entry.get("trained_on") in (None, settings.trained_on)
         and (
             entry.get("trained_on") is None
             # A model with effects has one fit, by the error of its free run.
             or entry.get("base") is not None
-            or entry["estimator"] == settings["estimator"]
+            or entry["estimator"] == settings.estimator
         )
     ]
     if len(fitting) == 1:
@@ -205,27 +207,27 @@ def _find(entries: list[dict], name: str, settings: dict, problems: Problems) ->
         there = "; ".join(f"{entry.get('estimator')} on {entry.get('trained_on')}" for entry in named)
         problems.add(
             name,
-            f"{len(fitting)} fits by {settings['estimator']!r} on {settings['trained_on']!r}",
+            f"{len(fitting)} fits by {settings.estimator!r} on {settings.trained_on!r}",
             f"set runtime.estimator and runtime.trained_on to one of: {there}",
         )
     return None
 
 
-def _export_model(entry: dict, content: dict, settings: dict, catalogue: Mapping[str, Effect]) -> ExportModel:
+def _export_model(entry: dict, content: dict, settings: RuntimeSettings, catalogue: Mapping[str, Effect]) -> ExportModel:
     signals = {}
     for side in ("input", "output"):
         described = entry.get(side) or content[side]
         signals[side] = Port(
             described["quantity"], described["unit"], float(entry.get(f"{side}_offset") or 0.0)
         )
-    dynamics, sampling_time = _dynamics(entry, content, settings["rate_Hz"], catalogue)
+    dynamics, sampling_time = _dynamics(entry, content, settings.rate_Hz, catalogue)
     return ExportModel(
         name=entry["name"],
         dynamics=dynamics,
         sampling_time=sampling_time,
-        moving_average=settings["moving_average"],
-        output_limit=float(settings["output_limit"]),
-        gain_limit=float(settings["gain_limit"]),
+        moving_average=settings.moving_average,
+        output_limit=float(settings.output_limit),
+        gain_limit=float(settings.gain_limit),
         fit=_fit_texts(entry),
         **signals,
     )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +19,9 @@ from lumbar.stability.methods import ENGINES, chosen_engines
 from lumbar.stability.model.failures import computed
 from lumbar.stability.model.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from lumbar.settings.stability import StabilitySettings
+
 STYLES = {
     "exact": ("exact", {"color": SEGMENTS["abdomen"], "linewidth": 1.8}),
     "sum_of_squares": ("sum of squares", {"color": MEASURED, "linewidth": 0.9, "linestyle": (0, (2, 2))}),
@@ -26,15 +31,14 @@ STYLES = {
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 241)
 
 
-def comparison_figure(trajectories: list[Trajectory], settings: dict):
+def comparison_figure(trajectories: list[Trajectory], settings: StabilitySettings):
     """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates.
 
     Parameters
     ----------
     trajectories : list of Trajectory
         Of one lift.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
 
     Returns
     -------
@@ -53,20 +57,20 @@ def comparison_figure(trajectories: list[Trajectory], settings: dict):
     return figure
 
 
-def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
+def _draw(axis, shown: list[Trajectory], settings: StabilitySettings) -> bool:
     """Draw the sections of one trajectory; return whether it has an exact basin."""
     # A picture needs no more knots than the other variants, and no proof.
-    fewer = {**settings, "knots": settings["limits"]["knots"], "proof": None}
-    goal = settings["goal_level"]
+    fewer = replace(settings, knots=settings.limits.knots, proof=None)
+    goal = settings.goal_level
     engines = {
         **{name: partial(_engine, name, fewer) for name in chosen_engines(settings)},
-        "best": lambda loops: best_of_family(loops, goal, settings["lyapunov_shares"]).funnels,
+        "best": lambda loops: best_of_family(loops, goal, settings.lyapunov_shares).funnels,
     }
     sections = {}
     for name, engine in engines.items():
 
         def funnels(items, engine=engine):
-            return engine(close_loops(items, settings["pendulum"]["sign"], fewer))
+            return engine(close_loops(items, settings.pendulum.sign, fewer))
 
         results, _ = computed(shown, funnels, name)
         for _, found in results:
@@ -74,7 +78,7 @@ def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
     if "exact" not in sections:
         return False
     edge = _section(sections["exact"], -1)
-    reached = preimage(close_loops(shown, settings["pendulum"]["sign"], fewer), edge)
+    reached = preimage(close_loops(shown, settings.pendulum.sign, fewer), edge)
     grey = {"facecolor": "#00000014", "edgecolor": "#777777", "linewidth": 0.8}
     axis.fill(*reached[:, 0], label="all that reach the goal", **grey)
     for name, found in sections.items():
@@ -84,7 +88,7 @@ def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
     return True
 
 
-def _engine(name: str, settings: dict, loops: ClosedLoops) -> Funnels:
+def _engine(name: str, settings: StabilitySettings, loops: ClosedLoops) -> Funnels:
     return ENGINES[name](loops, settings).funnels
 
 

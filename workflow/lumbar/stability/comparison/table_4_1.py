@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import NumericalError
+from lumbar.settings.plain import plain
 from lumbar.stability.basins import COLUMNS, close_loops
 from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.stability.comparison.percent_differences import (
@@ -33,6 +34,8 @@ from lumbar.tables import Table
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.stability import StabilitySettings
+
 _KEYS = ("subject", "experience", "box_mass_kg", "com", "plane")
 _CHANGES = {
     "null": "null control",
@@ -45,7 +48,7 @@ _CHANGES = {
 
 
 def variants(
-    trajectories: list[Trajectory], other_mass: list[Trajectory], settings: dict
+    trajectories: list[Trajectory], other_mass: list[Trajectory], settings: StabilitySettings
 ) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     """Return average cross-sections under every change that Table 4.1 is examined with.
 
@@ -54,8 +57,7 @@ def variants(
     trajectories : list of Trajectory
     other_mass : list of Trajectory
         The same with the other convention for the box's mass.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
 
     Returns
     -------
@@ -67,8 +69,8 @@ def variants(
     import pandas as pd
 
     def other(items):
-        loops = close_loops(items, settings["pendulum"]["sign"], settings)
-        return exact_funnels(loops, settings["goal_level"]).mean_area
+        loops = close_loops(items, settings.pendulum.sign, settings)
+        return exact_funnels(loops, settings.goal_level).mean_area
 
     def table(results):
         rows = [
@@ -111,7 +113,7 @@ def variants(
 def table_4_1(
     boa: pd.DataFrame,
     trajectories: list[Trajectory],
-    settings: dict,
+    settings: StabilitySettings,
     data: str,
     other_mass: list[Trajectory],
     seed: int,
@@ -125,8 +127,7 @@ def table_4_1(
         Summaries of all lifts, columns `lumbar.stability.basins.COLUMNS`.
     trajectories : list of Trajectory
         The sound ones of all lifts.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
     data : str
         Where the data come from.
     other_mass : list of Trajectory
@@ -144,10 +145,10 @@ def table_4_1(
     """
     import pandas as pd
 
-    sign = settings["pendulum"]["sign"]
+    sign = settings.pendulum.sign
     exact, published = boa["method"] == "exact", boa["sign"] == sign
     columns = {"percent": boa[exact & published], "other_sign": boa[exact & ~published]}
-    if settings["thesis_method"]:
+    if settings.thesis_method:
         columns["thesis_method"] = boa[(boa["method"] == "thesis") & published]
     varied, failed = variants(trajectories, other_mass, settings)
     missing = joined([*([] if failures is None else [failures]), failures_frame(failed)])
@@ -243,8 +244,8 @@ def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
     )
 
 
-def _definitions(settings: dict) -> dict[str, str]:
-    factor = settings["sensitivity_factor"]
+def _definitions(settings: StabilitySettings) -> dict[str, str]:
+    factor = settings.sensitivity_factor
     definitions = {
         "comparison": "expert_vs_novice: 100(A_expert − A_novice)/A_novice with the heaviest box of both; "
         "decrease_in_mass_…: 100(A_light − A_heavy)/A_heavy with that lifter's heaviest and lightest box; "
@@ -253,7 +254,7 @@ def _definitions(settings: dict) -> dict[str, str]:
         "status": "computed, or why the study cannot tell",
     }
     texts = {
-        "percent": f"percent difference in {{}}, exact engine, {settings['pendulum']['sign']} pendulum",
+        "percent": f"percent difference in {{}}, exact engine, {settings.pendulum.sign} pendulum",
         "thesis_method_percent": "the same in {} by the thesis's alternation (equations 4.5 to 4.7), "
         "which is no certificate",
         "other_sign_percent": "the same in {} with the other sign of gravity in equation 4.1",
@@ -279,12 +280,12 @@ def _definitions(settings: dict) -> dict[str, str]:
     return definitions
 
 
-def _notes(frame: pd.DataFrame, settings: dict) -> tuple[str, ...]:
-    regulator, pendulum = settings["regulator"], settings["pendulum"]
+def _notes(frame: pd.DataFrame, settings: StabilitySettings) -> tuple[str, ...]:
+    regulator, pendulum = settings.regulator, settings.pendulum
     notes = [
-        f"Regulator of all basins: Q = {regulator['state_weight']}, R = {regulator['control_weight']:g}, "
-        f"Qf = {regulator['terminal_weight']}; b = {pendulum['damping_N_m_s']:g} N·m·s/rad; pendulum's mass "
-        f"{pendulum['mass'].replace('_', ' ')}"
+        f"Regulator of all basins: Q = {plain(regulator.state_weight)}, R = {regulator.control_weight:g}, "
+        f"Qf = {plain(regulator.terminal_weight)}; b = {pendulum.damping_N_m_s:g} N·m·s/rad; pendulum's mass "
+        f"{pendulum.mass.replace('_', ' ')}"
     ]
     values, null = (
         np.concatenate([frame[f"{plane}_{name}"].dropna() for plane in PLANES])
