@@ -1,7 +1,7 @@
 """How far the outputs of two runs agree: the same bytes, the same numbers to so many digits, or not.
 
 Digits are counted relative to the largest number of the same kind: of a column of a CSV file, of a key of a JSON
-file, of all numbers in any other text.
+file, of all numbers in any other text (numbers in the cells and strings of the former two are a kind of their own).
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ import pandas as pd
 
 SAME_BYTES = math.inf
 DIFFERENT = -math.inf
-NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
+NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]*\w)")
+SVG_NAME = re.compile(r"\b[a-z][0-9a-f]{10}\b")
+"""What Matplotlib calls a shape: a hash of its numbers."""
 NOT_RESULTS = ("logs", "benchmarks", "run_environment.json")
 """Times, memory, and which versions were used."""
 
@@ -76,14 +78,19 @@ def _numbers(text: str, suffix: str) -> tuple[object, dict[str, list[float]]]:
     if suffix == ".csv":
         frame = pd.read_csv(io.StringIO(text))
         numeric = [name for name in frame if frame[name].dtype.kind in "fi"]
-        rest = frame.drop(columns=numeric).to_csv(index=False)
-        return (rest, tuple(frame.columns)), {name: frame[name].tolist() for name in numeric}
+        rest, numbers = _spoken(frame.drop(columns=numeric).to_csv(index=False))
+        return (rest, tuple(frame.columns)), {**{name: frame[name].tolist() for name in numeric}, **numbers}
     if suffix == ".json":
         numbers, rest = defaultdict(list), []
         _walk(json.loads(text), "", numbers, rest)
         return rest, dict(numbers)
-    found = [float(match) for match in NUMBER.findall(text)]
-    return NUMBER.sub("#", text), {"": found}
+    return _spoken(SVG_NAME.sub("shape", text) if suffix == ".svg" else text)
+
+
+def _spoken(text: str) -> tuple[str, dict[str, list[float]]]:
+    """Return a text without its numbers, and the numbers."""
+    found = [float(match.replace("−", "-")) for match in NUMBER.findall(text)]
+    return NUMBER.sub("#", text), {"text": found}
 
 
 def _walk(item, key: str, numbers: dict, rest: list) -> None:
@@ -96,9 +103,9 @@ def _walk(item, key: str, numbers: dict, rest: list) -> None:
     elif isinstance(item, (int, float)) and not isinstance(item, bool):
         numbers[key].append(float(item))
     else:
-        rest.append((key, NUMBER.sub("#", item) if isinstance(item, str) else item))
-        if isinstance(item, str):
-            numbers[f"{key} (text)"] += [float(match) for match in NUMBER.findall(item)]
+        words, found = _spoken(str(item))
+        rest.append((key, words))
+        numbers["text"] += found["text"]
 
 
 def _archive_digits(one: bytes, other: bytes) -> float:

@@ -38,7 +38,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--only", nargs="+", metavar="RUN", help="names as --list gives them")
+    parser.add_argument(
+        "--only", nargs="*", metavar="RUN", help="names as --list gives them; none: report alone"
+    )
     parser.add_argument("--steps", nargs="+", choices=STEPS, default=list(STEPS))
     parser.add_argument(
         "--python", nargs="+", type=Path, default=[], help="interpreters beside those on the PATH"

@@ -14,8 +14,8 @@ rule run_config:
     conda:
         CONDA
     params:
-        config=config,
-        subjects=study.subjects,
+        config=plain(settings),
+        subjects=plain(study.subjects),
         data=DATA,
     message:
         "Settings, seeds and versions of this run"

@@ -12,14 +12,19 @@ from run_log import watch
 from lumbar.config.artefacts import read_artefacts
 from lumbar.config.study import load_study
 from lumbar.errors import LumbarError
+from lumbar.settings.plain import plain
 from lumbar.stability.model.failures import announcement
 
 set_job_environment(WORKFLOW)
 
+# Snakemake has merged these files, those of the command line last; messages name the line in the file.
+GIVEN = workflow.overwrite_configfiles
 try:
-    study = load_study(config, root=Path(workflow.basedir))
+    study = load_study(config, Path(workflow.basedir), [*workflow.configfiles[len(GIVEN) :], *GIVEN])
 except LumbarError as error:
     sys.exit(str(error))  # a WorkflowError would begin with this file and line, where nothing is wrong
+
+settings = study.settings
 
 STUDY = study.name
 ARTEFACTS = study.artefacts
@@ -47,6 +52,11 @@ CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 def recording(path):
     """Path of a recording: made by the twin, or below the study's data root."""
     return study.recording(path)
+
+
+def without(section, *keys):
+    """A section as plain data, without the keys that do not concern a rule: they would run it again."""
+    return {key: value for key, value in plain(section).items() if key not in keys}
 
 
 def made(artefacts):

@@ -1,22 +1,22 @@
 # Improvement: what the base model is missing on each record set, the model with it, and the error ladder.
 
-from lumbar.config.study_recordings import record_layout, record_set_base, record_set_records
+from lumbar.config.study_recordings import record_layout, record_set
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
-RECORD_SETS = [entry["name"] for entry in config["improvement"]["record_sets"]]
+RECORD_SETS = [entry.name for entry in settings.improvement.record_sets]
 
 
 rule diagnose_records:
     input:
         recordings=lambda wildcards: [
-            recording(record["file"]) for record in record_set_records(study, wildcards.record_set)
+            recording(record.file) for record in record_set(settings, wildcards.record_set).records
         ],
         checked=[
             f"<results>/checked/{chapter}.json"
             for chapter in RECORDED_CHAPTERS
             if chapter in RECORD_SET_CHAPTERS
         ],
-        effects=config["improvement"]["effect_files"],
+        effects=list(settings.improvement.effect_files),
         sources=library_sources("diagnose_records.py"),
     output:
         **published(
@@ -38,13 +38,15 @@ rule diagnose_records:
     conda:
         CONDA
     params:
-        records=lambda wildcards: record_set_records(study, wildcards.record_set),
-        base=lambda wildcards: record_set_base(config, wildcards.record_set),
-        layout=lambda wildcards: record_layout(config, record_set_base(config, wildcards.record_set))[0],
-        rate=lambda wildcards: record_layout(config, record_set_base(config, wildcards.record_set))[1],
-        improvement={key: value for key, value in config["improvement"].items() if key != "record_sets"},
-        machine=config["signals"]["machine"],
-        seed=config["seed"],
+        records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),
+        base=lambda wildcards: record_set(settings, wildcards.record_set).base,
+        layout=lambda wildcards: plain(
+            record_layout(settings, record_set(settings, wildcards.record_set).base)[0]
+        ),
+        rate=lambda wildcards: record_layout(settings, record_set(settings, wildcards.record_set).base)[1],
+        improvement=without(settings.improvement, "record_sets"),
+        machine=plain(settings.signals.machine),
+        seed=settings.seed,
         data=DATA,
     message:
         "{wildcards.record_set}: what the model is missing"

@@ -4,7 +4,7 @@
 
 rule lift:
     input:
-        markers=lambda wildcards: recording(study.lifts[wildcards.lift]["markers"]),
+        markers=lambda wildcards: recording(study.lifts[wildcards.lift].trial.markers),
         checked="<results>/checked/lifting.json",
         sources=library_sources("lift.py"),
     output:
@@ -23,13 +23,9 @@ rule lift:
         CONDA
     params:
         lift="{lift}",
-        subject=lambda wildcards: study.subject_of(wildcards.lift),
-        trial=lambda wildcards: study.lifts[wildcards.lift],
-        settings={
-            key: value
-            for key, value in config["lifting"].items()
-            if key not in ("subjects", "moment_layout")
-        },
+        subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
+        trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
+        settings=without(settings.lifting, "subjects", "moment_layout"),
         data=DATA,
     message:
         "{wildcards.lift}: events, centres of mass, pendulum states"

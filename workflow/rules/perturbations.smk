@@ -5,8 +5,8 @@ if study.has("perturbations"):
 
     rule compare_perturbed_trials:
         input:
-            unperturbed=[recording(path) for path in config["perturbations"]["unperturbed"]],
-            perturbed=[recording(path) for path in config["perturbations"]["perturbed"]],
+            unperturbed=[recording(path) for path in settings.perturbations.unperturbed],
+            perturbed=[recording(path) for path in settings.perturbations.perturbed],
             checked="<results>/checked/perturbations.json",
             sources=library_sources("perturbed_trials.py"),
         output:
@@ -18,9 +18,9 @@ if study.has("perturbations"):
         conda:
             CONDA
         params:
-            settings=config["perturbations"],
-            stability=config["stability"],
-            lifting={key: config["lifting"][key] for key in ("gaps", "filter")},
+            settings=plain(settings.perturbations),
+            stability=plain(settings.stability),
+            lifting={key: plain(getattr(settings.lifting, key)) for key in ("gaps", "filter")},
             data=DATA,
         message:
             "Perturbed trials against the basin of the unperturbed mean"

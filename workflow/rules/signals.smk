@@ -19,8 +19,8 @@ rule design_signals:
     conda:
         CONDA
     params:
-        settings=config["signals"],
-        seed=config["seed"],
+        settings=plain(settings.signals),
+        seed=settings.seed,
         data=DATA,
     message:
         "Excitation signals up to {params.settings[band_factor]} times the surgeons' bandwidth"

@@ -18,8 +18,8 @@ rule basins_of_lift:
     conda:
         CONDA
     params:
-        settings=config["stability"],
-        seed=config["seed"],
+        settings=plain(settings.stability),
+        seed=settings.seed,
     message:
         "{wildcards.lift}: basins of attraction"
     script:
@@ -47,8 +47,8 @@ if study.has("stability"):
         conda:
             CONDA
         params:
-            settings=config["stability"],
-            seed=config["seed"],
+            settings=plain(settings.stability),
+            seed=settings.seed,
             data=DATA,
         message:
             "Table 4.1 and the areas of all basins"
@@ -70,7 +70,7 @@ if study.has("stability"):
         conda:
             CONDA
         params:
-            settings=config["stability"],
+            settings=plain(settings.stability),
             data=DATA,
         message:
             "Figures 4.3 and 4.4: basins of attraction"

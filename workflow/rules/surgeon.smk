@@ -3,7 +3,7 @@
 
 rule surgeon_motion:
     input:
-        records=[recording(record["file"]) for record in config["surgeon"]["records"]],
+        records=[recording(record.file) for record in settings.surgeon.records],
         checked="<results>/checked/surgeon.json",
         sources=library_sources("surgeon_motion.py"),
     output:
@@ -17,8 +17,8 @@ rule surgeon_motion:
     conda:
         CONDA
     params:
-        settings=config["surgeon"],
-        seed=config["seed"],
+        settings=plain(settings.surgeon),
+        seed=settings.seed,
         data=DATA,
     message:
         "Bandwidth of the surgeons' motion"

@@ -3,7 +3,7 @@
 
 rule survey_tables:
     input:
-        ratings=recording(config["survey"]["file"]),
+        ratings=recording(settings.survey.file),
         checked="<results>/checked/survey.json",
         sources=library_sources("survey_tables.py"),
     output:
@@ -16,8 +16,8 @@ rule survey_tables:
     conda:
         CONDA
     params:
-        settings=config["survey"],
-        seed=config["seed"],
+        settings=plain(settings.survey),
+        seed=settings.seed,
         data=DATA,
     message:
         "Table 3.2: ratings of the models, as published and within participants"
@@ -38,9 +38,9 @@ rule survey_figures:
     conda:
         CONDA
     params:
-        scale_labels=config["survey"]["scale_labels"],
-        statement=config["survey"]["statement"],
-        confidence=config["survey"]["confidence"],
+        scale_labels=plain(settings.survey.scale_labels),
+        statement=settings.survey.statement,
+        confidence=settings.survey.confidence,
     message:
         "Ratings and best picks of the models as pictures"
     script:

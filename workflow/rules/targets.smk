@@ -1,7 +1,7 @@
 # Named targets: one per chapter and one per artefact.
 
 
-for chapter in study.config["chapters"]:
+for chapter in settings.chapters:
 
     rule:
         name:

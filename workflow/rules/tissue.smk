@@ -3,8 +3,8 @@
 
 import re
 
-TISSUE_RECORDINGS = [recording(record["file"]) for record in config["tissue"]["records"]]
-TRAINING = config["tissue"]["training"]
+TISSUE_RECORDINGS = [recording(record.file) for record in settings.tissue.records]
+TRAINING = settings.tissue.training
 
 
 rule viscoelastic_models:
@@ -30,7 +30,7 @@ rule viscoelastic_models:
 rule identify_tissue:
     input:
         recordings=TISSUE_RECORDINGS,
-        effects=config["improvement"]["effect_files"],
+        effects=list(settings.improvement.effect_files),
         checked="<results>/checked/tissue.json",
         sources=library_sources("identify_tissue.py"),
     output:
@@ -45,12 +45,10 @@ rule identify_tissue:
     conda:
         CONDA
     params:
-        tissue=config["tissue"],
+        tissue=plain(settings.tissue),
         training=lambda wildcards: wildcards.training,
-        improvement={
-            key: value for key, value in config["improvement"].items() if key not in ("train", "record_sets")
-        },
-        seed=config["seed"],
+        improvement=without(settings.improvement, "train", "record_sets"),
+        seed=settings.seed,
         data=DATA,
     message:
         "Identification of the tissue models on {wildcards.training}"
@@ -63,7 +61,7 @@ rule tissue_models:
         fits=expand("<results>/tissue/identified/{training}.json", training=TRAINING),
         grids=expand("<results>/tissue/identified/{training}.csv", training=TRAINING),
         recordings=TISSUE_RECORDINGS,
-        effects=config["improvement"]["effect_files"],
+        effects=list(settings.improvement.effect_files),
         checked="<results>/checked/tissue.json",
         sources=library_sources("tissue_models.py"),
     output:
@@ -77,7 +75,7 @@ rule tissue_models:
     conda:
         CONDA
     params:
-        tissue=config["tissue"],
+        tissue=plain(settings.tissue),
         data=DATA,
     message:
         "Table 3.1, Figures 3.4 and 3.5: the identified tissue models"

@@ -16,12 +16,15 @@ def main(input, output, params):
     from lumbar.models.models_file import read_models
     from lumbar.reports.figures.fmu_figures import fmu_force_figure
     from lumbar.reports.figures.style import save
+    from lumbar.settings.plain import typed
+    from lumbar.settings.runtime import RuntimeSettings
 
+    settings = typed(RuntimeSettings, params.settings)
     fitted = read_models(read_json(input.models), catalogues_with(input.effects))
-    models = select_models(fitted, params.settings)
+    models = select_models(fitted, settings)
     folder = Path(input.fmus[0]).parent
     table = check_table(
-        check_fmus(models, folder, params.settings["check_samples"], params.seed), params.data, params.seed
+        check_fmus(models, folder, settings.check_samples, params.seed), params.data, params.seed
     )
     write_csv(output.checks, table.frame)
     table.write(stem(output.fmu_check))

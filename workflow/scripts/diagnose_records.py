@@ -19,15 +19,22 @@ def main(input, output, params):
     from lumbar.records.columns import read_record
     from lumbar.reports.pages.diagnosis_page import diagnosis_page
     from lumbar.reports.pages.diagnosis_pictures import draw_pictures
+    from lumbar.settings.improvement import ImprovementSettings
+    from lumbar.settings.layout import ColumnLayout
+    from lumbar.settings.plain import typed
+    from lumbar.settings.signals import MachineSettings
 
+    layout = typed(ColumnLayout, params.layout)
     records = [
-        read_record(path, params.layout, entry["name"], entry.get("period_s"), params.rate)
+        read_record(path, layout, entry["name"], entry["period_s"], params.rate)
         for entry, path in zip(params.records, input.recordings, strict=True)
     ]
-    settings = DiagnosisSettings.from_config(params.improvement, params.base)
+    settings = DiagnosisSettings.from_improvement(typed(ImprovementSettings, params.improvement), params.base)
     folder = Path(output.refined).parent
     diagnosis = diagnose(records, settings)
-    evidence = gather_evidence(diagnosis, records, settings, params.seed, params.machine)
+    evidence = gather_evidence(
+        diagnosis, records, settings, params.seed, typed(MachineSettings, params.machine)
+    )
     floor, training = diagnosis.experiment.floor, diagnosis.experiment.floor_from
     simulated = compare_and_locate(records, diagnosis.base.fit, floor, training, params.seed, settings.centre)
     pictures = draw_pictures(diagnosis, simulated, settings.candidates, folder, params.data)

@@ -11,19 +11,22 @@ def main(input, output, params):
     from lumbar.reports.figures.basin_comparison_figure import comparison_figure
     from lumbar.reports.figures.stability_figures import figure_4_3, figure_4_4, shown_lift
     from lumbar.reports.figures.style import save
+    from lumbar.settings.plain import typed
+    from lumbar.settings.stability import StabilitySettings
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
+    settings = typed(StabilitySettings, params.settings)
     chosen = shown_lift([read_json(path) for path in input.facts])
     funnels = pd.read_csv(input.funnels[chosen])
     save(
-        figure_4_3(funnels, params.settings["goal_level"]),
+        figure_4_3(funnels, settings.goal_level),
         stem(output.figure_4_3),
         params.data,
     )
     save(figure_4_4(funnels), stem(output.figure_4_4), params.data)
     states, facts = pd.read_csv(input.states[chosen]), read_json(input.facts[chosen])
-    trajectories, _ = trajectories_of_lift(states, facts, params.settings["pendulum"]["mass"])
-    comparison = comparison_figure(trajectories, params.settings)
+    trajectories, _ = trajectories_of_lift(states, facts, settings.pendulum.mass)
+    comparison = comparison_figure(trajectories, settings)
     save(comparison, stem(output.basin_comparison), params.data)
 
 

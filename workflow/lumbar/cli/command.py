@@ -44,7 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="lumbar",
         description="Soft-tissue force-feedback models and lifting stability: does on files and folders "
-        "what the Snakemake workflow does on a study, with the settings of config/config.yaml.",
+        "what the Snakemake workflow does on a study, with settings that all have defaults.",
         epilog="'lumbar COMMAND --help' explains a command and gives examples.",
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
 from lumbar.models.fitted_model import ARX, GIVEN, OUTPUT_ERROR, FittedModel
 from lumbar.models.tissue_models import HO, IL, KB, LE, MAXWELL, MW
 from lumbar.tables import Table
 
+if TYPE_CHECKING:
+    from lumbar.settings.tissue import TissueSettings
+
 _ROWS = (MW.name, MAXWELL.name, KB.name, HO.name, LE.name)
 """Order of the rows within each training record and estimator: the thesis's, with Maxwell and LE more."""
 
 
-def table_3_1(models: list[FittedModel], settings: dict, data: str) -> Table:
+def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) -> Table:
     """Table 3.1: error metrics of all models; the thesis's rows are MW, KB, HO with estimator ``arx``.
 
     Parameters
     ----------
     models : list of FittedModel
         Those of the first training record first, and so on; all with the same number of unseen records.
-    settings : dict
-        Section ``tissue`` of the configuration, for the notes.
+    settings : TissueSettings
+        For the notes.
     data : str
         Where the data come from.
     """
@@ -90,8 +94,8 @@ def _row(model: FittedModel, unit: str) -> dict:
     }
 
 
-def _definitions(unit: str, tests: int, settings: dict) -> dict[str, str]:
-    free = f"free run from the input alone, on demeaned signals, from {settings['settling_s']:g} s on"
+def _definitions(unit: str, tests: int, settings: TissueSettings) -> dict[str, str]:
+    free = f"free run from the input alone, on demeaned signals, from {settings.settling_s:g} s on"
     numbers = range(1, tests + 1)
     return {
         "trained_on": "record the model was fitted to (IL: judged on)",
@@ -125,8 +129,8 @@ def _definitions(unit: str, tests: int, settings: dict) -> dict[str, str]:
             "not identifiable"
         ),
         "mru_bootstrap_percent": (
-            f"MRU with σ as half the central 68 % of {settings['bootstrap']['resamples']} block-bootstrap "
-            f"resamples, blocks of {settings['bootstrap']['block_s']:g} s, %"
+            f"MRU with σ as half the central 68 % of {settings.bootstrap.resamples} block-bootstrap "
+            f"resamples, blocks of {settings.bootstrap.block_s:g} s, %"
         ),
         **{
             f"vaf_test_{n}_percent": f"eq. 3.12, %; free run on test record {n}, less its own mean"
@@ -137,15 +141,15 @@ def _definitions(unit: str, tests: int, settings: dict) -> dict[str, str]:
     }
 
 
-def _notes(settings: dict) -> tuple[str, ...]:
-    search, ridge = settings["search"], settings["ridge"]
-    picked = {"training": "the training record", "test": "the other records (mean)"}[search["selection"]]
+def _notes(settings: TissueSettings) -> tuple[str, ...]:
+    search, ridge = settings.search, settings.ridge
+    picked = {"training": "the training record", "test": "the other records (mean)"}[search.selection]
     return (
         f"Every model and α is picked by the %VAF of the free run on {picked}; α is 0 or one of "
-        f"{ridge['alpha_points']} values from {ridge['alpha_min']:g} to {ridge['alpha_max']:g} in geometric "
+        f"{ridge.alpha_points} values from {ridge.alpha_min:g} to {ridge.alpha_max:g} in geometric "
         "progression.",
-        f"HO: orders 2 to {search['order_max']}, proper and biproper, condition number up to "
-        f"{search['condition_max']:g}; its output-error fit has the structure that arx picked.",
+        f"HO: orders 2 to {search.order_max}, proper and biproper, condition number up to "
+        f"{search.condition_max:g}; its output-error fit has the structure that arx picked.",
         "Free runs start from rest at the first position. NMSE and %VAF are not comparable: one step ahead "
         "against a free run.",
     )

@@ -25,6 +25,8 @@ from lumbar.stability.programme.bilinear_alternation import RESOLUTION
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.stability import PendulumSettings, StabilitySettings
+
 COLUMNS = {
     "subject": "who lifted",
     "experience": "experience of the lifter",
@@ -106,31 +108,30 @@ class LiftBasins:
     failures: list[Failure]
 
 
-def weights_of(settings: dict) -> Weights:
+def weights_of(settings: StabilitySettings) -> Weights:
     """Return the regulator's weights of the configuration, checked."""
-    regulator = settings["regulator"]
-    return check_weights(regulator["state_weight"], regulator["control_weight"], regulator["terminal_weight"])
+    regulator = settings.regulator
+    return check_weights(regulator.state_weight, regulator.control_weight, regulator.terminal_weight)
 
 
-def close_loops(trajectories: list[Trajectory], sign: str, settings: dict) -> ClosedLoops:
+def close_loops(trajectories: list[Trajectory], sign: str, settings: StabilitySettings) -> ClosedLoops:
     """Put the trajectories under the regulator of the configuration."""
-    pendulum = settings["pendulum"]
-    damping = [pendulum["damping_N_m_s"]] * len(trajectories)
+    pendulum = settings.pendulum
+    damping = [pendulum.damping_N_m_s] * len(trajectories)
     pendulums = gather(
-        trajectories, [sign] * len(trajectories), damping, pendulum["gravity_m_s2"], settings["knots"]
+        trajectories, [sign] * len(trajectories), damping, pendulum.gravity_m_s2, settings.knots
     )
     return regulate(pendulums, weights_of(settings))
 
 
-def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) -> LiftBasins:
+def basins_of_lift(trajectories: list[Trajectory], settings: StabilitySettings, seed: int) -> LiftBasins:
     """Compute and check every basin of one lift.
 
     Parameters
     ----------
     trajectories : list of Trajectory
         Of one subject and box.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
     seed : int
         Of the simulated starts.
 
@@ -146,7 +147,7 @@ def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) ->
     import pandas as pd
 
     weights_of(settings)
-    published = settings["pendulum"]["sign"]
+    published = settings.pendulum.sign
     rows: list[dict] = []
     frames: list[pd.DataFrame] = []
     failures: list[Failure] = []
@@ -166,7 +167,7 @@ def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) ->
 
 
 def method_basins(
-    trajectories: list[Trajectory], method: str, sign: str, settings: dict, seed: int
+    trajectories: list[Trajectory], method: str, sign: str, settings: StabilitySettings, seed: int
 ) -> tuple[ClosedLoops, Funnels, list[dict]]:
     """Compute and check the basins of some trajectories by one method and with one sign of gravity.
 
@@ -186,7 +187,7 @@ def basin_rows(
     trajectories: list[Trajectory],
     loops: ClosedLoops,
     result: MethodResult,
-    settings: dict,
+    settings: StabilitySettings,
     seed: int,
     sign: str,
     saturation: Saturation = UNSATURATED,
@@ -195,7 +196,7 @@ def basin_rows(
     first, funnels = trajectories[0], result.funnels
     name = f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}"
     stream = [seed, zlib.crc32((name if not saturation.active else f"{name} {saturation}").encode())]
-    starts = settings["attack"]["starts"]
+    starts = settings.attack.starts
     disturbance = disturbance_of(loops, saturation, starts, [*stream, 1]) if saturation.active else None
     checked = monte_carlo_check(loops, funnels, starts, stream, disturbance)
     columns = {
@@ -203,14 +204,14 @@ def basin_rows(
         "initial_area": funnels.initial_area,
         "minimum_area": funnels.minimum_area,
         "final_area": funnels.area[-1],
-        "liouville_area": reachable_area(loops, settings["goal_level"]),
+        "liouville_area": reachable_area(loops, settings.goal_level),
         "exits": checked.exits,
         "exits_high": checked.share_high,
         **result.checks,
     }
     if result.control is not None:
         columns["control_exits"] = monte_carlo_check(loops, result.control, starts, stream, disturbance).exits
-    pendulum = settings["pendulum"]
+    pendulum = settings.pendulum
     return [
         {
             **_identity(item),
@@ -239,23 +240,23 @@ def _identity(item: Trajectory) -> dict:
     return {**{name: getattr(item, name) for name in names}, "duration_s": item.duration}
 
 
-def _torque(item: Trajectory, sign: str, pendulum: dict) -> np.ndarray:
-    return feedforward_torque(item, sign, pendulum["damping_N_m_s"], pendulum["gravity_m_s2"])
+def _torque(item: Trajectory, sign: str, pendulum: PendulumSettings) -> np.ndarray:
+    return feedforward_torque(item, sign, pendulum.damping_N_m_s, pendulum.gravity_m_s2)
 
 
 def _funnel_frame(
-    trajectories: list[Trajectory], loops: ClosedLoops, funnels: Funnels, settings: dict
+    trajectories: list[Trajectory], loops: ClosedLoops, funnels: Funnels, settings: StabilitySettings
 ) -> pd.DataFrame:
     import pandas as pd
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, 1.0, len(funnels.level))
-    sign, area = settings["pendulum"]["sign"], funnels.area
+    sign, area = settings.pendulum.sign, funnels.area
     frames = []
     for index, item in enumerate(trajectories):
         at_knots = CubicSpline(
             (item.time - item.time[0]) / item.duration,
-            np.stack([item.angular_velocity, _torque(item, sign, settings["pendulum"])], axis=1),
+            np.stack([item.angular_velocity, _torque(item, sign, settings.pendulum)], axis=1),
         )(phase)
         frames.append(
             pd.DataFrame(

@@ -6,6 +6,7 @@ checked by simulation and, where the configuration asks for it, proved between i
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,8 @@ from lumbar.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from lumbar.settings.stability import StabilitySettings
 
 _SHARED = (
     "initial_area",
@@ -53,25 +56,24 @@ COLUMNS = {
 COUNTS = {"control_exits": "Int64"}
 
 
-def saturated_loops(settings: dict) -> dict[str, Saturation]:
+def saturated_loops(settings: StabilitySettings) -> dict[str, Saturation]:
     """Limits of the configuration by the name in the column ``loop``."""
-    saturation = settings["limits"]
+    saturation = settings.limits
     return {
-        "torque_limited": Saturation(torque=saturation["torque_N_m"]),
-        "uncertain_mass": Saturation(mass_share=saturation["mass_share"]),
+        "torque_limited": Saturation(torque=saturation.torque_N_m),
+        "uncertain_mass": Saturation(mass_share=saturation.mass_share),
     }
 
 
 def extended_basins(
-    trajectories: list[Trajectory], settings: dict, seed: int
+    trajectories: list[Trajectory], settings: StabilitySettings, seed: int
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Compute the extended basins of one lift.
 
     Parameters
     ----------
     trajectories : list of Trajectory
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
     seed : int
 
     Returns
@@ -84,7 +86,7 @@ def extended_basins(
     import pandas as pd
 
     settings = _with_fewer_knots(settings)
-    published = settings["pendulum"]["sign"]
+    published = settings.pendulum.sign
     rows: list[dict] = []
     failures: list[Failure] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
@@ -114,7 +116,7 @@ def extended_basins(
 class NominalLoops:
     """Loops without limits and their exact areas with one sign of gravity, each computed once."""
 
-    def __init__(self, sign: str, settings: dict):
+    def __init__(self, sign: str, settings: StabilitySettings):
         self.sign = sign
         self._settings = settings
         self._known: dict[tuple, tuple[ClosedLoops, np.ndarray]] = {}
@@ -124,7 +126,7 @@ class NominalLoops:
         key = tuple(item.label for item in trajectories)
         if key not in self._known:
             loops = close_loops(trajectories, self.sign, self._settings)
-            self._known[key] = loops, exact_funnels(loops, self._settings["goal_level"]).mean_area
+            self._known[key] = loops, exact_funnels(loops, self._settings.goal_level).mean_area
         return self._known[key]
 
 
@@ -134,7 +136,7 @@ def extended_rows(
     method: str,
     saturation: Saturation,
     nominal: NominalLoops,
-    settings: dict,
+    settings: StabilitySettings,
     seed: int,
 ) -> list[dict]:
     """Compute and check the basins of some trajectories in one of the extended loops: a row of `COLUMNS` each."""
@@ -156,18 +158,18 @@ def extended_rows(
 
 
 def _result(
-    loops: ClosedLoops, name: str, method: str, saturation: Saturation, settings: dict
+    loops: ClosedLoops, name: str, method: str, saturation: Saturation, settings: StabilitySettings
 ) -> tuple[ClosedLoops, MethodResult, dict[str, np.ndarray]]:
     """Run one method; a better V changes the loops that are checked too."""
     if name != "better_v":
         return loops, METHODS[method](loops, settings, saturation), {}
-    proof = settings["proof"]
+    proof = settings.proof
     best = best_of_family(
         loops,
-        settings["goal_level"],
-        settings["lyapunov_shares"],
-        proof["margin_1_s"] if proof else 0.0,
-        settings["attack"]["control_overstated"],
+        settings.goal_level,
+        settings.lyapunov_shares,
+        proof.margin_1_s if proof else 0.0,
+        settings.attack.control_overstated,
     )
     checks = {}
     if proof:
@@ -176,22 +178,19 @@ def _result(
     return best.loops, MethodResult(best.funnels, checks, best.negative_control), {"best_share": best.share}
 
 
-def _with_fewer_knots(settings: dict) -> dict:
+def _with_fewer_knots(settings: StabilitySettings) -> StabilitySettings:
     """Return the settings with knots and proof of the section ``limits`` for every method."""
-    saturation = settings["limits"]
-    certified = settings["sum_of_squares"] and {
-        **settings["sum_of_squares"],
-        "knots": saturation["certified_knots"],
-    }
-    proof = settings["proof"] if saturation["proved"] else None
-    return {**settings, "knots": saturation["knots"], "sum_of_squares": certified, "proof": proof}
+    saturation = settings.limits
+    certified = settings.sum_of_squares and replace(settings.sum_of_squares, knots=saturation.certified_knots)
+    proof = settings.proof if saturation.proved else None
+    return replace(settings, knots=saturation.knots, sum_of_squares=certified, proof=proof)
 
 
-def extended_table(frame: pd.DataFrame, settings: dict, data: str) -> Table:
+def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
     """Return the extended basins of all lifts as a published table."""
     import pandas as pd
 
-    saturation = settings["limits"]
+    saturation = settings.limits
     counts = pd.Series(
         [None if pd.isna(item) else int(item) for item in frame["control_exits"]], dtype=object
     )
@@ -205,7 +204,7 @@ def extended_table(frame: pd.DataFrame, settings: dict, data: str) -> Table:
             f"U = {saturation['torque_N_m']:g} N·m, the same for all; the mass lies within "
             f"±{100 * saturation['mass_share']:g} % of the nominal one, the pendulum's mass "
             f"{settings['pendulum']['mass'].replace('_', ' ')}; λ tried: "
-            + ", ".join(f"{share:g}" for share in settings["lyapunov_shares"]),
+            + ", ".join(f"{share:g}" for share in settings.lyapunov_shares),
         ),
         may_be_empty=frozenset({*optional, "best_share"}),
     )

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,9 @@ from lumbar.stability.funnel.saturation import UNSATURATED, Saturation, saturate
 from lumbar.stability.programme.bilinear_alternation import RESOLUTION, alternate
 from lumbar.stability.programme.certified_funnel import certified_funnels
 from lumbar.stability.proof.interval_proof import proved_share
+
+if TYPE_CHECKING:
+    from lumbar.settings.stability import StabilitySettings
 
 
 @dataclass(frozen=True)
@@ -49,11 +53,13 @@ class MethodResult:
     resolution: dict[str, float] = field(default_factory=dict)
 
 
-def exact(loops: ClosedLoops, settings: dict, saturation: Saturation = UNSATURATED) -> MethodResult:
+def exact(
+    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
+) -> MethodResult:
     """Compute the largest funnels and prove those with a margin between the knots."""
-    goal, negative_control = settings["goal_level"], settings["attack"]["control_overstated"]
-    proof = settings["proof"]
-    margin = proof["margin_1_s"] if proof else 0.0
+    goal, negative_control = settings.goal_level, settings.attack.control_overstated
+    proof = settings.proof
+    margin = proof.margin_1_s if proof else 0.0
     if saturation.active:
         found = saturated_funnels(loops, goal, saturation, margin, negative_control)
         for label, reason in zip(loops.pendulums.labels, found.reason, strict=True):
@@ -69,16 +75,18 @@ def exact(loops: ClosedLoops, settings: dict, saturation: Saturation = UNSATURAT
     return MethodResult(largest, checks, control)
 
 
-def sum_of_squares(loops: ClosedLoops, settings: dict, saturation: Saturation = UNSATURATED) -> MethodResult:
+def sum_of_squares(
+    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
+) -> MethodResult:
     """Compute funnels by certificates at the knots."""
-    options = settings["sum_of_squares"]
+    options = settings.sum_of_squares
     funnels, agreement = certified_funnels(
         loops,
-        settings["goal_level"],
-        degree=options["degree"],
-        knots=options["knots"],
-        alternations=options["alternations"],
-        margin=options["margin_1_s"],
+        settings.goal_level,
+        degree=options.degree,
+        knots=options.knots,
+        alternations=options.alternations,
+        margin=options.margin_1_s,
         saturation=saturation,
     )
     checks = {
@@ -89,9 +97,11 @@ def sum_of_squares(loops: ClosedLoops, settings: dict, saturation: Saturation = 
     return MethodResult(funnels, checks)
 
 
-def thesis(loops: ClosedLoops, settings: dict, saturation: Saturation = UNSATURATED) -> MethodResult:
+def thesis(
+    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
+) -> MethodResult:
     """Run the thesis's procedure and count where its result breaks its own condition."""
-    found = alternate(loops, **settings["thesis_method"], saturation=saturation)
+    found = alternate(loops, **vars(settings.thesis_method), saturation=saturation)
     checks = {
         "violation_share": found.violation_share,
         "unsolved_share": found.unsolved_share,
@@ -108,7 +118,7 @@ METHODS: dict[str, Callable[[ClosedLoops, dict, Saturation], MethodResult]] = {
 """By the name in the column ``method``."""
 
 
-def chosen_methods(settings: dict) -> list[str]:
+def chosen_methods(settings: StabilitySettings) -> list[str]:
     """Names of the methods a configuration asks for; the exact one always."""
-    optional = {"sum_of_squares": settings["sum_of_squares"], "thesis": settings["thesis_method"]}
+    optional = {"sum_of_squares": settings.sum_of_squares, "thesis": settings.thesis_method}
     return ["exact", *(name for name, options in optional.items() if options)]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lumbar.reports.figures.stability_figures import NO_BASIN, PLANE_TITLES, shared_legend
@@ -15,6 +18,9 @@ from lumbar.stability.methods import METHODS, chosen_methods
 from lumbar.stability.model.failures import all_or_each
 from lumbar.stability.model.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from lumbar.settings.stability import StabilitySettings
+
 STYLES = {
     "exact": ("exact", {"color": SEGMENTS["abdomen"], "linewidth": 1.8}),
     "sum_of_squares": ("sum of squares", {"color": MEASURED, "linewidth": 0.9, "linestyle": (0, (2, 2))}),
@@ -24,15 +30,14 @@ STYLES = {
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 241)
 
 
-def comparison_figure(trajectories: list[Trajectory], settings: dict):
+def comparison_figure(trajectories: list[Trajectory], settings: StabilitySettings):
     """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates.
 
     Parameters
     ----------
     trajectories : list of Trajectory
         Of one lift.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
 
     Returns
     -------
@@ -51,10 +56,10 @@ def comparison_figure(trajectories: list[Trajectory], settings: dict):
     return figure
 
 
-def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
+def _draw(axis, shown: list[Trajectory], settings: StabilitySettings) -> bool:
     """Draw the sections of one trajectory; return whether it has an exact basin."""
     # A picture needs no more knots than the other variants, and no proof.
-    fewer = {**settings, "knots": settings["limits"]["knots"], "proof": None}
+    fewer = replace(settings, knots=settings.limits.knots, proof=None)
     sections = {}
     for name in (*chosen_methods(settings), "best"):
         results, _ = all_or_each(_funnels, shown, name, fewer, basin=name)
@@ -63,7 +68,7 @@ def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
     if "exact" not in sections:
         return False
     edge = _section(sections["exact"], -1)
-    reached = preimage(close_loops(shown, settings["pendulum"]["sign"], fewer), edge)
+    reached = preimage(close_loops(shown, settings.pendulum.sign, fewer), edge)
     grey = {"facecolor": "#00000014", "edgecolor": "#777777", "linewidth": 0.8}
     axis.fill(*reached[:, 0], label="all that reach the goal", **grey)
     for name, found in sections.items():
@@ -73,10 +78,10 @@ def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
     return True
 
 
-def _funnels(trajectories: list[Trajectory], name: str, settings: dict) -> Funnels:
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
+def _funnels(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> Funnels:
+    loops = close_loops(trajectories, settings.pendulum.sign, settings)
     if name == "best":
-        return best_of_family(loops, settings["goal_level"], settings["lyapunov_shares"]).funnels
+        return best_of_family(loops, settings.goal_level, settings.lyapunov_shares).funnels
     return METHODS[name](loops, settings).funnels
 
 

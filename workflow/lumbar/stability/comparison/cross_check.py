@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,11 +16,13 @@ from lumbar.stability.programme.cvxpy_formulation import AGREEMENT, rate_differe
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.stability import StabilitySettings
+
 CHECK = "sum_of_squares, Eq. 4.6 in cvxpy"
 
 
 def cross_checked(
-    boa: pd.DataFrame, trajectories: list[Trajectory], settings: dict
+    boa: pd.DataFrame, trajectories: list[Trajectory], settings: StabilitySettings
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Fill ``sos_cvxpy_difference`` of the rows with the method sum_of_squares.
 
@@ -29,8 +32,7 @@ def cross_checked(
         Summaries of all lifts, columns `lumbar.stability.basins.COLUMNS`.
     trajectories : list of Trajectory
         The sound ones of all lifts.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
 
     Returns
     -------
@@ -60,9 +62,8 @@ def cross_checked(
     return boa.assign(sos_cvxpy_difference=labels.map(found).where(rows)), failures
 
 
-def _differences(items: list[Trajectory], settings: dict) -> np.ndarray:
-    loops = close_loops(
-        items, settings["pendulum"]["sign"], {**settings, "knots": settings["limits"]["knots"]}
-    )
-    level = exact_funnels(loops, settings["goal_level"]).level
-    return rate_differences(loops, level, settings["sum_of_squares"]["degree"], [0, loops.knots // 2])
+def _differences(items: list[Trajectory], settings: StabilitySettings) -> np.ndarray:
+    fewer = replace(settings, knots=settings.limits.knots)
+    loops = close_loops(items, settings.pendulum.sign, fewer)
+    level = exact_funnels(loops, settings.goal_level).level
+    return rate_differences(loops, level, settings.sum_of_squares.degree, [0, loops.knots // 2])

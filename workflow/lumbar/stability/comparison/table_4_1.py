@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import NumericalError
+from lumbar.settings.plain import plain
 from lumbar.stability.basins import COLUMNS
 from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.stability.comparison.percent_differences import (
@@ -31,6 +32,8 @@ from lumbar.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from lumbar.settings.stability import StabilitySettings
 
 THESIS_DECIMALS = 1
 """Digits after the point that the thesis's engine has in a percentage: with areas of the digits they have
@@ -50,7 +53,7 @@ _CHANGES = {
 
 
 def variants(
-    trajectories: list[Trajectory], other_mass: list[Trajectory], settings: dict
+    trajectories: list[Trajectory], other_mass: list[Trajectory], settings: StabilitySettings
 ) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     """Return average cross-sections under every change that Table 4.1 is examined with.
 
@@ -59,8 +62,7 @@ def variants(
     trajectories : list of Trajectory
     other_mass : list of Trajectory
         The same with the other convention for the box's mass.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
 
     Returns
     -------
@@ -88,7 +90,7 @@ def variants(
     return areas, failures
 
 
-def variant_areas(trajectories: list[Trajectory], name: str, settings: dict) -> np.ndarray:
+def variant_areas(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> np.ndarray:
     """Average cross-sections of some trajectories under one change."""
     if name in TAYLOR:
         return taylor_areas(trajectories, settings, TAYLOR[name])
@@ -109,7 +111,7 @@ def _areas_frame(results: list[tuple[list[Trajectory], np.ndarray]]) -> pd.DataF
 def table_4_1(
     boa: pd.DataFrame,
     trajectories: list[Trajectory],
-    settings: dict,
+    settings: StabilitySettings,
     data: str,
     other_mass: list[Trajectory],
     seed: int,
@@ -123,8 +125,7 @@ def table_4_1(
         Summaries of all lifts, columns `lumbar.stability.basins.COLUMNS`.
     trajectories : list of Trajectory
         The sound ones of all lifts.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
     data : str
         Where the data come from.
     other_mass : list of Trajectory
@@ -142,10 +143,10 @@ def table_4_1(
     """
     import pandas as pd
 
-    sign = settings["pendulum"]["sign"]
+    sign = settings.pendulum.sign
     exact, published = boa["method"] == "exact", boa["sign"] == sign
     columns = {"percent": boa[exact & published], "other_sign": boa[exact & ~published]}
-    if settings["thesis_method"]:
+    if settings.thesis_method:
         columns["thesis_method"] = boa[(boa["method"] == "thesis") & published]
     varied, failed = variants(trajectories, other_mass, settings)
     missing = joined([*([] if failures is None else [failures]), failures_frame(failed)])
@@ -244,8 +245,8 @@ def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
     )
 
 
-def _definitions(settings: dict) -> dict[str, str]:
-    factor = settings["sensitivity_factor"]
+def _definitions(settings: StabilitySettings) -> dict[str, str]:
+    factor = settings.sensitivity_factor
     definitions = {
         "comparison": "expert_vs_novice: 100(A_expert − A_novice)/A_novice with the heaviest box of both; "
         "decrease_in_mass_…: 100(A_light − A_heavy)/A_heavy with that lifter's heaviest and lightest box; "
@@ -280,12 +281,12 @@ def _definitions(settings: dict) -> dict[str, str]:
     return definitions
 
 
-def _notes(frame: pd.DataFrame, settings: dict) -> tuple[str, ...]:
-    regulator, pendulum = settings["regulator"], settings["pendulum"]
+def _notes(frame: pd.DataFrame, settings: StabilitySettings) -> tuple[str, ...]:
+    regulator, pendulum = settings.regulator, settings.pendulum
     notes = [
-        f"Regulator of all basins: Q = {regulator['state_weight']}, R = {regulator['control_weight']:g}, "
-        f"Qf = {regulator['terminal_weight']}; b = {pendulum['damping_N_m_s']:g} N·m·s/rad; pendulum's mass "
-        f"{pendulum['mass'].replace('_', ' ')}"
+        f"Regulator of all basins: Q = {plain(regulator.state_weight)}, R = {regulator.control_weight:g}, "
+        f"Qf = {plain(regulator.terminal_weight)}; b = {pendulum.damping_N_m_s:g} N·m·s/rad; pendulum's mass "
+        f"{pendulum.mass.replace('_', ' ')}"
     ]
     values, null = (
         np.concatenate([frame[f"{plane}_{name}"].dropna() for plane in PLANES])
