@@ -120,7 +120,7 @@ def test_physical_parameters_of_the_output_error_fit_hold_the_truth(identified):
         assert physical[name]["value"] == pytest.approx(truth, rel=0.1)
     assert physical["b"]["unit"] == "N·s/mm"
     assert fit_of(identified[0], "MW", "arx")["physical"] == {}
-    assert "eq. 3.3" in fit_of(identified[0], "MW", "arx")["physical_refused"]
+    assert "Eq. 3.3" in fit_of(identified[0], "MW", "arx")["physical_refused"]
 
 
 def test_bootstrap_and_covariance_agree_on_the_scale_of_uncertainty(identified):

@@ -1,4 +1,4 @@
-"""Discrete state-space form of an identified transfer function (eqs 3.17 and 3.18 of the thesis)."""
+"""Discrete state-space form of an identified transfer function (Eqs 3.17 and 3.18 of the thesis)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lumbar.errors import InputError
 
 @dataclass(frozen=True)
 class StateSpace:
-    """``x[k+1] = A x[k] + B u[k]``, ``y[k] = C x[k] + D u[k]``: one input, one output.
+    """``x[k+1] = A x[k] + B u[k]``, ``y[k] = C x[k] + D u[k]`` (Eqs 3.17 and 3.18): one input, one output.
 
     Attributes
     ----------

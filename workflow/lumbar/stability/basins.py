@@ -31,7 +31,7 @@ COLUMNS = {
     "plane": "plane onto which the trajectory is projected: lateral bending (xz) or flexion/extension (yz)",
     "method": "method: exact (largest V̇ on the boundary with the true sine), sum_of_squares (certificates of "
     "the sine's Taylor polynomial at some knots), thesis (ρ̇ frozen: no certificate, goal set free)",
-    "sign": "sign of gravity in equation 4.1: hanging (as published) or inverted",
+    "sign": "sign of gravity in Eq. 4.1: hanging (as published) or inverted",
     "pivot": "point about which the pendulum turns",
     "duration_s": "duration T of the trajectory",
     "mass_kg": "mass m of the pendulum",
@@ -59,7 +59,7 @@ COLUMNS = {
     "out in cvxpy certify, at some knots",
     "violation_share": "share of the knots at which ρ̇ is below the largest V̇ on the boundary (true sine)",
     "unsolved_share": "share of the thesis's programmes without multiplier or maximum",
-    "euler_error": "relative error of the initial ellipse's area by Euler integration of equation 4.2",
+    "euler_error": "relative error of the initial ellipse's area by Euler integration of Eq. 4.2",
 }
 """Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method."""
 

@@ -34,7 +34,7 @@ class LinearModel:
 
     @cached_property
     def state_space(self) -> StateSpace:
-        """The model as eqs 3.17 and 3.18 of the thesis."""
+        """The model as Eqs 3.17 and 3.18 of the thesis."""
         return from_transfer_function(self.numerator, self.denominator, self.name)
 
     @property

@@ -1,4 +1,4 @@
-"""The thesis's own method (equations 4.5 to 4.7), for comparison: bilinear alternation with ρ̇ frozen.
+"""The thesis's own method (Eqs 4.5–4.7), for comparison: bilinear alternation with ρ̇ frozen.
 
 At every knot by itself, −V̇ + ρ̇ + L·(V − ρ) is to be a sum of squares. An alternation
 
@@ -8,7 +8,7 @@ until there is,
 
 Because ρ̇ belongs to the ρ before the maximisation, the result is no certificate: `violation_share` says
 at how many knots the final ρ breaks the condition it was meant to meet. The Riccati equation is
-integrated by Euler's method, as in the thesis. ρ(T) is free too, as equation 4.6 has it: the goal set is
+integrated by Euler's method, as in the thesis. ρ(T) is free too, as Eq. 4.6 has it: the goal set is
 a result here and not a requirement.
 
 With torque limits or an uncertain mass, which the thesis leaves out, its condition is imposed on every case of
@@ -103,7 +103,7 @@ def alternate(
     alternations: int,
     saturation: Saturation = UNSATURATED,
 ) -> Alternation:
-    """Run the thesis's bilinear alternation.
+    """Run the thesis's bilinear alternation of Eq. 4.6.
 
     Parameters
     ----------
