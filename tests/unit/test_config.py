@@ -214,8 +214,10 @@ def test_artefacts_expand_to_files():
 
 def test_the_sheet_of_artefacts_is_checked(tmp_path):
     sheet = tmp_path / "artefacts.tsv"
-    sheet.write_text("id\trule\tpath\tchapter\na\tr\tp\tsurvey\na\tr\tp\tsurveys\n")
-    with pytest.raises(InputError, match=r"(?s)line 3: chapter 'surveys'.*line 3: 'a' stands twice"):
+    sheet.write_text("id\trule\tpath\tchapter\tlabel\na\tr\tp\tsurvey\tA\na\tr\tp\tsurveys\tA\n")
+    with pytest.raises(
+        InputError, match=r"(?s)line 3: chapter 'surveys'.*line 3: 'a' stands twice.*label .A. stands twice"
+    ):
         read_artefacts(sheet)
 
 

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from pendulum_experiments import EFFECTS, make_pendulum_experiment
 from pendulum_records import records_of
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -17,7 +18,6 @@ from lumbar.diagnosis.selection.sentences import details, headline
 from lumbar.effects.catalogue import PENDULUM
 from lumbar.errors import InputError
 from lumbar.records.record import Channel
-from lumbar.synthetic.pendulum_experiments import EFFECTS, make_pendulum_experiment
 
 PENDULUM_BASE = DiagnosisSettings(base="pendulum")
 STRENGTHS = (4.0, 8.0, 16.0)

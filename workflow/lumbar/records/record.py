@@ -87,13 +87,16 @@ class Record:
         return replace(self, time=self.time[keep], channels=channels)
 
 
-def check_record(record: Record, minimum_samples: int = 8, may_rest: Collection[str] = ()) -> Record:
+FEWEST_SAMPLES = 8
+
+
+def check_record(record: Record, may_rest: Collection[str] = ()) -> Record:
     """Return `record` when it can be analysed, else raise with all reasons.
 
     Parameters
     ----------
     record : Record
-    minimum_samples : int
+    FEWEST_SAMPLES : int
     may_rest : collection of str
         Roles of channels that may be constant.
 
@@ -104,8 +107,8 @@ def check_record(record: Record, minimum_samples: int = 8, may_rest: Collection[
         channel. Line numbers count the data rows of the file from 1.
     """
     problems = Problems(record.source or record.name)
-    if len(record.time) < minimum_samples:
-        problems.add("", f"{len(record.time)} samples", f"at least {minimum_samples} are needed")
+    if len(record.time) < FEWEST_SAMPLES:
+        problems.add("", f"{len(record.time)} samples", f"at least {FEWEST_SAMPLES} are needed")
         problems.raise_if_any()
     for name, values in {"time": record.time, **{r: c.values for r, c in record.channels.items()}}.items():
         bad = np.flatnonzero(~np.isfinite(values))

@@ -120,7 +120,6 @@ def compare_record(
     floor_from: str = "",
     one_step: np.ndarray | None = None,
     start: float = SETTLING,
-    role: str = "output",
     seed: int = 0,
 ) -> Comparison:
     """Compare a free-run simulation with a record.
@@ -143,8 +142,6 @@ def compare_record(
         One-step-ahead prediction over the whole record.
     start : float
         Seconds left out at the beginning, where the initial state is not known.
-    role : str
-        Channel that is compared.
     seed : int
         Of the resampling.
 
@@ -156,13 +153,13 @@ def compare_record(
         If the output does not move.
     """
     first = counted_from(record, simulated, start)
-    measured, modelled = record[role][first:], np.asarray(simulated, dtype=float)[first:]
+    measured, modelled = record["output"][first:], np.asarray(simulated, dtype=float)[first:]
     repeats = floor is not None and floor_from in ("", record.name)
     period = round(floor.period / record.sampling_time) if repeats else None
     estimates = _estimates(measured, modelled, period, seed)
     return Comparison(
         record=record.name,
-        unit=record.channels[role].unit,
+        unit=record.channels["output"].unit,
         samples=measured.size,
         start=start,
         **dict(zip(("rms", "vaf", "fit", "mean_residual"), estimates, strict=True)),
