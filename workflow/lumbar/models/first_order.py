@@ -78,7 +78,7 @@ def discretise(system: FirstOrder, sampling_time: float) -> TransferFunction:
     Raises
     ------
     InputError
-        If γ = 0 while ν ≠ 0: (k + ν s) is improper (eq. 3.5) and has no force at the samples of a ramp's
+        If γ = 0 while ν ≠ 0: (k + ν s) is improper (Eq. 3.5) and has no force at the samples of a ramp's
         corner.
     """
     if system.gamma < 0 or sampling_time <= 0:
@@ -89,7 +89,7 @@ def discretise(system: FirstOrder, sampling_time: float) -> TransferFunction:
         if system.nu != 0:
             raise InputError(
                 "a spring and dashpot in parallel (Kelvin–Voigt) form an improper transfer function "
-                "b1·z − b0 (eq. 3.5): its force needs the next position; take a model with a relaxation time"
+                "b1·z − b0 (Eq. 3.5): its force needs the next position; take a model with a relaxation time"
             )
         return TransferFunction((system.k,))
     pole, weight_before, weight_now = _ramp_weights(system.gamma, sampling_time)

@@ -1,7 +1,7 @@
-"""Moment at the hip of a lifter, beside each lift and in trials of their own; what eq. 4.1 leaves out is hidden in it.
+"""Moment at the hip of a lifter, beside each lift and in trials of their own; what Eq. 4.1 leaves out is hidden in it.
 
 Head, arms and trunk swing about the hip like a pendulum whose angle counts forward from straight up. The box in the hands
-and the stiffness of the passive tissues at the end of the range are no part of eq. 4.1; `hidden` in the configuration says
+and the stiffness of the passive tissues at the end of the range are no part of Eq. 4.1; `hidden` in the configuration says
 which of them there are.
 """
 
