@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from effect_entries import BASE_NUMBERS, COMBINATIONS, effect_entry
 from scipy.integrate import solve_ivp
+from viscoelastic import discretise
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.fitting.uncertainty import derived_estimates, estimates
 from lumbar.diagnosis.selection.refine import refine, refined_fit
 from lumbar.effects.catalogue import CATALOGUES
 from lumbar.errors import InputError, NumericalError
-from lumbar.models.first_order import FirstOrder, discretise
+from lumbar.models.first_order import FirstOrder
 from lumbar.models.fitted_model import FittedModel, FittedParameter, Port, Scores
 from lumbar.models.models_file import models_document, read_models
 from lumbar.models.tissue_models import KB
@@ -201,6 +202,12 @@ def test_everything_that_is_wrong_with_a_file_is_said_at_once():
 def test_what_is_no_file_of_models_is_refused(content, words):
     with pytest.raises(InputError, match=words):
         read_models(content, CATALOGUES)
+
+
+def test_the_file_in_the_documentation_is_one(project):
+    text = (project / "docs" / "architecture.md").read_text(encoding="utf-8")
+    example = text[text.index('{"schema": "lumbar.models/2"') :].split("```")[0]
+    assert [model.name for model in read_models(json.loads(example), CATALOGUES)] == ["KB", "LE+drift"]
 
 
 def test_parameters_are_reached_by_name():
