@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.arx_structure import ArxStructure
 from lumbar.models.bases import BASES, Base
-from lumbar.models.first_order import FirstOrder, undiscretise
+from lumbar.models.first_order import undiscretise
 from lumbar.models.network import Dashpot, Network, Parallel, Series, Spring
 from lumbar.models.transfer_function import TransferFunction
 
@@ -116,17 +116,6 @@ class TissueModel:
         found = undiscretise(transfer_function, sampling_time).base_parameters()
         values = {item.name: found[item.name] for item in (*self.base.linear, *self.base.nonlinear)}
         return {**values, **self.derived(values)}
-
-
-def maxwell(k: float, b: float) -> FirstOrder:
-    """Spring k and dashpot b in series: F + αḞ = b ẋ with α = b/k (Table 2.1)."""
-    return FirstOrder(k=0.0, nu=b, gamma=b / k)
-
-
-def kelvin_boltzmann(k1: float, k2: float, b: float) -> FirstOrder:
-    """Spring k1 parallel to dashpot b, both in series with spring k2 (Table 2.1)."""
-    total = k1 + k2
-    return FirstOrder(k=k1 * k2 / total, nu=b * k2 / total, gamma=b / total)
 
 
 def _linear_elastic_elements(spring_stiffness: float) -> dict[str, float]:
