@@ -117,6 +117,11 @@ def load_effects(path: Path) -> dict[str, Effect]:
     found = {item.name: item for item in vars(module).values() if isinstance(item, Effect)}
     if not found:
         raise InputError(f"{path}: defines no Effect; assign one to a module-level name")
+    for form in (form for effect in found.values() for form in effect.forms):
+        try:
+            form.check()
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
     return found
 
 

@@ -75,7 +75,7 @@ def _equations(model: ExportModel) -> str:
         return f"<pre>\n{html.escape(chr(10).join(model.dynamics.equations()))}\n</pre>"
     rows = "".join(
         f"<tr><td>{html.escape(term.form.key)}</td><td>{_ACTS[term.form.place]}</td>"
-        f"<td>{equation_svg(term.form.equation)}</td><td>{html.escape(_numbers(model, term))}</td></tr>\n"
+        f"<td>{equation_svg(term.form.latex)}</td><td>{html.escape(_numbers(model, term))}</td></tr>\n"
         for term in model.dynamics.terms
     )
     return (

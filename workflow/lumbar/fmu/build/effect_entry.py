@@ -9,7 +9,7 @@ from lumbar.models.bases import BASES
 from lumbar.models.form import Effect, Form
 from lumbar.errors import Problems
 from lumbar.fmu.build.effect_code import step_problems
-from lumbar.fmu.build.effect_model import EffectModel, base_form, form_numbers
+from lumbar.fmu.build.effect_model import EffectModel, form_numbers
 
 MAX_MEMORY = 256
 """Numbers that one form may keep from sample to sample, e.g. those of a delay of 255 samples."""
@@ -39,7 +39,7 @@ def effect_model(entry: dict, sampling_time: float, catalogue: Mapping[str, Effe
     if base is None:
         problems.add("base", repr(entry["base"]), f"bases are {', '.join(BASES)}")
         problems.raise_if_any()
-    given = [(base_form(base), entry)]
+    given = [(base.form, entry)]
     for effect in entry.get("effects", []):
         form = _form(effect, catalogue, problems)
         if form is not None and any(form.key == earlier.key for earlier, _ in given):
