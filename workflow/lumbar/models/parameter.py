@@ -8,6 +8,9 @@ import numpy as np
 
 from lumbar.models.printing import symbol_latex
 
+SCALES = ("position", "speed", "path", "duration", "force", "time", "sampling", "one")
+"""Quantities that set the size of a nonlinear parameter."""
+
 
 @dataclass(frozen=True)
 class Parameter:

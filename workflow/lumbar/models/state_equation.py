@@ -200,7 +200,10 @@ class StateEquation:
                 driven = after - np.einsum("ijk,jk->ik", slopes, before)
                 if not (np.isfinite(driven).all() and np.isfinite(slopes).all()):
                     return None
-                found = _recursion(slopes, driven)
+                try:
+                    found = _recursion(slopes, driven)
+                except np.linalg.LinAlgError:  # slopes so large that the system overflows
+                    return None
                 change = np.abs(found - states).max()
                 states = found
                 if self.is_linear or change <= _TOLERANCE * np.abs(states).max():
