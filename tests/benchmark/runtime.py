@@ -27,6 +27,7 @@ from runtime_models import SETTINGS, models_json  # noqa: E402
 from lumbar.fmu.build.compiler import TARGETS, host_target, warm_cache  # noqa: E402
 from lumbar.fmu.build.export_model import select_models  # noqa: E402
 from lumbar.fmu.build.package import export_fmus  # noqa: E402
+from study_settings import changed  # noqa: E402
 
 CACHE = HERE.parent.parent / ".snakemake" / "zig-cache"
 STEPS = 1_000_000
@@ -75,9 +76,9 @@ print(statistics.median(taken))
 def models():
     """Return KB and four models with effects."""
     entries = [effect_entry(*structure) for structure in COMBINATIONS]
-    linear = select_models(models_json(), {**SETTINGS, "models": ["KB"]})
+    linear = select_models(models_json(), changed(SETTINGS, models=["KB"]))
     nonlinear = select_models(
-        models_json(*entries), {**SETTINGS, "models": [entry["name"] for entry in entries]}
+        models_json(*entries), changed(SETTINGS, models=[entry["name"] for entry in entries])
     )
     return [*linear, *nonlinear]
 

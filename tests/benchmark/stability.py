@@ -15,6 +15,7 @@ import os
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -25,8 +26,8 @@ sys.path.insert(0, str(PROJECT / "workflow"))
 
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
-import yaml  # noqa: E402
 
+from lumbar.settings.stability import StabilitySettings  # noqa: E402
 from lumbar.stability.basins import close_loops  # noqa: E402
 from lumbar.stability.funnel.funnel import exact_funnels, funnel_variants  # noqa: E402
 from lumbar.stability.funnel.lyapunov_family import best_of_family  # noqa: E402
@@ -61,7 +62,7 @@ def report(quantity: str, value: float, target: str, met: bool | None) -> None:
 
 def study(mass: str = "with_box"):
     """Trajectories and settings of the default study."""
-    settings = yaml.safe_load((PROJECT / "config" / "config.yaml").read_text(encoding="utf-8"))["stability"]
+    settings = StabilitySettings()
     folders = sorted((PROJECT / "results" / "thesis" / "lifting").glob("*/pendulum.csv"))
     if not folders:
         sys.exit("no pendulums in results/thesis/lifting: run 'snakemake --cores 2 lifting' first")
@@ -88,14 +89,14 @@ def median_time(job, repeats: int = 5) -> tuple[float, object]:
 def attacked(part: tuple) -> np.ndarray:
     """Exits of exact and overstated basins of some trajectories (one process of the pool)."""
     trajectories, settings, starts, seed = part
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
-    exact, _, control = funnel_variants(loops, settings["goal_level"], overstated=1.0)
+    loops = close_loops(trajectories, settings.pendulum.sign, settings)
+    exact, _, control = funnel_variants(loops, settings.goal_level, overstated=1.0)
     return np.array([attack(loops, exact, starts, [seed]).exits, attack(loops, control, 500, [seed]).exits])
 
 
 def exact_engine(trajectories, settings, starts: int):
     """Speed, exits, convergence and the interval proof of the exact engine."""
-    sign, goal = settings["pendulum"]["sign"], settings["goal_level"]
+    sign, goal = settings.pendulum.sign, settings.goal_level
     seconds, exact = median_time(lambda: exact_funnels(close_loops(trajectories, sign, settings), goal))
     report("exact: 24 BOAs with Riccati equation, one core, s", seconds, "<= 1", seconds <= 1)
     start = time.perf_counter()
@@ -107,13 +108,13 @@ def exact_engine(trajectories, settings, starts: int):
     total = int(exits[0].sum())
     report(f"exits in {starts * len(trajectories)} starts at 1e-6", total, "0", total == 0)
     report("fewest exits of a positive control, of 500", exits[1].min(), "> 0", bool(exits[1].min() > 0))
-    finer = {**settings, "knots": 2 * settings["knots"] - 1}
+    finer = replace(settings, knots=2 * settings.knots - 1)
     doubled = exact_funnels(close_loops(trajectories, sign, finer), goal)
     change = 100 * float(np.abs(doubled.mean_area / exact.mean_area - 1).max())
     report("largest change of area from N to 2N, %", change, "<= 0.1", change <= 0.1)
     for other in SIGNS:
         loops = close_loops(trajectories, other, settings)
-        largest, smaller, _ = funnel_variants(loops, goal, settings["proof"]["margin_1_s"])
+        largest, smaller, _ = funnel_variants(loops, goal, settings.proof.margin_1_s)
         start = time.process_time()
         share = proved_share(loops, smaller)
         seconds = time.process_time() - start
@@ -133,10 +134,10 @@ def exact_engine(trajectories, settings, starts: int):
 
 def better_v(trajectories, settings) -> None:
     """Area gained by the best V of the family, attacked and proved."""
-    goal, shares = settings["goal_level"], settings["lyapunov_shares"]
+    goal, shares = settings.goal_level, settings.lyapunov_shares
     for sign in SIGNS:
         loops = close_loops(trajectories, sign, settings)
-        best = best_of_family(loops, goal, shares, margin=settings["proof"]["margin_1_s"], overstated=1.0)
+        best = best_of_family(loops, goal, shares, margin=settings.proof.margin_1_s, overstated=1.0)
         gained = best.funnels.mean_area / exact_funnels(loops, goal).mean_area
         report(f"better V, {sign}: area gained, least (x)", gained.min(), "> 1", bool(gained.min() > 1))
         report(f"better V, {sign}: area gained, most (x)", gained.max(), "", None)
@@ -162,15 +163,15 @@ def attacked_and_proved(name: str, loops, found, limits: Limits = NO_LIMITS) -> 
 
 def limited_loops(trajectories, settings) -> None:
     """Torque limits and uncertain mass, with and without the box: exact, certified, attacked, proved."""
-    limits = settings["limits"]
+    limits = settings.limits
     kinds = {
         "torque": lambda peak: Limits(torque=1.05 * peak),
-        "mass": lambda peak: Limits(mass_share=limits["mass_share"]),
-        "both": lambda peak: Limits(1.05 * peak, limits["mass_share"]),
+        "mass": lambda peak: Limits(mass_share=limits.mass_share),
+        "both": lambda peak: Limits(1.05 * peak, limits.mass_share),
     }
-    goal = settings["goal_level"]
+    goal = settings.goal_level
     for (counted, items), sign, kind in product(trajectories.items(), SIGNS, kinds):
-        loops = close_loops(items, sign, {**settings, "knots": 661})
+        loops = close_loops(items, sign, replace(settings, knots=661))
         chosen = kinds[kind](float(np.abs(reference_of(loops.pendulums).torque).max()))
         found = limited_funnels(loops, goal, chosen, LIMITED_MARGIN, 2.0)
         name = f"{chosen}, {counted}, {sign}"
@@ -181,7 +182,7 @@ def limited_loops(trajectories, settings) -> None:
         cost = (found.exact.mean_area / exact_funnels(loops, goal).mean_area).min()
         report(f"{name}: area left, least", cost, "<= 1", bool(cost <= 1 + 1e-9))
         attacked_and_proved(name, loops, found, chosen)
-        margin = settings["sum_of_squares"]["margin_1_s"]
+        margin = settings.sum_of_squares.margin_1_s
         funnels, agreement = certified_funnels(loops, goal, 7, 67, 2, margin, kind == "both", chosen)
         ratio = funnels.mean_area / found.exact.mean_area
         worst = float(np.abs(ratio - 1).max())
@@ -195,11 +196,11 @@ def limited_loops(trajectories, settings) -> None:
 
 def certificates(trajectories, settings, exact, knots: int) -> None:
     """Speed and agreement of the sum-of-squares engine."""
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
-    options = {"alternations": 2, "margin": settings["sum_of_squares"]["margin_1_s"]}
+    loops = close_loops(trajectories, settings.pendulum.sign, settings)
+    options = {"alternations": 2, "margin": settings.sum_of_squares.margin_1_s}
     for degree, count in ((3, knots), (5, min(knots, 112)), (7, min(knots, 38))):
         funnels, found = certified_funnels(
-            loops, settings["goal_level"], degree=degree, knots=count, rational=True, **options
+            loops, settings.goal_level, degree=degree, knots=count, rational=True, **options
         )
         ratio = (funnels.mean_area / exact.mean_area).min()
         name = f"sum of squares, Taylor {degree}, {len(funnels.level)} knots"
@@ -213,7 +214,7 @@ def certificates(trajectories, settings, exact, knots: int) -> None:
 
 def programmes(trajectories, settings, exact) -> None:
     """One programme per knot at Taylor 3, against cvxpy and pydrake on the same polynomials."""
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
+    loops = close_loops(trajectories, settings.pendulum.sign, settings)
     chosen = range(0, loops.knots, 37)
     rows = np.concatenate([growth_polynomial(loops.form(2 * k), exact.level[k], 3) for k in chosen])
     programme = CircleProgramme(3)

@@ -7,6 +7,8 @@ import pytest
 from effect_entries import effect_entry
 from runtime_models import SETTINGS, TARGET, models_json
 
+from study_settings import changed
+
 
 @pytest.fixture(scope="session")
 def zig_cache(project):
@@ -31,7 +33,7 @@ def fmu_folder(fmu_models, zig_cache, tmp_path_factory):
     fmu_folder = tmp_path_factory.mktemp("fmu")
     export_fmus(fmu_models, fmu_folder, "synthetic twin", TARGET, zig_cache)
     awkward = models_json(effect_entry("KB", "coulomb_friction/coulomb"))
-    chosen = select_models(awkward, {**SETTINGS, "models": ["KB+coulomb_friction"], "moving_average": 1})
+    chosen = select_models(awkward, changed(SETTINGS, models=["KB+coulomb_friction"], moving_average=1))
     export_fmus(chosen, fmu_folder, "A & B <lab>", TARGET, zig_cache)
     return fmu_folder
 

@@ -20,6 +20,7 @@ from lumbar.fmu.build.export_model import select_models
 from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
 from lumbar.models.form import Place
+from study_settings import changed
 
 on_x86_64_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
@@ -37,7 +38,7 @@ STRUCTURES = [
 
 
 def exported(entry: dict, **settings):
-    chosen = {**SETTINGS, "models": [entry["name"]], **settings}
+    chosen = changed(SETTINGS, models=[entry["name"]], **settings)
     return select_models(models_json(entry), chosen)[0]
 
 

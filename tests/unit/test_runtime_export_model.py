@@ -7,10 +7,11 @@ from runtime_models import SETTINGS, entry, models_json
 
 from lumbar.errors import InputError, NumericalError
 from lumbar.fmu.build.export_model import identifier, select_models
+from study_settings import changed
 
 
 def select(content, **changes):
-    return select_models(content, {**SETTINGS, **changes})
+    return select_models(content, changed(SETTINGS, **changes))
 
 
 def test_models_come_in_the_configured_order():

@@ -17,6 +17,7 @@ from runtime_models import POSITION, SETTINGS, TARGET, get, models_json, put
 
 from lumbar.fmu.build.export_model import select_models
 from lumbar.fmu.build.package import export_fmus
+from study_settings import changed
 
 FOLDER = Path(os.environ.get("LUMBAR_IMPORTERS", "absent"))
 """Made by tests/get_importers.sh."""
@@ -42,7 +43,7 @@ with_fmi_sim = pytest.mark.skipif(not FMI_SIM.exists(), reason="fmi-sim is not a
 @pytest.fixture(scope="module")
 def folder(fmu_folder, zig_cache):
     """Return the folder of shared FMUs, with one more whose input and output forms have memory."""
-    chosen = select_models(models_json(EFFECTS), {**SETTINGS, "models": [EFFECTS["name"]]})
+    chosen = select_models(models_json(EFFECTS), changed(SETTINGS, models=[EFFECTS["name"]]))
     export_fmus(chosen, fmu_folder, "synthetic twin", TARGET, zig_cache)
     return fmu_folder
 

@@ -172,7 +172,7 @@ def write_trials(settings: SyntheticLiftingSettings, names: list[str], paths: li
             raise InputError(
                 f"twin.lifting.hip_moment.trials: no trial {name!r}; the twin has {', '.join(known)}: add it there"
             )
-        lift = known[name]["lift"]
+        lift = known[name].lift
         movement = true_movement(settings, lift)
         content = settings.lifts[lift]
         rng = np.random.default_rng([*seed, list(known).index(name)])
