@@ -59,7 +59,7 @@ format: environment ## put the sources into the house's format
 	snakefmt Snakefile workflow/rules
 
 docs: environment ## renew the references of all configuration keys and of the catalogues of effects
-	python -m lumbar.config.reference config/README.md
+	python -m lumbar.config.reference docs/config
 	python -m lumbar.reports.effects_reference docs
 
 lock: ## renew envs/ from pyproject.toml (needs uv)
