@@ -43,3 +43,5 @@ rule all:
     default_target: True
     input:
         made(ARTEFACTS),
+    message:
+        f"Study {STUDY}: everything is made"

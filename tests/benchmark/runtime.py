@@ -22,10 +22,9 @@ sys.path.insert(0, str(HERE.parent / "unit"))
 
 from c_programs import loader_program  # noqa: E402
 from effect_entries import COMBINATIONS, effect_entry  # noqa: E402
-from runtime_models import SETTINGS, models_json  # noqa: E402
+from runtime_models import SETTINGS, models_json, selected  # noqa: E402
 
 from lumbar.fmu.build.compiler import TARGETS, host_target, warm_cache  # noqa: E402
-from lumbar.fmu.build.export_model import select_models  # noqa: E402
 from lumbar.fmu.build.package import export_fmus  # noqa: E402
 from study_settings import changed  # noqa: E402
 
@@ -76,8 +75,8 @@ print(statistics.median(taken))
 def models():
     """Return KB and four models with effects."""
     entries = [effect_entry(*structure) for structure in COMBINATIONS]
-    linear = select_models(models_json(), changed(SETTINGS, models=["KB"]))
-    nonlinear = select_models(
+    linear = selected(models_json(), changed(SETTINGS, models=["KB"]))
+    nonlinear = selected(
         models_json(*entries), changed(SETTINGS, models=[entry["name"] for entry in entries])
     )
     return [*linear, *nonlinear]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from lumbar.effects.catalogue import TISSUE
+from lumbar.models.bases import BASES
+
 BASE_NUMBERS = {
     "LE": ([0.8], []),
     "Maxwell": ([6.0], [0.04]),
@@ -60,22 +63,37 @@ FORM_NUMBERS = {
 
 def effect_entry(base: str, *keys: str, **more) -> dict:
     """Entry of a base with effects in these forms."""
-    effects = []
-    for key in keys:
+    added = {key: FORM_NUMBERS[key] for key in keys}
+    return {**entry_of_effects(base, added, TISSUE), **more}
+
+
+def entry_of_effects(base: str, added: dict[str, tuple[list, list]], catalogue) -> dict:
+    """Entry of a base with effects: linear and nonlinear parameters by key of the form, in its own order."""
+    found = [("", BASES[base], BASE_NUMBERS[base])]
+    for key, numbers in added.items():
         effect, form = key.split("/")
-        linear, nonlinear = FORM_NUMBERS[key]
-        effects.append({"effect": effect, "form": form, "amplitudes": linear, "shapes": nonlinear})
-    linear, nonlinear = BASE_NUMBERS[base]
+        found.append((effect, next(item for item in catalogue[effect].forms if item.name == form), numbers))
     return {
-        "name": "+".join([base, *(effect["effect"] for effect in effects)]),
+        "name": "+".join([base, *(effect for effect, *_ in found[1:])]),
+        "base": base,
+        "structure": {"effects": [{"effect": effect, "form": form.name} for effect, form, _ in found[1:]]},
+        "sampling_time": 0.01,
+        "input": {"quantity": "position", "unit": "mm"},
+        "output": {"quantity": "force", "unit": "N"},
         "trained_on": "multisine",
         "estimator": "output_error",
-        "base": base,
-        "amplitudes": linear,
-        "shapes": nonlinear,
-        "effects": effects,
-        **more,
+        "parameters": [
+            parameter(item.name, value, effect)
+            for effect, part, numbers in found
+            for items, values in zip((part.linear, part.nonlinear), numbers, strict=True)
+            for item, value in zip(items, values, strict=True)
+        ],
     }
+
+
+def parameter(name: str, value, effect: str = "") -> dict:
+    """Parameter of an entry."""
+    return {"name": name, "symbol": "", "unit": "", "value": value, "effect": effect}
 
 
 COMBINATIONS = (

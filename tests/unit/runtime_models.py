@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from lumbar.effects.catalogue import CATALOGUES
+from lumbar.fmu.build.export_model import ExportModel, select_models
+from lumbar.models.form import Effect
+from lumbar.models.models_file import read_models
 from lumbar.settings.runtime import RuntimeSettings
 
 TARGET = ["x86_64-linux"]
@@ -14,35 +20,46 @@ def entry(name: str, numerator, denominator, **more) -> dict:
     """One entry of tissue/models.json."""
     values = {
         "name": name,
+        "structure": {"numerator": numerator, "denominator": denominator},
+        "sampling_time": 0.01,
+        "input": {"quantity": "position", "unit": "mm", "offset": 0.0},
+        "output": {"quantity": "force", "unit": "N", "offset": 0.0},
         "trained_on": "multisine",
         "estimator": "arx",
-        "numerator": numerator,
-        "denominator": denominator,
         "alpha": 0.27,
-        "input_offset": 0.0,
-        "output_offset": 0.0,
-        "stable": True,
-        "physical": {},
-        "vaf_percent": 81.2,
+        "scores": {"vaf_percent": 81.2},
     }
     return {**values, **more}
+
+
+def about(position: float, force: float) -> dict:
+    """Signals of an entry whose rest is at this position in mm and force in N."""
+    return {
+        "input": {"quantity": "position", "unit": "mm", "offset": position},
+        "output": {"quantity": "force", "unit": "N", "offset": force},
+    }
 
 
 def models_json(*entries: dict) -> dict:
     """Contents of tissue/models.json; without entries those that the tests share."""
     return {
-        "schema": "lumbar.models/1",
-        "sampling_time_s": 0.01,
-        "input": {"quantity": "position", "unit": "mm"},
-        "output": {"quantity": "force", "unit": "N"},
+        "schema": "lumbar.models/2",
         "models": list(entries)
         or [
-            entry("IL", [-0.125], [1.0], trained_on=None, estimator=None, alpha=None, vaf_percent=None),
-            entry("MW", [0.0, 0.3], [1.0, -0.35], input_offset=0.1, output_offset=0.02),
+            entry("IL", [-0.125], [1.0], trained_on=None, estimator="given", alpha=None, scores={}),
+            entry("MW", [0.0, 0.3], [1.0, -0.35], **about(0.1, 0.02)),
             entry("KB", [1.9, -1.2], [1.0, -0.45]),
-            entry("HO", [1.9, -2.9, 1.1], [1.0, -1.5, 0.57], input_offset=-0.4, output_offset=-0.3),
+            entry("HO", [1.9, -2.9, 1.1], [1.0, -1.5, 0.57], **about(-0.4, -0.3)),
         ],
     }
+
+
+def selected(
+    content: dict, settings: dict, catalogue: Mapping[str, Effect] | None = None
+) -> list[ExportModel]:
+    """Models of this content that these settings export; its effects are the tissue's unless a catalogue is given."""
+    catalogues = CATALOGUES if catalogue is None else {"tissue": catalogue}
+    return select_models(read_models(content, catalogues), settings)
 
 
 def put(slave, reference: int, value: float) -> None:

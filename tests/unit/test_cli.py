@@ -162,8 +162,8 @@ def test_identify_recovers_a_known_tissue(run, tissue, tmp_path):
     assert "identified on long" in out
     models = json.loads((tmp_path / "models.json").read_text())["models"]
     kb = next(model for model in models if model["name"] == "KB" and model["estimator"] == "output_error")
-    assert kb["numerator"] == pytest.approx([1.9, -1.2], abs=0.02)
-    assert kb["denominator"] == pytest.approx([1, -0.45], abs=0.01)
+    assert kb["structure"]["numerator"] == pytest.approx([1.9, -1.2], abs=0.02)
+    assert kb["structure"]["denominator"] == pytest.approx([1, -0.45], abs=0.01)
     status, _, err = run("identify", tissue, "--train", "middle", "--output", tmp_path)
     assert status == 1
     assert "there are long, short" in err
@@ -185,7 +185,7 @@ def test_a_refined_model_goes_to_the_device(run, tissue, tmp_path):
     status, _, err = run("identify", tissue, "--config", settings, "--output", tmp_path / "identified")
     assert status == 0, err
     models = json.loads((tmp_path / "identified" / "models.json").read_text())["models"]
-    assert [model["name"] for model in models if model.get("base")] == ["KB+inertia"]
+    assert [model["name"] for model in models if "effects" in model["structure"]] == ["KB+inertia"]
 
 
 def test_export_needs_models(run, tmp_path):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lumbar.diagnosis.fitting.measured_angle import for_base, smoothed
 from lumbar.errors import InputError
 from lumbar.models.bases import BASES
+from lumbar.models.measured_angle import for_base, smoothed
 from lumbar.models.motion import Motion
 from lumbar.records.record import Channel, Record
 

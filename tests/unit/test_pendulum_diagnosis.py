@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from functools import cache
 
@@ -12,10 +13,11 @@ from pendulum_records import records_of
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.selection.diagnose import diagnose
 from lumbar.diagnosis.selection.refine import refine
-from lumbar.diagnosis.selection.refined_model import refined_document, simulate_entry
+from lumbar.diagnosis.selection.refined_model import fitted_model, refined_document
 from lumbar.diagnosis.selection.sentences import details, headline
-from lumbar.effects.catalogue import PENDULUM
+from lumbar.effects.catalogue import CATALOGUES, PENDULUM
 from lumbar.errors import InputError
+from lumbar.models.models_file import read_models
 from lumbar.records.record import Channel
 from lumbar.synthetic.pendulum_experiments import EFFECTS, make_pendulum_experiment
 
@@ -29,6 +31,7 @@ def diagnosed(effect, seed, strength=8.0, columns=True, periodic=True):
     return experiment, diagnose(records_of(experiment.records), PENDULUM_BASE)
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("effect", EFFECTS)
 @pytest.mark.parametrize(("seed", "strength"), list(enumerate(STRENGTHS)))
 def test_every_effect_is_named(effect, seed, strength):
@@ -62,6 +65,7 @@ def test_records_that_do_not_repeat_are_enough(effect):
     assert (diagnosis.verdict, diagnosis.selected) == ("named", (effect,))
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("seed", range(2))
 def test_nothing_is_accused_where_nothing_is_hidden(seed):
     assert diagnosed("", seed)[1].verdict == "adequate"
@@ -116,9 +120,11 @@ def test_refinement_and_its_model_as_plain_data():
     records = records_of(experiment.records)
     prepared, ladder = refine(records, ["moving_pivot"], PENDULUM_BASE)
     assert ladder[1].test_rms < 0.2 * ladder[0].test_rms
-    entry = refined_document(ladder, prepared, "test")["models"][1]
-    assert entry["name"] == "pendulum+moving_pivot"
-    again = simulate_entry(entry, records[1], PENDULUM)
+    content = json.loads(json.dumps(refined_document(ladder, prepared, "test")))
+    model = read_models(content, CATALOGUES)[1]
+    assert model.name == "pendulum+moving_pivot"
+    assert model == fitted_model(ladder[1], prepared)
+    again = model.simulate(records[1])
     assert np.sqrt(np.mean((again - records[1]["output"])[50:] ** 2)) < 1.1 * experiment.noise_rms
     own = DiagnosisSettings(base="pendulum", catalogue={"drag": PENDULUM["drag"]})
     with pytest.raises(InputError, match="unknown effect moving_pivot; known are drag"):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry
 
+from lumbar.effects import catalogue
 from lumbar.fmu.build.effect_entry import effect_model
-
-catalogue = pytest.importorskip("lumbar.effects.catalogue", reason="the catalogue of effects is not there")
-base_models = pytest.importorskip("lumbar.models.bases")
+from lumbar.models import bases as base_models
+from lumbar.models.fitted_model import FittedModel
 
 SAMPLING_TIME = 0.001
 FROM = 500
@@ -70,7 +70,9 @@ def test_forces_are_those_of_the_catalogue(key):
     bare_force = bare.simulate(moved, np.array(linear), np.array(nonlinear))
     expected = bare.with_form(forms()[key]).simulate(moved, *numbers) - bare_force
     found, bare_found = (
-        effect_model(effect_entry("KB", *keys), SAMPLING_TIME, catalogue.TISSUE).response(moved.position)
+        effect_model(
+            FittedModel.from_json(effect_entry("KB", *keys), catalogue.CATALOGUES), SAMPLING_TIME
+        ).response(moved.position)
         for keys in ((key,), ())
     )
     np.testing.assert_allclose(bare_found[FROM:], bare_force[FROM:], atol=1e-4 * np.abs(bare_force).max())

@@ -9,21 +9,28 @@ import sys
 import numpy as np
 import pytest
 from c_programs import CModel, portable_functions
-from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry
+from effect_entries import (
+    BASE_NUMBERS,
+    COMBINATIONS,
+    FORM_NUMBERS,
+    effect_entry,
+    entry_of_effects,
+    parameter,
+)
 from effect_steps import simulate
-from runtime_models import SETTINGS, TARGET, models_json
+from runtime_models import SETTINGS, TARGET, models_json, selected
 
-from lumbar.effects.catalogue import TISSUE
+from lumbar.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.errors import InputError, NumericalError
 from lumbar.fmu.build.effect_entry import effect_model
-from lumbar.fmu.build.export_model import select_models
 from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
+from lumbar.models.fitted_model import FittedModel
 from lumbar.models.form import Place
 from study_settings import changed
 
 on_x86_64_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
+    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
 )
 FORMS = {form.key: form for effect in TISSUE.values() for form in effect.forms}
 ON_OUTPUT = [key for key in FORM_NUMBERS if FORMS[key].place is Place.OUTPUT]
@@ -39,7 +46,7 @@ STRUCTURES = [
 
 def exported(entry: dict, **settings):
     chosen = changed(SETTINGS, models=[entry["name"]], **settings)
-    return select_models(models_json(entry), chosen)[0]
+    return selected(models_json(entry), chosen)[0]
 
 
 @pytest.fixture(scope="module")
@@ -123,9 +130,8 @@ def test_elementary_functions_are_those_of_the_c_library(functions):
 
 
 def response(structure, inputs, sampling_time=0.01):
-    return effect_model(effect_entry(*structure), sampling_time, TISSUE).response(
-        np.asarray(inputs, dtype=float)
-    )
+    model = FittedModel.from_json(effect_entry(*structure), CATALOGUES)
+    return effect_model(model, sampling_time).response(np.asarray(inputs, dtype=float))
 
 
 def test_relaxation_after_a_ramp_has_its_closed_form():
@@ -157,9 +163,8 @@ def test_first_loading_of_hysteresis_has_its_closed_form_at_any_speed(form, shap
 
 def test_delay_of_whole_samples_shifts_and_play_rests():
     positions = random_motion(400, seed=1)
-    entry = effect_entry("LE", "delay/pure")
-    entry["effects"][0]["shapes"] = [0.03]
-    late = effect_model(entry, 0.01, TISSUE).response(positions)
+    entry = entry_of_effects("LE", {"delay/pure": ([], [0.03])}, TISSUE)
+    late = effect_model(FittedModel.from_json(entry, CATALOGUES), 0.01).response(positions)
     np.testing.assert_allclose(late[3:], response(("LE",), positions)[:-3], atol=1e-13)
     np.testing.assert_array_equal(late[:3], late[0])
     small = 0.19 * np.sin(np.arange(200))
@@ -187,34 +192,51 @@ def test_another_rate_needs_no_other_numbers():
     )
 
 
+def with_effect(effect: str, form: str) -> dict:
+    return {"structure": {"effects": [{"effect": effect, "form": form}]}}
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"base": "Burgers"}, "'Burgers'.*LE, Maxwell, KV, KB"),
-        ({"amplitudes": [1.0]}, "base/KB: 1 amplitudes; needed: 2"),
-        ({"amplitudes": [0.8, 6.0, 1.0]}, "base/KB: 3 amplitudes; needed: 2"),
-        ({"amplitudes": [0.8, float("nan")]}, "branch_stiffness is nan"),
-        ({"shapes": [0.0]}, "relaxation_time is 0.0.*above 0"),
-        ({"shapes": ["fast"]}, "relaxation_time is 'fast'"),
         (
-            {"effects": [{"effect": "ageing", "form": "log"}]},
-            "unknown effect 'ageing'.*coulomb_friction.*effect_files",
+            {"parameters": []},
+            "spring_stiffness: missing.*branch_stiffness: missing.*relaxation_time: missing",
         ),
-        ({"effects": [{"effect": "hysteresis", "form": "preisach"}]}, "unknown form 'preisach'.*dahl"),
-        ({"effects": [{"effect": "base", "form": "KB"}]}, "unknown effect 'base'"),
-        (
-            {"effects": [{"effect": "inertia", "form": "mass", "amplitudes": [1.0], "shapes": []}] * 2},
-            "inertia/mass is there twice",
-        ),
-        (
-            {"effects": [{"effect": "delay", "form": "pure", "amplitudes": [], "shapes": [9.0]}]},
-            "keeps 901 numbers at 100 Hz.*at most 256",
-        ),
+        (with_effect("inertia", "mass"), r"inertia\.mass: missing"),
+        (with_effect("ageing", "log"), "unknown effect 'ageing'.*coulomb_friction.*effect_files"),
+        (with_effect("hysteresis", "preisach"), "unknown form 'preisach'.*dahl"),
+        (with_effect("base", "KB"), "unknown effect 'base'"),
+        ({"structure": {"effects": [{"effect": "inertia", "form": "mass"}] * 2}}, "inertia is there twice"),
     ],
 )
 def test_entries_that_cannot_be_exported_are_named(change, words):
     with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
         exported({**effect_entry("KB"), **change})
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ([parameter("viscosity", 1.0)], "viscosity: unknown parameter.*spring_stiffness"),
+        ([parameter("spring_stiffness", 1.0)], "spring_stiffness: it is there twice"),
+        ([parameter("coulomb_force", 1.0, "coulomb_friction")], "unknown parameter"),
+        ([parameter("k1", float("nan"))], "value: nan; a finite number is needed"),
+        ([parameter("k1", "stiff")], "value: 'stiff' is not of type 'number'"),
+    ],
+)
+def test_parameters_that_do_not_belong_there_are_named(parameters, words):
+    entry = effect_entry("KB")
+    with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
+        exported({**entry, "parameters": [*entry["parameters"], *parameters]})
+
+
+def test_numbers_that_cannot_run_are_named():
+    with pytest.raises(InputError, match=r"delay\.\w+: 0; a number above 0"):
+        exported(entry_of_effects("KB", {"delay/pure": ([], [0.0])}, TISSUE))
+    with pytest.raises(InputError, match=r"delay/pure: keeps 901 numbers at 100 Hz; at most 256"):
+        exported(entry_of_effects("KB", {"delay/pure": ([], [9.0])}, TISSUE))
 
 
 def test_overflow_is_an_error_and_no_number():

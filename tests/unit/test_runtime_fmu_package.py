@@ -13,12 +13,11 @@ import fmpy
 import numpy as np
 import pytest
 from effect_entries import COMBINATIONS, effect_entry
-from runtime_models import SETTINGS, TARGET, entry, models_json
+from runtime_models import SETTINGS, TARGET, entry, models_json, selected
 
 from lumbar.errors import InputError
 from lumbar.fmu.build import package
 from lumbar.fmu.build.compiler import TARGETS, compile_library
-from lumbar.fmu.build.export_model import select_models
 from lumbar.fmu.build.package import compile_model, export_fmus, write_fmu
 from lumbar.fmu.build.sources import c_files, source_files
 from lumbar.fmu.check.fmu_check import simulate_fmu
@@ -26,7 +25,8 @@ from lumbar.fmu.check.lint import lint_fmu
 from study_settings import changed
 
 pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
 )
 
 
@@ -61,7 +61,7 @@ def test_the_same_bytes_from_another_folder_and_a_cold_cache(fmu_models, fmu_fol
         first, second = ((place / name).read_bytes() for place in (fmu_folder, tmp_path / "elsewhere"))
         assert hashlib.sha256(first).hexdigest() == hashlib.sha256(second).hexdigest()
     with_effects = effect_entry(*COMBINATIONS[1])
-    models = select_models(models_json(with_effects), changed(SETTINGS, models=[with_effects["name"]]))
+    models = selected(models_json(with_effects), changed(SETTINGS, models=[with_effects["name"]]))
     first, again = (
         export_fmus(models, tmp_path / folder, "synthetic twin", TARGET, cache)
         for folder, cache in (("one", zig_cache), ("another folder", tmp_path / "cold cache"))
@@ -205,7 +205,7 @@ int main(void) {
 def test_accumulated_steps_are_never_mistimed(start, zig_cache, tmp_path):
     """A client in C, built with traps for undefined behaviour, takes three million steps."""
     settings = changed(SETTINGS, models=["gain"], moving_average=1, output_limit=1e9)
-    model = select_models(models_json(entry("gain", [1.0], [1.0])), settings)[0]
+    model = selected(models_json(entry("gain", [1.0], [1.0])), settings)[0]
     for name, text in source_files(model).items():
         (tmp_path / name).write_text(text)
     (tmp_path / "client.c").write_text(CLIENT)
@@ -230,8 +230,10 @@ def test_accumulated_steps_are_never_mistimed(start, zig_cache, tmp_path):
     assert done.stdout == "0\n"
 
 
-@pytest.mark.skipif(shutil.which("cmake") is None, reason="fmpy compiles FMUs with cmake")
-@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no other C compiler")
+@pytest.mark.skipif(
+    shutil.which("cmake") is None, reason="no CMake, with which fmpy compiles FMUs: apt-get install cmake"
+)
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler: apt-get install gcc libc6-dev")
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", ["KB", "KB+coulomb_friction"])
 def test_fmpy_compiles_the_sources_alone(name, version, fmu_folder, fmu_positions, tmp_path):

@@ -8,17 +8,17 @@ import zipfile
 
 import numpy as np
 import pytest
-from runtime_models import POSITION, SETTINGS, TARGET, entry, get, models_json, put
+from runtime_models import POSITION, SETTINGS, TARGET, entry, get, models_json, put, selected
 
 from lumbar.errors import InputError
-from lumbar.fmu.build.export_model import select_models
 from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
 from lumbar.fmu.check.reference_stimulus import push
 from study_settings import changed
 
 pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
 )
 
 
@@ -159,7 +159,7 @@ def test_check_finds_nothing_in_sound_fmus(fmu_models, fmu_folder):
 
 
 def test_check_refuses_an_fmu_of_other_numbers(fmu_models, fmu_folder, zig_cache, tmp_path):
-    other = select_models(
+    other = selected(
         models_json(entry("KB", [1.9 * (1 + 1e-11), -1.2], [1.0, -0.45])), changed(SETTINGS, models=["KB"])
     )
     export_fmus(other, tmp_path, "synthetic twin", TARGET, zig_cache)
@@ -170,7 +170,7 @@ def test_check_refuses_an_fmu_of_other_numbers(fmu_models, fmu_folder, zig_cache
 
 def test_an_unstable_model_runs_into_its_limit_and_passes(zig_cache, tmp_path):
     settings = changed(SETTINGS, models=["MW"], unstable="export")
-    unstable = select_models(models_json(entry("MW", [0.0, 1.0], [1.0, -1.04])), settings)
+    unstable = selected(models_json(entry("MW", [0.0, 1.0], [1.0, -1.04])), settings)
     export_fmus(unstable, tmp_path, "synthetic twin", TARGET, zig_cache)
     checks = check_fmus(unstable, tmp_path, samples=1000, seed=3)
     assert max(check.largest_error for check in checks) < 1e-9
@@ -197,21 +197,21 @@ def test_a_hundred_thousand_steps_differ_in_no_bit(name, fmu_models, zig_cache, 
 
     model = next(model for model in fmu_models if model.name == name)
     system = model.dynamics.state_space
-    matrix, column, row = system.A.tolist(), system.B.tolist(), system.C.tolist()
+    matrix, column, row = system.A.tolist(), system.B[:, 0].tolist(), system.C[0].tolist()
     inputs = np.random.default_rng(11).standard_normal(100_000)
-    state, expected = [0.0] * system.states, np.empty(len(inputs))
+    state, expected = [0.0] * system.nstates, np.empty(len(inputs))
     for k, u in enumerate(inputs.tolist()):
-        output, following = system.D * u, []
-        for i in range(system.states):
+        output, following = float(system.D[0, 0]) * u, []
+        for i in range(system.nstates):
             output += row[i] * state[i]
             total = column[i] * u
-            for j in range(system.states):
+            for j in range(system.nstates):
                 total += matrix[i][j] * state[j]
             following.append(total)
         state, expected[k] = following, output
     compiled = CModel(model, tmp_path, zig_cache)
     found = compiled.response(inputs)
     np.testing.assert_array_equal(found, expected)
-    assert compiled.state[: system.states] == state
-    _, simulated, _ = dlsim((system.A, system.B[:, None], system.C[None, :], [[system.D]], 0.01), inputs)
+    assert compiled.state[: system.nstates] == state
+    _, simulated, _ = dlsim((system.A, system.B, system.C, system.D, 0.01), inputs)
     np.testing.assert_allclose(found, simulated[:, 0], atol=1e-12 * np.abs(found).max())

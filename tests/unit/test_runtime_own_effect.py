@@ -8,18 +8,17 @@ import sys
 import numpy as np
 import pytest
 from c_programs import CModel
-from effect_entries import BASE_NUMBERS
-from runtime_models import SETTINGS, TARGET, models_json
+from effect_entries import entry_of_effects
+from runtime_models import SETTINGS, TARGET, models_json, selected
 
 from lumbar.effects.catalogue import catalogue_with
 from lumbar.errors import InputError
-from lumbar.fmu.build.export_model import select_models
 from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
 from study_settings import changed
 
 on_x86_64_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
+    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
 )
 WRITTEN = """
 import numpy as np
@@ -49,26 +48,11 @@ RECTIFIED = Effect("rectified", "The sensor shows no sign.", (Form("size", "|F| 
 """Effects at all three places, with memory and constants; one equation that would end the comment it stands in."""
 
 
-def entry(*effects: tuple) -> dict:
-    """Entry of KB with effects: name, form, linear, nonlinear."""
-    linear, nonlinear = BASE_NUMBERS["KB"]
-    keys = ("effect", "form", "amplitudes", "shapes")
-    return {
-        "name": "KB+own",
-        "trained_on": "multisine",
-        "estimator": "output_error",
-        "base": "KB",
-        "amplitudes": linear,
-        "shapes": nonlinear,
-        "effects": [dict(zip(keys, effect, strict=True)) for effect in effects],
-    }
-
-
 def exported(catalogue, *effects, **settings):
-    content = models_json(entry(*effects))
-    return select_models(
-        content, changed(SETTINGS, models=["KB+own"], moving_average=1, **settings), catalogue
-    )[0]
+    added = {f"{effect}/{form}": numbers for effect, form, *numbers in effects}
+    content = models_json({**entry_of_effects("KB", added, catalogue), "name": "KB+own"})
+    chosen = changed(SETTINGS, models=["KB+own"], moving_average=1, **settings)
+    return selected(content, chosen, catalogue)[0]
 
 
 def held_to_its_simulation(model, folder, cache) -> None:

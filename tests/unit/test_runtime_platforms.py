@@ -15,12 +15,11 @@ import numpy as np
 import pytest
 from c_programs import loader_program, write_sources
 from effect_entries import effect_entry
-from runtime_models import SETTINGS, entry, models_json
+from runtime_models import SETTINGS, entry, models_json, selected
 
 from lumbar.errors import InputError
 from lumbar.fmu.build import compiler
 from lumbar.fmu.build.compiler import TARGETS, host_target, resolve_targets
-from lumbar.fmu.build.export_model import select_models
 from lumbar.fmu.build.mach_o import universal_library
 from lumbar.fmu.build.package import export_fmus, fmu_contents
 from lumbar.fmu.build.reference_response import reference_push
@@ -33,11 +32,13 @@ WINE = (
 QEMU = shutil.which("qemu-aarch64")
 ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 STEPS = 1_000_000
-on_linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs x86_64 Linux")
-with_wine = pytest.mark.skipif(WINE is None, reason="Wine is not installed")
+on_linux = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
+)
+with_wine = pytest.mark.skipif(WINE is None, reason="no Wine: apt-get install wine64")
 with_qemu = pytest.mark.skipif(
     QEMU is None or not ARM_LIBRARIES.is_dir(),
-    reason="qemu-user or the C library of aarch64 is not installed",
+    reason="no qemu-aarch64 or no C library for it: apt-get install qemu-user libc6-arm64-cross",
 )
 NONLINEAR = effect_entry(
     "KB", "coulomb_friction/stribeck", "hysteresis/dahl", "softening/path", "periodic_disturbance/sine"
@@ -56,12 +57,12 @@ FIVE_EFFECTS = effect_entry(
 def some_models():
     """KB, a static gain, and a model with effects."""
     entries = [entry("KB", [1.9, -1.2], [1.0, -0.45]), entry("gain", [1.0], [1.0])]
-    linear = select_models(
+    linear = selected(
         models_json(*entries),
         changed(SETTINGS, models=["KB", "gain"], moving_average=1, output_limit=1e9),
     )
     settings = changed(SETTINGS, models=[NONLINEAR["name"]])
-    return [*linear, *select_models(models_json(NONLINEAR), settings)]
+    return [*linear, *selected(models_json(NONLINEAR), settings)]
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +147,8 @@ def test_the_loader_prints_the_embedded_reference(name, platform_fmus, zig_cache
 
 
 @pytest.mark.skipif(
-    shutil.which("mcs") is None or shutil.which("mono") is None, reason="there is no C# compiler"
+    shutil.which("mcs") is None or shutil.which("mono") is None,
+    reason="no C# compiler: apt-get install mono-mcs mono-runtime libmono-system-xml4.0-cil",
 )
 def test_the_loader_in_c_sharp_prints_the_embedded_reference(platform_fmus, project, tmp_path):
     folder = platform_fmus("x86_64-linux")["folder"] / "KB_fmi3"
@@ -164,7 +166,7 @@ def test_the_loader_in_c_sharp_prints_the_embedded_reference(platform_fmus, proj
 def test_five_platforms_fit_into_150_kilobytes(zig_cache, tmp_path):
     """A linear model, and the most effects that a diagnosis adds at the rate of a haptic loop."""
     chosen = changed(SETTINGS, models=[FIVE_EFFECTS["name"]], rate_Hz=1000)
-    models = [some_models()[0], *select_models(models_json(FIVE_EFFECTS), chosen)]
+    models = [some_models()[0], *selected(models_json(FIVE_EFFECTS), chosen)]
     for path in export_fmus(models, tmp_path, "synthetic twin", list(TARGETS), zig_cache):
         assert path.stat().st_size <= 150_000, path.name
 
@@ -226,7 +228,9 @@ SANITIZED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 
 
 @on_linux
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc's sanitizers are not installed")
+@pytest.mark.skipif(
+    shutil.which("gcc") is None, reason="no gcc with sanitizers: apt-get install gcc libc6-dev"
+)
 @pytest.mark.parametrize("index", [0, 2], ids=["linear", "effects"])
 def test_misuse_is_answered_and_sanitizers_find_nothing(index, tmp_path):
     """Address and undefined-behaviour sanitizers of gcc: another compiler than the FMUs are built with.
@@ -249,6 +253,6 @@ def test_reference_of_the_fmu_is_what_its_version_gives():
     time, inputs, forces = reference_push(model, "3.0")
     _, _, late = reference_push(model, "2.0")
     assert np.abs(forces).max() == pytest.approx(model.output_limit / 2)
-    through = model.dynamics.state_space.D * (inputs - np.concatenate([inputs[:1], inputs[:-1]]))
+    through = model.dynamics.numerator[0] * (inputs - np.concatenate([inputs[:1], inputs[:-1]]))
     np.testing.assert_allclose(forces - late, through, atol=1e-6)
     assert len(time) == len(inputs) == len(forces)

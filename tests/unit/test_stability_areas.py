@@ -18,7 +18,8 @@ from lumbar.stability.comparison.basin_areas import areas_table
 from lumbar.stability.comparison.percent_differences import percent_differences, varied_areas
 from lumbar.stability.comparison.table_4_1 import table_4_1
 from lumbar.stability.funnel.funnel import exact_funnels
-from lumbar.stability.model.trajectory import COMS, PLANES, find_problems, trajectories_of_lift
+from lumbar.stability.model.lift_trajectories import trajectories_of_lift
+from lumbar.stability.model.trajectory import COMS, PLANES, find_problems
 from study_settings import changed
 
 SETTINGS = typed(
@@ -33,7 +34,7 @@ SETTINGS = typed(
         "goal_level": 1.0,
         "knots": 201,
         "proof": {"margin_1_s": 0.05},
-        "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5, "rational": True},
+        "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5},
         "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
         "attack": {"starts": 400, "control_overstated": 0.3},
         "limits": {

@@ -3,19 +3,21 @@
 import csv
 import dataclasses
 import json
+from itertools import chain
 
 import numpy as np
 import pytest
 
 from lumbar.errors import InputError
 from lumbar.identification.arx_search import IdentificationData, search, select
-from lumbar.identification.identify_tissue import identify
-from lumbar.identification.models_file import inverted_linear_fit, models_document, simulate_models
+from lumbar.identification.identify_tissue import distinct, given_model, identify
 from lumbar.identification.ridge import ReducedRegression
 from lumbar.identification.table_2_1 import physical_parameters_table, table_2_1
 from lumbar.identification.table_3_1 import table_3_1, unit_slug
 from lumbar.models.arx_structure import ArxStructure
 from lumbar.models.first_order import discretise
+from lumbar.models.fitted_model import Port
+from lumbar.models.models_file import models_document, read_models
 from lumbar.models.tissue_models import HO, KB, kelvin_boltzmann
 from lumbar.records.record import Channel, Record
 from lumbar.settings.plain import typed
@@ -60,23 +62,20 @@ def identified(records):
     results = []
     for training in records:
         tests = [record for record in records if record is not training]
-        result = identify(training, tests, SETTINGS, seed=1)
-        result["fits"].append(inverted_linear_fit(training, tests, 0.5, 5.0, 40.0))
-        results.append(result)
+        models, _ = identify(training, tests, SETTINGS, seed=1)
+        results.append([*models, given_model(training, tests, 0.5, 5.0, 40.0)])
     return results
 
 
 def fit_of(result, name, estimator):
-    (fit,) = [fit for fit in result["fits"] if (fit["name"], fit["estimator"]) == (name, estimator)]
+    (fit,) = [fit for fit in result if (fit.name, fit.estimator) == (name, estimator)]
     return fit
 
 
 def test_order_of_the_thesis(identified):
     for result in identified:
-        vaf = {fit["name"]: fit["vaf_percent"] for fit in result["fits"] if fit["estimator"] == "arx"}
-        condition = {
-            fit["name"]: fit["condition_number"] for fit in result["fits"] if fit["estimator"] == "arx"
-        }
+        vaf = {fit.name: fit.scores.vaf_percent for fit in result if fit.estimator == "arx"}
+        condition = {fit.name: fit.scores.condition_number for fit in result if fit.estimator == "arx"}
         assert vaf["MW"] < vaf["Maxwell"] < vaf["KB"] <= vaf["HO"]
         assert condition["MW"] < condition["KB"] < condition["HO"]
 
@@ -85,47 +84,47 @@ def test_the_output_error_fit_never_simulates_worse_than_arx_and_contains_kb(ide
     for result in identified:
         for name in ("LE", "MW", "Maxwell", "KB", "HO"):
             arx, output_error = fit_of(result, name, "arx"), fit_of(result, name, "output_error")
-            assert output_error["vaf_percent"] >= arx["vaf_percent"] - 0.02
+            assert output_error.scores.vaf_percent >= arx.scores.vaf_percent - 0.02
         higher = fit_of(result, "HO", "output_error")
-        if {0, 1} <= set(higher["input_lags"]):
-            assert higher["vaf_percent"] >= fit_of(result, "KB", "output_error")["vaf_percent"] - 1e-3
+        if all(higher.structure.numerator[:2]):
+            assert higher.scores.vaf_percent >= fit_of(result, "KB", "output_error").scores.vaf_percent - 1e-3
 
 
 def test_metrics_of_the_table_are_those_of_a_simulation_written_out(records, identified):
     fit = fit_of(identified[0], "KB", "arx")
     training, test = records[0], records[1]
-    (b0, b1), (_, a1) = fit["numerator"], fit["denominator"]
+    (b0, b1), (_, a1) = fit.structure.numerator, fit.structure.denominator
     u, y = training["input"] - training["input"].mean(), training["output"] - training["output"].mean()
     modelled = [(b0 + b1) / (1 + a1) * u[0]]
     for k in range(1, len(u)):
         modelled.append(b0 * u[k] + b1 * u[k - 1] - a1 * modelled[-1])
     error = (np.array(modelled) - y)[50:]
-    assert fit["vaf_percent"] == pytest.approx(100 * (1 - error.var() / y[50:].var()), rel=1e-9)
-    assert fit["fit_percent"] == pytest.approx(
+    assert fit.scores.vaf_percent == pytest.approx(100 * (1 - error.var() / y[50:].var()), rel=1e-9)
+    assert fit.scores.fit_percent == pytest.approx(
         100 * (1 - np.sqrt(np.mean(error**2)) / y[50:].std()), rel=1e-9
     )
-    assert fit["mean_residual"] == pytest.approx(np.abs(error).mean(), rel=1e-9)
+    assert fit.scores.mean_residual == pytest.approx(np.abs(error).mean(), rel=1e-9)
     u, y = test["input"] - test["input"].mean(), test["output"] - test["output"].mean()
     one_step = y[1:] - (b0 * u[1:] + b1 * u[:-1] - a1 * y[:-1])
-    assert fit["nmse_tests"][0] == pytest.approx(np.sum(one_step**2) / np.sum(y[1:] ** 2), rel=1e-9)
+    assert fit.scores.nmse_tests[0] == pytest.approx(np.sum(one_step**2) / np.sum(y[1:] ** 2), rel=1e-9)
 
 
 def test_the_published_identity_of_vaf_and_fit_holds(identified):
     for result in identified:
-        for fit in result["fits"]:
-            if fit["estimator"] != "given":
-                expected = 100 * (1 - np.sqrt(1 - fit["vaf_percent"] / 100))
-                assert fit["fit_percent"] == pytest.approx(expected, abs=0.05)
+        for fit in result:
+            if fit.estimator != "given":
+                expected = 100 * (1 - np.sqrt(1 - fit.scores.vaf_percent / 100))
+                assert fit.scores.fit_percent == pytest.approx(expected, abs=0.05)
 
 
 def test_physical_parameters_of_the_output_error_fit_hold_the_truth(identified):
-    physical = fit_of(identified[0], "KB", "output_error")["physical"]
+    model = fit_of(identified[0], "KB", "output_error")
     for name, truth in TRUTH.items():
-        assert physical[name]["low"] < physical[name]["value"] < physical[name]["high"]
-        assert physical[name]["value"] == pytest.approx(truth, rel=0.1)
-    assert physical["b"]["unit"] == "N·s/mm"
-    assert fit_of(identified[0], "MW", "arx")["physical"] == {}
-    assert "eq. 3.3" in fit_of(identified[0], "MW", "arx")["physical_refused"]
+        assert model[name].low < model[name].value < model[name].high
+        assert model[name].value == pytest.approx(truth, rel=0.1)
+    assert model["b"].unit == "N·s/mm"
+    assert fit_of(identified[0], "MW", "arx").parameters == ()
+    assert "eq. 3.3" in fit_of(identified[0], "MW", "arx").no_parameters_because
 
 
 def test_bootstrap_and_covariance_agree_on_the_scale_of_uncertainty(identified):
@@ -133,51 +132,53 @@ def test_bootstrap_and_covariance_agree_on_the_scale_of_uncertainty(identified):
     for result in identified:
         for estimator in ("arx", "output_error"):
             fit = fit_of(result, "KB", estimator)
-            assert 0.5 < fit["mru_bootstrap_percent"] / fit["mru_percent"] < 2.0
-            for parameter in fit["physical"].values():
-                assert parameter["low"] < parameter["value"] < parameter["high"]
+            assert 0.5 < fit.scores.mru_bootstrap_percent / fit.scores.mru_percent < 2.0
+            for parameter in fit.parameters:
+                assert parameter.low < parameter.value < parameter.high
 
 
 def test_same_seed_same_result_and_another_seed_moves_only_the_bootstrap(records):
-    first = identify(records[1], records[2:], SETTINGS, seed=1)
-    assert json.dumps(first) == json.dumps(identify(records[1], records[2:], SETTINGS, seed=1))
-    other = identify(records[1], records[2:], SETTINGS, seed=2)
-    for one, two in zip(first["fits"], other["fits"], strict=True):
-        assert one["numerator"] == two["numerator"]
-        if one["name"] != HO.name:
-            assert one["mru_bootstrap_percent"] == pytest.approx(two["mru_bootstrap_percent"], rel=0.5)
-        assert one["mru_bootstrap_percent"] != two["mru_bootstrap_percent"]
+    first, grid = identify(records[1], records[2:], SETTINGS, seed=1)
+    assert (first, grid) == identify(records[1], records[2:], SETTINGS, seed=1)
+    other, _ = identify(records[1], records[2:], SETTINGS, seed=2)
+    for one, two in zip(first, other, strict=True):
+        assert one.structure.numerator == two.structure.numerator
+        if one.name != HO.name:
+            assert one.scores.mru_bootstrap_percent == pytest.approx(
+                two.scores.mru_bootstrap_percent, rel=0.5
+            )
+        assert one.scores.mru_bootstrap_percent != two.scores.mru_bootstrap_percent
 
 
 def test_units_and_offsets_do_not_matter(records):
-    reference = identify(records[1], [], SETTINGS, seed=1)
-    moved = identify(tissue_record("a", 2, offset=(1e3, 50.0), scale=(1e-3, 1e2)), [], SETTINGS, seed=1)
-    for one, two in zip(reference["fits"], moved["fits"], strict=True):
-        assert one["alpha"] == two["alpha"]
-        assert one["vaf_percent"] == pytest.approx(two["vaf_percent"], abs=1e-4)
-        if one["name"] != HO.name:
-            assert one["condition_number"] == pytest.approx(two["condition_number"], rel=1e-4)
-        np.testing.assert_allclose(two["numerator"], np.multiply(one["numerator"], 1e5), rtol=0.02, atol=10)
+    reference, _ = identify(records[1], [], SETTINGS, seed=1)
+    moved, _ = identify(tissue_record("a", 2, offset=(1e3, 50.0), scale=(1e-3, 1e2)), [], SETTINGS, seed=1)
+    for one, two in zip(reference, moved, strict=True):
+        assert one.alpha == two.alpha
+        assert one.scores.vaf_percent == pytest.approx(two.scores.vaf_percent, abs=1e-4)
+        if one.name != HO.name:
+            assert one.scores.condition_number == pytest.approx(two.scores.condition_number, rel=1e-4)
+        np.testing.assert_allclose(
+            two.structure.numerator, np.multiply(one.structure.numerator, 1e5), rtol=0.02, atol=10
+        )
 
 
 def test_selection_on_test_records_picks_the_best_on_them(records):
     settings = changed(SETTINGS, search={"selection": "test"})
-    result = identify(records[1], records[2:], settings, seed=1)
-    higher = [row for row in result["grid"] if row["model"] == "HO" and row["stable"]]
+    _, grid = identify(records[1], records[2:], settings, seed=1)
+    higher = [row for row in grid if row["model"] == "HO" and row["stable"]]
     (chosen,) = [row for row in higher if row["selected"]]
     allowed = [row for row in higher if row["condition_number"] <= settings.search.condition_max]
     assert chosen["test_vaf_percent"] == max(row["test_vaf_percent"] for row in allowed)
 
 
 def test_conditioning_cap_holds_and_a_cap_that_nothing_meets_is_said(records):
-    chosen = [row for row in identify(records[1], [], SETTINGS, 1)["grid"] if row["selected"]]
+    chosen = [row for row in identify(records[1], [], SETTINGS, 1)[1] if row["selected"]]
     assert all(row["condition_number"] <= SETTINGS.search.condition_max for row in chosen)
-    result = identify(records[1], [], changed(SETTINGS, search={"condition_max": 1.0}), 1)
+    result, grid = identify(records[1], [], changed(SETTINGS, search={"condition_max": 1.0}), 1)
     fit = fit_of(result, "HO", "arx")
-    assert "every structure exceeds condition_max 1" in fit["remark"]
-    assert fit["condition_number"] == min(
-        row["condition_number"] for row in result["grid"] if row["model"] == "HO"
-    )
+    assert "every structure exceeds condition_max 1" in fit.remark
+    assert fit.scores.condition_number == min(row["condition_number"] for row in grid if row["model"] == "HO")
 
 
 def test_an_unstable_model_has_no_free_run_in_any_table():
@@ -209,16 +210,16 @@ def test_a_pure_sine_is_said_to_determine_two_coefficients_only():
         "input": Channel(np.sin(2 * np.pi * time), "position", "mm"),
         "output": Channel(np.cos(2 * np.pi * time), "force", "N"),
     }
-    result = identify(Record("sine", time, channels), [], SETTINGS, 1)
+    result, _ = identify(Record("sine", time, channels), [], SETTINGS, 1)
     fit = fit_of(result, "KB", "arx")
-    assert (fit["rank"], fit["parameters"]) == (2, 3)
-    assert fit["condition_number"] is None
-    assert fit["mru_percent"] is None
-    assert fit["physical"] == {}
+    assert (fit.scores.rank, fit.scores.free_parameters) == (2, 3)
+    assert fit.scores.condition_number is None
+    assert fit.scores.mru_percent is None
+    assert fit.parameters == ()
     higher = fit_of(result, "HO", "arx")
-    assert higher["rank"] == 2
-    assert "every structure exceeds condition_max" in higher["remark"]
-    frame = table_3_1([result], SETTINGS, "x").frame
+    assert higher.scores.rank == 2
+    assert "every structure exceeds condition_max" in higher.remark
+    frame = table_3_1(result, SETTINGS, "x").frame
     assert frame[(frame.model == "KB") & (frame.estimator == "arx")].condition_number.isna().all()
 
 
@@ -261,7 +262,7 @@ def test_too_short_a_training_record_and_selection_without_tests_are_refused(rec
 
 
 def test_table_3_1_holds_the_columns_of_the_thesis_and_its_rows(identified, tmp_path, project):
-    table_3_1(identified, SETTINGS, "synthetic twin").write(tmp_path / "table_3_1")
+    table_3_1([*chain(*identified)], SETTINGS, "synthetic twin").write(tmp_path / "table_3_1")
     with (tmp_path / "table_3_1.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     with (project / "resources" / "thesis" / "table_3_1.csv").open(newline="") as stream:
@@ -276,33 +277,29 @@ def test_table_3_1_holds_the_columns_of_the_thesis_and_its_rows(identified, tmp_
 
 
 def test_table_3_1_of_one_record_and_of_another_unit(records):
-    result = identify(records[1], [], SETTINGS, 1)
-    result["channels"]["output"]["unit"] = "N·m"
-    frame = table_3_1([result], SETTINGS, "x").frame
+    models, _ = identify(records[1], [], SETTINGS, 1)
+    result = [dataclasses.replace(model, output=Port("moment", "N·m")) for model in models]
+    frame = table_3_1(result, SETTINGS, "x").frame
     assert "mean_residual_N_m" in frame.columns
     assert not any(column.startswith("nmse_test") for column in frame.columns)
     assert unit_slug("N/mm²") == "N_mm"
 
 
 def test_models_file_keeps_its_contract_and_simulates_the_same(identified, records):
-    document = json.loads(json.dumps(models_document(identified)))
-    assert document["schema"] == "lumbar.models/1"
-    assert document["sampling_time_s"] == pytest.approx(0.01)
-    assert document["input"] == {"quantity": "position", "unit": "mm"}
-    assert len(document["models"]) == 3 * 5 * 2 + 1
-    (given,) = [model for model in document["models"] if model["name"] == "IL"]
-    assert given["trained_on"] is None
-    assert given["numerator"] == [-0.125]
-    for model in document["models"]:
-        assert model["denominator"][0] == 1.0
-    runs = simulate_models(document, records[0], ("MW", "KB"), "long", "arx")
+    models = distinct([*chain(*identified)])
+    content = json.loads(json.dumps(models_document(models, "synthetic twin")))
+    assert content["schema"] == "lumbar.models/2"
+    assert content["data"] == "synthetic twin"
+    assert read_models(content, {}) == models
+    assert len(models) == 3 * 5 * 2 + 1
+    given = models[-1]
+    assert (given.name, given.trained_on, given.scores.vaf_percent) == ("IL", None, None)
+    assert given.structure.numerator == (-0.125,)
     measured = records[0]["output"]
-    error = (runs["KB"] - measured)[50:]
+    kb = fit_of(identified[0], "KB", "arx")
+    error = (kb.simulate(records[0]) - measured)[50:]
     assert abs(error.mean()) < 0.05  # with the offsets of position (3 mm) and force (−2 N) in place
-    expected = fit_of(identified[0], "KB", "arx")["vaf_percent"]
-    assert 100 * (1 - error.var() / measured[50:].var()) == pytest.approx(expected, rel=1e-9)
-    with pytest.raises(InputError, match="no model KV"):
-        simulate_models(document, records[0], ("KV",), "long", "arx")
+    assert 100 * (1 - error.var() / measured[50:].var()) == pytest.approx(kb.scores.vaf_percent, rel=1e-9)
 
 
 def test_table_2_1_and_physical_parameters_are_written(identified, tmp_path):
@@ -311,8 +308,10 @@ def test_table_2_1_and_physical_parameters_are_written(identified, tmp_path):
         rows = list(csv.DictReader(stream))
     assert [row["name"] for row in rows] == ["Linear elastic", "Maxwell", "Kelvin–Voigt", "Kelvin–Boltzmann"]
     assert [row["proper"] for row in rows] == ["yes", "yes", "no", "yes"]
-    frame = physical_parameters_table(identified, 0.95, "synthetic twin").frame
+    frame = physical_parameters_table([*chain(*identified)], 0.95, "synthetic twin").frame
     kept = frame[
         (frame.model == KB.name) & (frame.estimator == "output_error") & (frame.trained_on == "long")
     ]
-    assert list(kept.parameter) == [parameter.symbol for parameter in KB.parameters]
+    fitted = [item.name for item in (*KB.base.linear, *KB.base.nonlinear)]
+    assert list(kept.parameter) == [*fitted, *(element.name for element in KB.elements)]
+    assert list(kept.derived) == [False] * 3 + [True] * 6

@@ -79,8 +79,12 @@ def test_physical_parameters_come_back(ratio):
     k1, k2 = 0.4, 3.2
     discrete = discretise(models.kelvin_boltzmann(k1, k2, gamma * (k1 + k2)), T)
     found = models.KB.physical_parameters(discrete, T)
+    k = k1 * k2 / (k1 + k2)
     expected = {
-        "k": k1 * k2 / (k1 + k2),
+        "spring_stiffness": k,
+        "branch_stiffness": k2 - k,
+        "relaxation_time": gamma,
+        "k": k,
         "nu": gamma * k2,
         "gamma": gamma,
         "k1": k1,
@@ -90,7 +94,14 @@ def test_physical_parameters_come_back(ratio):
     assert found == pytest.approx(expected, rel=1e-5)
     discrete = discretise(models.maxwell(3.2, 3.2 * gamma), T)
     assert models.MAXWELL.physical_parameters(discrete, T) == pytest.approx(
-        {"k": 3.2, "b": 3.2 * gamma, "alpha": gamma}, rel=1e-5
+        {
+            "branch_stiffness": 3.2,
+            "relaxation_time": gamma,
+            "k": 3.2,
+            "b": 3.2 * gamma,
+            "alpha": gamma,
+        },
+        rel=1e-5,
     )
 
 
@@ -108,10 +119,10 @@ def test_maxwell_has_no_static_force_and_eq_3_3_has_one():
     [
         (models.KB, TransferFunction((3.0, -2.5), (1.0, 0.3)), r"pole is -0\.3"),
         (models.KB, TransferFunction((3.0, -2.5), (1.0, -1.1)), r"pole is 1\.1"),
-        (models.KB, TransferFunction((0.5, 0.5), (1.0, -0.5)), "need 0 < rest < fast"),
-        (models.KB, TransferFunction((3.0, -3.2), (1.0, -0.5)), "need 0 < rest < fast"),
-        (models.MAXWELL, TransferFunction((-3.0, 3.0), (1.0, -0.5)), "b > 0"),
-        (models.LE, TransferFunction((-1.0,)), "k > 0"),
+        (models.KB, TransferFunction((0.5, 0.5), (1.0, -0.5)), "springs and dashpots need more than 0"),
+        (models.KB, TransferFunction((3.0, -3.2), (1.0, -0.5)), "spring_stiffness is -0.4; springs"),
+        (models.MAXWELL, TransferFunction((-3.0, 3.0), (1.0, -0.5)), "branch_stiffness is .*; springs"),
+        (models.LE, TransferFunction((-1.0,)), "spring_stiffness is -1; springs"),
         (models.HO, TransferFunction((1.0, 0.2, 0.3), (1.0, 0.1, 0.1)), "black box"),
     ],
 )

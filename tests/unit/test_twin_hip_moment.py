@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lumbar.errors import InputError
@@ -12,7 +13,6 @@ from lumbar.synthetic.hip_moment_recordings import write_trials
 from lumbar.synthetic.lifting_recordings import write_lift
 from study_settings import changed, study_settings
 
-pd = pytest.importorskip("pandas")
 LIFTS = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")
 
 

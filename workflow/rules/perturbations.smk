@@ -10,20 +10,7 @@ if study.has("perturbations"):
             checked="<results>/checked/perturbations.json",
             sources=library_sources("perturbed_trials.py"),
         output:
-            table=multiext("<results>/tables/perturbed_trials", ".csv", ".tex"),
-            table_html=report(
-                "<results>/tables/perturbed_trials.html",
-                caption=caption("perturbed_trials"),
-                category=CATEGORIES["perturbations"],
-                labels={"artefact": "Trials and the basin of the mean"},
-            ),
-            figure_svg=report(
-                "<results>/figures/perturbed_trials.svg",
-                caption=caption("perturbed_trials"),
-                category=CATEGORIES["perturbations"],
-                labels={"artefact": "Trials and the basin of the mean, figure"},
-            ),
-            figure_pdf="<results>/figures/perturbed_trials.pdf",
+            **published("perturbed_trials", "perturbed_trials_figure"),
         log:
             "<logs>/perturbed_trials.log",
         benchmark:

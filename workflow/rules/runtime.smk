@@ -55,22 +55,8 @@ rule check_fmus:
         effects=list(settings.improvement.effect_files),
         sources=library_sources("check_fmus.py"),
     output:
+        **published("fmu_check", "fmu_force"),
         checks="<results>/runtime/fmu_check.csv",
-        table_csv="<results>/tables/fmu_check.csv",
-        table_tex="<results>/tables/fmu_check.tex",
-        table_html=report(
-            "<results>/tables/fmu_check.html",
-            caption=caption("fmu_check"),
-            category=CATEGORIES["runtime"],
-            labels={"artefact": "Checks of the FMUs"},
-        ),
-        figure_svg=report(
-            "<results>/figures/fmu_force.svg",
-            caption=caption("fmu_force"),
-            category=CATEGORIES["runtime"],
-            labels={"artefact": "Forces of the FMUs"},
-        ),
-        figure_pdf="<results>/figures/fmu_force.pdf",
     log:
         "<logs>/check_fmus.log",
     benchmark:

@@ -7,15 +7,9 @@ rule surgeon_motion:
         checked="<results>/checked/surgeon.json",
         sources=library_sources("surgeon_motion.py"),
     output:
+        **published("surgeon_psd"),
         bandwidth="<results>/surgeon/bandwidth.json",
         psd="<results>/surgeon/psd.csv",
-        svg=report(
-            "<results>/figures/surgeon_psd.svg",
-            caption=caption("surgeon_psd"),
-            category=CATEGORIES["surgeon"],
-            labels={"artefact": "Spectra of the surgeons' motion"},
-        ),
-        pdf="<results>/figures/surgeon_psd.pdf",
     log:
         "<logs>/surgeon_motion.log",
     benchmark:

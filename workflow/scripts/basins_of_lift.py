@@ -13,7 +13,7 @@ def main(input, output, params):
     from lumbar.stability.basins import basins_of_lift
     from lumbar.stability.extended_basins import extended_basins
     from lumbar.stability.model.failures import failures_frame
-    from lumbar.stability.model.trajectory import trajectories_of_lift
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
     settings = typed(StabilitySettings, params.settings)
     mass = settings.pendulum.mass

@@ -1,31 +1,33 @@
 """Checks of the FMUs, and the forces that they give to one push."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
     """Validate and simulate every FMU; write the table of checks and the figure of forces."""
     from pathlib import Path
 
-    from lumbar.effects.catalogue import catalogue_with
+    from lumbar.effects.catalogue import catalogues_with
     from lumbar.files import read_json, write_csv
     from lumbar.fmu.build.export_model import select_models
     from lumbar.fmu.check.check_table import check_table
     from lumbar.fmu.check.fmu_check import check_fmus
     from lumbar.fmu.check.reference_stimulus import push
+    from lumbar.models.models_file import read_models
     from lumbar.reports.figures.fmu_figures import fmu_force_figure
     from lumbar.reports.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.runtime import RuntimeSettings
 
     settings = typed(RuntimeSettings, params.settings)
-    models = select_models(read_json(input.models), settings, catalogue_with(input.effects))
+    fitted = read_models(read_json(input.models), catalogues_with(input.effects))
+    models = select_models(fitted, settings)
     folder = Path(input.fmus[0]).parent
     table = check_table(
         check_fmus(models, folder, settings.check_samples, params.seed), params.data, params.seed
     )
     write_csv(output.checks, table.frame)
-    table.write(output.table_csv.removesuffix(".csv"))
+    table.write(stem(output.fmu_check))
     played = push(models, folder)
     figure = fmu_force_figure(
         played.time,
@@ -35,7 +37,7 @@ def main(input, output, params):
         models[0].input.label,
         models[0].output.label,
     )
-    save(figure, output.figure_svg.removesuffix(".svg"), params.data)
+    save(figure, stem(output.fmu_force), params.data)
 
 
 run(main, snakemake)

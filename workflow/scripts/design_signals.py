@@ -1,6 +1,6 @@
 """Excitation signals of the tissue tests: files for the testing machine, their properties, figure."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -21,8 +21,8 @@ def main(input, output, params):
     write_json(output.description, {**multisine_description(excitation, settings), "data": params.data})
     table = signal_properties(excitation, params.data)
     write_csv(output.properties, table.frame.assign(data=params.data))
-    table.write(output.csv.removesuffix(".csv"))
-    save(excitation_figure(excitation.signals, band), output.svg.removesuffix(".svg"), params.data)
+    table.write(stem(output.signal_properties))
+    save(excitation_figure(excitation.signals, band), stem(output.excitation_signals), params.data)
 
 
 run(main, snakemake)

@@ -1,6 +1,6 @@
 """What a base model is missing on one record set: diagnosis, refined model, error ladder, where it fails."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -29,10 +29,8 @@ def main(input, output, params):
         read_record(path, layout, entry["name"], entry["period_s"], params.rate)
         for entry, path in zip(params.records, input.recordings, strict=True)
     ]
-    settings, folder = (
-        DiagnosisSettings.from_improvement(typed(ImprovementSettings, params.improvement), params.base),
-        Path(output.diagnosis).parent,
-    )
+    settings = DiagnosisSettings.from_improvement(typed(ImprovementSettings, params.improvement), params.base)
+    folder = Path(output.refined).parent
     diagnosis = diagnose(records, settings)
     evidence = gather_evidence(
         diagnosis, records, settings, params.seed, typed(MachineSettings, params.machine)
@@ -41,12 +39,12 @@ def main(input, output, params):
     simulated = compare_and_locate(records, diagnosis.base.fit, floor, training, params.seed, settings.centre)
     pictures = draw_pictures(diagnosis, simulated, settings.candidates, folder, params.data)
     comparisons = comparison_table([item.comparison for item in simulated], params.data)
-    comparisons.write(output.compare.removesuffix(".csv"))
+    comparisons.write(stem(output.comparisons))
     locations = location_table([item.location for item in simulated], params.data)
-    locations.write(output.location.removesuffix(".csv"))
+    locations.write(stem(output.locations))
     write_json(output.refined, refined_document(diagnosis.ladder, diagnosis.experiment, params.data))
     page = diagnosis_page(diagnosis, evidence, settings.candidates, params.data, pictures)
-    write_text(output.page, page)
+    write_text(folder / "diagnosis.html", page)
     write_diagnosis(diagnosis, evidence, folder, params.data)
 
 

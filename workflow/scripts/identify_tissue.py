@@ -8,8 +8,8 @@ def main(input, output, params):
     import pandas as pd
 
     from lumbar.files import write_csv, write_json
-    from lumbar.identification.identify_tissue import identify
-    from lumbar.identification.models_file import inverted_linear_fit
+    from lumbar.identification.identify_tissue import given_model, identify
+    from lumbar.models.models_file import models_document
     from lumbar.records.columns import read_record
     from lumbar.settings.improvement import ImprovementSettings
     from lumbar.settings.plain import typed
@@ -22,17 +22,16 @@ def main(input, output, params):
     }
     training = records.pop(params.training)
     tests = list(records.values())
-    result = identify(training, tests, tissue, params.seed)
-    given = inverted_linear_fit(training, tests, tissue.settling_s, **vars(tissue.inverted_linear))
-    result["fits"].append(given)
+    models, grid = identify(training, tests, tissue, params.seed)
+    models.append(given_model(training, tests, tissue.settling_s, **vars(tissue.inverted_linear)))
     if improvement.effects:
         from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-        from lumbar.diagnosis.selection.refined_row import refined_fit
+        from lumbar.diagnosis.selection.refine import refined_fit
 
         settings = DiagnosisSettings.from_improvement(improvement, train=training.name)
-        result["fits"].append(refined_fit([training, *tests], improvement.effects, settings))
-    write_csv(output.grid, pd.DataFrame(result.pop("grid")).assign(data=params.data))
-    write_json(output.fits, {**result, "data": params.data})
+        models.append(refined_fit([training, *tests], improvement.effects, settings))
+    write_csv(output.grid, pd.DataFrame(grid).assign(data=params.data))
+    write_json(output.fits, models_document(models, params.data))
 
 
 run(main, snakemake)

@@ -1,6 +1,6 @@
 """Perturbed and unperturbed trials against the basin of the unperturbed mean."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -22,11 +22,9 @@ def main(input, output, params):
         for path in input[group]
     ]
     frame = compare_trials(trials, settings, stability)
-    trials_table(frame, trials, settings, stability, params.data).write(
-        output.table_html.removesuffix(".html")
-    )
+    trials_table(frame, trials, settings, stability, params.data).write(stem(output.perturbed_trials))
     figure = trials_figure(trials, settings, stability)
-    save(figure, output.figure_svg.removesuffix(".svg"), params.data)
+    save(figure, stem(output.perturbed_trials_figure), params.data)
 
 
 run(main, snakemake)

@@ -1,6 +1,6 @@
 """Scores of the diagnosis: truth and diagnoses meet here and nowhere before."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -31,13 +31,13 @@ def main(input, output, params):
     write_csv(output.scores, frame.assign(data=SYNTHETIC_TWIN))
     matrix = confusion(frame, list(MECHANISMS))
     write_csv(output.confusion, matrix.assign(data=SYNTHETIC_TWIN))
-    accuracy_table(frame, settings).write(output.accuracy_csv.removesuffix(".csv"))
-    forms_table(frame, settings).write(output.forms_csv.removesuffix(".csv"))
+    accuracy_table(frame, settings).write(stem([output.accuracy_csv]))
+    forms_table(frame, settings).write(stem([output.forms_csv]))
     power = power_summary(frame, settings, settings.seed)
     write_json(output.power, {**power, "data": SYNTHETIC_TWIN})
-    save(confusion_figure(matrix), output.confusion_svg.removesuffix(".svg"), SYNTHETIC_TWIN)
+    save(confusion_figure(matrix), stem([output.confusion_svg]), SYNTHETIC_TWIN)
     figure = power_figure(power_curve(frame), settings.named_share, settings.confidence)
-    save(figure, output.power_svg.removesuffix(".svg"), SYNTHETIC_TWIN)
+    save(figure, stem([output.power_svg]), SYNTHETIC_TWIN)
 
 
 run(main, snakemake)

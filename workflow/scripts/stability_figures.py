@@ -1,6 +1,6 @@
-"""Figures 4.3 and 4.4: basins of attraction around the trajectories of one lift, and the engines compared."""
+"""Figures 4.3 and 4.4: basins of attraction around the trajectories of one lift, and the methods compared."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -13,21 +13,21 @@ def main(input, output, params):
     from lumbar.reports.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.stability import StabilitySettings
-    from lumbar.stability.model.trajectory import trajectories_of_lift
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
     settings = typed(StabilitySettings, params.settings)
     chosen = shown_lift([read_json(path) for path in input.facts])
     funnels = pd.read_csv(input.funnels[chosen])
     save(
         figure_4_3(funnels, settings.goal_level),
-        output.figure_4_3_svg.removesuffix(".svg"),
+        stem(output.figure_4_3),
         params.data,
     )
-    save(figure_4_4(funnels), output.figure_4_4_svg.removesuffix(".svg"), params.data)
+    save(figure_4_4(funnels), stem(output.figure_4_4), params.data)
     states, facts = pd.read_csv(input.states[chosen]), read_json(input.facts[chosen])
     trajectories, _ = trajectories_of_lift(states, facts, settings.pendulum.mass)
     comparison = comparison_figure(trajectories, settings)
-    save(comparison, output.basin_comparison_svg.removesuffix(".svg"), params.data)
+    save(comparison, stem(output.basin_comparison), params.data)
 
 
 run(main, snakemake)

@@ -1,6 +1,6 @@
 """Bandwidth of the surgeons' tool motion: spectra, rules with intervals, figure."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -34,7 +34,7 @@ def main(input, output, params):
         bandwidths,
         settings.reference_Hz,
     )
-    save(figure, output.svg.removesuffix(".svg"), params.data)
+    save(figure, stem(output.surgeon_psd), params.data)
 
 
 run(main, snakemake)

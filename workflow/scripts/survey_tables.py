@@ -1,6 +1,6 @@
 """Tables of the survey: Table 3.2, the within-subject analysis, the best picks, and all results as JSON."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -15,7 +15,7 @@ def main(input, output, params):
     ratings = read_ratings(input.ratings, settings.layout)
     analysis = analyse_survey(ratings, settings, params.seed, params.data)
     for name, table in analysis.tables.items():
-        table.write(output[f"{name}_csv"].removesuffix(".csv"))
+        table.write(stem(output[name]))
     write_json(output.results, analysis.results)
 
 

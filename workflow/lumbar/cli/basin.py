@@ -31,7 +31,7 @@ def run(options) -> None:
     from lumbar.files import read_json, write_csv
     from lumbar.stability.basins import basins_of_lift
     from lumbar.stability.model.failures import announcement, failures_frame
-    from lumbar.stability.model.trajectory import trajectories_of_lift
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
     settings = load_settings(options.config)
     stability = settings.stability

@@ -51,31 +51,30 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Compile and pack the models."""
-    from lumbar.effects.catalogue import catalogue_with
+    from lumbar.effects.catalogue import catalogues_with
     from lumbar.files import read_json
     from lumbar.fmu.build.compiler import cache_folder
     from lumbar.fmu.build.export_model import select_models
-    from lumbar.fmu.build.models_document import check_document, from_refined
     from lumbar.fmu.build.package import export_fmus
+    from lumbar.models.models_file import read_models
 
     settings = load_settings(options.config)
     runtime = settings.runtime
-    read = read_json(options.models)
-    content = from_refined(read)
-    check_document(content)
-    trained_on = {model.get("trained_on") for model in content["models"]} - {None}
+    content = read_json(options.models)
+    models = read_models(content, catalogues_with(settings.improvement.effect_files))
+    trained_on = {model.trained_on for model in models} - {None}
     only = trained_on.pop() if len(trained_on) == 1 else runtime.trained_on
-    # Of an error ladder the last rung is what a user wants.
-    named = runtime.models if content is read else [content["models"][-1]["name"]]
+    # Of an error ladder, which holds no discrete model, the last rung is what a user wants.
+    ladder = not any(model.discrete for model in models)
     runtime = replace(
         runtime,
         trained_on=options.trained_on or only,
-        models=tuple(options.model or named),
+        models=tuple(options.model or ([models[-1].name] if ladder else runtime.models)),
         targets=tuple(options.target or runtime.targets),
         rate_Hz=options.rate or runtime.rate_Hz,
     )
-    models = select_models(content, runtime, catalogue_with(settings.improvement.effect_files))
+    selected = select_models(models, runtime)
     data = content.get("data") or options.models.name
     cache = cache_folder(runtime.compiler_cache)
-    for path in export_fmus(models, options.output, data, runtime.targets, cache):
+    for path in export_fmus(selected, options.output, data, runtime.targets, cache):
         print(path)

@@ -30,12 +30,16 @@ def add(commands) -> None:
 def run(options) -> None:
     """Identify on one record, test on the others, write models.json and a table of the errors."""
     from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-    from lumbar.diagnosis.selection.refined_row import refined_fit
+    from lumbar.diagnosis.selection.refine import refined_fit
     from lumbar.errors import InputError
     from lumbar.files import write_json
-    from lumbar.identification.identify_tissue import identify
-    from lumbar.identification.models_file import inverted_linear_fit, models_document
+    from lumbar.identification.identify_tissue import (
+        distinct,
+        given_model,
+        identify,
+    )
     from lumbar.identification.table_3_1 import table_3_1
+    from lumbar.models.models_file import models_document
     from lumbar.records.columns import read_record
     from lumbar.records.record import same_units
 
@@ -52,17 +56,13 @@ def run(options) -> None:
         )
     training = named.pop(train)
     tests = list(named.values())
-    result = identify(training, tests, tissue, settings.seed)
-    fits = [
-        *result["fits"],
-        inverted_linear_fit(training, tests, tissue.settling_s, **vars(tissue.inverted_linear)),
-    ]
+    models, _ = identify(training, tests, tissue, settings.seed)
+    models.append(given_model(training, tests, tissue.settling_s, **vars(tissue.inverted_linear)))
     if settings.improvement.effects:
         chosen = DiagnosisSettings.from_improvement(settings.improvement, train=train)
-        fits.append(refined_fit([training, *tests], settings.improvement.effects, chosen))
-    identified = [{**result, "fits": fits}]
+        models.append(refined_fit([training, *tests], settings.improvement.effects, chosen))
     data = options.data or options.folder.name
-    write_json(options.output / "models.json", {**models_document(identified), "data": data})
-    table = table_3_1(identified, tissue, data)
+    write_json(options.output / "models.json", models_document(distinct(models), data))
+    table = table_3_1(models, tissue, data)
     table.write(options.output / "table_3_1")
     print(f"identified on {train}; models.json and table_3_1 are in {options.output}")

@@ -134,6 +134,12 @@ def catalogue_with(files: Iterable[str | Path], base: str = "KB") -> dict[str, E
     return catalogue
 
 
+def catalogues_with(files: Iterable[str | Path]) -> dict[str, dict[str, Effect]]:
+    """Return the catalogue of every system with the effects of a user's files, as `catalogue_with`."""
+    own = {name: effect for file in files for name, effect in load_effects(Path(file)).items()}
+    return {system: {**catalogue, **own} for system, catalogue in CATALOGUES.items()}
+
+
 def choose(names: list[str], catalogue: dict[str, Effect]) -> list[Effect]:
     """Return effects by name.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,22 +20,40 @@ from lumbar.identification.arx_search import (
     select,
 )
 from lumbar.identification.bootstrap import block_bootstrap, central_spread
-from lumbar.identification.metrics import condition_number, numerical_rank, relative_uncertainties
+from lumbar.identification.metrics import relative_uncertainties
 from lumbar.identification.output_error import fit_output_error, relaxation_starts
 from lumbar.identification.ridge import ReducedRegression, RidgePath, ridge_grid
 from lumbar.models.arx_structure import ArxStructure, full_regressors
-from lumbar.models.tissue_models import FIXED_STRUCTURE, HO, KB, MODELS, Model, higher_order_structures
+from lumbar.models.fitted_model import (
+    ARX,
+    GIVEN,
+    OUTPUT_ERROR,
+    FittedModel,
+    FittedParameter,
+    Port,
+    Scores,
+    unit_of,
+)
+from lumbar.models.tissue_models import (
+    FIXED_STRUCTURE,
+    HO,
+    IL,
+    KB,
+    MODELS,
+    TissueModel,
+    higher_order_structures,
+    inverted_linear,
+)
 from lumbar.models.transfer_function import TransferFunction
 from lumbar.records.record import Record, same_units
 
 if TYPE_CHECKING:
     from lumbar.settings.tissue import TissueSettings
 
-ARX, OUTPUT_ERROR, GIVEN = "arx", "output_error", "given"
-"""Estimators; a given model is prescribed, not estimated."""
 
-
-def identify(training: Record, tests: list[Record], settings: TissueSettings, seed: int) -> dict:
+def identify(
+    training: Record, tests: list[Record], settings: TissueSettings, seed: int
+) -> tuple[list[FittedModel], list[dict]]:
     """Identify LE, MW, Maxwell, KB and HO on one record by both estimators.
 
     Parameters
@@ -42,16 +61,17 @@ def identify(training: Record, tests: list[Record], settings: TissueSettings, se
     training : Record
         Channels ``input`` and ``output``.
     tests : list of Record
-        Records with another excitation; their order is that of ``nmse_test_1``, ``nmse_test_2``, ….
+        Records with another excitation; in the order of `Scores.tests`.
     settings : TissueSettings
     seed : int
         Seed of the bootstrap.
 
     Returns
     -------
-    dict
-        ``fits``: one dict per model and estimator; ``grid``: one dict per point of the search;
-        ``tests``: names of the test records; channels and sampling time. Plain data, ready for JSON.
+    list of FittedModel
+        One per model and estimator, in the order of Table 3.1.
+    list of dict
+        One row per point of the search (``tissue/search.csv``).
 
     Raises
     ------
@@ -71,19 +91,68 @@ def identify(training: Record, tests: list[Record], settings: TissueSettings, se
         raise InputError(
             f"{training.source or training.name}: {len(training)} samples are too few for order {lag}"
         )
-    study = _Identification(training, data, others, settings, seed)
-    fits, grid = study.run()
-    return {
-        "trained_on": training.name,
-        "tests": [test.name for test in tests],
-        "sampling_time_s": training.sampling_time,
-        "channels": {
-            role: {"quantity": training.channels[role].quantity, "unit": training.channels[role].unit}
-            for role in (INPUT, OUTPUT)
-        },
-        "fits": fits,
-        "grid": grid,
-    }
+    return _Identification(training, data, others, settings, seed).run()
+
+
+def given_model(
+    training: Record, tests: list[Record], settling_s: float, force_max: float, travel: float
+) -> FittedModel:
+    """Return the inverted linear model with its errors on the records.
+
+    Parameters
+    ----------
+    training : Record
+        Record beside whose models it stands.
+    tests : list of Record
+        The other records.
+    settling_s : float
+        Seconds at the start that do not count.
+    force_max, travel : float
+        Largest force and the travel over which it is reached, in the units of output and input.
+    """
+    structure = inverted_linear(force_max, travel)
+    data = IdentificationData.from_record(training, settling_s)
+    others = [IdentificationData.from_record(test, settling_s) for test in tests]
+    return FittedModel(
+        IL.name,
+        structure,
+        data.sampling_time,
+        *_ports(training, 0.0, 0.0),
+        base=IL.name,
+        estimator=GIVEN,
+        trained_on=training.name,
+        no_parameters_because=f"{IL.name}: {IL.no_parameters_because}",
+        scores=replace(_scores(structure, data, others), free_parameters=0, rank=0),
+        remark="not identified",
+    )
+
+
+def distinct(models: list[FittedModel]) -> list[FittedModel]:
+    """Return the models of several identifications: what is not fitted stands at the end, once, without a record's scores."""
+    given = {model.name: model.unscored() for model in models if model.estimator == GIVEN}
+    return [*(model for model in models if model.estimator != GIVEN), *given.values()]
+
+
+def _ports(record: Record, *offsets: float) -> tuple[Port, Port]:
+    channels = (record.channels[INPUT], record.channels[OUTPUT])
+    return tuple(
+        Port(channel.quantity, channel.unit, offset)
+        for channel, offset in zip(channels, offsets, strict=True)
+    )
+
+
+def _scores(structure: TransferFunction, data: IdentificationData, tests: list[IdentificationData]) -> Scores:
+    """Errors of a free run and of the prediction one step ahead, on training and test records."""
+    trained, tested = free_run(structure, data), [free_run(structure, test) for test in tests]
+    return Scores(
+        vaf_percent=trained and trained.vaf_percent,
+        fit_percent=trained and trained.fit_percent,
+        mean_residual=trained and trained.mean_residual,
+        nmse_train=one_step_nmse(structure, data),
+        tests=tuple(test.name for test in tests),
+        vaf_tests_percent=tuple(run and run.vaf_percent for run in tested),
+        nmse_tests=tuple(one_step_nmse(structure, test) for test in tests),
+    )
 
 
 def _same_sampling_time(records: list[Record]) -> None:
@@ -107,7 +176,7 @@ class _Identification:
         settings: TissueSettings,
         seed: int,
     ):
-        self.channels = record.channels
+        self.record = record
         self.data = data
         self.tests = tests
         self.settings = settings
@@ -115,7 +184,7 @@ class _Identification:
         self.regression = ReducedRegression(data.inputs, data.outputs, settings.search.order_max)
         self.block_rows = max(1, round(settings.bootstrap.block_s / data.sampling_time))
 
-    def run(self) -> tuple[list[dict], list[dict]]:
+    def run(self) -> tuple[list[FittedModel], list[dict]]:
         """Fits in the order of Table 3.1, and the grid they were picked from."""
         settings = self.settings
         alphas = ridge_grid(settings.ridge.alpha_min, settings.ridge.alpha_max, settings.ridge.alpha_points)
@@ -135,8 +204,8 @@ class _Identification:
             nested = found if model is KB else nested
         return fits, grid
 
-    def arx_fit(self, model: Model, chosen: ArxCandidate, remark: str) -> dict:
-        """Describe the selected ridge ARX solution with its uncertainties."""
+    def arx_fit(self, model: TissueModel, chosen: ArxCandidate, remark: str) -> FittedModel:
+        """Return the selected ridge ARX solution with its uncertainties."""
         structure, path, alpha = chosen.structure, chosen.path, chosen.alpha
         coefficients = path.solution(alpha)
         lag = structure.largest_lag
@@ -149,16 +218,13 @@ class _Identification:
         deviations = path.standard_deviations(alpha)
         if deviations is not None:
             deviations = deviations * path.target_scale / path.column_scale
-        return {
-            **self.describe(model, ARX, structure, coefficients, draws, deviations, remark),
-            "alpha": alpha,
-            "condition_number": path.condition_number,
-            "rank": path.rank,
-        }
+        return replace(
+            self.described(model, ARX, structure, coefficients, draws, deviations, path, remark), alpha=alpha
+        )
 
     def output_error_fit(
-        self, model: Model, chosen: ArxCandidate, nested: TransferFunction | None
-    ) -> tuple[dict, TransferFunction]:
+        self, model: TissueModel, chosen: ArxCandidate, nested: TransferFunction | None
+    ) -> tuple[FittedModel, TransferFunction]:
         """Fit the same structure to the free run, from ARX and from the simpler model it contains."""
         structure = chosen.structure
         starts = [
@@ -179,13 +245,10 @@ class _Identification:
         if path.rank == structure.parameter_count:
             deviations = path.standard_deviations(0.0) * path.target_scale / path.column_scale
         remark = "" if found.converged else "not converged: the record hardly determines the coefficients"
-        fit = {
-            **self.describe(model, OUTPUT_ERROR, structure, found.coefficients, draws, deviations, remark),
-            "alpha": None,
-            "condition_number": condition_number(path.singular_values, path.rows),
-            "rank": numerical_rank(path.singular_values, path.rows),
-        }
-        return fit, structure.transfer_function(found.coefficients)
+        fit = self.described(
+            model, OUTPUT_ERROR, structure, found.coefficients, draws, deviations, path, remark
+        )
+        return fit, fit.structure
 
     def bootstrap(self, model, estimator, regressors, target, alpha, rank) -> np.ndarray | None:
         """Resample the coefficients; None where a rank deficient regression does not determine them."""
@@ -198,58 +261,54 @@ class _Identification:
             regressors, target, self.block_rows, self.settings.bootstrap.resamples, rng, alpha
         )
 
-    def describe(
+    def described(
         self,
-        model: Model,
+        model: TissueModel,
         estimator: str,
         structure: ArxStructure,
         coefficients: np.ndarray,
         draws: np.ndarray | None,
         deviations: np.ndarray | None,
+        path: RidgePath,
         remark: str,
-    ) -> dict:
-        """Errors, uncertainties and physical parameters of one fitted model as plain data."""
+    ) -> FittedModel:
+        """Return one fitted model with its errors, uncertainties and parameters."""
         fitted = structure.transfer_function(coefficients)
         if structure.order == 1 and fitted.poles[0] < 0:
             remark = "; ".join(filter(None, [remark, f"negative pole {fitted.poles[0]:.3f}: no relaxation"]))
-        trained = free_run(fitted, self.data)
-        tested = [free_run(fitted, test) for test in self.tests]
-        physical, refused = self.physical(model, structure, fitted, draws)
-        spread = None if draws is None else central_spread(draws)
-        return {
-            "name": model.name,
-            "trained_on": self.data.name,
-            "estimator": estimator,
-            "order": structure.order,
-            "input_lags": list(structure.input_lags),
-            "numerator": list(fitted.numerator),
-            "denominator": list(fitted.denominator),
-            "input_offset": self.data.input_offset,
-            "output_offset": self.data.output_offset,
-            "stable": fitted.stable,
-            "parameters": structure.parameter_count,
-            "vaf_percent": trained and trained.vaf_percent,
-            "fit_percent": trained and trained.fit_percent,
-            "mean_residual": trained and trained.mean_residual,
-            "mru_percent": _largest(coefficients, deviations),
-            "mru_bootstrap_percent": _largest(coefficients, spread),
-            "nmse_train": one_step_nmse(fitted, self.data),
-            "nmse_tests": [one_step_nmse(fitted, test) for test in self.tests],
-            "vaf_tests_percent": [run and run.vaf_percent for run in tested],
-            "physical": physical,
-            "physical_refused": refused,
-            "remark": remark,
-        }
+        parameters, refused = self.parameters(model, structure, fitted, draws)
+        return FittedModel(
+            model.name,
+            fitted,
+            self.data.sampling_time,
+            *_ports(self.record, self.data.input_offset, self.data.output_offset),
+            base=model.name,
+            estimator=estimator,
+            trained_on=self.data.name,
+            parameters=parameters,
+            no_parameters_because=refused,
+            scores=replace(
+                _scores(fitted, self.data, self.tests),
+                free_parameters=structure.parameter_count,
+                rank=path.rank,
+                condition_number=path.condition_number,
+                mru_percent=_largest(coefficients, deviations),
+                mru_bootstrap_percent=_largest(
+                    coefficients, None if draws is None else central_spread(draws)
+                ),
+            ),
+            remark=remark,
+        )
 
-    def physical(
-        self, model: Model, structure: ArxStructure, fitted: TransferFunction, draws: np.ndarray | None
-    ) -> tuple[dict, str]:
-        """Physical parameters with bootstrap intervals, or the reason why there are none."""
+    def parameters(
+        self, model: TissueModel, structure: ArxStructure, fitted: TransferFunction, draws: np.ndarray | None
+    ) -> tuple[tuple[FittedParameter, ...], str]:
+        """Parameters of the base and elements with bootstrap intervals, or the reason why there are none."""
         sampling_time = self.data.sampling_time
         try:
             values = model.physical_parameters(fitted, sampling_time)
         except NumericalError as error:
-            return {}, str(error)
+            return (), str(error)
         resampled, lost = [], 0
         for draw in draws if draws is not None else []:
             try:
@@ -263,16 +322,22 @@ class _Identification:
                 if draws is None
                 else f"{lost} of {len(draws)} resamples have no such parameters"
             )
-            return {}, f"{model.name}: not determined by this record ({reason})"
-        units = {
-            parameter.symbol: parameter.unit(self.channels[INPUT].unit, self.channels[OUTPUT].unit)
-            for parameter in model.parameters
-        }
-        physical = {}
-        for symbol, value in values.items():
-            low, high = np.quantile([sample[symbol] for sample in resampled], [tail, 1.0 - tail])
-            physical[symbol] = {"value": value, "unit": units[symbol], "low": float(low), "high": float(high)}
-        return physical, ""
+            return (), f"{model.name}: not determined by this record ({reason})"
+        units = self.record.channels[INPUT].unit, self.record.channels[OUTPUT].unit
+        found = []
+        for item in (*model.base.linear, *model.base.nonlinear, *model.elements):
+            ends = np.quantile([sample[item.name] for sample in resampled], [tail, 1.0 - tail])
+            found.append(
+                FittedParameter(
+                    item.name,
+                    getattr(item, "symbol", ""),
+                    unit_of(item.unit, *units),
+                    values[item.name],
+                    *map(float, ends),
+                    derived=item in model.elements,
+                )
+            )
+        return tuple(found), ""
 
 
 def _largest(coefficients: np.ndarray, deviations: np.ndarray | None) -> float | None:

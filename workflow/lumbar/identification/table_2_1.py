@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from lumbar.models.bases import BASES
+from lumbar.models.fitted_model import FittedModel
 from lumbar.models.network import in_words
-from lumbar.models.tissue_models import KB, KV, LE, MAXWELL, MODELS, MW, TABLE_2_1
+from lumbar.models.tissue_models import KB, KV, LE, MAXWELL, MW, TABLE_2_1
 from lumbar.tables import Table
 
 
@@ -43,22 +45,23 @@ def table_2_1(data: str) -> Table:
     )
 
 
-def physical_parameters_table(identified: list[dict], confidence: float, data: str) -> Table:
-    """Physical parameters of all identified models that have any, and the reason where they are refused."""
+def physical_parameters_table(models: list[FittedModel], confidence: float, data: str) -> Table:
+    """Parameters of all models that have any by the thesis, and the reason where they are refused."""
     import pandas as pd
 
     rows = []
-    for result in identified:
-        for fit in result["fits"]:
-            # A model with effects added is not of Table 2.1, but has parameters all the same.
-            if fit["name"] in MODELS and not MODELS[fit["name"]].parameters:
-                continue
-            head = {"trained_on": fit["trained_on"], "model": fit["name"], "estimator": fit["estimator"]}
-            for symbol, found in fit["physical"].items():
-                rows.append({**head, "parameter": symbol, **found, "refused": None})
-            if not fit["physical"]:
-                rows.append({**head, "refused": fit["physical_refused"]})
-    columns = ["trained_on", "model", "estimator", "parameter", "value", "low", "high", "unit", "refused"]
+    for model in models:
+        if model.base not in BASES:
+            continue
+        head = {"trained_on": model.trained_on, "model": model.name, "estimator": model.estimator}
+        for item in model.parameters:
+            found = {key: getattr(item, key) for key in ("value", "low", "high", "unit")}
+            of = {"effect": item.effect or None, "derived": item.derived}
+            rows.append({**head, "parameter": item.name, **of, **found, "refused": None})
+        if model.no_parameters_because:
+            rows.append({**head, "refused": model.no_parameters_because})
+    columns = ["trained_on", "model", "estimator", "parameter", "effect", "derived"]
+    columns += ["value", "low", "high", "unit", "refused"]
     frame = pd.DataFrame(rows, columns=columns)
     return Table(
         title="Physical parameters of the viscoelastic models.",
@@ -68,10 +71,15 @@ def physical_parameters_table(identified: list[dict], confidence: float, data: s
             "trained_on": "record the model was fitted to",
             "model": f"{LE.name}, {MAXWELL.name} or {KB.name} of Table 2.1, or a base with effects added",
             "estimator": "arx or output_error, see Table 3.1",
-            "parameter": "symbol of Table 2.1; alpha of Maxwell is b/k",
-            "value": "from the discrete coefficients by the inverse of the ramp-invariant discretisation",
-            "low": f"lower end of the {100 * confidence:g} % block-bootstrap interval",
-            "high": f"upper end of the {100 * confidence:g} % block-bootstrap interval",
+            "parameter": "of the base or effect, or an element of Table 2.1; alpha of Maxwell is b/k",
+            "effect": "effect it belongs to; empty: the base's own",
+            "derived": "True: an element of Table 2.1, which follows from the base's parameters",
+            "value": (
+                "from the discrete coefficients by the inverse of the ramp-invariant discretisation; of a base with "
+                "effects as fitted"
+            ),
+            "low": f"lower end of the {100 * confidence:g} % block-bootstrap interval; with effects: 95 %, by covariance",
+            "high": "upper end of the same interval",
             "unit": "unit of value, low and high",
             "refused": "why there are no physical parameters",
         },
@@ -79,5 +87,5 @@ def physical_parameters_table(identified: list[dict], confidence: float, data: s
             "The intervals hold sampling error. They do not hold the bias of arx, which takes the noise of "
             "past forces for a fast relaxation; output_error has no such bias.",
         ),
-        may_be_empty=frozenset({"parameter", "value", "low", "high", "unit", "refused"}),
+        may_be_empty=frozenset(columns) - {"trained_on", "model", "estimator"},
     )

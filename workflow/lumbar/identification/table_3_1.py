@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from lumbar.identification.identify_tissue import ARX, GIVEN, OUTPUT_ERROR
+from lumbar.models.fitted_model import ARX, GIVEN, OUTPUT_ERROR, FittedModel
 from lumbar.models.tissue_models import HO, IL, KB, LE, MAXWELL, MW
 from lumbar.tables import Table
 
@@ -16,30 +16,33 @@ _ROWS = (MW.name, MAXWELL.name, KB.name, HO.name, LE.name)
 """Order of the rows within each training record and estimator: the thesis's, with Maxwell and LE more."""
 
 
-def table_3_1(identified: list[dict], settings: TissueSettings, data: str) -> Table:
+def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) -> Table:
     """Table 3.1: error metrics of all models; the thesis's rows are MW, KB, HO with estimator ``arx``.
 
     Parameters
     ----------
-    identified : list of dict
-        Results of `lumbar.identification.identify_tissue.identify`, one per training record, in the order of the
-        table.
+    models : list of FittedModel
+        Those of the first training record first, and so on; all with the same number of unseen records.
     settings : TissueSettings
+        For the notes.
     data : str
         Where the data come from.
     """
     import pandas as pd
 
-    unit = identified[0]["channels"]["output"]["unit"]
-    rows = [
-        _row(fit, result["tests"], unit)
-        for result in identified
-        for estimator in (ARX, OUTPUT_ERROR, GIVEN)
-        for fit in sorted(result["fits"], key=_position)
-        if fit["estimator"] == estimator
-    ]
-    frame = pd.DataFrame(rows)
-    numbers = len(identified[0]["tests"])
+    unit = models[0].output.unit
+    trained_on = list(dict.fromkeys(model.trained_on for model in models))
+    estimators = (ARX, OUTPUT_ERROR, GIVEN)
+    ordered = sorted(
+        models,
+        key=lambda model: (
+            trained_on.index(model.trained_on),
+            estimators.index(model.estimator),
+            _position(model),
+        ),
+    )
+    frame = pd.DataFrame(_row(model, unit) for model in ordered)
+    numbers = len(models[0].scores.tests)
     return Table(
         title="Table 3.1: error metrics of the tissue models.",
         frame=frame,
@@ -52,10 +55,10 @@ def table_3_1(identified: list[dict], settings: TissueSettings, data: str) -> Ta
     )
 
 
-def _position(fit: dict) -> int:
+def _position(model: FittedModel) -> int:
     """Place of a row; models with effects added come after those of the thesis."""
     order = (*_ROWS, IL.name)
-    return order.index(fit["name"]) if fit["name"] in order else len(order)
+    return order.index(model.name) if model.name in order else len(order)
 
 
 def unit_slug(unit: str) -> str:
@@ -63,30 +66,31 @@ def unit_slug(unit: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "_", unit).strip("_")
 
 
-def _row(fit: dict, tests: list[str], unit: str) -> dict:
+def _row(model: FittedModel, unit: str) -> dict:
+    scores = model.scores
     return {
-        "trained_on": fit["trained_on"],
-        "model": fit["name"],
-        "order": fit["order"],
-        "condition_number": fit["condition_number"],
-        "vaf_percent": fit["vaf_percent"],
-        "mru_percent": fit["mru_percent"],
-        "fit_percent": fit["fit_percent"],
-        f"mean_residual_{unit_slug(unit)}": fit["mean_residual"],
-        "nmse_train": fit["nmse_train"],
-        **{f"nmse_test_{number}": value for number, value in enumerate(fit["nmse_tests"], start=1)},
-        "alpha": fit["alpha"],
-        "estimator": fit["estimator"],
-        "stable": fit["stable"],
-        "parameters": fit["parameters"],
-        "rank": fit["rank"],
-        "mru_bootstrap_percent": fit["mru_bootstrap_percent"],
+        "trained_on": model.trained_on,
+        "model": model.name,
+        "order": model.order,
+        "condition_number": scores.condition_number,
+        "vaf_percent": scores.vaf_percent,
+        "mru_percent": scores.mru_percent,
+        "fit_percent": scores.fit_percent,
+        f"mean_residual_{unit_slug(unit)}": scores.mean_residual,
+        "nmse_train": scores.nmse_train,
+        **{f"nmse_test_{number}": value for number, value in enumerate(scores.nmse_tests, start=1)},
+        "alpha": model.alpha,
+        "estimator": model.estimator,
+        "stable": model.stable,
+        "parameters": scores.free_parameters,
+        "rank": scores.rank,
+        "mru_bootstrap_percent": scores.mru_bootstrap_percent,
         **{
             f"vaf_test_{number}_percent": value
-            for number, value in enumerate(fit["vaf_tests_percent"], start=1)
+            for number, value in enumerate(scores.vaf_tests_percent, start=1)
         },
-        "test_records": "; ".join(tests) or None,
-        "remark": fit["remark"] or None,
+        "test_records": "; ".join(scores.tests) or None,
+        "remark": model.remark or None,
     }
 
 

@@ -34,6 +34,28 @@ class FirstOrder:
     nu: float = 0.0
     gamma: float = 0.0
 
+    @classmethod
+    def of_base(
+        cls,
+        spring_stiffness: float = 0.0,
+        branch_stiffness: float = 0.0,
+        relaxation_time: float = 0.0,
+        viscosity: float = 0.0,
+    ) -> FirstOrder:
+        """Coefficients of a base of `lumbar.models.bases` from its parameters; what it does not have is 0."""
+        fast = spring_stiffness + branch_stiffness
+        return cls(spring_stiffness, viscosity + fast * relaxation_time, relaxation_time)
+
+    def base_parameters(self) -> dict[str, float]:
+        """Parameters of the bases LE, Maxwell and KB; a base takes those it has."""
+        if not self.gamma:
+            return {"spring_stiffness": self.k}
+        return {
+            "spring_stiffness": self.k,
+            "branch_stiffness": self.nu / self.gamma - self.k,
+            "relaxation_time": self.gamma,
+        }
+
 
 def _ramp_weights(gamma: float, sampling_time: float) -> tuple[float, float, float]:
     """Pole, and weights of u[k−1] and u[k], of the ramp-invariant 1/(1 + γ s)."""
@@ -83,7 +105,7 @@ def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder
     Parameters
     ----------
     discrete : TransferFunction
-        ``(b0 + b1 z⁻¹)/(1 − a z⁻¹)``.
+        ``(b0 + b1 z⁻¹)/(1 − a z⁻¹)``, or the static gain ``b0``.
     sampling_time : float
         Seconds.
 
@@ -92,6 +114,8 @@ def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder
     NumericalError
         If the pole is not in (0, 1): a relaxation decays without alternating.
     """
+    if discrete.largest_lag == 0:
+        return FirstOrder(k=discrete.static_gain)
     if len(discrete.denominator) != 2 or len(discrete.numerator) != 2:
         raise NumericalError("a first-order relaxation has one pole and two numerator coefficients")
     pole = -discrete.denominator[1]

@@ -1,91 +1,51 @@
-"""Discrete state-space form of an identified transfer function (eqs 3.17 and 3.18 of the thesis)."""
+"""Discrete state-space form of a transfer function (eqs 3.17 and 3.18 of the thesis)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.models.transfer_function import TransferFunction
+
+if TYPE_CHECKING:
+    import control
 
 
-@dataclass(frozen=True)
-class StateSpace:
-    """``x[k+1] = A x[k] + B u[k]``, ``y[k] = C x[k] + D u[k]``: one input, one output.
-
-    Attributes
-    ----------
-    A : numpy.ndarray, shape (states, states)
-    B, C : numpy.ndarray, shape (states,)
-    D : float
-    """
-
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: float
-
-    @property
-    def states(self) -> int:
-        """Number of states; 0 for a static gain."""
-        return len(self.B)
-
-    @property
-    def largest_pole(self) -> float:
-        """Largest magnitude of an eigenvalue of A; 0 without states."""
-        return float(np.abs(np.linalg.eigvals(self.A)).max()) if self.states else 0.0
-
-    @property
-    def stable(self) -> bool:
-        """Whether all poles lie strictly inside the unit circle."""
-        return self.largest_pole < 1.0
-
-
-def from_transfer_function(numerator, denominator, name: str = "model") -> StateSpace:
+def observer_form(discrete: TransferFunction, sampling_time: float | bool = True) -> control.StateSpace:
     """Return the observer canonical form, i.e. direct form II transposed.
 
-    Its states are partial sums of the output, so that they have the size of the output; those of the
-    controllable canonical form are inputs filtered by 1/denominator, which grow large where poles lie close
-    to z = 1.
+    Its states are partial sums of the output, so that they have the size of the output; those of the controllable
+    canonical form, which `control.ss` makes of a transfer function, are inputs filtered by 1/denominator and grow large
+    where poles lie close to z = 1.
 
     Parameters
     ----------
-    numerator, denominator : sequence of float
-        Coefficients of z⁰, z⁻¹, z⁻², …
-    name : str
-        Stands in messages.
+    discrete : TransferFunction
+    sampling_time : float or bool
+        Seconds; True where it does not matter.
 
     Returns
     -------
-    StateSpace
-        With ``max(len(numerator), len(denominator)) − 1`` states, trailing zeros left out.
-
-    Raises
-    ------
-    InputError
-        A coefficient is missing or not finite, or ``denominator[0]`` is 0 (improper: it needs future inputs).
+    control.StateSpace
+        With ``discrete.largest_lag`` states, trailing zeros left out.
     """
-    b, a = np.array(numerator, dtype=float), np.array(denominator, dtype=float)
-    for label, values in (("numerator", b), ("denominator", a)):
-        if values.ndim != 1 or not values.size:
-            raise InputError(f"{name}: {label} has no coefficients; at least one is needed")
-        if not np.isfinite(values).all():
-            raise InputError(f"{name}: {label} is {values.tolist()}; every coefficient must be finite")
-    if a[0] == 0.0:
-        raise InputError(
-            f"{name}: denominator[0] is 0: improper, it needs future positions; fit it with a delay"
-        )
-    b, a = b / a[0], a / a[0]
-    order = max(_last_nonzero(b), _last_nonzero(a))
-    b, a = (np.pad(values[: order + 1], (0, max(0, order + 1 - len(values)))) for values in (b, a))
+    import control
+
+    b, a = aligned(discrete)
+    order = len(a) - 1
+    if not order:
+        return control.StateSpace([], [], [], [b], dt=sampling_time)
     matrix = np.eye(order, k=1)
-    if order:
-        matrix[:, 0] = -a[1:]
-    output = np.zeros(order)
-    output[:1] = 1.0
-    return StateSpace(A=matrix, B=b[1:] - a[1:] * b[0], C=output, D=float(b[0]))
+    matrix[:, 0] = -a[1:]
+    column, row = b[1:] - a[1:] * b[0], np.eye(1, order)
+    return control.StateSpace(
+        matrix, column[:, None], row, [[b[0]]], dt=sampling_time, remove_useless_states=False
+    )
 
 
-def _last_nonzero(values: np.ndarray) -> int:
-    nonzero = np.flatnonzero(values)
-    return int(nonzero[-1]) if nonzero.size else 0
+def aligned(discrete: TransferFunction) -> tuple[np.ndarray, np.ndarray]:
+    """Numerator and denominator of one length: as powers of z⁻¹ rising, and of z falling. Trailing zeros are left out."""
+    parts = [np.trim_zeros(part, "b") for part in (discrete.numerator, discrete.denominator)]
+    length = max(map(len, parts))
+    return tuple(np.pad(np.array(part, dtype=float), (0, length - len(part))) for part in parts)

@@ -1,61 +1,61 @@
-"""The models of the thesis, defined once: mechanical analogue, equation, parameters, discrete structure.
+"""The models of the thesis, defined once: mechanical analogue, equation, elements, discrete structure.
 
-Table 2.1, the schematics of Figure 3.2, the identification and the recovery of physical parameters all read
-these definitions. A definition holds no data and no fit.
+Table 2.1, the schematics of Figure 3.2 and the identification all read these definitions. The continuous models are the
+bases of `lumbar.models.bases`, whose parameters they take; the thesis's elements (k, ν, γ, k1, k2, b) follow from them.
+A definition holds no data and no fit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.arx_structure import ArxStructure
+from lumbar.models.bases import BASES, Base
 from lumbar.models.first_order import FirstOrder, undiscretise
 from lumbar.models.network import Dashpot, Network, Parallel, Series, Spring
 from lumbar.models.transfer_function import TransferFunction
 
-_UNITS = {"stiffness": "{output}/{input}", "viscosity": "{output}·s/{input}", "time": "s"}
-
 
 @dataclass(frozen=True)
-class Parameter:
-    """A physical parameter.
+class Element:
+    """A derived parameter: what the thesis calls a combination of a base's parameters.
 
     Attributes
     ----------
-    symbol : str
+    name : str
         Key in files, e.g. ``"k1"``.
-    latex : str
-        As it is printed, e.g. ``"k_1"``.
+    symbol : str
+        LaTeX, e.g. ``"k_1"``.
     definition : str
         What it is.
-    kind : str
-        ``"stiffness"``, ``"viscosity"`` or ``"time"``; gives the unit.
+    unit : str
+        In terms of the output's unit ``{y}`` and the input's ``{x}``.
     """
 
+    name: str
     symbol: str
-    latex: str
     definition: str
-    kind: str
-
-    def unit(self, input_unit: str, output_unit: str) -> str:
-        """Return the unit for records in these units, e.g. ``"N·s/mm"``."""
-        return _UNITS[self.kind].format(input=input_unit, output=output_unit)
+    unit: str
 
 
 @dataclass(frozen=True)
-class Model:
+class TissueModel:
     """A tissue model as the thesis names it.
 
     Attributes
     ----------
     name, title : str
         Short and full name.
-    equation, latex : str
-        Governing equation in plain text and in LaTeX.
-    parameters : tuple of Parameter
-        Physical parameters; empty for a model that has none.
+    equation : str
+        Governing equation in plain text.
+    transfer : str
+        The discrete transfer function in plain text.
+    base : Base or None
+        The continuous model whose parameters it has; None for a model that has none.
+    elements : tuple of Element
+        Derived parameters of the base.
     relations : tuple of str
         How the equation's coefficients follow from the mechanical elements.
     network : Network or None
@@ -63,40 +63,59 @@ class Model:
     structure : ArxStructure or None
         Free coefficients of the discrete transfer function; None where the structure is searched for (HO),
         fixed without a fit (IL) or improper (KV).
-    transfer : str
-        The discrete transfer function in plain text.
-    elements : callable or None
-        From a stable transfer function and the sampling time to physical parameters; raises `NumericalError`
-        where they do not exist.
+    derive : callable or None
+        From the base's parameters by name to the values of `elements`.
     no_parameters_because : str
-        Why no physical parameters are recovered, where `elements` is None.
+        Why no parameters are recovered from the transfer function, where they are not.
     """
 
     name: str
     title: str
     equation: str
-    latex: str
     transfer: str
-    parameters: tuple[Parameter, ...] = ()
+    base: Base | None = None
+    elements: tuple[Element, ...] = ()
     relations: tuple[str, ...] = ()
     network: Network | None = None
     structure: ArxStructure | None = None
-    elements: Callable[[TransferFunction, float], dict[str, float]] | None = field(default=None, repr=False)
+    derive: Callable[..., dict[str, float]] | None = field(default=None, repr=False)
     no_parameters_because: str = ""
+
+    def derived(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values of the elements.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            The base's parameters by name.
+
+        Raises
+        ------
+        NumericalError
+            If a parameter is not positive: no spring or dashpot has it.
+        """
+        for name, value in values.items():
+            if not value > 0:
+                raise NumericalError(
+                    f"{self.name}: {name} is {value:.4g}; springs and dashpots need more than 0"
+                )
+        return self.derive(**values)
 
     def physical_parameters(
         self, transfer_function: TransferFunction, sampling_time: float
     ) -> dict[str, float]:
-        """Physical parameters of an identified model (ramp-invariant conversion, exact).
+        """Parameters of the base and elements of an identified model (ramp-invariant conversion, exact).
 
         Raises
         ------
         NumericalError
             With the reason, where the transfer function has no mechanical counterpart.
         """
-        if self.elements is None:
+        if self.structure is None or self.base is None:
             raise NumericalError(f"{self.name}: {self.no_parameters_because}")
-        return self.elements(transfer_function, sampling_time)
+        found = undiscretise(transfer_function, sampling_time).base_parameters()
+        values = {item.name: found[item.name] for item in (*self.base.linear, *self.base.nonlinear)}
+        return {**values, **self.derived(values)}
 
 
 def maxwell(k: float, b: float) -> FirstOrder:
@@ -110,99 +129,95 @@ def kelvin_boltzmann(k1: float, k2: float, b: float) -> FirstOrder:
     return FirstOrder(k=k1 * k2 / total, nu=b * k2 / total, gamma=b / total)
 
 
-def _linear_elastic_elements(transfer_function: TransferFunction, _: float) -> dict[str, float]:
-    (stiffness,) = transfer_function.numerator
-    if stiffness <= 0:
-        raise NumericalError(f"LE: the stiffness is {stiffness:.4g}, a spring has k > 0")
-    return {"k": stiffness}
+def _linear_elastic_elements(spring_stiffness: float) -> dict[str, float]:
+    return {"k": spring_stiffness}
 
 
-def _maxwell_elements(transfer_function: TransferFunction, sampling_time: float) -> dict[str, float]:
-    system = undiscretise(transfer_function, sampling_time)
-    if system.nu <= 0:
-        raise NumericalError(f"Maxwell: the viscosity is {system.nu:.4g}, a dashpot has b > 0")
-    return {"k": system.nu / system.gamma, "b": system.nu, "alpha": system.gamma}
+def _maxwell_elements(branch_stiffness: float, relaxation_time: float) -> dict[str, float]:
+    return {"k": branch_stiffness, "b": branch_stiffness * relaxation_time, "alpha": relaxation_time}
 
 
-def _kelvin_boltzmann_elements(transfer_function: TransferFunction, sampling_time: float) -> dict[str, float]:
-    system = undiscretise(transfer_function, sampling_time)
-    k2 = system.nu / system.gamma  # stiffness against fast motion: the dashpot is locked
-    if not 0 < system.k < k2:
-        raise NumericalError(
-            f"KB: stiffness {system.k:.4g} at rest and {k2:.4g} for fast motion; springs k1, k2 > 0 need "
-            "0 < rest < fast"
-        )
-    k1 = system.k * k2 / (k2 - system.k)
+def _kelvin_voigt_elements(spring_stiffness: float, viscosity: float) -> dict[str, float]:
+    return {"k": spring_stiffness, "b": viscosity}
+
+
+def _kelvin_boltzmann_elements(
+    spring_stiffness: float, branch_stiffness: float, relaxation_time: float
+) -> dict[str, float]:
+    """Elements of the series form from those of the base: the same force from another arrangement of springs."""
+    k2 = spring_stiffness + branch_stiffness  # stiffness against fast motion: the dashpot is locked
+    k1 = spring_stiffness * k2 / branch_stiffness
     return {
-        "k": system.k,
-        "nu": system.nu,
-        "gamma": system.gamma,
+        "k": spring_stiffness,
+        "nu": relaxation_time * k2,
+        "gamma": relaxation_time,
         "k1": k1,
         "k2": k2,
-        "b": system.gamma * (k1 + k2),
+        "b": relaxation_time * (k1 + k2),
     }
 
 
-_K = Parameter("k", "k", "stiffness", "stiffness")
-_B = Parameter("b", "b", "viscosity of the dashpot", "viscosity")
+_STIFFNESS, _VISCOSITY = "{y}/{x}", "{y}·s/{x}"
+_K = Element("k", "k", "stiffness", _STIFFNESS)
+_B = Element("b", "b", "viscosity of the dashpot", _VISCOSITY)
 
-LE = Model(
+LE = TissueModel(
     name="LE",
+    base=BASES["LE"],
     title="Linear elastic",
     equation="f(t) = k x(t)",
-    latex=r"f_e(t) = k\,x(t)",
     transfer="b0",
-    parameters=(_K,),
+    elements=(_K,),
     network=Spring("k"),
     structure=ArxStructure(order=0, input_lags=(0,)),
-    elements=_linear_elastic_elements,
+    derive=_linear_elastic_elements,
 )
-MAXWELL = Model(
+MAXWELL = TissueModel(
     name="Maxwell",
+    base=BASES["Maxwell"],
     title="Maxwell",
     equation="f(t) = b x'(t) − α f'(t)",
-    latex=r"f_e(t) = b\,\dot{x}(t) - \alpha\,\dot{f}_e(t)",
     transfer="b (z − 1)/(z − a)",
-    parameters=(_K, _B, Parameter("alpha", r"\alpha", "relaxation time", "time")),
+    elements=(_K, _B, Element("alpha", r"\alpha", "relaxation time", "s")),
     relations=("α = b/k",),
     network=Series((Spring("k"), Dashpot("b"))),
     structure=ArxStructure(order=1, input_lags=(0, 1), zero_static_gain=True),
-    elements=_maxwell_elements,
+    derive=_maxwell_elements,
 )
-KV = Model(
+KV = TissueModel(
     name="KV",
+    base=BASES["KV"],
     title="Kelvin–Voigt",
     equation="f(t) = k x(t) + b x'(t)",
-    latex=r"f_e(t) = k\,x(t) + b\,\dot{x}(t)",
     transfer="b1 z − b0 (eq. 3.5, improper)",
-    parameters=(_K, _B),
+    elements=(_K, _B),
     network=Parallel((Spring("k"), Dashpot("b"))),
+    derive=_kelvin_voigt_elements,
     no_parameters_because="its transfer function b1 z − b0 (eq. 3.5) is improper: it is not identified",
 )
-KB = Model(
+KB = TissueModel(
     name="KB",
+    base=BASES["KB"],
     title="Kelvin–Boltzmann",
     equation="f(t) = k x(t) + ν x'(t) − γ f'(t)",
-    latex=r"f_e(t) = k\,x(t) + \nu\,\dot{x}(t) - \gamma\,\dot{f}_e(t)",
     transfer="(b1 z − b0)/(z − a0) (eq. 3.4)",
-    parameters=(
-        Parameter("k", "k", "stiffness at rest", "stiffness"),
-        Parameter("nu", r"\nu", "viscosity", "viscosity"),
-        Parameter("gamma", r"\gamma", "relaxation time", "time"),
-        Parameter("k1", "k_1", "stiffness parallel to the dashpot", "stiffness"),
-        Parameter("k2", "k_2", "stiffness in series, felt by fast motion", "stiffness"),
+    elements=(
+        Element("k", "k", "stiffness at rest", _STIFFNESS),
+        Element("nu", r"\nu", "viscosity", _VISCOSITY),
+        Element("gamma", r"\gamma", "relaxation time", "s"),
+        Element("k1", "k_1", "stiffness parallel to the dashpot", _STIFFNESS),
+        Element("k2", "k_2", "stiffness in series, felt by fast motion", _STIFFNESS),
         _B,
     ),
     relations=("k = k1 k2/(k1 + k2)", "ν = b k2/(k1 + k2)", "γ = b/(k1 + k2)"),
     network=Series((Parallel((Spring("k1"), Dashpot("b"))), Spring("k2"))),
     structure=ArxStructure(order=1, input_lags=(0, 1)),
-    elements=_kelvin_boltzmann_elements,
+    derive=_kelvin_boltzmann_elements,
 )
-MW = Model(
+MW = TissueModel(
     name="MW",
     title="Maxwell, eq. 3.3",
     equation="f[k] = a0 f[k−1] + b0 x[k−1]",
-    latex=r"H(z) = \frac{b_0}{z - a_0}",
     transfer="b0/(z − a0) (eq. 3.3)",
     network=MAXWELL.network,
     structure=ArxStructure(order=1, input_lags=(1,)),
@@ -211,19 +226,17 @@ MW = Model(
         "k and b are recovered from Maxwell only"
     ),
 )
-HO = Model(
+HO = TissueModel(
     name="HO",
     title="Higher order",
     equation="f[k] = Σ b x[k−j] − Σ a f[k−i]",
-    latex=r"H(z) = \frac{b_m + \cdots + b_0 z^{-m}}{1 + a_{n-1} z^{-1} + \cdots + a_0 z^{-n}}",
     transfer="eq. 3.9, n ≥ 2, proper or biproper",
     no_parameters_because="a black box has no mechanical elements",
 )
-IL = Model(
+IL = TissueModel(
     name="IL",
     title="Inverted linear",
     equation="f(t) = −(f_max/x_max) x(t)",
-    latex=r"f_e(t) = -\frac{f_{\max}}{x_{\max}}\,x(t)",
     transfer="−f_max/x_max, not identified",
     network=Spring("k"),
     no_parameters_because="its slope is set by the device's largest force, not identified",

@@ -68,9 +68,15 @@ def read_record(
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    raw = _read_mat(path, layout) if layout.format == "mat" else _read_text(path, layout)
+    if layout.format == "mat":
+        raw, lines = _read_mat(path, layout), None
+    else:
+        raw, lines = _read_text(path, layout)
     columns = {role: column for role, column in layout.columns.items() if role in raw}
-    scaled = {role: raw[role] * column.scale + column.offset for role, column in columns.items()}
+    with np.errstate(over="ignore"):  # what overflows is refused below, with its place
+        scaled = {
+            role: raw[role] * float(column.scale) + float(column.offset) for role, column in columns.items()
+        }
     channels = {
         role: Channel(scaled[role], column.quantity or role, column.unit)
         for role, column in columns.items()
@@ -86,9 +92,10 @@ def read_record(
         source=str(path),
         period=period,
     )
-    check_record(record, may_rest=[role for role, column in columns.items() if column.optional])
+    may_rest = [role for role, column in columns.items() if column.optional]
+    check_record(record, may_rest=may_rest, lines=lines)
     if layout.clipped == "refuse":
-        check_clipping(record)
+        check_clipping(record, lines)
     if rate is not None:
         from lumbar.records.resampling import resample
 
@@ -108,7 +115,8 @@ def _lines(path: Path):
             raise InputError(f"{path}: not a readable text file ({error})") from error
 
 
-def _read_text(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
+def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], list[int]]:
+    """Columns by role, and the line of each sample."""
     delimiter = layout.delimiter
     separator = None if delimiter == "whitespace" else delimiter
     comment = layout.comment
@@ -120,6 +128,7 @@ def _read_text(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
     by_name = any(isinstance(column.column, str) for column in layout.columns.values())
     width: int | None = None
     rows: list[list[float]] = []
+    lines: list[int] = []
     for number, line in _lines(path):
         text = line.strip()
         if not text or (comment and text.startswith(comment)):
@@ -139,6 +148,7 @@ def _read_text(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
             )
         else:
             rows.append(_numbers(cells, positions, number, decimal, problems))
+            lines.append(number)
         if len(problems.entries) >= 20:
             problems.add("", "reading stopped after 20 problems")
             break
@@ -146,7 +156,7 @@ def _read_text(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
     if positions is None or not rows:
         raise InputError(f"{path}: no data rows")
     table = np.array(rows)
-    return dict(zip(positions, table.T, strict=True))
+    return dict(zip(positions, table.T, strict=True)), lines
 
 
 def _split(line: str, separator: str | None) -> list[str]:

@@ -68,12 +68,11 @@ class SumOfSquaresSettings:
     alternations: int = key(2, "Programmes per interval.", ge=2, le=8)
     margin_1_s: float = key(
         2e-05,
-        "Margin left in ρ̇/ρ, in 1/s, so that certificates can be made rational.",
+        "Margin left in ρ̇/ρ, in 1/s, above the solver's tolerance.",
         unit="1/s",
         gt=0,
         le=1,
     )
-    rational: bool = key(True, "Whether every certificate is proved in rational arithmetic.")
 
 
 @settings
@@ -100,7 +99,7 @@ class AttackSettings:
     starts: int = key(500, "Starts per basin, half on the boundary, half inside.", ge=2, le=1000000)
     control_overstated: float = key(
         1.0,
-        "Positive control: share of |d ln ρ/dt| by which ρ is made to fall too fast, so that starts "
+        "Negative control: share of |d ln ρ/dt| by which ρ is made to fall too fast, so that starts "
         "must leave.",
         ge=0.01,
         le=10,
@@ -118,13 +117,13 @@ class LimitSettings:
     knots: int = key(
         334,
         "Points in time at which these basins, those of the Taylor polynomials in Table 4.1 and the "
-        "figure that compares engines are computed.",
+        "figure that compares methods are computed.",
         ge=50,
         le=100000,
     )
     certified_knots: int = key(
         10,
-        "Knots of ρ of the sum-of-squares engine for these basins; the nearest number that divides "
+        "Knots of ρ of the sum-of-squares method for these basins; the nearest number that divides "
         "their knots evenly is taken.",
         ge=2,
         le=100000,

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from lumbar.diagnosis.fitting.measured_angle import for_base
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.effects.catalogue import catalogue_of, catalogue_with
 from lumbar.errors import InputError
 from lumbar.models.bases import BASES
 from lumbar.models.form import Effect
+from lumbar.models.measured_angle import for_base
 from lumbar.records.record import Record
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ all parameters are searched together, from the linear solution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -288,12 +288,26 @@ def linear_with_new(previous: Fit, form: Form) -> np.ndarray:
 
 
 def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
-    """Refit a model with one form more, jointly, from the best starting values; never worse than before.
+    """Refit a model with one form more, jointly, from the best starting values.
 
-    Raises
-    ------
-    AssertionError
-        If the larger model fits worse than the smaller one it contains, which only a failing optimiser can do.
+    A parallel form contains the smaller model, at amplitude 0: its fit is never worse. Where the optimiser ends above the
+    smaller model, that one stands in its place, not converged.
+
+    An input or output form comes to the smaller model only in the limit of a parameter (no play, no delay, saturation at
+    an infinite force), beyond its bounds. Its fit may therefore be worse, with the parameter at a bound; where none of its
+    parameters is, it has not converged.
+
+    Parameters
+    ----------
+    previous : Fit
+    form : Form
+    data : FitData
+    starts : int
+        How many of the starting values, best first, are refined.
+
+    Returns
+    -------
+    Fit
     """
     structure = previous.structure.with_form(form)
     best = min(
@@ -303,13 +317,18 @@ def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
         ),
         key=lambda item: item.squared_error,
     )
-    if best.squared_error > previous.squared_error * (1 + 1e-6) and form.place is Place.PARALLEL:
-        best = Fit(
-            structure,
-            linear_with_new(previous, form),
-            best.nonlinear.copy(),
-            previous.squared_error,
-            converged=False,
+    if best.squared_error <= previous.squared_error * (1 + 1e-6):
+        return best
+    new = best.nonlinear[len(previous.nonlinear) :]
+    if form.place is Place.PARALLEL:
+        nonlinear = np.concatenate([previous.nonlinear, new])
+        return Fit(
+            structure, linear_with_new(previous, form), nonlinear, previous.squared_error, converged=False
         )
-        best.nonlinear[: len(previous.nonlinear)] = previous.nonlinear
-    return best
+    low, high = (bound[len(previous.nonlinear) :] for bound in shape_bounds(structure, data, best.nonlinear))
+    bounded = np.any((new <= low * (1 + _AT_BOUND)) | (new >= high * (1 - _AT_BOUND)))
+    return replace(best, converged=best.converged and bool(bounded))
+
+
+_AT_BOUND = 1e-3
+"""Relative distance within which a parameter counts as at its bound."""

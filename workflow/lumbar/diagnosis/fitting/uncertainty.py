@@ -2,71 +2,114 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit
+from lumbar.models.fitted_model import FittedParameter, unit_of
+from lumbar.models.tissue_models import MODELS
+
+_WIDEST = 20.0
+"""Largest half-width of an interval of a logarithm."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A parameter with its 95 % interval.
-
-    Attributes
-    ----------
-    name, unit : str
-    value, low, high : float
-    effect : str
-        Empty for the base's own.
-    """
-
-    name: str
-    unit: str
-    value: float
-    low: float
-    high: float
-    effect: str = ""
-
-
-def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> list[Estimate]:
-    """Return all parameters with 95 % intervals.
+def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> list[FittedParameter]:
+    """Return all parameters with 95 % intervals, linear ones first.
 
     Gauss–Newton covariance s²(JᵀJ)⁻¹ of linear parameters and of logarithms of nonlinear ones (positive, with
     asymmetric intervals); s² from the whitened residual. Parameters at a bound have an interval that ends there.
     """
+    scaled, size = scaled_covariance(fit, data)
+    deviations = 1.96 * np.sqrt(np.maximum(np.diag(scaled), 0.0)) / size
+    structure = fit.structure
+    owners = [""] * len(structure.base.linear) + [
+        form.effect for form in structure.forms for _ in form.linear
+    ]
+    owners += [""] * len(structure.base.nonlinear)
+    owners += [form.effect for form in structure.forms for _ in form.nonlinear]
+    ends = []
+    for item, value, deviation in zip(structure.linear, fit.linear, deviations, strict=False):
+        low, high = value - deviation, value + deviation
+        ends.append((max(low, 0.0) if item.sign > 0 else low, min(high, 0.0) if item.sign < 0 else high))
+    for value, deviation in zip(fit.nonlinear, deviations[len(fit.linear) :], strict=True):
+        ends.append(_around(value, deviation))
+    items, values = (*structure.linear, *structure.nonlinear), (*fit.linear, *fit.nonlinear)
+    return [
+        FittedParameter(
+            item.name,
+            getattr(item, "symbol", ""),
+            unit_of(item.unit, input_unit, output_unit),
+            float(value),
+            float(low),
+            float(high),
+            owner,
+        )
+        for item, value, (low, high), owner in zip(items, values, ends, owners, strict=True)
+    ]
+
+
+def derived_estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> list[FittedParameter]:
+    """Return the elements of the base (k1, k2, b … of Kelvin–Boltzmann) with 95 % intervals of their logarithms.
+
+    A base that is not of Table 2.1 has none.
+
+    Raises
+    ------
+    NumericalError
+        If no spring or dashpot has these parameters.
+    """
+    model, base = MODELS.get(fit.structure.base.name), fit.structure.base
+    if model is None:
+        return []
+    linear, names = len(base.linear), [item.name for item in (*base.linear, *base.nonlinear)]
+    own = [*range(linear), *range(len(fit.linear), len(fit.linear) + len(base.nonlinear))]
+    values = np.concatenate([fit.linear[:linear], fit.nonlinear[: len(base.nonlinear)]])
+    found = model.derived(dict(zip(names, values, strict=True)))
+    scaled, size = scaled_covariance(fit, data)
+    # Covariance of all logarithms: those of linear parameters by the first derivative.
+    scale = size[own] * np.where(np.arange(len(own)) < linear, values, 1.0)
+    covariances = scaled[np.ix_(own, own)] / np.outer(scale, scale)
+    step = 1e-5
+    gradient = []
+    for index in range(len(own)):
+        ends = [
+            np.where(np.arange(len(own)) == index, values * np.exp(way * step), values) for way in (1, -1)
+        ]
+        high, low = (model.derived(dict(zip(names, end, strict=True))) for end in ends)
+        gradient.append([np.log(high[name] / low[name]) / (2 * step) for name in found])
+    variances = np.einsum("ij,ik,kj->j", gradient, covariances, gradient)
+    return [
+        FittedParameter(
+            item.name,
+            item.symbol,
+            unit_of(item.unit, input_unit, output_unit),
+            float(found[item.name]),
+            *map(float, _around(found[item.name], 1.96 * np.sqrt(max(variance, 0.0)))),
+            derived=True,
+        )
+        for item, variance in zip(model.elements, variances, strict=True)
+    ]
+
+
+def _around(value: float, deviation: float) -> tuple[float, float]:
+    """Interval of a positive number from that of its logarithm."""
+    factor = np.exp(min(deviation, _WIDEST))
+    return value / factor, value * factor
+
+
+def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss–Newton covariance of linear parameters and logarithms of nonlinear ones, each times its sensitivity's size.
+
+    Returns
+    -------
+    numpy.ndarray, shape (parameters, parameters)
+    numpy.ndarray, shape (parameters,)
+        Sizes: 2-norms of the sensitivities.
+    """
     jacobian = sensitivities(fit, data)
     size = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
     variance = fit.squared_error / max(data.size - jacobian.shape[1], 1)
-    inverse = np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-12)
-    deviation = 1.96 * np.sqrt(np.maximum(variance * np.diag(inverse), 0.0)) / size
-    owners = [""] * len(fit.structure.base.linear)
-    owners += [form.effect for form in fit.structure.forms for _ in form.linear]
-    found = []
-    for index, (linear_parameter, value) in enumerate(zip(fit.structure.linear, fit.linear, strict=True)):
-        low, high = value - deviation[index], value + deviation[index]
-        low = max(low, 0.0) if linear_parameter.sign > 0 else low
-        high = min(high, 0.0) if linear_parameter.sign < 0 else high
-        unit = _unit(linear_parameter.unit, input_unit, output_unit)
-        found.append(
-            Estimate(linear_parameter.name, unit, float(value), float(low), float(high), owners[index])
-        )
-    owners = [""] * len(fit.structure.base.nonlinear)
-    owners += [form.effect for form in fit.structure.forms for _ in form.nonlinear]
-    for index, (shape, value) in enumerate(zip(fit.structure.nonlinear, fit.nonlinear, strict=True)):
-        factor = float(np.exp(min(deviation[len(fit.linear) + index], 20.0)))
-        unit = _unit(shape.unit, input_unit, output_unit)
-        found.append(
-            Estimate(
-                shape.name, unit, float(value), float(value / factor), float(value * factor), owners[index]
-            )
-        )
-    return found
-
-
-def _unit(template: str, input_unit: str, output_unit: str) -> str:
-    return template.replace("{x}", input_unit).replace("{y}", output_unit)
+    return variance * np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-12), size
 
 
 def sensitivities(fit: Fit, data: FitData) -> np.ndarray:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.diagnosis.fitting.joint_fit import Fit
-from lumbar.diagnosis.fitting.measured_angle import for_base
 from lumbar.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.diagnosis.residuals.compare import Comparison, compare_record
 from lumbar.diagnosis.residuals.locate import Location, locate
+from lumbar.models.measured_angle import for_base
 from lumbar.models.motion import Motion
 from lumbar.records.record import Record
 

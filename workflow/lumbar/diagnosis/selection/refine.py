@@ -7,10 +7,11 @@ from lumbar.diagnosis.fitting.identifiability import check_excited
 from lumbar.diagnosis.fitting.joint_fit import fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.selection.forward_selection import Candidate, exchange, extend, judge
-from lumbar.diagnosis.selection.refined_model import model_name
+from lumbar.diagnosis.selection.refined_model import fitted_model, model_name
 from lumbar.effects.catalogue import choose, without_channels
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.bases import BASES
+from lumbar.models.fitted_model import FittedModel
 from lumbar.models.form import Effect
 from lumbar.models.structure import Structure
 from lumbar.records.record import Record
@@ -51,6 +52,21 @@ def refine(
         experiment = experiment.unwhitened()
         ladder = _climbed(experiment, chosen, settings.base)
     return experiment, ladder
+
+
+def refined_fit(records: list[Record], effects: list[str], settings: DiagnosisSettings) -> FittedModel:
+    """Refine a base model by these effects and return the last model of the ladder.
+
+    Parameters
+    ----------
+    records : list of Record
+    effects : list of str
+        Effects to add to the base.
+    settings : DiagnosisSettings
+        ``train`` names the training record.
+    """
+    experiment, ladder = refine(records, effects, settings)
+    return fitted_model(ladder[-1], experiment)
 
 
 def _climbed(experiment: Experiment, chosen: dict[str, Effect], base: str) -> list[Candidate]:

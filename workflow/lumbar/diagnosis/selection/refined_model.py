@@ -1,21 +1,18 @@
-"""A refined model as plain data: for ``refined.json``, the tables and the export."""
+"""A refined model as a `FittedModel`: for ``refined.json``, Table 3.1 and the export."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit
-from lumbar.diagnosis.fitting.measured_angle import for_base
 from lumbar.diagnosis.fitting.preparation import Experiment
-from lumbar.diagnosis.fitting.uncertainty import estimates
+from lumbar.diagnosis.fitting.uncertainty import derived_estimates, estimates
 from lumbar.diagnosis.selection.forward_selection import Candidate
-from lumbar.effects.catalogue import choose
-from lumbar.errors import InputError
-from lumbar.models.bases import BASES
-from lumbar.models.form import Effect
-from lumbar.models.motion import Motion
-from lumbar.models.structure import Structure
-from lumbar.records.record import Record
+from lumbar.errors import NumericalError
+from lumbar.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
+from lumbar.models.fitted_model import OUTPUT_ERROR, FittedModel, FittedParameter, Port, Scores
+from lumbar.models.models_file import models_document
 
 
 def model_name(fit: Fit) -> str:
@@ -23,70 +20,66 @@ def model_name(fit: Fit) -> str:
     return "+".join([fit.structure.base.name, *fit.structure.effects])
 
 
-def model_entry(candidate: Candidate, experiment: Experiment) -> dict:
-    """Return one model with all that is needed to simulate it, its errors and its parameters with intervals."""
-    fit = candidate.fit
-    base_linear, base_nonlinear = len(fit.structure.base.linear), len(fit.structure.base.nonlinear)
-    effects, linear_parameter, shape = [], base_linear, base_nonlinear
-    for form in fit.structure.forms:
-        effects.append(
-            {
-                "effect": form.effect,
-                "form": form.name,
-                "amplitudes": fit.linear[linear_parameter : linear_parameter + len(form.linear)],
-                "shapes": fit.nonlinear[shape : shape + len(form.nonlinear)],
-            }
-        )
-        linear_parameter += len(form.linear)
-        shape += len(form.nonlinear)
-    found = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
-    return {
-        "name": model_name(fit),
-        "base": fit.structure.base.name,
-        "amplitudes": fit.linear[:base_linear],
-        "shapes": fit.nonlinear[:base_nonlinear],
-        "effects": effects,
-        "input_offset": experiment.input_offset,
-        "output_offset": experiment.output_offset,
-        "trained_on": experiment.training.name,
-        "train_rms": candidate.train_rms,
-        "test_rms": candidate.test_rms,
-        "parameters": [vars(item) for item in found],
-    }
+def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
+    """Return one model with its parameters, the elements of its base and its errors.
+
+    One-step errors, ridge and condition number belong to difference equations and are left empty.
+    """
+    fit, training = candidate.fit, experiment.training
+    units = experiment.input_unit, experiment.output_unit
+    parameters = estimates(fit, training, *units)
+    try:
+        derived, refused = derived_estimates(fit, training, *units), ""
+    except NumericalError as error:
+        derived, refused = [], str(error)
+    vaf, fit_percent, residual = _free_run(fit, training)
+    scores = Scores(
+        vaf_percent=vaf,
+        fit_percent=fit_percent,
+        mean_residual=residual,
+        tests=tuple(test.name for test in experiment.tests),
+        vaf_tests_percent=tuple(_free_run(fit, test)[0] for test in experiment.tests),
+        nmse_tests=(None,) * len(experiment.tests),
+        train_rms=candidate.train_rms,
+        test_rms=candidate.test_rms,
+        free_parameters=len(parameters),
+        rank=len(parameters),
+        mru_percent=_largest_relative_uncertainty(parameters),
+    )
+    return FittedModel(
+        name=model_name(fit),
+        structure=fit.structure,
+        sampling_time=training.motion.sampling_time,
+        input=Port(experiment.input_quantity, experiment.input_unit, experiment.input_offset),
+        output=Port(experiment.output_quantity, experiment.output_unit, experiment.output_offset),
+        base=fit.structure.base.name,
+        estimator=OUTPUT_ERROR,
+        trained_on=training.name,
+        parameters=(*parameters, *derived),
+        no_parameters_because=refused,
+        scores=scores,
+        remark="base and effects fitted together by free-run simulation error",
+    )
 
 
 def refined_document(ladder: list[Candidate], experiment: Experiment, data: str) -> dict:
     """Return the content of ``refined.json``: every rung of the ladder as a model."""
-    return {
-        "schema": "lumbar.refined/1",
-        "data": data,
-        "sampling_time_s": experiment.training.motion.sampling_time,
-        "input_quantity": experiment.input_quantity,
-        "output_quantity": experiment.output_quantity,
-        "input_unit": experiment.input_unit,
-        "output_unit": experiment.output_unit,
-        "noise_floor_rms": None if experiment.floor is None else experiment.floor.rms,
-        "models": [model_entry(item, experiment) for item in ladder],
-    }
+    floor = None if experiment.floor is None else experiment.floor.rms
+    return models_document([fitted_model(item, experiment) for item in ladder], data, floor)
 
 
-def simulate_entry(entry: dict, record: Record, catalogue: dict[str, Effect]) -> np.ndarray:
-    """Simulate a model from its plain data on a record, shape (samples,).
+def _free_run(fit: Fit, data: FitData) -> tuple[float, float, float]:
+    """VAF, FIT and mean residual of the free run, both signals about their means as for the identified models."""
+    measured, simulated = data.settled(data.force), data.settled(fit.simulate(data.motion))
+    measured, simulated = measured - np.mean(measured), simulated - np.mean(simulated)
+    return tuple(metric(measured, simulated) for metric in (variance_accounted_for, fit_ratio, mean_residual))
 
-    Raises
-    ------
-    InputError
-        If the entry names an effect or form that the catalogue does not have.
-    """
-    forms = []
-    for item in entry["effects"]:
-        (effect,) = choose([item["effect"]], catalogue)
-        form = next((form for form in effect.forms if form.name == item["form"]), None)
-        if form is None:
-            raise InputError(f"{entry['name']}: {item['effect']} has no form {item['form']!r}")
-        forms.append(form)
-    structure = Structure(BASES[entry["base"]], tuple(forms))
-    linear = np.concatenate([entry["amplitudes"], *(item["amplitudes"] for item in entry["effects"])])
-    nonlinear = np.concatenate([entry["shapes"], *(item["shapes"] for item in entry["effects"])])
-    motion = Motion.of(for_base(record, structure.base), offset=entry["input_offset"])
-    return structure.simulate(motion, linear, nonlinear) + entry["output_offset"]
+
+def _largest_relative_uncertainty(parameters: list[FittedParameter]) -> float | None:
+    """MRU (eq. 3.16) from the intervals; a parameter at its bound 0, to rounding, has no relative uncertainty."""
+    relative = [
+        100 * (item.high - item.low) / (2 * 1.96 * abs(item.value))
+        for item in parameters
+        if abs(item.value) > 1e-8 * max(abs(item.low), abs(item.high))
+    ]
+    return max(relative, default=None)

@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
+from lumbar.errors import NumericalError
+from lumbar.fmu.build.effect_code import c_function
 from lumbar.models.bases import Base
 from lumbar.models.form import Form, Place
 from lumbar.models.sampled_motion import SampledMotion
 from lumbar.models.structure import Structure
-from lumbar.errors import NumericalError
-from lumbar.fmu.build.effect_code import c_function
 
 MAX_STATES = 512
 """Numbers that a model may keep from sample to sample."""

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from lumbar.effects.catalogue import TISSUE
-from lumbar.models.form import Effect
 from lumbar.errors import NumericalError, Problems
 from lumbar.fmu.build.effect_entry import effect_model
 from lumbar.fmu.build.effect_model import EffectModel
 from lumbar.fmu.build.linear_model import LinearModel
-from lumbar.fmu.build.models_document import check_document
 from lumbar.fmu.build.resampled_model import at_rate
+from lumbar.models.fitted_model import FittedModel, Port, identifier
 
 if TYPE_CHECKING:
     from lumbar.settings.runtime import RuntimeSettings
@@ -25,25 +22,6 @@ MAX_WINDOW = 16
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 """What no file can be called on Windows, whatever its ending."""
-
-
-@dataclass(frozen=True)
-class Port:
-    """Input or output of a model: quantity, unit, and its value at rest."""
-
-    quantity: str
-    unit: str
-    offset: float
-
-    @property
-    def variable(self) -> str:
-        """The quantity as a variable's name."""
-        return identifier(self.quantity)
-
-    @property
-    def label(self) -> str:
-        """Axis label: quantity and unit."""
-        return f"{self.quantity.capitalize()} ({self.unit})"
 
 
 @dataclass(frozen=True)
@@ -103,8 +81,6 @@ class ExportModel:
             problems.add(
                 "quantities", f"input and output are both {self.input.quantity!r}", "they need two names"
             )
-        if not math.isfinite(self.input.offset):
-            problems.add("input_offset", f"{self.input.offset}", "it must be finite")
         if not abs(self.output.offset) <= self.output_limit:
             problems.add(
                 "output_offset",
@@ -129,24 +105,14 @@ class ExportModel:
         return self.dynamics.largest_pole < 1.0
 
 
-def identifier(name: str) -> str:
-    """Return `name` as a C identifier: other characters become ``_``."""
-    cleaned = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    return cleaned if re.match(r"[A-Za-z_]", cleaned) else f"_{cleaned}"
-
-
-def select_models(
-    content: dict, settings: RuntimeSettings, catalogue: Mapping[str, Effect] = TISSUE
-) -> list[ExportModel]:
+def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
     """Pick the models to export from the identified ones.
 
     Parameters
     ----------
-    content : dict
-        ``tissue/models.json``.
+    fitted : list of FittedModel
+        Those of ``tissue/models.json``.
     settings : RuntimeSettings
-    catalogue : mapping of str to Effect
-        Effects that models may name, those of the user's own included.
 
     Returns
     -------
@@ -157,19 +123,18 @@ def select_models(
     Raises
     ------
     InputError
-        A model is not there, or the contents are not what is expected: all problems at once.
+        A model is not there, or cannot be exported: all problems at once.
     NumericalError
         A model is unstable and ``unstable`` is ``"refuse"``.
     """
-    check_document(content)
     problems = Problems("runtime.models")
     for text in _duplicate_identifiers(settings.models):
         problems.add("", text, "rename one: both would have the same name in C")
     models = []
     for name in settings.models:
-        entry = _find(content["models"], name, settings, problems)
-        if entry is not None:
-            models.append(_export_model(entry, content, settings, catalogue))
+        found = _find(fitted, name, settings, problems)
+        if found is not None:
+            models.append(_export_model(found, settings))
     problems.raise_if_any()
     if settings.unstable == "refuse":
         _refuse_unstable(models)
@@ -185,26 +150,27 @@ def _duplicate_identifiers(names: list[str]) -> list[str]:
     ]
 
 
-def _find(entries: list[dict], name: str, settings: RuntimeSettings, problems: Problems) -> dict | None:
-    named = [entry for entry in entries if entry["name"] == name]
+def _find(
+    models: list[FittedModel], name: str, settings: RuntimeSettings, problems: Problems
+) -> FittedModel | None:
+    named = [model for model in models if model.name == name]
     fitting = [
-        entry
-        for entry in named
-        if entry.get("trained_on") in (None, settings.trained_on)
-        and (
-            entry.get("trained_on") is None
+        model
+        for model in named
+        if model.trained_on is None
+        or (
+            model.trained_on == settings.trained_on
             # A model with effects has one fit, by the error of its free run.
-            or entry.get("base") is not None
-            or entry["estimator"] == settings.estimator
+            and (not model.discrete or model.estimator == settings.estimator)
         )
     ]
     if len(fitting) == 1:
         return fitting[0]
     if not named:
-        known = ", ".join(dict.fromkeys(entry["name"] for entry in entries))
+        known = ", ".join(dict.fromkeys(model.name for model in models))
         problems.add(name, "no such model in tissue/models.json", f"there are: {known}")
     else:
-        there = "; ".join(f"{entry.get('estimator')} on {entry.get('trained_on')}" for entry in named)
+        there = "; ".join(f"{model.estimator} on {model.trained_on}" for model in named)
         problems.add(
             name,
             f"{len(fitting)} fits by {settings.estimator!r} on {settings.trained_on!r}",
@@ -213,54 +179,38 @@ def _find(entries: list[dict], name: str, settings: RuntimeSettings, problems: P
     return None
 
 
-def _export_model(entry: dict, content: dict, settings: RuntimeSettings, catalogue: Mapping[str, Effect]) -> ExportModel:
-    signals = {}
-    for side in ("input", "output"):
-        described = entry.get(side) or content[side]
-        signals[side] = Port(
-            described["quantity"], described["unit"], float(entry.get(f"{side}_offset") or 0.0)
-        )
-    dynamics, sampling_time = _dynamics(entry, content, settings.rate_Hz, catalogue)
+def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
+    """Model at the rate asked for."""
+    wanted = model.sampling_time if settings.rate_Hz is None else 1.0 / settings.rate_Hz
+    if model.discrete:
+        linear = LinearModel(model.structure.numerator, model.structure.denominator, name=model.name)
+        dynamics = at_rate(linear, model.sampling_time, wanted)
+    else:
+        dynamics = effect_model(model, wanted)
     return ExportModel(
-        name=entry["name"],
+        name=model.name,
         dynamics=dynamics,
-        sampling_time=sampling_time,
+        sampling_time=wanted,
+        input=model.input,
+        output=model.output,
         moving_average=settings.moving_average,
         output_limit=float(settings.output_limit),
         gain_limit=float(settings.gain_limit),
-        fit=_fit_texts(entry),
-        **signals,
+        fit=_fit_texts(model),
     )
 
 
-def _dynamics(
-    entry: dict, content: dict, rate: float | None, catalogue: Mapping[str, Effect]
-) -> tuple[LinearModel | EffectModel, float]:
-    """Model and sampling time in seconds, at the rate asked for."""
-    own = float(entry.get("sampling_time_s") or content["sampling_time_s"])
-    wanted = own if rate is None else 1.0 / rate
-    if entry.get("base") is not None:
-        return effect_model(entry, wanted, catalogue), wanted
-    coefficients = (tuple(map(float, entry[key])) for key in ("numerator", "denominator"))
-    linear = LinearModel(*coefficients, name=entry["name"])
-    return (linear if rate is None else at_rate(linear, own, wanted)), wanted
-
-
-def _fit_texts(entry: dict) -> dict[str, str]:
-    texts = {}
-    if entry.get("trained_on"):
-        texts["Identified from"] = (
-            f"record {entry['trained_on']}, estimator {entry.get('estimator') or 'not named'}"
-        )
-    else:
-        texts["Identified from"] = "nothing: the coefficients are prescribed"
-    if entry.get("alpha") is not None:
-        texts["Ridge parameter"] = f"{entry['alpha']:.6g}"
-    if entry.get("vaf_percent") is not None:
-        texts["VAF of the free run on the training record"] = f"{entry['vaf_percent']:.2f} %"
-    for symbol, value in (entry.get("physical") or {}).items():
-        interval = f" ({value['low']:.4g} to {value['high']:.4g})" if value.get("low") is not None else ""
-        texts[symbol] = f"{value['value']:.6g} {value['unit']}{interval}"
+def _fit_texts(model: FittedModel) -> dict[str, str]:
+    texts = {"Identified from": "nothing: the coefficients are prescribed"}
+    if model.trained_on:
+        texts["Identified from"] = f"record {model.trained_on}, estimator {model.estimator}"
+    if model.alpha is not None:
+        texts["Ridge parameter"] = f"{model.alpha:.6g}"
+    if model.scores.vaf_percent is not None:
+        texts["VAF of the free run on the training record"] = f"{model.scores.vaf_percent:.2f} %"
+    for item in model.parameters:
+        interval = "" if item.low is None else f" ({item.low:.4g} to {item.high:.4g})"
+        texts[item.key] = f"{item.value:.6g} {item.unit}{interval}"
     return texts
 
 

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.models.state_space import StateSpace, from_transfer_function
+from lumbar.models.state_space import observer_form
+from lumbar.models.transfer_function import TransferFunction
+
+if TYPE_CHECKING:
+    import control
 
 MAX_STATES = 16
 
@@ -33,24 +38,24 @@ class LinearModel:
     waits_for_input = False
 
     @cached_property
-    def state_space(self) -> StateSpace:
+    def state_space(self) -> control.StateSpace:
         """The model as eqs 3.17 and 3.18 of the thesis."""
-        return from_transfer_function(self.numerator, self.denominator, self.name)
+        return observer_form(TransferFunction(self.numerator, self.denominator))
 
     @property
     def states(self) -> int:
         """Numbers that the model keeps from sample to sample."""
-        return self.state_space.states
+        return self.state_space.nstates
 
     @property
     def largest_pole(self) -> float:
         """Largest magnitude of a pole; 0 without poles."""
-        return self.state_space.largest_pole
+        return float(np.abs(self.state_space.poles()).max(initial=0.0))
 
     @property
     def feedthrough(self) -> bool:
         """Whether the output depends on the input of the same sample."""
-        return self.state_space.D != 0.0
+        return self.numerator[0] != 0.0
 
     def problems(self) -> list[tuple[str, str, str]]:
         """What keeps the model from being exported: place, what was found, what is allowed."""
@@ -87,28 +92,30 @@ class LinearModel:
 
     def equations(self) -> list[str]:
         """Return the equations in plain text, one per line, numbers to six digits."""
-        system = self.state_space
-        rows = []
-        for index in range(system.states):
+        system, rows = self.state_space, []
+        for index in range(system.nstates):
             terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.A[index])]
-            rows.append(f"x{index + 1}[k+1] = {_sum([*terms, (system.B[index], 'u[k]')])}")
-        terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.C)]
-        return [*rows, f"y[k] = {_sum([*terms, (system.D, 'u[k]')])}"]
+            rows.append(f"x{index + 1}[k+1] = {_sum([*terms, (system.B[index, 0], 'u[k]')])}")
+        terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.C[0])]
+        return [*rows, f"y[k] = {_sum([*terms, (system.D[0, 0], 'u[k]')])}"]
 
     def c_data(self) -> list[str]:
         """Lines of model_data.h: hexadecimal floats are exact, and the same text on every machine."""
         system = self.state_space
         # C has no arrays of length 0: a static gain gets one unused element.
-        size = max(system.states, 1)
-        matrix, column, row = np.zeros((size, size)), np.zeros(size), np.zeros(size)
-        matrix[: system.states, : system.states] = system.A
-        column[: system.states], row[: system.states] = system.B, system.C
+        missing = (0, 0 if system.nstates else 1)
+        matrix, column, row = (
+            np.pad(system.A, missing),
+            np.pad(system.B[:, 0], missing),
+            np.pad(system.C[0], missing),
+        )
+        size = len(matrix)
         return [
-            f"#define LINEAR_STATES {system.states}",
+            f"#define LINEAR_STATES {system.nstates}",
             f"static const double MODEL_A[{size}][{size}] = {{{', '.join(map(hex_row, matrix))}}};",
             f"static const double MODEL_B[{size}] = {hex_row(column)};",
             f"static const double MODEL_C[{size}] = {hex_row(row)};",
-            f"#define MODEL_D {float(system.D).hex()}",
+            f"#define MODEL_D {float(system.D[0, 0]).hex()}",
         ]
 
 

@@ -48,47 +48,34 @@ def at_rate(model: LinearModel, sampling_time: float, wanted: float) -> LinearMo
             f"{model.name}: its force is a whole sample of {sampling_time:g} s late (numerator[0] is 0); a delay of "
             f"samples has no counterpart at another rate: {advice}"
         )
-    poles = np.linalg.eigvals(model.state_space.A)
+    poles = model.state_space.poles()
     unusable = poles[(np.abs(poles.imag) < 1e-12 * np.abs(poles)) & (poles.real <= 0)]
     if len(unusable) or not np.abs(poles).min() > 0:
         raise NumericalError(
             f"{model.name}: its poles {np.array2string(poles, precision=4)} hold one that is 0 or negative; no "
             f"continuous model has it: {advice}"
         )
-    return _discretised(*_continuous(model, sampling_time), wanted, model.name)
+    return _discretised(_continuous(model, sampling_time), wanted, model.name)
 
 
-def _hold_integrals(a: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Φ = e^(a h), Ψ₁ = ∫₀ʰ e^(a s) ds and Ψ₂ = ∫₀ʰ e^(a s) (h − s) ds / h, by one exponential."""
-    from scipy.linalg import expm
-
-    n = len(a)
-    block = np.zeros((3 * n, 3 * n))
-    block[:n, :n] = a * step
-    block[:n, n : 2 * n] = np.eye(n) * step
-    block[n : 2 * n, 2 * n :] = np.eye(n)
-    power = expm(block)
-    return power[:n, :n], power[:n, n : 2 * n], power[:n, 2 * n :]
-
-
-def _continuous(model: LinearModel, sampling_time: float):
+def _continuous(model: LinearModel, sampling_time: float) -> tuple[np.ndarray, ...]:
     """Continuous state space whose ramp-invariant discretisation at this sampling time is the model."""
     from scipy.linalg import logm
+    from scipy.signal import cont2discrete
 
-    system = model.state_space
+    system, identity = model.state_space, np.eye(model.states)
     a = np.real(logm(system.A)) / sampling_time
-    phi, psi_one, psi_two = _hold_integrals(a, sampling_time)
-    b = np.linalg.solve(psi_one - psi_two + phi @ psi_two, system.B)
-    return a, b, system.C, system.D - system.C @ psi_two @ b
+    # What the hold makes of an input matrix is linear in it: shown by that of the identity.
+    _, hold, _, through, _ = cont2discrete((a, identity, identity, 0 * identity), sampling_time, method="foh")
+    b = np.linalg.solve(hold, system.B)
+    return a, b, system.C, system.D - system.C @ through @ b
 
 
-def _discretised(a, b, c, d: float, sampling_time: float, name: str) -> LinearModel:
-    from scipy.signal import ss2tf
+def _discretised(continuous: tuple, sampling_time: float, name: str) -> LinearModel:
+    from scipy.signal import cont2discrete, ss2tf
 
-    phi, psi_one, psi_two = _hold_integrals(a, sampling_time)
-    column = (psi_one - psi_two + phi @ psi_two) @ b
-    through = d + c @ psi_two @ b
-    numerator, denominator = ss2tf(phi, column[:, None], c[None, :], [[through]])
+    *discrete, _ = cont2discrete(continuous, sampling_time, method="foh")
+    numerator, denominator = ss2tf(*discrete)
     values = (tuple(map(float, numerator[0])), tuple(map(float, denominator)))
     if not all(map(math.isfinite, (*values[0], *values[1]))):
         raise NumericalError(f"{name}: it cannot be discretised anew at {sampling_time:g} s")

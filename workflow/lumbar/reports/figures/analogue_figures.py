@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.models.network import Dashpot, Network, Parallel, Series, Spring
-from lumbar.models.tissue_models import IL, Model
+from lumbar.models.tissue_models import IL, TissueModel
 from lumbar.reports.figures.style import DOUBLE_COLUMN, MODELS, new_figure
 
 INK = "#000000"
@@ -92,12 +92,12 @@ def _ground(axis, x: float, y: float) -> None:
         axis.plot([start + 0.1, start], [y, y - 0.12], color=INK, linewidth=0.6 * _LINE)
 
 
-def analogues_figure(models: tuple[Model, ...]):
+def analogues_figure(models: tuple[TissueModel, ...]):
     """Figure 3.2: every model's mechanical analogue between the tool (top) and the ground.
 
     Parameters
     ----------
-    models : tuple of Model
+    models : tuple of TissueModel
         Definitions; their networks are drawn as they stand.
     """
     figure, axes = new_figure(DOUBLE_COLUMN, 2.7, ncols=len(models), squeeze=False)
@@ -112,7 +112,7 @@ def analogues_figure(models: tuple[Model, ...]):
     return figure
 
 
-def _draw_model(axis, model: Model, tallest: float) -> None:
+def _draw_model(axis, model: TissueModel, tallest: float) -> None:
     if model.network is None:
         box = {"boxstyle": "square,pad=0.9", "facecolor": INK, "edgecolor": INK}
         axis.text(

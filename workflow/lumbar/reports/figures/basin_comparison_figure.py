@@ -1,9 +1,8 @@
-"""One section in one picture: the engines' basins at t = 0, a better V, and everything that reaches the goal."""
+"""One section in one picture: the methods' basins at t = 0, a better V, and everything that reaches the goal."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +10,12 @@ import numpy as np
 from lumbar.reports.figures.stability_figures import NO_BASIN, PLANE_TITLES, shared_legend
 from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, new_figure
 from lumbar.stability.basins import close_loops
-from lumbar.stability.funnel.funnel import ClosedLoops, Funnels
+from lumbar.stability.funnel.funnel import Funnels
 from lumbar.stability.funnel.invariance import normal_axes
 from lumbar.stability.funnel.lyapunov_family import best_of_family
 from lumbar.stability.funnel.monte_carlo_check import preimage
-from lumbar.stability.methods import ENGINES, chosen_engines
-from lumbar.stability.model.failures import computed
+from lumbar.stability.methods import METHODS, chosen_methods
+from lumbar.stability.model.failures import all_or_each
 from lumbar.stability.model.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -61,18 +60,9 @@ def _draw(axis, shown: list[Trajectory], settings: StabilitySettings) -> bool:
     """Draw the sections of one trajectory; return whether it has an exact basin."""
     # A picture needs no more knots than the other variants, and no proof.
     fewer = replace(settings, knots=settings.limits.knots, proof=None)
-    goal = settings.goal_level
-    engines = {
-        **{name: partial(_engine, name, fewer) for name in chosen_engines(settings)},
-        "best": lambda loops: best_of_family(loops, goal, settings.lyapunov_shares).funnels,
-    }
     sections = {}
-    for name, engine in engines.items():
-
-        def funnels(items, engine=engine):
-            return engine(close_loops(items, settings.pendulum.sign, fewer))
-
-        results, _ = computed(shown, funnels, name)
+    for name in (*chosen_methods(settings), "best"):
+        results, _ = all_or_each(_funnels, shown, name, fewer, basin=name)
         for _, found in results:
             sections[name] = found
     if "exact" not in sections:
@@ -88,8 +78,11 @@ def _draw(axis, shown: list[Trajectory], settings: StabilitySettings) -> bool:
     return True
 
 
-def _engine(name: str, settings: StabilitySettings, loops: ClosedLoops) -> Funnels:
-    return ENGINES[name](loops, settings).funnels
+def _funnels(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> Funnels:
+    loops = close_loops(trajectories, settings.pendulum.sign, settings)
+    if name == "best":
+        return best_of_family(loops, settings.goal_level, settings.lyapunov_shares).funnels
+    return METHODS[name](loops, settings).funnels
 
 
 def _section(funnels: Funnels, knot: int) -> np.ndarray:

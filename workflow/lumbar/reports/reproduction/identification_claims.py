@@ -120,7 +120,7 @@ def _all_stable(results: Results) -> Finding:
 
 def _inverted(results: Results) -> Finding:
     gains = {
-        model["name"]: sum(model["numerator"]) / sum(model["denominator"])
+        model["name"]: sum(model["structure"]["numerator"]) / sum(model["structure"]["denominator"])
         for model in results["models"]["models"]
         if model["name"] in ("IL", "KB") and model["estimator"] in ("arx", "given")
     }

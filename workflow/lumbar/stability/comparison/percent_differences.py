@@ -113,7 +113,7 @@ def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None):
 def varied_areas(
     trajectories: list[Trajectory], settings: StabilitySettings, names: Iterable[str] = VARIANTS
 ) -> dict[str, np.ndarray]:
-    """Average cross-sections (exact engine) under the null control and with Q, R and b changed.
+    """Average cross-sections (exact method) under the null control and with Q, R and b changed.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def varied_areas(
 
 
 def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, degree: int) -> np.ndarray:
-    """Average cross-sections (exact engine) with the sine replaced by its Taylor polynomial of a degree.
+    """Average cross-sections (exact method) with the sine replaced by its Taylor polynomial of a degree.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Attack by simulation: start inside a basin, follow the true dynamics, count who leaves it."""
+"""Monte Carlo check: start inside a basin, follow the true dynamics, count who leaves it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LONGEST_STRIDE = 3
 
 
 @dataclass(frozen=True)
-class Attack:
+class MonteCarloCheck:
     """Simulated starts and how many left.
 
     Attributes
@@ -39,9 +39,9 @@ class Attack:
     share_high: np.ndarray
 
 
-def attack(
+def monte_carlo_check(
     loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int], disturbance: Callable | None = None
-) -> Attack:
+) -> MonteCarloCheck:
     """Simulate starts of the first cross-section, half of them on its boundary, half inside.
 
     Parameters
@@ -57,7 +57,7 @@ def attack(
 
     Returns
     -------
-    Attack
+    MonteCarloCheck
 
     Raises
     ------
@@ -86,7 +86,7 @@ def attack(
             value = quadratic_form(funnels.cost[index], state)
             inside &= value <= funnels.level[index][:, None] * (1 + LEVEL_TOLERANCE)
     exits = starts - inside.sum(axis=1)
-    return Attack(starts, exits, upper_share(exits, starts))
+    return MonteCarloCheck(starts, exits, upper_share(exits, starts))
 
 
 def simulate(loops: ClosedLoops, start: np.ndarray, disturbance: Callable | None = None):

@@ -1,0 +1,83 @@
+"""A fitted model in words: for the terminal and for a notebook."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import fields
+
+from lumbar.models.fitted_model import FittedModel, FittedParameter, Scores
+
+
+def headline(model: FittedModel) -> str:
+    """Name, estimator, training record and VAF."""
+    trained = f" on {model.trained_on}" if model.trained_on else ""
+    vaf = model.scores.vaf_percent
+    return f"{model.name}, {model.estimator}{trained}" + ("" if vaf is None else f", VAF {vaf:.2f} %")
+
+
+def in_text(model: FittedModel) -> str:
+    """Return equation, parameters with intervals and scores as lines of plain text."""
+    signals = (
+        f"{model.input.quantity} in {model.input.unit} to {model.output.quantity} in {model.output.unit}"
+    )
+    if model.discrete:
+        equation = f"H(z) = {_ratio(model, '({})/({})', 'z^-{}')}, {1 / model.sampling_time:g} Hz"
+    else:
+        equation = "; ".join(_latex(model))
+    width = max((len(item.key) for item in model.parameters), default=0)
+    rows = [f"  {item.key:<{width}}  {_value(item)}" for item in model.parameters]
+    scores = ", ".join(f"{label} {value}" for label, value in _scores(model.scores))
+    notes = (model.no_parameters_because, scores, model.remark)
+    return "\n".join([headline(model), f"{equation}, {signals}", *rows, *filter(None, notes)])
+
+
+def in_html(model: FittedModel) -> str:
+    """Return the same as HTML with the equations in LaTeX, as notebooks set them."""
+    rows = "".join(
+        f"<tr><td>{html.escape(item.key)}</td><td>${html.escape(item.symbol)}$</td>"
+        f"<td>{html.escape(_value(item))}</td></tr>"
+        for item in model.parameters
+    )
+    shown = [f"<p><strong>{html.escape(headline(model))}</strong></p>"]
+    shown += [f"<p>$${html.escape(line)}$$</p>" for line in _latex(model)]
+    shown += [f"<table>{rows}</table>"] if rows else []
+    shown += [f"<p>{html.escape(f'{label} {value}')}</p>" for label, value in _scores(model.scores)]
+    shown += [f"<p>{html.escape(note)}</p>" for note in (model.no_parameters_because, model.remark) if note]
+    return "".join(shown)
+
+
+def _latex(model: FittedModel) -> list[str]:
+    """Transfer function of a discrete model; equation of the base and of every effect of a continuous one."""
+    if model.discrete:
+        return ["H(z) = " + _ratio(model, r"\frac{{{}}}{{{}}}", "z^{{-{}}}")]
+    return [part.equation for part in (model.structure.base, *model.structure.forms)]
+
+
+def _value(item: FittedParameter) -> str:
+    interval = "" if item.low is None else f" ({item.low:.4g} to {item.high:.4g})"
+    return f"{item.value:.4g} {item.unit}{interval}"
+
+
+def _scores(scores: Scores) -> list[tuple[str, str]]:
+    found = []
+    for name in (item.name for item in fields(scores)):
+        value = getattr(scores, name)
+        if isinstance(value, int | float):
+            found.append((name, f"{value:.4g}"))
+    return found
+
+
+def _ratio(model: FittedModel, form: str, power: str) -> str:
+    numerator, denominator = (
+        _polynomial(part, power) for part in (model.structure.numerator, model.structure.denominator)
+    )
+    return numerator if denominator == "1" else form.format(numerator, denominator)
+
+
+def _polynomial(coefficients: tuple[float, ...], power: str) -> str:
+    text = ""
+    for lag, value in enumerate(coefficients):
+        if value:
+            sign = ("-" if value < 0 else "") if not text else (" - " if value < 0 else " + ")
+            text += f"{sign}{abs(value):.4g}" + (f" {power.format(lag)}" if lag else "")
+    return text or "0"
