@@ -222,8 +222,8 @@ def test_entries_that_cannot_be_exported_are_named(change, words):
         ([parameter("viscosity", 1.0)], "viscosity: unknown parameter.*spring_stiffness"),
         ([parameter("spring_stiffness", 1.0)], "spring_stiffness: it is there twice"),
         ([parameter("coulomb_force", 1.0, "coulomb_friction")], "unknown parameter"),
-        ([parameter("k1", float("nan"))], "value: nan; a finite number is needed"),
-        ([parameter("k1", "stiff")], "value: 'stiff' is not of type 'number'"),
+        ([parameter("k1", float("nan"))], "value: nan; .*finite number"),
+        ([parameter("k1", "stiff")], "value: 'stiff'; .*valid number"),
     ],
 )
 def test_parameters_that_do_not_belong_there_are_named(parameters, words):

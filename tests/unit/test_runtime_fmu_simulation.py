@@ -191,7 +191,7 @@ def test_push_is_followed_by_every_model(fmu_models, fmu_folder):
 
 @pytest.mark.parametrize("name", ["KB", "HO"])
 def test_a_hundred_thousand_steps_differ_in_no_bit(name, fmu_models, zig_cache, tmp_path):
-    """C code against eqs 3.17 and 3.18 with lists in Python, states included; both against scipy's dlsim."""
+    """C code against Eqs 3.17 and 3.18 with lists in Python, states included; both against scipy's dlsim."""
     from c_programs import CModel
     from scipy.signal import dlsim
 

@@ -7,6 +7,7 @@ from itertools import chain
 
 import numpy as np
 import pytest
+from viscoelastic import discretise, kelvin_boltzmann
 
 from lumbar.errors import InputError
 from lumbar.identification.arx_search import IdentificationData, search, select
@@ -15,10 +16,9 @@ from lumbar.identification.ridge import ReducedRegression
 from lumbar.identification.table_2_1 import physical_parameters_table, table_2_1
 from lumbar.identification.table_3_1 import table_3_1, unit_slug
 from lumbar.models.arx_structure import ArxStructure
-from lumbar.models.first_order import discretise
 from lumbar.models.fitted_model import Port
 from lumbar.models.models_file import models_document, read_models
-from lumbar.models.tissue_models import HO, KB, kelvin_boltzmann
+from lumbar.models.tissue_models import HO, KB
 from lumbar.records.record import Channel, Record
 from lumbar.settings.plain import typed
 from lumbar.settings.tissue import TissueSettings
@@ -124,7 +124,7 @@ def test_physical_parameters_of_the_output_error_fit_hold_the_truth(identified):
         assert model[name].value == pytest.approx(truth, rel=0.1)
     assert model["b"].unit == "N·s/mm"
     assert fit_of(identified[0], "MW", "arx").parameters == ()
-    assert "eq. 3.3" in fit_of(identified[0], "MW", "arx").no_parameters_because
+    assert "Eq. 3.3" in fit_of(identified[0], "MW", "arx").no_parameters_because
 
 
 def test_bootstrap_and_covariance_agree_on_the_scale_of_uncertainty(identified):

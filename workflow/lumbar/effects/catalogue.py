@@ -47,7 +47,7 @@ PENDULUM = {
         pendulum_joint.DRAG,
     )
 }
-"""The catalogue of the pendulum of equation 4.1."""
+"""The catalogue of the pendulum of Eq. 4.1."""
 
 CATALOGUES = {"tissue": TISSUE, "pendulum": PENDULUM}
 """Catalogue of every system that a base is a model of."""

@@ -1,4 +1,4 @@
-"""What a joint adds to the pendulum of equation 4.1: passive stiffness, dry friction, drag.
+"""What a joint adds to the pendulum of Eq. 4.1: passive stiffness, dry friction, drag.
 
 The input is the angle from the vertical, the output the moment that the person exerts at the pivot.
 """

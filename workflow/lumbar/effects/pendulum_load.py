@@ -1,4 +1,4 @@
-"""What changes the mass, length and pivot of the pendulum of equation 4.1 while it moves.
+"""What changes the mass, length and pivot of the pendulum of Eq. 4.1 while it moves.
 
 Each effect has forms that take what was measured beside the angle (`CHANNELS`) and forms that need the angle alone.
 Gravity acts with the sign of the base: a form is *hanging* (angle from straight down) or *inverted* (from straight up).
@@ -112,7 +112,7 @@ def _frequency(lines: float = 0.7) -> NonlinearParameter:
 VARIABLE_LENGTH = Effect(
     name="variable_length",
     mechanism="The distance from the pivot to the centre of mass changes: inertia, Coriolis term and gravity follow.",
-    source="Goldstein, Classical Mechanics (2002), section 1.6; thesis, eq. 4.1 with ℓ(t): the term 2mℓℓ̇θ̇",
+    source="Goldstein, Classical Mechanics (2002), section 1.6; thesis, Eq. 4.1 with ℓ(t): the term 2mℓℓ̇θ̇",
     experiment="stretch and crouch at a frequency of its own while swinging, and record the length",
     forms=(
         *(

@@ -30,7 +30,7 @@ def held_between(time: np.ndarray, start: float, stop: float) -> np.ndarray:
 def interval_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndarray]) -> list[np.ndarray]:
     """Start and stop (s) of the interval in which two carriers explain most of the residual, jointly with the base.
 
-    The base of equation 4.1 is refitted for every interval: sums over an interval are differences of cumulative sums.
+    The base of Eq. 4.1 is refitted for every interval: sums over an interval are differences of cumulative sums.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ BASES = {
 }
 """Base models by name.
 
-KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch. The pendulum is equation 4.1: M is the moment that
+KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch. The pendulum is Eq. 4.1: M is the moment that
 the person exerts at the pivot, positive with the angle θ from the vertical (not centred). Its gravity moment has the
 sign the data give it: m g ℓ > 0 where θ counts from straight down (hanging, as published), −m g ℓ < 0 where it counts
 from straight up (inverted).

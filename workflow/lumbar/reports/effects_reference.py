@@ -75,7 +75,7 @@ REFERENCES = {
             symbols="Angle θ from the vertical, its speed v, moment M that the person exerts",
             moved="angle",
             response="moment",
-            base="a pendulum of eq. 4.1",
+            base="a pendulum of Eq. 4.1",
         ),
         {
             Place.INPUT: "on the way from the angle to the pendulum",
