@@ -62,9 +62,10 @@ format: environment ## put the sources into the house's format
 	ruff format .
 	snakefmt Snakefile workflow/rules
 
-docs: environment ## renew the references of all configuration keys and of the catalogues of effects
-	python -m lumbar.config.reference config/README.md
+docs: environment ## renew the references of configuration keys, effects and equations
+	python -m lumbar.config.reference docs/config
 	python -m lumbar.reports.effects_reference docs
+	python -m lumbar.reports.equation_index docs
 
 lock: ## renew envs/ from pyproject.toml (needs uv)
 	uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \

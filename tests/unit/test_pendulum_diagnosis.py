@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from pendulum_experiments import EFFECTS, make_pendulum_experiment
 from pendulum_records import records_of
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -19,7 +20,6 @@ from lumbar.effects.catalogue import CATALOGUES, PENDULUM
 from lumbar.errors import InputError
 from lumbar.models.models_file import read_models
 from lumbar.records.record import Channel
-from lumbar.synthetic.pendulum_experiments import EFFECTS, make_pendulum_experiment
 
 PENDULUM_BASE = DiagnosisSettings(base="pendulum")
 STRENGTHS = (4.0, 8.0, 16.0)

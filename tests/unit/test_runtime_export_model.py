@@ -7,10 +7,11 @@ from runtime_models import SETTINGS, about, entry, models_json, selected
 
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.fitted_model import identifier
+from study_settings import changed
 
 
 def select(content, **changes):
-    return selected(content, {**SETTINGS, **changes})
+    return selected(content, changed(SETTINGS, **changes))
 
 
 def test_models_come_in_the_configured_order():
@@ -81,7 +82,7 @@ def test_settings_out_of_range_are_named(changes, words):
     ("change", "words"),
     [
         (about(0.0, 15.1), "output_offset"),
-        (about(float("inf"), 0.0), r"models\.KB: input\.offset: inf; a finite number"),
+        (about(float("inf"), 0.0), r"models\.KB: input\.offset: inf; .*finite number"),
         ({"structure": {"numerator": [float("nan")], "denominator": [1.0]}}, "finite"),
         ({"structure": {"numerator": [1.0], "denominator": [1.0] + 17 * [0.01]}}, "17 states"),
         ({"structure": {"numerator": [1.0], "denominator": [0.0, 1.0]}}, "improper"),

@@ -132,7 +132,7 @@ def test_no_simulated_start_leaves_and_the_control_does(sign):
 
 
 def test_simulation_is_the_true_dynamics():
-    """Against solve_ivp on equation 4.1 itself with feedforward and feedback, not on error coordinates."""
+    """Against solve_ivp on Eq. 4.1 itself with feedforward and feedback, not on error coordinates."""
     from scipy.integrate import solve_ivp
     from scipy.interpolate import CubicSpline
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from viscoelastic import discretise, kelvin_boltzmann
 
 from lumbar.errors import InputError, NumericalError
 from lumbar.identification.bootstrap import block_bootstrap
@@ -14,8 +15,7 @@ from lumbar.identification.output_error import (
 )
 from lumbar.identification.ridge import ReducedRegression
 from lumbar.models.arx_structure import ArxStructure
-from lumbar.models.first_order import discretise
-from lumbar.models.tissue_models import KB, MAXWELL, MW, kelvin_boltzmann
+from lumbar.models.tissue_models import KB, MAXWELL, MW
 from lumbar.models.transfer_function import TransferFunction
 
 T = 0.01

@@ -1,4 +1,4 @@
-# Haptic runtime: the identified models as FMUs for FMI 2.0 and 3.0 (eqs 3.17 and 3.18, moving average on the position).
+# Haptic runtime: the identified models as FMUs for FMI 2.0 and 3.0 (Eqs 3.17 and 3.18, moving average on the position).
 # In: tissue/models.json, effects of the user's own. Out: fmu/<model>_fmi{2,3}.fmu, their checks and the forces they give to one push.
 
 FMUS = [f"<results>/fmu/{model}_fmi{version}.fmu" for model in settings.runtime.models for version in (2, 3)]

@@ -9,7 +9,7 @@ def main(input, output, params):
     from lumbar.lifting import lift as lifting
     from lumbar.records.markers import read_markers
     from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.plain import typed
+    from lumbar.settings.plain import plain, typed
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 
     settings = typed(LiftingSettings, params.settings)
@@ -24,7 +24,7 @@ def main(input, output, params):
     write_csv(output.landmarks, lifting.landmarks_frame(lift).assign(**label))
     events = {name: event.as_dict() for name, event in lift.events.items()}
     write_json(
-        output.events, {"lift": params.lift, "events": events, "rules": params.settings["events"], **label}
+        output.events, {"lift": params.lift, "events": events, "rules": plain(settings.events), **label}
     )
     write_json(output.summary, {**lifting.summary(lift, subject, trial, settings), **label})
 

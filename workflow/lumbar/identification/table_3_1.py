@@ -100,26 +100,26 @@ def _definitions(unit: str, tests: int, settings: TissueSettings) -> dict[str, s
     return {
         "trained_on": "record the model was fitted to (IL: judged on)",
         "model": (
-            "MW: eq. 3.3 as published; Maxwell: spring and dashpot in series of Table 2.1; KB: eq. 3.4; "
-            "HO: eq. 3.9; LE: linear elastic; IL: inverted linear, not identified"
+            "MW: Eq. 3.3 as published; Maxwell: spring and dashpot in series of Table 2.1; KB: Eq. 3.4; "
+            "HO: Eq. 3.9; LE: linear elastic; IL: inverted linear, not identified"
         ),
         "order": "poles of the discrete transfer function",
         "condition_number": (
-            "eq. 3.14; signals demeaned, every column divided by its root mean square; arx: of the "
+            "Eq. 3.14; signals demeaned, every column divided by its root mean square; arx: of the "
             "regressors, output_error: of the sensitivities at the minimum; empty where rank deficient"
         ),
-        "vaf_percent": f"eq. 3.12, %; {free}",
+        "vaf_percent": f"Eq. 3.12, %; {free}",
         "mru_percent": (
-            "eqs 3.15 and 3.16, %; assumes exact regressors and white residuals: biased for arx on noisy "
+            "Eqs 3.15 and 3.16, %; assumes exact regressors and white residuals: biased for arx on noisy "
             "output"
         ),
-        "fit_percent": f"eq. 3.11, %; {free}",
-        f"mean_residual_{unit_slug(unit)}": f"eq. 3.10, mean |y − ŷ| in {unit}; {free}",
-        "nmse_train": "eq. 3.13; one-step-ahead prediction from measured past forces, on the training record",
-        **{f"nmse_test_{n}": f"eq. 3.13; one-step-ahead, on test record {n}" for n in numbers},
-        "alpha": "ridge coefficient of eq. 3.7 for the standardised columns; empty where none is used",
+        "fit_percent": f"Eq. 3.11, %; {free}",
+        f"mean_residual_{unit_slug(unit)}": f"Eq. 3.10, mean |y − ŷ| in {unit}; {free}",
+        "nmse_train": "Eq. 3.13; one-step-ahead prediction from measured past forces, on the training record",
+        **{f"nmse_test_{n}": f"Eq. 3.13; one-step-ahead, on test record {n}" for n in numbers},
+        "alpha": "ridge coefficient of Eq. 3.7 for the standardised columns; empty where none is used",
         "estimator": (
-            "arx: one-step-ahead error (eq. 3.8), the thesis's way; output_error: free-run error; "
+            "arx: one-step-ahead error (Eq. 3.8), the thesis's way; output_error: free-run error; "
             "given: prescribed, not fitted"
         ),
         "stable": "whether all poles lie inside the unit circle; an unstable model has no free run",
@@ -133,7 +133,7 @@ def _definitions(unit: str, tests: int, settings: TissueSettings) -> dict[str, s
             f"resamples, blocks of {settings.bootstrap.block_s:g} s, %"
         ),
         **{
-            f"vaf_test_{n}_percent": f"eq. 3.12, %; free run on test record {n}, less its own mean"
+            f"vaf_test_{n}_percent": f"Eq. 3.12, %; free run on test record {n}, less its own mean"
             for n in numbers
         },
         "test_records": "names of the test records, in the order of their numbers",

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lumbar.errors import InputError, NumericalError
+from lumbar.errors import NumericalError
 from lumbar.models.transfer_function import TransferFunction
 
 
@@ -57,50 +57,11 @@ class FirstOrder:
         }
 
 
-def _ramp_weights(gamma: float, sampling_time: float) -> tuple[float, float, float]:
-    """Pole, and weights of u[k−1] and u[k], of the ramp-invariant 1/(1 + γ s)."""
-    ratio = sampling_time / gamma
-    pole = math.exp(-ratio)
-    mean_decay = -math.expm1(-ratio) / ratio  # (1 − a)/(T/γ) without cancellation for slow relaxations
-    return pole, mean_decay - pole, 1.0 - mean_decay
-
-
-def discretise(system: FirstOrder, sampling_time: float) -> TransferFunction:
-    """Ramp-invariant discrete transfer function of a first-order relaxation.
-
-    Parameters
-    ----------
-    system : FirstOrder
-        Continuous coefficients, γ ≥ 0.
-    sampling_time : float
-        Seconds.
-
-    Raises
-    ------
-    InputError
-        If γ = 0 while ν ≠ 0: (k + ν s) is improper (eq. 3.5) and has no force at the samples of a ramp's
-        corner.
-    """
-    if system.gamma < 0 or sampling_time <= 0:
-        raise InputError(
-            f"relaxation time {system.gamma:g} s, sampling time {sampling_time:g} s: need ≥ 0 and > 0"
-        )
-    if system.gamma == 0:
-        if system.nu != 0:
-            raise InputError(
-                "a spring and dashpot in parallel (Kelvin–Voigt) form an improper transfer function "
-                "b1·z − b0 (eq. 3.5): its force needs the next position; take a model with a relaxation time"
-            )
-        return TransferFunction((system.k,))
-    pole, weight_before, weight_now = _ramp_weights(system.gamma, sampling_time)
-    instant = system.nu / system.gamma  # H(s) = ν/γ + (k − ν/γ)/(1 + γ s)
-    relaxing = system.k - instant
-    numerator = (instant + relaxing * weight_now, -instant * pole + relaxing * weight_before)
-    return TransferFunction(numerator, (1.0, -pole))
-
-
 def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder:
-    """Continuous coefficients whose ramp-invariant form is `discrete`: the inverse of `discretise`.
+    """Continuous coefficients whose ramp-invariant form is `discrete`.
+
+    H(s) = ν/γ + (k − ν/γ)/(1 + γ s) becomes ν/γ + (k − ν/γ)(w z + w′)/(z − a) with a = exp(−T/γ): w weighs the present and
+    w′ the past position of a ramp.
 
     Parameters
     ----------
@@ -124,7 +85,8 @@ def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder
             f"the discrete pole is {pole:.4g}: only a pole in (0, 1) belongs to a relaxation exp(−T/γ)"
         )
     gamma = -sampling_time / math.log(pole)
-    _, _, weight_now = _ramp_weights(gamma, sampling_time)
+    # 1 − w, without cancellation for slow relaxations.
+    decay = -math.expm1(-sampling_time / gamma) / (sampling_time / gamma)
     stiffness = discrete.static_gain
-    instant = (discrete.numerator[0] - stiffness * weight_now) / (1.0 - weight_now)
+    instant = (discrete.numerator[0] - stiffness * (1.0 - decay)) / decay
     return FirstOrder(k=stiffness, nu=instant * gamma, gamma=gamma)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import math
+import json
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, asdict, fields
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import TYPE_CHECKING
 
 from lumbar.errors import Problems
 from lumbar.models.bases import BASES
@@ -14,29 +16,57 @@ from lumbar.models.structure import Structure
 from lumbar.models.tissue_models import MODELS
 from lumbar.models.transfer_function import TransferFunction
 
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
 Catalogues = Mapping[str, Mapping[str, Effect]]
+
+
+@dataclass(frozen=True)
+class _Added:
+    """An effect as it is written."""
+
+    effect: str
+    form: str
+
+
+@dataclass(frozen=True)
+class _Written:
+    """A structure as it is written: the coefficients of a discrete model, or the effects of a continuous one."""
+
+    numerator: tuple[float, ...] | None = None
+    denominator: tuple[float, ...] | None = None
+    effects: tuple[_Added, ...] | None = None
+
+
+@dataclass(frozen=True)
+class _Entry(FittedModel):
+    """A model as it is written: its fields are the schema of the file."""
+
+    structure: _Written
+    __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012
 
 
 def entry_of(model: FittedModel) -> dict:
     """Return a model as plain data: its fields, with the structure as coefficients or as names of effects and forms."""
-    structure = model.structure
     if model.discrete:
-        written = {"numerator": list(structure.numerator), "denominator": list(structure.denominator)}
+        written = _Written(model.structure.numerator, model.structure.denominator)
     else:
-        written = {"effects": [{"effect": form.effect, "form": form.name} for form in structure.forms]}
-    plain = {item.name: getattr(model, item.name) for item in fields(model)}
-    plain |= {
-        "structure": written,
-        "input": _plain(model.input),
-        "output": _plain(model.output),
-        "parameters": [_plain(item) for item in model.parameters],
-        "scores": _plain(model.scores),
-    }
+        written = _Written(effects=tuple(_Added(form.effect, form.name) for form in model.structure.forms))
+    plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
+    plain["structure"] = {key: value for key, value in plain["structure"].items() if value is not None}
     return plain
 
 
-def _plain(item: FittedParameter | Port | Scores) -> dict:
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(item).items()}
+def _fields(model: FittedModel) -> dict:
+    return {item.name: getattr(model, item.name) for item in fields(model)}
+
+
+@cache
+def _schema() -> TypeAdapter:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(_Entry)
 
 
 def read_entry(entry: dict, catalogues: Catalogues) -> FittedModel:
@@ -50,46 +80,70 @@ def read_entry(entry: dict, catalogues: Catalogues) -> FittedModel:
 
 def checked_entry(entry: dict, catalogues: Catalogues, problems: Problems) -> FittedModel | None:
     """Return the model of an entry, or None where something was added to `problems`."""
+    plain = _typed(entry, problems)
+    if plain is None:
+        return None
     before = len(problems.entries)
-    for place, message in _shape(entry):
-        problems.add(place, message)
+    if plain.structure.effects is None:
+        structure = _transfer_function(plain.structure, problems)
+    else:
+        structure = _structure(plain.base, plain.structure.effects, catalogues, problems)
+    if structure is not None:
+        _check_parameters(plain.parameters, structure, plain.base, problems)
+    if not plain.sampling_time > 0:
+        problems.add("sampling_time", f"{plain.sampling_time}", "seconds above 0 are needed")
     if len(problems.entries) > before:
         return None
-    plain = {
-        **entry,
-        "input": Port(**entry["input"]),
-        "output": Port(**entry["output"]),
-        "parameters": tuple(FittedParameter(**item) for item in entry.get("parameters", [])),
-        "scores": Scores(**{key: _tuple(value) for key, value in entry.get("scores", {}).items()}),
-    }
-    written = entry["structure"]
-    if "effects" in written:
-        structure = _structure(entry.get("base", ""), written["effects"], catalogues, problems)
-    else:
-        structure = _transfer_function(written, problems)
-    if not entry["sampling_time"] > 0:
-        problems.add("sampling_time", f"{entry['sampling_time']}", "seconds above 0 are needed")
-    if structure is not None:
-        _check_parameters(plain["parameters"], structure, entry.get("base", ""), problems)
-    return None if len(problems.entries) > before else FittedModel(**{**plain, "structure": structure})
+    return FittedModel(**{**_fields(plain), "structure": structure})
 
 
-def _tuple(value):
-    return tuple(value) if isinstance(value, list) else value
+def _typed(entry, problems: Problems) -> _Entry | None:
+    """Return the entry with every value of the type that its field has, or None where one has not."""
+    from pydantic import ValidationError
+
+    try:
+        return _schema().validate_json(json.dumps(entry), strict=True)
+    except ValidationError as error:
+        for found in error.errors(include_url=False):
+            place = ".".join(map(str, found["loc"])) or "entry"
+            if found["type"] == "missing":
+                problems.add(place, "missing", "it is needed")
+            elif found["type"] == "unexpected_keyword_argument":
+                owner = next((part for part in found["loc"][-2::-1] if isinstance(part, str)), "")
+                known = ", ".join(item.name for item in fields(_KINDS[owner]))
+                problems.add(place, "unknown key", f"known are {known}")
+            else:
+                problems.add(place, repr(found["input"]), found["msg"])
+    return None
 
 
-def _transfer_function(written: dict, problems: Problems) -> TransferFunction | None:
-    if written["denominator"][0] != 1:
-        found = f"{written['denominator'][0]:g}"
+_KINDS = {
+    "": FittedModel,
+    "input": Port,
+    "output": Port,
+    "scores": Scores,
+    "parameters": FittedParameter,
+    "structure": _Written,
+    "effects": _Added,
+}
+"""What is written under a key."""
+
+
+def _transfer_function(written: _Written, problems: Problems) -> TransferFunction | None:
+    if not (written.numerator and written.denominator):
+        problems.add("structure", "no coefficients", "it needs numerator and denominator, or effects")
+    elif written.denominator[0] != 1:
+        found = f"{written.denominator[0]:g}"
         problems.add(
             "structure.denominator.0", found, "1 is needed; 0 is improper: it needs future positions"
         )
-        return None
-    return TransferFunction(tuple(written["numerator"]), tuple(written["denominator"]))
+    else:
+        return TransferFunction(written.numerator, written.denominator)
+    return None
 
 
 def _structure(
-    base: str, effects: list[dict], catalogues: Catalogues, problems: Problems
+    base: str, effects: tuple[_Added, ...], catalogues: Catalogues, problems: Problems
 ) -> Structure | None:
     before = len(problems.entries)
     if base not in BASES:
@@ -106,16 +160,16 @@ def _structure(
     return None if len(problems.entries) > before else Structure(BASES[base], tuple(forms))
 
 
-def _form(item: dict, catalogue: Mapping[str, Effect], problems: Problems) -> Form | None:
-    effect = catalogue.get(item["effect"])
+def _form(item: _Added, catalogue: Mapping[str, Effect], problems: Problems) -> Form | None:
+    effect = catalogue.get(item.effect)
     if effect is None:
         allowed = f"there are {', '.join(catalogue)}; effects of your own come from improvement.effect_files"
-        problems.add("structure.effects", f"unknown effect {item['effect']!r}", allowed)
+        problems.add("structure.effects", f"unknown effect {item.effect!r}", allowed)
         return None
-    form = next((form for form in effect.forms if form.name == item["form"]), None)
+    form = next((form for form in effect.forms if form.name == item.form), None)
     if form is None:
         allowed = f"its forms are {', '.join(form.name for form in effect.forms)}"
-        problems.add(f"structure.effects.{effect.name}", f"unknown form {item['form']!r}", allowed)
+        problems.add(f"structure.effects.{effect.name}", f"unknown form {item.form!r}", allowed)
     return form
 
 
@@ -148,75 +202,3 @@ def _keys(part) -> Iterator[tuple[str, bool]]:
     owner = f"{part.effect}." if isinstance(part, Form) else ""
     yield from ((owner + item.name, False) for item in part.linear)
     yield from ((owner + item.name, True) for item in part.nonlinear)
-
-
-def _shape(entry) -> Iterator[tuple[str, str]]:
-    """Place and message of everything that is missing, unknown, of the wrong type or not finite."""
-    from jsonschema import Draft202012Validator
-
-    errors = Draft202012Validator(_object(FittedModel)).iter_errors(entry)
-    for error in sorted(errors, key=lambda item: list(map(str, item.absolute_path))):
-        known = ", ".join(error.schema["properties"]) if error.validator == "additionalProperties" else ""
-        place = ".".join(map(str, error.absolute_path)) or "entry"
-        yield place, f"{error.message}; known are {known}" if known else error.message
-    yield from _not_finite(entry, "")
-
-
-def _not_finite(value, place: str) -> Iterator[tuple[str, str]]:
-    if isinstance(value, float) and not math.isfinite(value):
-        yield place.removeprefix("."), f"{value}; a finite number is needed"
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, item in items:
-        yield from _not_finite(item, f"{place}.{key}")
-
-
-def _object(kind: type) -> dict:
-    """JSON schema of a dataclass: its fields, those without a default required."""
-    items = fields(kind)
-    required = [item.name for item in items if item.default is item.default_factory is MISSING]
-    return {
-        "type": "object",
-        "additionalProperties": False,
-        "required": required,
-        "properties": {item.name: _type(item.type) for item in items},
-    }
-
-
-_NUMBERS = {"type": "array", "minItems": 1, "items": {"type": "number"}}
-_STRUCTURE = {
-    "type": "object",
-    # By whether there are effects, so that a message is about the kind of model that was meant.
-    "if": {"required": ["effects"]},
-    "then": {
-        "additionalProperties": False,
-        "properties": {
-            "effects": {
-                "type": "array",
-                "items": {
-                    "type": "object",
-                    "additionalProperties": False,
-                    "required": ["effect", "form"],
-                    "properties": {"effect": {"type": "string"}, "form": {"type": "string"}},
-                },
-            }
-        },
-    },
-    "else": {
-        "additionalProperties": False,
-        "required": ["numerator", "denominator"],
-        "properties": {"numerator": _NUMBERS, "denominator": _NUMBERS},
-    },
-}
-_PLAIN = {"str": "string", "float": "number", "int": "integer", "bool": "boolean", "None": "null"}
-_CLASSES = {item.__name__: item for item in (FittedParameter, Port, Scores)}
-
-
-def _type(annotation: str) -> dict:
-    """JSON schema of a field by its annotation."""
-    if annotation == "TransferFunction | Structure":
-        return _STRUCTURE
-    if annotation.startswith("tuple["):
-        return {"type": "array", "items": _type(annotation.removeprefix("tuple[").removesuffix(", ...]"))}
-    if annotation in _CLASSES:
-        return _object(_CLASSES[annotation])
-    return {"type": [_PLAIN[part] for part in annotation.split(" | ")]}

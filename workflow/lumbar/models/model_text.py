@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import html
-from dataclasses import fields
 
-from lumbar.models.fitted_model import FittedModel, FittedParameter, Scores
+from lumbar.models.fitted_model import FittedModel, FittedParameter
 
 
 def headline(model: FittedModel) -> str:
@@ -26,8 +25,7 @@ def in_text(model: FittedModel) -> str:
         equation = "; ".join(_latex(model))
     width = max((len(item.key) for item in model.parameters), default=0)
     rows = [f"  {item.key:<{width}}  {_value(item)}" for item in model.parameters]
-    scores = ", ".join(f"{label} {value}" for label, value in _scores(model.scores))
-    notes = (model.no_parameters_because, scores, model.remark)
+    notes = (model.no_parameters_because, _scores(model), model.remark)
     return "\n".join([headline(model), f"{equation}, {signals}", *rows, *filter(None, notes)])
 
 
@@ -41,16 +39,15 @@ def in_html(model: FittedModel) -> str:
     shown = [f"<p><strong>{html.escape(headline(model))}</strong></p>"]
     shown += [f"<p>$${html.escape(line)}$$</p>" for line in _latex(model)]
     shown += [f"<table>{rows}</table>"] if rows else []
-    shown += [f"<p>{html.escape(f'{label} {value}')}</p>" for label, value in _scores(model.scores)]
-    shown += [f"<p>{html.escape(note)}</p>" for note in (model.no_parameters_because, model.remark) if note]
-    return "".join(shown)
+    notes = (model.no_parameters_because, _scores(model), model.remark)
+    return "".join([*shown, *(f"<p>{html.escape(note)}</p>" for note in notes if note)])
 
 
 def _latex(model: FittedModel) -> list[str]:
     """Transfer function of a discrete model; equation of the base and of every effect of a continuous one."""
     if model.discrete:
         return ["H(z) = " + _ratio(model, r"\frac{{{}}}{{{}}}", "z^{{-{}}}")]
-    return [part.equation for part in (model.structure.base, *model.structure.forms)]
+    return [part.latex for part in (model.structure.base, *model.structure.forms)]
 
 
 def _value(item: FittedParameter) -> str:
@@ -58,13 +55,22 @@ def _value(item: FittedParameter) -> str:
     return f"{item.value:.4g} {item.unit}{interval}"
 
 
-def _scores(scores: Scores) -> list[tuple[str, str]]:
-    found = []
-    for name in (item.name for item in fields(scores)):
-        value = getattr(scores, name)
-        if isinstance(value, int | float):
-            found.append((name, f"{value:.4g}"))
-    return found
+_SCORES = {
+    "vaf_percent": "VAF {:.2f} %",
+    "fit_percent": "FIT {:.2f} %",
+    "mean_residual": "mean residual {:.4g} {}",
+    "nmse_train": "NMSE {:.4g} one step ahead",
+    "train_rms": "RMS error {:.4g} {} in training",
+    "test_rms": "RMS error {:.4g} {} unseen",
+    "condition_number": "condition number {:.4g}",
+}
+
+
+def _scores(model: FittedModel) -> str:
+    found = {name: getattr(model.scores, name) for name in _SCORES}
+    return ", ".join(
+        _SCORES[name].format(value, model.output.unit) for name, value in found.items() if value is not None
+    )
 
 
 def _ratio(model: FittedModel, form: str, power: str) -> str:

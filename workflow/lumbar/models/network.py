@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 
 @dataclass(frozen=True)
 class Spring:
@@ -52,49 +50,6 @@ class Parallel:
 
 
 Network = Spring | Dashpot | Series | Parallel
-
-
-def transfer_polynomials(network: Network, values: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Numerator and denominator of force over displacement in the Laplace variable.
-
-    Parameters
-    ----------
-    network : Network
-        The mechanical analogue.
-    values : dict of str to float
-        Stiffness or viscosity of every element by its symbol.
-
-    Returns
-    -------
-    numerator, denominator : numpy.ndarray
-        Descending powers of s; the denominator's constant term is 1 where it is not zero.
-    """
-    numerator, denominator = _polynomials(network, values)
-    scale = denominator[-1] if denominator[-1] != 0 else 1.0
-    return numerator / scale, denominator / scale
-
-
-def _polynomials(network: Network, values: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
-    match network:
-        case Spring(symbol):
-            return np.array([values[symbol]]), np.array([1.0])
-        case Dashpot(symbol):
-            return np.array([values[symbol], 0.0]), np.array([1.0])
-        case Parallel(parts):
-            return _sum([_polynomials(part, values) for part in parts])
-        case Series(parts):  # compliances add: 1/H = sum of 1/H_i
-            compliance = _sum([_polynomials(part, values)[::-1] for part in parts])
-            return compliance[1], compliance[0]
-
-
-def _sum(fractions) -> tuple[np.ndarray, np.ndarray]:
-    numerator, denominator = fractions[0]
-    for other_numerator, other_denominator in fractions[1:]:
-        numerator = np.polyadd(
-            np.polymul(numerator, other_denominator), np.polymul(other_numerator, denominator)
-        )
-        denominator = np.polymul(denominator, other_denominator)
-    return numerator, denominator
 
 
 def in_words(network: Network) -> str:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.arx_structure import ArxStructure
 from lumbar.models.bases import BASES, Base
-from lumbar.models.first_order import FirstOrder, undiscretise
+from lumbar.models.first_order import undiscretise
 from lumbar.models.network import Dashpot, Network, Parallel, Series, Spring
 from lumbar.models.transfer_function import TransferFunction
 
@@ -118,17 +118,6 @@ class TissueModel:
         return {**values, **self.derived(values)}
 
 
-def maxwell(k: float, b: float) -> FirstOrder:
-    """Spring k and dashpot b in series: F + αḞ = b ẋ with α = b/k (Table 2.1)."""
-    return FirstOrder(k=0.0, nu=b, gamma=b / k)
-
-
-def kelvin_boltzmann(k1: float, k2: float, b: float) -> FirstOrder:
-    """Spring k1 parallel to dashpot b, both in series with spring k2 (Table 2.1)."""
-    total = k1 + k2
-    return FirstOrder(k=k1 * k2 / total, nu=b * k2 / total, gamma=b / total)
-
-
 def _linear_elastic_elements(spring_stiffness: float) -> dict[str, float]:
     return {"k": spring_stiffness}
 
@@ -193,8 +182,9 @@ KV = TissueModel(
     elements=(_K, _B),
     network=Parallel((Spring("k"), Dashpot("b"))),
     derive=_kelvin_voigt_elements,
-    no_parameters_because="its transfer function b1 z − b0 (eq. 3.5) is improper: it is not identified",
+    no_parameters_because="its transfer function b1 z − b0 (Eq. 3.5) is improper: it is not identified",
 )
+"""Eq. 3.5: improper, not identified."""
 KB = TissueModel(
     name="KB",
     base=BASES["KB"],
@@ -214,18 +204,20 @@ KB = TissueModel(
     structure=ArxStructure(order=1, input_lags=(0, 1)),
     derive=_kelvin_boltzmann_elements,
 )
+"""Eq. 3.4."""
 MW = TissueModel(
     name="MW",
-    title="Maxwell, eq. 3.3",
+    title="Maxwell, Eq. 3.3",
     equation="f[k] = a0 f[k−1] + b0 x[k−1]",
     transfer="b0/(z − a0) (eq. 3.3)",
     network=MAXWELL.network,
     structure=ArxStructure(order=1, input_lags=(1,)),
     no_parameters_because=(
-        "eq. 3.3 has a static force, a spring and dashpot in series has none: "
+        "Eq. 3.3 has a static force, a spring and dashpot in series has none: "
         "k and b are recovered from Maxwell only"
     ),
 )
+"""Eq. 3.3, as published: no spring and dashpot in series, which is `MAXWELL`."""
 HO = TissueModel(
     name="HO",
     title="Higher order",
@@ -233,6 +225,7 @@ HO = TissueModel(
     transfer="eq. 3.9, n ≥ 2, proper or biproper",
     no_parameters_because="a black box has no mechanical elements",
 )
+"""Eq. 3.9."""
 IL = TissueModel(
     name="IL",
     title="Inverted linear",
@@ -266,7 +259,7 @@ def inverted_linear(force_max: float, travel: float) -> TransferFunction:
 
 
 def higher_order_structures(order_max: int) -> list[ArxStructure]:
-    """Structures of eq. 3.9 that the search for HO goes through.
+    """Structures of Eq. 3.9 that the search for HO goes through.
 
     Orders n = 2 … `order_max`, numerators up to z⁻ⁿ; biproper (current position enters) and strictly proper.
     """

@@ -89,6 +89,10 @@ class Record:
         return replace(self, time=self.time[keep], channels=channels)
 
 
+FEWEST_SAMPLES = 8
+"""Fewest samples of a record that can be analysed."""
+
+
 def place_of(sample: int, lines: Sequence[int] | None) -> str:
     """Name the place of a sample (counted from 0): its line in the file, or the sample where a file has no lines."""
     return f"sample {sample + 1}" if lines is None else f"line {lines[sample]}"
@@ -96,7 +100,6 @@ def place_of(sample: int, lines: Sequence[int] | None) -> str:
 
 def check_record(
     record: Record,
-    minimum_samples: int = 8,
     may_rest: Collection[str] = (),
     lines: Sequence[int] | None = None,
 ) -> Record:
@@ -105,7 +108,6 @@ def check_record(
     Parameters
     ----------
     record : Record
-    minimum_samples : int
     may_rest : collection of str
         Roles of channels that may be constant.
     lines : sequence of int, optional
@@ -118,8 +120,8 @@ def check_record(
         even, a constant channel.
     """
     problems = Problems(record.source or record.name)
-    if len(record.time) < minimum_samples:
-        problems.add("", f"{len(record.time)} samples", f"at least {minimum_samples} are needed")
+    if len(record.time) < FEWEST_SAMPLES:
+        problems.add("", f"{len(record.time)} samples", f"at least {FEWEST_SAMPLES} are needed")
         problems.raise_if_any()
     for name, values in {"time": record.time, **{r: c.values for r, c in record.channels.items()}}.items():
         bad = np.flatnonzero(~(np.abs(values) <= LARGEST))

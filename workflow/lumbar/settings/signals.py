@@ -25,7 +25,7 @@ class AmplitudeSettings:
 
 @settings
 class MultisineSettings:
-    """Multisine of eq. 3.1."""
+    """Multisine of Eq. 3.1."""
 
     period_s: float = key(
         10.0, "Period, a whole number of samples; lines lie 1/period_s Hz apart.", unit="s", gt=0, le=1000
@@ -45,7 +45,7 @@ class MultisineSettings:
         "train, only to compare with).",
     )
     amplitude_exponent: float = key(
-        0.0, "Amplitudes are in proportion to f to this power; 0 is flat as in eq. 3.1.", ge=-4, le=4
+        0.0, "Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1.", ge=-4, le=4
     )
 
 
@@ -65,7 +65,7 @@ class NoiseSettings:
 
 @settings
 class ChirpSettings:
-    """Linear chirp of eq. 3.2."""
+    """Linear chirp of Eq. 3.2."""
 
     duration_s: float = key(10.0, "Duration.", unit="s", gt=0, le=10000)
     lowest_Hz: float = key(
@@ -89,7 +89,7 @@ class MachineSettings:
 
 @settings
 class SignalsSettings:
-    """Excitation signals designed from the surgeons' bandwidth (eqs. 3.1 and 3.2 of the thesis)."""
+    """Excitation signals designed from the surgeons' bandwidth (Eqs 3.1 and 3.2 of the thesis)."""
 
     bandwidth: ExcitedBandwidthSettings = section(ExcitedBandwidthSettings)
     band_factor: float = key(

@@ -11,7 +11,7 @@ Share = Annotated[float, Each(ge=0, le=10)]
 
 @settings
 class PendulumSettings:
-    """The pendulum of equation 4.1."""
+    """The pendulum of Eq. 4.1."""
 
     sign: Literal["hanging", "inverted"] = key(
         "hanging",
@@ -77,7 +77,7 @@ class SumOfSquaresSettings:
 
 @settings
 class ThesisMethodSettings:
-    """The thesis's bilinear alternation (equations 4.5 to 4.7) beside the exact basins; null leaves it out."""
+    """The thesis's bilinear alternation (Eqs 4.5–4.7) beside the exact basins; null leaves it out."""
 
     degree: Literal[3, 5] = key(3, "Degree of the sine's Taylor polynomial.")
     knots: int = key(

@@ -27,7 +27,7 @@ class SearchSettings:
 
 @settings
 class RidgeSettings:
-    """Ridge coefficients of eq. 3.7 that are tried, for standardised columns: 0, then a geometric progression."""
+    """Ridge coefficients of Eq. 3.7 that are tried, for standardised columns: 0, then a geometric progression."""
 
     alpha_min: float = key(0.001, "Smallest coefficient above 0.", gt=0)
     alpha_max: float = key(100.0, "Largest coefficient.", gt=0)

@@ -97,7 +97,7 @@ class WorkplaceSettings:
 
 @settings
 class HiddenMomentSettings:
-    """What eq. 4.1 leaves out."""
+    """What Eq. 4.1 leaves out."""
 
     hand_distance_m: float = key(
         0.45,
@@ -133,7 +133,7 @@ class MomentTrial:
 
 @settings
 class SyntheticMomentSettings:
-    """Moment at the hip: the pendulum of eq. 4.1 and the effects hidden in it."""
+    """Moment at the hip: the pendulum of Eq. 4.1 and the effects hidden in it."""
 
     damping_N_m_s: float = key(8.0, "Damping b.", unit="N·m·s/rad", ge=0, le=1000)
     noise_N_m: float = key(2.0, "Standard deviation of the noise.", unit="N·m", ge=0, le=1000)

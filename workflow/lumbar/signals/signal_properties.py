@@ -97,7 +97,7 @@ def signal_properties(excitation: Excitation, data: str) -> Table:
 
 
 _DEFINITIONS = {
-    "signal": "multisine: eq. 3.1; noise: Gaussian, low-pass filtered without phase shift; chirp: eq. 3.2",
+    "signal": "multisine: Eq. 3.1; noise: Gaussian, low-pass filtered without phase shift; chirp: Eq. 3.2",
     "duration_s": "samples over sampling rate, s",
     "rate_Hz": "samples per second, Hz",
     "band_Hz": "upper end of the excited band: band factor times the surgeons' bandwidth, rounded, Hz",

@@ -38,7 +38,7 @@ COLUMNS = {
     "the multiplier that a solver happens to return and have the digits printed, ±"
     + ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())
     + ")",
-    "sign": "sign of gravity in equation 4.1: hanging (as published) or inverted",
+    "sign": "sign of gravity in Eq. 4.1: hanging (as published) or inverted",
     "pivot": "point about which the pendulum turns",
     "duration_s": "duration T of the trajectory",
     "mass_kg": "mass m of the pendulum",
@@ -66,7 +66,7 @@ COLUMNS = {
     "out in cvxpy certify, at some knots",
     "violation_share": "share of the knots at which ρ̇ is below the largest V̇ on the boundary (true sine)",
     "unsolved_share": "share of the thesis's programmes without multiplier or maximum",
-    "euler_error": "relative error of the initial ellipse's area by Euler integration of equation 4.2",
+    "euler_error": "relative error of the initial ellipse's area by Euler integration of Eq. 4.2",
 }
 """Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method."""
 

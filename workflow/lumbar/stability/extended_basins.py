@@ -201,9 +201,9 @@ def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) 
         definitions=COLUMNS,
         data=data,
         notes=(
-            f"U = {saturation['torque_N_m']:g} N·m, the same for all; the mass lies within "
-            f"±{100 * saturation['mass_share']:g} % of the nominal one, the pendulum's mass "
-            f"{settings['pendulum']['mass'].replace('_', ' ')}; λ tried: "
+            f"U = {saturation.torque_N_m:g} N·m, the same for all; the mass lies within "
+            f"±{100 * saturation.mass_share:g} % of the nominal one, the pendulum's mass "
+            f"{settings.pendulum.mass.replace('_', ' ')}; λ tried: "
             + ", ".join(f"{share:g}" for share in settings.lyapunov_shares),
         ),
         may_be_empty=frozenset({*optional, "best_share"}),

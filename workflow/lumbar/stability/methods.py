@@ -5,7 +5,7 @@
                           (`interval_proof`) with a small margin
 `sum_of_squares`          certificates of the sine's Taylor polynomial, ρ̇ a variable, ρ(T) fixed
                           (`certified_funnel`)
-`thesis`                  equations 4.5 to 4.7 to the letter, ρ̇ frozen: no certificate (`bilinear_alternation`)
+`thesis`                  Eqs 4.5–4.7 to the letter, ρ̇ frozen: no certificate (`bilinear_alternation`)
 ========================= ======================================================================================
 
 All read the same keys of the section ``stability``, take the same loops (either sign of gravity, any Q, R, Qf,

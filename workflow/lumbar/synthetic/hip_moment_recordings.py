@@ -1,7 +1,7 @@
-"""Moment at the hip of a lifter, beside each lift and in trials of their own; what eq. 4.1 leaves out is hidden in it.
+"""Moment at the hip of a lifter, beside each lift and in trials of their own; what Eq. 4.1 leaves out is hidden in it.
 
 Head, arms and trunk swing about the hip like a pendulum whose angle counts forward from straight up. The box in the hands
-and the stiffness of the passive tissues at the end of the range are no part of eq. 4.1; `hidden` in the configuration says
+and the stiffness of the passive tissues at the end of the range are no part of Eq. 4.1; `hidden` in the configuration says
 which of them there are.
 """
 
@@ -30,6 +30,8 @@ trochanter, and radius of gyration about the centre of mass, as shares of the di
 joint."""
 TROCHANTER_TO_SHOULDER = 0.288
 """Share of stature (Drillis and Contini, 1966)."""
+DECIMALS = {"time_s": 6, "angle_rad": 9, "moment_Nm": 3, "box_held": 9}
+"""Digits after the point that are recorded."""
 TAKE_OVER_S = 0.1
 """How long the hands take to load the whole box."""
 
@@ -73,9 +75,10 @@ def hip_moment(
     moment = trunk.moment(time) + settings.damping_N_m_s * rate(angle, time)
     moment += hidden.stiffening_N_m * np.expm1(angle(time) / hidden.stiffening_angle_rad)
     moment += rng.normal(0, settings.noise_N_m, len(time))
-    return pd.DataFrame(
-        {"time_s": time, "angle_rad": angle(time), "moment_Nm": moment, "box_held": held(time)}
-    )
+    columns = {"time_s": time, "angle_rad": angle(time), "moment_Nm": moment, "box_held": held(time)}
+    # As an instrument writes: what rounding leaves in further digits differs between processors, and at rest, where it
+    # is all there is, a diagnosis would take it for motion. Adding zero turns −0 into 0.
+    return pd.DataFrame({name: np.round(column, DECIMALS[name]) + 0.0 for name, column in columns.items()})
 
 
 def trunk_angle(movement: Movement) -> Signal:
@@ -172,7 +175,7 @@ def write_trials(settings: SyntheticLiftingSettings, names: list[str], paths: li
             raise InputError(
                 f"twin.lifting.hip_moment.trials: no trial {name!r}; the twin has {', '.join(known)}: add it there"
             )
-        lift = known[name]["lift"]
+        lift = known[name].lift
         movement = true_movement(settings, lift)
         content = settings.lifts[lift]
         rng = np.random.default_rng([*seed, list(known).index(name)])

@@ -84,7 +84,7 @@ def write_lift(
         for name, points in movement.markers.items()
     }
     _open_gaps(measured, settings, rng)
-    write_c3d(markers_path, measured, settings.rate_Hz, subject=settings.lifts[lift]["person"])
+    write_c3d(markers_path, measured, settings.rate_Hz, subject=settings.lifts[lift].person)
     if moment_path is not None:
         content = settings.lifts[lift]
         person = settings.people[content.person]

@@ -119,7 +119,11 @@ def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np
     return [np.array(point) for point in product(*grids)]
 
 
-def fit(structure: Structure, data: FitData, start: np.ndarray, evaluations: int = 40) -> Fit:
+EVALUATIONS = 40
+"""Of the error, at most, per search."""
+
+
+def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     """Fit a structure to a record from one start.
 
     Parameters
@@ -128,23 +132,17 @@ def fit(structure: Structure, data: FitData, start: np.ndarray, evaluations: int
     data : FitData
     start : numpy.ndarray
         Nonlinear parameters to start from, base first.
-    evaluations : int
-        Most steps of the optimiser.
 
     Returns
     -------
     Fit
     """
     if not len(start):
-        return (
-            _at(structure, data, start)
-            if structure.is_linear
-            else _search_all(structure, data, start, evaluations)
-        )
+        return _at(structure, data, start) if structure.is_linear else _search_all(structure, data, start)
     low, high = shape_bounds(structure, data, start)
     start = np.clip(start, low * 1.0001, high * 0.9999)
     search = _search_nonlinear if structure.is_linear else _search_all
-    return search(structure, data, start, evaluations, low, high)
+    return search(structure, data, start, low, high)
 
 
 def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: bool = True) -> Fit:
@@ -156,7 +154,7 @@ def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: b
     return Fit(structure, linear, nonlinear, float(error @ error), converged)
 
 
-def _search_nonlinear(structure, data, start, evaluations, low, high) -> Fit:
+def _search_nonlinear(structure, data, start, low, high) -> Fit:
     from scipy.optimize import least_squares
 
     force = data.counted(data.force)
@@ -167,12 +165,12 @@ def _search_nonlinear(structure, data, start, evaluations, low, high) -> Fit:
 
     found = least_squares(
         error, np.log(start), bounds=(np.log(low), np.log(high)), diff_step=1e-5, xtol=1e-7, ftol=1e-9,
-        max_nfev=evaluations,
+        max_nfev=EVALUATIONS,
     )  # fmt: skip
     return _at(structure, data, np.exp(found.x), found.status > 0)
 
 
-def _search_all(structure, data, start, evaluations, low=(), high=()) -> Fit:
+def _search_all(structure, data, start, low=(), high=()) -> Fit:
     """Search all parameters together: the output forms' derivative by differences, the rest by columns."""
     from scipy.optimize import least_squares
 
@@ -211,7 +209,7 @@ def _search_all(structure, data, start, evaluations, low=(), high=()) -> Fit:
         [np.log(start), np.clip(first / size, lower[count:] + 1e-9, upper[count:] - 1e-9)]
     )
     found = least_squares(
-        error, vector, jac=jacobian, bounds=(lower, upper), xtol=1e-8, ftol=1e-9, max_nfev=evaluations
+        error, vector, jac=jacobian, bounds=(lower, upper), xtol=1e-8, ftol=1e-9, max_nfev=EVALUATIONS
     )
     nonlinear, linear = parts(found.x)
     linear = np.where(signs > 0, np.maximum(linear, 0), np.where(signs < 0, np.minimum(linear, 0), linear))

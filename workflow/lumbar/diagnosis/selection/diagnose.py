@@ -41,9 +41,7 @@ from lumbar.models.structure import Structure
 from lumbar.records.record import Record
 
 
-def diagnose(
-    records: list[Record], settings: DiagnosisSettings | None = None, null: NullGains | None = None
-) -> Diagnosis:
+def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -> Diagnosis:
     """Diagnose what a base model is missing on a set of records.
 
     Parameters
@@ -51,8 +49,6 @@ def diagnose(
     records : list of Record
         One per excitation, with channels ``input`` and ``output``.
     settings : DiagnosisSettings, optional
-    null : NullGains, optional
-        Gains where nothing is missing; default the table that comes with the project.
 
     Returns
     -------
@@ -67,7 +63,7 @@ def diagnose(
     catalogue = settings.candidates
     experiment = prepare_for(records, settings)
     usable, not_tried = without_channels(catalogue, experiment.training.motion.channels)
-    null = null or shipped(BASES[settings.base].system)
+    null = shipped(BASES[settings.base].system)
     found = _searched(experiment, replace(settings, catalogue=usable), null)
     if experiment.error_dwarfs_noise(found.model.train_rms):
         found = _searched(experiment.unwhitened(), replace(settings, catalogue=usable), null)

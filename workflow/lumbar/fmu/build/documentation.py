@@ -78,7 +78,7 @@ def _term(model: ExportModel, term: Term) -> tuple:
     """One row of the table of forms."""
     from markupsafe import Markup
 
-    equation = Markup(equation_svg(term.form.equation))
+    equation = Markup(equation_svg(term.form.latex))
     return term.form.key, _ACTS[term.form.place], equation, _numbers(model, term)
 
 

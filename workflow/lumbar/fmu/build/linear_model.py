@@ -39,7 +39,7 @@ class LinearModel:
 
     @cached_property
     def state_space(self) -> control.StateSpace:
-        """The model as eqs 3.17 and 3.18 of the thesis."""
+        """The model as Eqs 3.17 and 3.18 of the thesis."""
         return observer_form(TransferFunction(self.numerator, self.denominator))
 
     @property

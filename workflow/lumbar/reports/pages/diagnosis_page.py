@@ -144,10 +144,8 @@ def _parameters(diagnosis: Diagnosis) -> list[Markup]:
             continue
         structure = item.candidate.fit.structure
         owners = ["", *structure.effects]
-        equations = [("base", structure.base.name, _equation(structure.base.equation))]
-        equations += [
-            (readable(form.effect), form.name, _equation(form.equation)) for form in structure.forms
-        ]
+        equations = [("base", structure.base.name, _equation(structure.base.latex))]
+        equations += [(readable(form.effect), form.name, _equation(form.latex)) for form in structure.forms]
         rows = [
             (
                 readable(found.effect) or "base",

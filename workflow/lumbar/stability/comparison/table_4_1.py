@@ -255,10 +255,10 @@ def _definitions(settings: StabilitySettings) -> dict[str, str]:
         "status": "computed, or why the study cannot tell",
     }
     texts = {
-        "percent": f"percent difference in {{}}, exact method, {settings['pendulum']['sign']} pendulum",
-        "thesis_method_percent": "the same in {} by the thesis's alternation (equations 4.5 to 4.7), "
+        "percent": f"percent difference in {{}}, exact method, {settings.pendulum.sign} pendulum",
+        "thesis_method_percent": "the same in {} by the thesis's alternation (Eqs 4.5–4.7), "
         "which is no certificate; its areas, and so these percentages, have no more digits",
-        "other_sign_percent": "the same in {} with the other sign of gravity in equation 4.1",
+        "other_sign_percent": "the same in {} with the other sign of gravity in Eq. 4.1",
         "null_percent": "null control: the same in {} with every trajectory replaced by θ0 = 0, so that only "
         "duration, mass and length are left",
         "initial_percent": "the same in {} of the cross-sections at t = 0",

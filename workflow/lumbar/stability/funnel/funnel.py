@@ -112,7 +112,7 @@ class Funnels:
 
 
 def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
-    """Close the loop with the finite-horizon regulator (equations 4.2 and 4.4)."""
+    """Close the loop with the finite-horizon regulator (Eqs 4.2 and 4.4)."""
     return with_cost(pendulums, weights, cost_to_go(pendulums, weights))
 
 

@@ -8,8 +8,8 @@ so that s12·e + s22·ω = √(ρ·s22)·z2 and, along an S(t) with −Ṡ = M +
 
     V̇/ρ = −(α·z1² + 2β·z1·z2 + γ·z2²) − κ·z2·h(√ρ·a·z1),   κ = 2·(σmgℓ/I)·√(s22/ρ)
 
-where [[α, β], [β, γ]] is M in normal coordinates and h the remainder of the sine. For the Riccati equation
-4.2 with feedback 4.4 M is Q + SBR⁻¹BᵀS. On the circle this is a function of one angle; its maximum is found by
+where [[α, β], [β, γ]] is M in normal coordinates and h the remainder of the sine. For the solution of Eq. 4.2 with
+the feedback of Eq. 4.4 M is Q + SBR⁻¹BᵀS. On the circle this is a function of one angle; its maximum is found by
 sampling and Newton's method.
 """
 

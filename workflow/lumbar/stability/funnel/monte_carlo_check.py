@@ -190,7 +190,7 @@ def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> i
 
 
 def quadratic_form(cost: np.ndarray, state: np.ndarray) -> np.ndarray:
-    """Return V = x̄ᵀSx̄ of states of shape (2, pendulums, starts)."""
+    """Return V = x̄ᵀSx̄ (Eq. 4.7) of states of shape (2, pendulums, starts)."""
     s11, s12, s22 = (cost[:, entry, None] for entry in range(3))
     return s11 * state[0] ** 2 + 2 * s12 * state[0] * state[1] + s22 * state[1] ** 2
 

@@ -100,7 +100,7 @@ class SaturatedFunnels:
 
 
 def reference_of(pendulums: Pendulums) -> SaturationReference:
-    """Return u0 and θ̇0 of the cubic spline through the knots of θ0 (equation 4.1 solved for u).
+    """Return u0 and θ̇0 of the cubic spline through the knots of θ0 (Eq. 4.1 solved for u).
 
     The spline is the interpolant about which `interval_proof` proves: its second derivative, and with it the
     saturated torque, is that of no finer one.

@@ -1,4 +1,4 @@
-"""The thesis's own method (equations 4.5 to 4.7), for comparison: bilinear alternation with ρ̇ frozen.
+"""The thesis's own method (Eqs 4.5–4.7), for comparison: bilinear alternation with ρ̇ frozen.
 
 At every knot by itself, −V̇ + ρ̇ + L·(V − ρ) is to be a sum of squares. An alternation
 
@@ -8,10 +8,10 @@ until there is,
 
 Because ρ̇ belongs to the ρ before the maximisation, the result is no certificate: `violation_share` says
 at how many knots the final ρ breaks the condition it was meant to meet. The Riccati equation is
-integrated by Euler's method, as in the thesis. ρ(T) is free too, as equation 4.6 has it: the goal set is
+integrated by Euler's method, as in the thesis. ρ(T) is free too, as Eq. 4.6 has it: the goal set is
 a result here and not a requirement.
 
-**Digits.** Equation 4.5 does not determine L: with L every L − c·(1 − |z|²), c ≥ 0, is a multiplier too, for c·(1 − |z|²)²
+**Digits.** Eq. 4.5 does not determine L: with L every L − c·(1 − |z|²), c ≥ 0, is a multiplier too, for c·(1 − |z|²)²
 is a square. The dual programme therefore has no interior point, and the L that an interior-point solver returns hangs
 on where it stops; step 2 turns it into an area. Hence the fixed, moderate `ACCURACY` and the areas' `RESOLUTION`.
 
@@ -117,7 +117,7 @@ def alternate(
     saturation: Saturation = UNSATURATED,
     accuracy: float = ACCURACY,
 ) -> Alternation:
-    """Run the thesis's bilinear alternation.
+    """Run the thesis's bilinear alternation of Eq. 4.6.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ def grams(degree: int, side: np.ndarray | None) -> list[np.ndarray]:
 
 
 class Certificate:
-    """The programme of one Taylor degree, for many knots."""
+    """Eq. 4.6 with ρ given and ρ̇ a variable, at one Taylor degree and many knots."""
 
     def __init__(self, degree: int, accuracy: float = 1e-8):
         self.degree, self._accuracy = degree, accuracy
