@@ -114,7 +114,7 @@ def refine(
 
 
 def _chosen(settings, base, train, periods) -> DiagnosisSettings:
-    return DiagnosisSettings.from_config(settings or ImprovementSettings(), base, train, dict(periods or {}))
+    return DiagnosisSettings.from_improvement(settings or ImprovementSettings(), base, train, dict(periods or {}))
 
 
 def _refined(records, effects, settings, seed, data) -> Refinement:

@@ -79,7 +79,7 @@ def identify(
         given = settings.inverted_linear
         found.append(given_model(named[name], tests, settings.settling_s, given.force_max, given.travel))
         if improvement.effects:
-            chosen_settings = DiagnosisSettings.from_config(improvement, train=name)
+            chosen_settings = DiagnosisSettings.from_improvement(improvement, train=name)
             found.append(refined_fit([named[name], *tests], list(improvement.effects), chosen_settings))
         models += found
         grid += rows

@@ -130,12 +130,14 @@ def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[
     problems = Problems("runtime.models")
     for text in _duplicate_identifiers(settings.models):
         problems.add("", text, "rename one: both would have the same name in C")
-    models = []
-    for name in settings.models:
-        found = _find(fitted, name, settings, problems)
-        if found is not None:
-            models.append(_export_model(found, settings))
+    found = [_find(fitted, name, settings, problems) for name in settings.models]
     problems.raise_if_any()
+    return export_models([model for model in found if model is not None], settings)
+
+
+def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
+    """Make fitted models ready for export; parameters and errors as of `select_models`."""
+    models = [_export_model(model, settings) for model in fitted]
     if settings.unstable == "refuse":
         _refuse_unstable(models)
     return models

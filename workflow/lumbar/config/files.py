@@ -1,0 +1,68 @@
+"""Settings read from files where there is no study's folder: for commands, notebooks and scripts of one's own."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lumbar.settings.study import StudySettings
+    from lumbar.settings.subject import SubjectSettings
+
+
+def load_settings(*files: str | os.PathLike) -> StudySettings:
+    """Return the defaults with the settings of YAML files laid over them, in the order given.
+
+    Raises
+    ------
+    InputError
+        With every file that cannot be read, and every wrong key and value of all files.
+    """
+    from lumbar.config.consistency import check_effects
+    from lumbar.config.validation import Origins, laid_over, validated
+    from lumbar.config.yaml_file import read_yaml
+    from lumbar.errors import Problems
+    from lumbar.settings.study import StudySettings
+
+    files, problems = tuple(map(Path, files)), Problems("configuration")
+    read = [read_yaml(path, problems) for path in files]
+    origins, content = Origins(read), {}
+    for file in read:
+        content = laid_over(content, file.content)
+    settings = validated(content, StudySettings, problems, origins)
+    problems.raise_if_any()
+    places = [Path(), *(parent for path in reversed(files) for parent in path.resolve().parents)]
+    own = tuple(_first_found(file, places) for file in settings.improvement.effect_files)
+    improvement = replace(settings.improvement, effect_files=own)
+
+    def add(key: str, found: str, allowed: str) -> None:
+        way = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+        problems.add(origins.place(way), found, allowed)
+
+    check_effects(improvement, Path(), add)
+    problems.raise_if_any()
+    return replace(settings, improvement=improvement)
+
+
+def _first_found(file: str, folders: list[Path]) -> str:
+    """Path of a file that is named relative to where the user is, or to a folder above the settings that name it."""
+    return next((str(folder / file) for folder in folders if (folder / file).is_file()), file)
+
+
+def load_subject(path: str | os.PathLike) -> SubjectSettings:
+    """Return the person of a subject file.
+
+    Raises
+    ------
+    InputError
+        As `load_settings`.
+    """
+    from lumbar.config.study import read_subject
+    from lumbar.errors import Problems
+
+    problems = Problems("subject")
+    subject = read_subject(Path(path), str(path), problems)
+    problems.raise_if_any()
+    return subject
