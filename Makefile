@@ -11,7 +11,7 @@ PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 CONFIGFILE := $(if $(filter-out thesis,$(STUDY)),--configfile config/studies/$(STUDY).yaml)
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test report check-results update-reference benchmark lint format lock docs clean help environment
+.PHONY: results test test-portable report check-results update-reference benchmark lint format lock docs clean help environment
 
 results: environment ## every table, figure and FMU of the study (default target)
 	snakemake --cores $(CORES) $(CONFIGFILE)
@@ -26,8 +26,12 @@ $(VENV)/installed: envs/build-lock.txt envs/lock.txt pyproject.toml
 	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
+# A file stays with one worker, as its fixtures do; the longest come first, in order.
 test: environment ## the tests
-	python -m pytest
+	python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
+
+test-portable: environment ## tests, results and verdicts under other processors' kernels, threads, Pythons, packages: hours
+	python tests/portable/run.py
 
 report: results ## results/<study>/report.html: one page, works offline
 	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/report.html
@@ -58,9 +62,10 @@ format: environment ## put the sources into the house's format
 	ruff format .
 	snakefmt Snakefile workflow/rules
 
-docs: environment ## renew the references of all configuration keys and of the catalogues of effects
+docs: environment ## renew the references of configuration keys, effects and equations
 	python -m lumbar.config.reference config/README.md
 	python -m lumbar.reports.effects_reference docs
+	python -m lumbar.reports.equation_index docs
 
 lock: ## renew envs/ from pyproject.toml (needs uv)
 	uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \

@@ -12,7 +12,6 @@ min_version("9.0")
 
 configfile: "config/config.yaml"
 configfile: "config/twin.yaml"
-configfile: "config/hidden_effects.yaml"
 
 
 include: "workflow/rules/common.smk"
@@ -44,3 +43,5 @@ rule all:
     default_target: True
     input:
         made(ARTEFACTS),
+    message:
+        f"Study {STUDY}: everything is made"

@@ -7,7 +7,20 @@ from pathlib import Path
 
 import pytest
 
-PROJECT = Path(__file__).resolve().parent.parent
+from lumbar.environment import use_one_thread
+from making_once import MadeOnce
+
+use_one_thread()  # as in the workflow, and before numpy is imported: workers would fight for the cores
+
+TESTS = Path(__file__).resolve().parent
+PROJECT = TESTS.parent
+
+
+def pytest_collection_modifyitems(items):
+    """Mark tests by their folder: what starts Snakemake is an integration test, all else a unit test."""
+    for item in items:
+        inside = TESTS / "unit" in item.path.parents
+        item.add_marker("unit" if inside else "integration")
 
 
 @pytest.fixture(scope="session")
@@ -21,16 +34,28 @@ def shared() -> Path:
     """Folder of recordings for tests: beside the project, or where LUMBAR_SHARED says."""
     folder = Path(os.environ.get("LUMBAR_SHARED", PROJECT.parent / "shared"))
     if not (folder / "real").is_dir():
-        pytest.skip(f"no recordings for tests in {folder} (set LUMBAR_SHARED)")
+        pytest.skip(
+            f"no recordings in {folder}: get those that config/studies/*.yaml name, as real/<data set>/ in a folder, "
+            "and set LUMBAR_SHARED to it"
+        )
     return folder
 
 
 @pytest.fixture(scope="session")
-def default_run(tmp_path_factory):
+def made_once(tmp_path_factory):
+    """Make things once for all workers of a session, by name."""
+    own = tmp_path_factory.getbasetemp()
+    return MadeOnce(own.parent if "PYTEST_XDIST_WORKER" in os.environ else own)
+
+
+@pytest.fixture(scope="session")
+def default_run(made_once):
     """Folder of a project copy in which the default study was run with two cores, and what was printed."""
     from running import copy_project, snakemake
 
-    folder = copy_project(tmp_path_factory.mktemp("default"))
-    run = snakemake(folder, "--cores", "2")
-    assert run.status == 0, run.text[-6000:]
-    return folder, run
+    def run_default_study(folder):
+        run = snakemake(copy_project(folder), "--cores", "2")
+        assert run.status == 0, run.text[-6000:]
+        return run
+
+    return made_once("default", run_default_study)

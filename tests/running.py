@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parent.parent
-PARTS = ("Snakefile", "config", "workflow", "resources", "envs")
+PARTS = ("Snakefile", "profiles", "config", "workflow", "resources", "envs")
 
 
 @dataclass(frozen=True)

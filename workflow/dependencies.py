@@ -7,12 +7,13 @@ declares the files returned here as inputs.
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 WORKFLOW = Path(__file__).resolve().parent
 PACKAGE = "lumbar"
-_DATA_ENDINGS = {".c", ".h", ".json", ".csv", ".yaml", ".in", ".txt", ".png"}
+_DATA_ENDINGS = {".c", ".h", ".json", ".csv", ".yaml", ".in", ".txt", ".png", ".jinja"}
 
 
 @cache
@@ -23,11 +24,24 @@ def _module_file(name: str) -> Path | None:
     return path.with_suffix(".py") if path.with_suffix(".py").is_file() else None
 
 
+def _import_statements(source: str, name: str) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Import statements of a source at any depth; expressions hold none and are not entered, which saves a second."""
+    pending: list[ast.AST] = [ast.parse(source, filename=name)]
+    while pending:
+        node = pending.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
+        for block in ("body", "orelse", "handlers", "finalbody", "cases"):
+            inside = getattr(node, block, ())
+            if isinstance(inside, list):  # the body of a lambda is an expression
+                pending.extend(inside)
+
+
 @cache
 def _imported(path: Path) -> frozenset[Path]:
     """Library files that one source file imports, at any depth of its functions, with their packages."""
     names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
+    for node in _import_statements(path.read_text(encoding="utf-8"), str(path)):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:

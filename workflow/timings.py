@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Collection
 from pathlib import Path
 
 
@@ -36,9 +37,9 @@ def _number(text: str) -> float:
         return 0.0
 
 
-def summary(folder: Path) -> str:
-    """Return the timings as text, with their sums and the largest memory."""
-    rows = timings(folder)
+def summary(folder: Path, names: Collection[str]) -> str:
+    """Return the timings of these jobs as text, with their sums and the largest memory."""
+    rows = [row for row in timings(folder) if row[0] in names]
     if not rows:
         return ""
     width = max(len(row[0]) for row in rows)

@@ -1,6 +1,6 @@
 """Make the tables of gains where nothing is missing, which the diagnosis takes its probabilities from.
 
-Every experiment has a true base of random parameters (a Kelvin–Boltzmann tissue or the pendulum of equation 4.1), a
+Every experiment has a true base of random parameters (a Kelvin–Boltzmann tissue or the pendulum of Eq. 4.1), a
 multisine of random phases and slope of its spectrum (or band-limited noise), and noise that is white or, where its
 colour can be known from the periods of a multisine, coloured; base and candidates are fitted as in a diagnosis.
 

@@ -22,9 +22,9 @@ from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.selection.diagnose import diagnose
 from lumbar.files import write_csv
 from lumbar.progress import track
-from lumbar.synthetic.pendulum_experiments import EFFECTS, make_pendulum_experiment
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "unit"))
+from pendulum_experiments import EFFECTS, make_pendulum_experiment
 from pendulum_records import records_of
 
 MEASURABLE = ("hand_load", "variable_length", "moving_pivot")

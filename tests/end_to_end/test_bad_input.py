@@ -8,8 +8,6 @@ import yaml
 
 from running import copy_project, snakemake
 
-pytestmark = pytest.mark.end_to_end
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -49,23 +47,8 @@ def recording(samples=2000, seed=1):
     ]
 
 
-def clip_at_median(rows):
-    """Clip the force: half of it then lies at one value."""
-    cells = [row.rsplit(",", 1) for row in rows]
-    limit = float(np.median([float(force) for _, force in cells]))
-    rows[:] = [f"{rest},{min(float(force), limit):.5f}" for rest, force in cells]
-
-
 def text(rows):
     return "\n".join(["time_s,position_mm,force_N", *rows]) + "\n"
-
-
-def fails(folder, config, *words):
-    run = snakemake(folder, "--cores", "1", "--configfile", config)
-    assert run.status != 0
-    for word in words:
-        assert word in run.text, f"{word!r} not in:\n{run.text[-3000:]}"
-    return run
 
 
 def nothing_written(folder, name):
@@ -82,13 +65,17 @@ def test_wrong_keys_are_all_named(folder):
     for word in ("sede", "seed", "-3", "tissu"):
         assert word in run.text
     assert "Traceback" not in run.text
+    assert "common.smk" not in run.text
     assert nothing_written(folder, "wrong_keys")
 
 
 def test_missing_file_names_source_and_licence(folder):
     config = lab(folder, "missing", {"a.csv": text(recording())})
     (folder / "data" / "missing" / "a.csv").unlink()
-    fails(folder, config, "a.csv", "a test", "licence: none", "the test itself")
+    run = snakemake(folder, "--cores", "1", "--configfile", config)
+    assert run.status != 0
+    for word in ("a.csv", "a test", "licence: none", "the test itself"):
+        assert word in run.text
     assert nothing_written(folder, "missing")
 
 
@@ -97,48 +84,70 @@ def test_path_out_of_the_data_root_is_refused(folder):
     config = lab(
         folder, "outside", {"a.csv": text(recording())}, tissue={"records": records, "training": ["a"]}
     )
-    fails(folder, config, "../outside.csv", "relative to data_root")
+    run = snakemake(folder, "--cores", "1", "--configfile", config)
+    assert run.status != 0
+    assert "../outside.csv" in run.text
+    assert "relative to data_root" in run.text
 
 
-def test_all_bad_cells_of_all_files_are_named_with_their_lines(folder):
-    first, second = recording(), recording(seed=2)
-    first[9] = "0.09,abc,0.1"
-    first[19] = "0.19,nan,0.1"
-    second[29] = "0.29,0.1"
-    config = lab(folder, "bad_cells", {"first.csv": text(first), "second.csv": text(second)})
-    fails(folder, config, "first.csv", "line 11", "'abc'", "second.csv", "line 31")
-    assert nothing_written(folder, "bad_cells")
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "words"),
-    [
-        ("nan", lambda rows: rows.__setitem__(5, "0.05,nan,0.1"), ("data row 6", "nan")),
-        ("unsorted", lambda rows: rows.__setitem__(slice(3, 5), [rows[4], rows[3]]), ("time must increase",)),
-        ("uneven", lambda rows: rows.__delitem__(slice(100, 140)), ("sampled evenly",)),
-        ("short", lambda rows: rows.__delitem__(slice(4, None)), ("samples",)),
-        ("empty", lambda rows: rows.clear(), ("no data rows",)),
-        ("clipped", clip_at_median, ("output: clipped",)),
-    ],
-)
-def test_unsound_record_is_refused_before_anything_runs(folder, name, change, words):
+def changed(change):
+    """Write a recording some of whose lines are changed."""
     rows = recording()
-    change(rows)
-    config = lab(folder, f"record_{name}", {"a.csv": text(rows), "b.csv": text(recording(seed=3))})
-    fails(folder, config, "a.csv", *words)
-    assert nothing_written(folder, f"record_{name}")
+    return text(change(rows) or rows)
 
 
-def test_missing_column_lists_the_header(folder):
-    rows = text(recording()).replace("force_N", "Kraft")
-    config = lab(folder, "column", {"a.csv": rows})
-    fails(folder, config, "force_N", "Kraft", "position_mm")
+def replaced(line, *rows):
+    """Change rows in place from one data line on."""
+    return lambda whole: whole.__setitem__(slice(line, line + len(rows)), rows)
 
 
-def test_constant_input_is_refused(folder):
-    rows = [f"{0.01 * index:.2f},1.0,{index % 7}" for index in range(500)]
-    config = lab(folder, "constant", {"a.csv": text(rows)})
-    fails(folder, config, "constant")
+def swap(rows):
+    rows[3], rows[4] = rows[4], rows[3]
+
+
+def clip_at_median(rows):
+    """Clip the force: half of it then lies at one value."""
+    cells = [row.rsplit(",", 1) for row in rows]
+    limit = float(np.median([float(force) for _, force in cells]))
+    rows[:] = [f"{rest},{min(float(force), limit):.5f}" for rest, force in cells]
+
+
+UNSOUND = {
+    "number": (changed(replaced(9, "0.09,abc,0.1")), ("line 11", "'abc'")),
+    "cells": (changed(replaced(29, "0.29,0.1")), ("line 31",)),
+    "nan": (changed(replaced(5, "0.05,nan,0.1")), ("line 7", "nan")),
+    "unsorted": (changed(swap), ("time must increase",)),
+    "uneven": (changed(lambda rows: rows[:100] + rows[140:]), ("sampled evenly",)),
+    "short": (changed(lambda rows: rows[:4]), ("samples",)),
+    "empty": (text([]), ("no data rows",)),
+    "clipped": (changed(clip_at_median), ("output: clipped",)),
+    "column": (text(recording()).replace("force_N", "Kraft"), ("force_N", "Kraft", "position_mm")),
+    "constant": (text(f"{0.01 * index:.2f},1.0,{index % 7}" for index in range(500)), ("constant",)),
+}
+"""Recordings of which each alone is refused, and what is said of it."""
+
+
+@pytest.fixture(scope="module")
+def refused(folder):
+    """What is said of a study of all unsound recordings and a sound one: one start of Snakemake tells it all."""
+    files = {f"{name}.csv": content for name, (content, _) in UNSOUND.items()}
+    config = lab(folder, "unsound", {**files, "sound.csv": text(recording(seed=3))})
+    return snakemake(folder, "--cores", "1", "--configfile", config)
+
+
+def test_unsound_records_are_refused_before_anything_runs(folder, refused):
+    assert refused.status != 0
+    assert f"{len(UNSOUND)} problems" in refused.text
+    assert "/sound.csv: " not in refused.text
+    assert nothing_written(folder, "unsound")
+
+
+@pytest.mark.parametrize("name", UNSOUND)
+def test_each_unsound_record_is_named_with_what_is_wrong(refused, name):
+    place = f"/{name}.csv: "
+    said = refused.text[refused.text.index(place) :].removeprefix(place).split("  - /")[0]
+    for word in UNSOUND[name][1]:
+        assert word in said, f"{word!r} not in:\n{said[:3000]}"
 
 
 def test_unreadable_wrong_subject_is_refused(folder):

@@ -9,8 +9,6 @@ import pytest
 
 from running import copy_project, snakemake
 
-pytestmark = pytest.mark.end_to_end
-
 STUDIES = ("davinci_tool", "friction_damper", "box_transfer", "sit_to_stand")
 
 

@@ -50,7 +50,8 @@ def compare(reference: pd.DataFrame, found: pd.DataFrame, table: str, settings: 
     settings : dict
         ``keys``: columns that name a row; ``relative`` and ``absolute``: tolerances by column, ``default`` for the
         others. A number may move by ``absolute + relative * |reference|``. ``columns``: what the reference keeps
-        beside the keys, where that is not everything.
+        beside the keys, where that is not everything. ``rows``: a list of tolerances of their own, each for the rows
+        whose keys are as in ``where``.
     """
     keys = settings["keys"]
     missing = [column for column in reference.columns if column not in found.columns]
@@ -59,11 +60,19 @@ def compare(reference: pd.DataFrame, found: pd.DataFrame, table: str, settings: 
     for key in then.index.difference(now.index):
         movements.append(Movement(table, _name(key), "-", "present", "missing", 0.0, False))
     for key in then.index.intersection(now.index):
+        own = _tolerances(key, settings)
         for column in then.columns:
-            movements.extend(
-                _cell(then.at[key, column], now.at[key, column], table, _name(key), column, settings)
-            )
+            movements.extend(_cell(then.at[key, column], now.at[key, column], table, _name(key), column, own))
     return movements
+
+
+def _tolerances(key, settings: dict) -> dict:
+    """Return the table's settings with the tolerances of one row in place of the table's."""
+    row = dict(zip(settings["keys"], key if isinstance(key, tuple) else (key,), strict=True))
+    for special in settings.get("rows", ()):
+        if all(row[name] == value for name, value in special["where"].items()):
+            return {**settings, **special}
+    return settings
 
 
 def _name(key) -> str:

@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from effect_steps import Functions
 
 from lumbar.fmu.build.compiler import TARGETS, compile_library
 from lumbar.fmu.build.export_model import ExportModel
@@ -83,31 +82,3 @@ class CModel:
                 state[i] = 0.0 if abs(following[i]) < 1e-200 else following[i]
         self.state = list(state)
         return outputs
-
-
-def portable_functions(folder: Path, cache: Path) -> Functions:
-    """Elementary functions of ``portable_math.c`` for the simulation in Python."""
-    import lumbar.fmu.c
-
-    source = lumbar.fmu.c.FOLDER
-    names = ("expm1", "tanh", "sinh", "arctan", "softplus", "sine", "cosine")
-    lines = ['#include "portable_math.h"']
-    for name in names:
-        lines.append('__attribute__((visibility("default")))')
-        lines.append(f"double exported_{name}(double x) {{ return portable_{name}(x); }}")
-    lines += ['__attribute__((visibility("default")))']
-    lines += ["double exported_power(double x, double n) { return portable_power(x, n); }"]
-    for file in ("portable_math.c", "portable_math.h"):
-        (folder / file).write_text((source / file).read_text())
-    (folder / "exported_math.c").write_text("\n".join(lines) + "\n")
-    compile_library(
-        [folder / "portable_math.c", folder / "exported_math.c"], folder / "math.so", "x86_64-linux", cache
-    )
-    library = ctypes.CDLL(str(folder / "math.so"))
-    functions = {}
-    for name in names:
-        function = getattr(library, f"exported_{name}")
-        function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double]
-        functions[name] = function
-    library.exported_power.restype, library.exported_power.argtypes = ctypes.c_double, [ctypes.c_double] * 2
-    return Functions(**functions, power=library.exported_power)

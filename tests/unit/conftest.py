@@ -22,16 +22,17 @@ def fmu_models():
 
 
 @pytest.fixture(scope="session")
-def fmu_folder(fmu_models, zig_cache, tmp_path_factory):
+def fmu_folder(fmu_models, zig_cache, made_once):
     """Return a folder with the FMUs of the shared models and of one with an effect and an awkward name."""
     from lumbar.fmu.build.package import export_fmus
 
-    fmu_folder = tmp_path_factory.mktemp("fmu")
-    export_fmus(fmu_models, fmu_folder, "synthetic twin", TARGET, zig_cache)
-    awkward = models_json(effect_entry("KB", "coulomb_friction/coulomb"))
-    chosen = selected(awkward, {**SETTINGS, "models": ["KB+coulomb_friction"], "moving_average": 1})
-    export_fmus(chosen, fmu_folder, "A & B <lab>", TARGET, zig_cache)
-    return fmu_folder
+    def export(folder):
+        export_fmus(fmu_models, folder, "synthetic twin", TARGET, zig_cache)
+        awkward = models_json(effect_entry("KB", "coulomb_friction/coulomb"))
+        chosen = selected(awkward, {**SETTINGS, "models": ["KB+coulomb_friction"], "moving_average": 1})
+        export_fmus(chosen, folder, "A & B <lab>", TARGET, zig_cache)
+
+    return made_once("fmu", export)[0]
 
 
 @pytest.fixture

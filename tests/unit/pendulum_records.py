@@ -15,7 +15,7 @@ ROLES = {
 
 
 def records_of(tables: dict) -> list[Record]:
-    """Return records from their columns by name, as `lumbar.synthetic.pendulum_experiments` makes them."""
+    """Return records from their columns by name, as `pendulum_experiments` makes them."""
     records = []
     for name, columns in tables.items():
         channels = {

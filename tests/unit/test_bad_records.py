@@ -65,10 +65,13 @@ def bad_training() -> dict[str, tuple]:
     force = force_of(GOOD)
     with_gap = force.copy()
     with_gap[100] = np.nan
+    enormous = force.copy()
+    enormous[100] = 1e308
     return {
         "constant input": (np.full(len(GOOD), 1.0), force, "input: constant (1)"),
         "constant output": (GOOD, np.full(len(GOOD), 2.0), "output: constant (2)"),
-        "not a number": (GOOD, with_gap, "data row 101: output is nan"),
+        "not a number": (GOOD, with_gap, "line 102: output is nan"),
+        "beyond measure": (GOOD, enormous, "line 102: output is 1e+308"),
         "clipped force": (GOOD, np.clip(force, -1.5, 1.5), "output: clipped: "),
         "clipped position": (np.clip(GOOD, -1.5, 1.5), force, "input: clipped: "),
         "no motion": (5e-4 * NOISE, 0.02 * NOISE[::-1], "a model fitted on it says nothing about b"),
@@ -110,7 +113,7 @@ def test_unequal_sampling(run, tmp_path):
     path.write_text("\n".join(lines[:101] + lines[141:]) + "\n")
     status, _, err = run("diagnose", tmp_path / "in", "--output", tmp_path / "out")
     assert status == 1
-    assert "sampled evenly" in err and "data row 101" in err
+    assert "sampled evenly" in err and "line 102" in err
     assert not (tmp_path / "out").exists()
 
 

@@ -85,6 +85,7 @@ def test_trials_of_one_surgeon_are_no_independent_evidence():
     assert width(apart) < 0.75 * width(three)
 
 
+@pytest.mark.statistical
 def test_coverage_of_the_interval_over_many_surgeons():
     """Spectra of 12 surgeons from a population: the interval holds its value in about 95 % of cases."""
     rng = np.random.default_rng(8)

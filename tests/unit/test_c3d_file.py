@@ -339,6 +339,7 @@ def test_reader_that_disagrees_with_the_bytes_is_refused(tmp_path, points, monke
         read_c3d(path)
 
 
+@pytest.mark.statistical
 def test_corrupt_bytes_end_in_a_recording_or_an_input_error(tmp_path, points):
     """One corrupt byte anywhere before the data, one file for each of many."""
     content = build_c3d(points, LABELS, analog=np.zeros((40, 4)), analog_per_frame=2)

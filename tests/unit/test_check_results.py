@@ -9,6 +9,8 @@ import pandas as pd
 import pytest
 import yaml
 
+from lumbar.stability.programme.bilinear_alternation import RESOLUTION
+
 
 @pytest.fixture(scope="module")
 def check(project):
@@ -58,6 +60,27 @@ def test_a_large_movement_fails(check, folders, capsys, column, value):
     move(folders, column, value)
     assert call(check, folders) == 1
     assert "NOT ALLOWED: tables/t.csv [KB]" in capsys.readouterr().out
+
+
+def test_rows_may_have_tolerances_of_their_own(check, folders):
+    path = folders[0] / "tolerances.yaml"
+    settings = yaml.safe_load(path.read_text(encoding="utf-8"))
+    special = {"where": {"model": "HO"}, "relative": {"vaf": 0.02}}
+    path.write_text(yaml.safe_dump({"tables/t.csv": {**settings["tables/t.csv"], "rows": [special]}}))
+    move(folders, "vaf", 81.0)
+    assert call(check, folders) == 1  # KB, whose tolerance is the table's
+    special["where"]["model"] = "KB"
+    path.write_text(yaml.safe_dump({"tables/t.csv": {**settings["tables/t.csv"], "rows": [special]}}))
+    assert call(check, folders) == 0
+
+
+def test_areas_of_the_thesis_engine_are_compared_to_the_digits_they_have(project):
+    tables = yaml.safe_load((project / "tests" / "reference" / "tolerances.yaml").read_text(encoding="utf-8"))
+    for name in ("tables/basin_areas.csv", "tables/extended_basins.csv"):
+        (special,) = tables[name]["rows"]
+        assert special["where"] == {"method": "thesis"}
+        expected = {**RESOLUTION, "area_ratio": RESOLUTION["mean_area"]}
+        assert special["relative"] == {column: expected[column] for column in special["relative"]}
 
 
 def test_missing_table_and_row_fail(check, folders, capsys):

@@ -6,8 +6,7 @@ import json
 
 import numpy as np
 import pytest
-
-from lumbar.synthetic.pendulum_experiments import make_pendulum_experiment
+from pendulum_experiments import make_pendulum_experiment
 
 
 def write(folder, records, decimals=5):

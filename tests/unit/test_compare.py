@@ -56,6 +56,7 @@ def test_the_true_model_leaves_noise():
     assert "no more than the 0.3" in found.sentence
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("pole", [0.0, 0.9])
 def test_intervals_cover(pole):
     """The RMS and VAF that very long records would give lie inside in about 95 % of the cases."""

@@ -212,10 +212,23 @@ def test_artefacts_expand_to_files():
     assert lift.paths() == []
 
 
+def test_every_artefact_with_a_label_has_a_caption_and_something_to_look_at(project):
+    shown = [row for row in read_artefacts(project / "config" / "artefacts.tsv") if row.label]
+    captions = {path.stem for path in (project / "workflow" / "report").glob("*.rst")}
+    assert {row.id for row in shown} == captions
+    for row in shown:
+        files = row.labelled(["x_1kg", "y_2kg"])
+        seen = [label for path, label in files if path.endswith((".html", ".svg"))]
+        assert seen and len(seen) == len(set(seen))
+        assert ("{record_set}" in row.path) == ("{record_set}" in row.label)
+
+
 def test_the_sheet_of_artefacts_is_checked(tmp_path):
     sheet = tmp_path / "artefacts.tsv"
-    sheet.write_text("id\trule\tpath\tchapter\na\tr\tp\tsurvey\na\tr\tp\tsurveys\n")
-    with pytest.raises(InputError, match=r"(?s)line 3: chapter 'surveys'.*line 3: 'a' stands twice"):
+    sheet.write_text("id\trule\tpath\tchapter\tlabel\na\tr\tp\tsurvey\tA\na\tr\tp\tsurveys\tA\n")
+    with pytest.raises(
+        InputError, match=r"(?s)line 3: chapter 'surveys'.*line 3: 'a' stands twice.*label .A. stands twice"
+    ):
         read_artefacts(sheet)
 
 

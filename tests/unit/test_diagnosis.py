@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -92,13 +93,35 @@ def test_json_keeps_the_contract(blind):
     assert content["ladder"][1]["test_rms"] < content["ladder"][0]["test_rms"]
 
 
-def test_the_refined_model_is_diagnosed_again(blind, labels, shared):
+def test_what_explains_everything_leaves_noise(blind, labels):
     assert {blind[name].verdict_after for name in labels} == {"adequate"}
-    one_of_two = diagnose(
-        records_of(shared / "hidden_effects" / "case_13"), DiagnosisSettings(most_effects=1)
-    )
-    assert (one_of_two.verdict, one_of_two.verdict_after) == ("named", "unexplained")
-    assert any("something is left that no further effect" in line for line in details(one_of_two, TISSUE))
+    assert all(blind[name].complete and blind[name].further is None for name in labels)
+    told = [line for line in details(blind["case_13"], TISSUE) if "noise as far as can be told" in line]
+    assert len(told) == 1
+
+
+def test_diagnosed_again_the_second_effect_is_named(shared):
+    """The search may take one effect; the catalogue holds the other one, and it must not be denied."""
+    records = records_of(shared / "hidden_effects" / "case_13")
+    one_of_two = diagnose(records, DiagnosisSettings(most_effects=1))
+    assert (one_of_two.verdict, one_of_two.selected) == ("named", ("hardening_stiffness",))
+    assert (one_of_two.verdict_after, one_of_two.complete) == ("named", False)
+    assert one_of_two.further.effects == ("hardening_stiffness", "coulomb_friction")
+    assert one_of_two.to_json()["further"] == "coulomb_friction"
+    said = [line for line in details(one_of_two, TISSUE) if line.startswith("Diagnosed again")]
+    assert [line.split(":")[0] for line in said] == ["Diagnosed again, coulomb friction is missing too"]
+
+
+def test_diagnosed_again_nothing_passes_where_the_catalogue_lacks_the_second_effect(shared):
+    records = records_of(shared / "hidden_effects" / "case_13")
+    catalogue = {name: TISSUE[name] for name in ("hardening_stiffness", "saturation", "periodic_disturbance")}
+    for most_effects in (1, 3):
+        found = diagnose(records, DiagnosisSettings(most_effects=most_effects, catalogue=catalogue))
+        assert found.selected == ("hardening_stiffness",)
+        assert (found.verdict_after, found.complete, found.further) == ("unexplained", False, None)
+        said = [line for line in details(found, TISSUE) if line.startswith("Diagnosed again")]
+        assert len(said) == 1
+        assert "none of the most promising further effects passes" in said[0]
 
 
 def test_sentences_name_effect_and_runner_up(blind):
@@ -127,7 +150,7 @@ def test_what_no_effect_explains_is_said_to_be_unexplained():
     diagnosis = diagnose([synthetic("a", texture, 1), synthetic("b", texture, 2, 12)])
     assert diagnosis.verdict == "unexplained"
     assert diagnosis.complete is False
-    assert "nothing in the catalogue explains it" in headline(diagnosis)
+    assert "no effect of the catalogue explains it" in headline(diagnosis)
 
 
 @pytest.mark.parametrize("seconds", [40, 15])
@@ -190,3 +213,30 @@ def test_p_values_of_the_null_table():
     assert len(shipped().gains) >= 200
     for system, catalogue in CATALOGUES.items():
         assert shipped(system).forms == sum(len(effect.forms) for effect in catalogue.values())
+
+
+@pytest.mark.parametrize(
+    ("floors", "after", "said"),
+    [
+        (1.05, "adequate", "What is left is noise as far as can be told"),
+        (1.15, "adequate", "Diagnosed again, none of the most promising further effects passes"),
+        (1.30, "unexplained", "Diagnosed again, something is left and none of the most promising"),
+    ],
+)
+def test_completeness_and_the_verdict_on_the_refined_model_follow_from_one_rule(floors, after, said):
+    """A refined model whose unseen error is a given number of noise floors, and a catalogue without further effects."""
+
+    def stiffening(time, position):
+        return 0.6 * position + 0.01 * position**3
+
+    catalogue = {"hardening_stiffness": TISSUE["hardening_stiffness"]}
+    records = [synthetic("a", stiffening, 1), synthetic("b", stiffening, 2, 40)]
+    settings = DiagnosisSettings(base="LE", catalogue=catalogue)
+    floor = diagnose(records, settings).experiment.floor.rms
+    other = np.sin(np.arange(len(records[1])) * 0.37) * np.sqrt(2 * (floors**2 - 1)) * floor
+    force = replace(records[1].channels["output"], values=records[1]["output"] + other)
+    disturbed = replace(records[1], channels={**records[1].channels, "output": force})
+    found = diagnose([records[0], disturbed], settings)
+    assert found.model.test_rms / found.experiment.floor.rms == pytest.approx(floors, abs=0.03)
+    assert (found.verdict_after, found.complete, found.further) == (after, after == "adequate", None)
+    assert any(line.startswith(said) for line in details(found, catalogue))

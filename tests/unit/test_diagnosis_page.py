@@ -158,9 +158,7 @@ def test_the_threshold_is_the_gain_that_one_in_a_hundred_nulls_reach():
 FORMS = [form for effect in TISSUE.values() for form in effect.forms]
 
 
-@pytest.mark.parametrize(
-    "equation", [form.equation for form in FORMS] + [base.equation for base in BASES.values()]
-)
+@pytest.mark.parametrize("equation", [form.latex for form in FORMS] + [base.latex for base in BASES.values()])
 def test_every_equation_becomes_a_picture(equation):
     svg = equation_svg(equation)
     root = ElementTree.fromstring(svg)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lumbar.effects.catalogue import CATALOGUES, TISSUE, choose, load_effects
+from lumbar.effects.catalogue import CATALOGUES, TISSUE, choose
+from lumbar.effects.own_effect import load_effects
 from lumbar.errors import InputError
 from lumbar.models.bases import BASES
 from lumbar.models.form import Place
@@ -139,11 +140,17 @@ def test_an_effect_of_the_users_own(tmp_path):
     path = tmp_path / "own.py"
     path.write_text(
         "from lumbar.models.form import LinearParameter, Effect, Form, Place\n"
-        "STEP = Effect('step', 'A step at zero.', (Form('sign', 'F sign(z)', Place.PARALLEL,\n"
-        "    (LinearParameter('step_force', '{y}'),), columns=lambda motion, _: [(motion.position > 0) * 1.0]),), 'me')\n",
+        "STEP = Effect('step', 'A step at zero.', (Form('step', 'F1*where(z > 0, 1, 0)', Place.PARALLEL,\n"
+        "    (LinearParameter('step_force', '{y}', symbol='F1'),)),), 'me')\n",
         encoding="utf-8",
     )
     assert list(load_effects(path)) == ["step"]
+    path.write_text(path.read_text().replace("F1*where", "F2*where"), encoding="utf-8")
+    with pytest.raises(
+        InputError,
+        match=r"own.py: 1 problem\n  - step/step, equation: unknown symbol F2; known are .* F1 and the",
+    ):
+        load_effects(path)
     path.write_text("x = 1\n", encoding="utf-8")
     with pytest.raises(InputError, match="defines no Effect"):
         load_effects(path)

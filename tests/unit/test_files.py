@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
 
-from lumbar.errors import InputError, NumericalError
+from lumbar.errors import InputError, NumericalError, explained
 from lumbar.files import read_json, replacing, write_csv, write_json, write_text
 
 
@@ -20,6 +21,28 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
         raise RuntimeError
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_is_told_with_the_file_and_the_free_space(tmp_path):
+    """Writing to /dev/full fails in the kernel as on a full disk, with an error that names no file."""
+    path = tmp_path / "result.txt"
+    write_text(path, "old")
+    with pytest.raises(OSError, match="No space left") as caught, replacing(path) as temporary:
+        temporary.symlink_to("/dev/full")
+        temporary.write_text("new")
+    assert caught.value.filename == str(path)
+    free = r"\d+\.\d MB are free in " + re.escape(str(tmp_path))
+    assert re.fullmatch(
+        f"{re.escape(str(path))}: No space left on device; {free}: make room, .*", explained(caught.value)
+    )
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_errors_about_other_files_keep_their_names(tmp_path):
+    with pytest.raises(FileNotFoundError) as caught, replacing(tmp_path / "result.txt"):
+        (tmp_path / "absent.csv").read_text()
+    assert caught.value.filename == str(tmp_path / "absent.csv")
 
 
 def test_a_reader_of_the_old_file_is_not_disturbed(tmp_path):

@@ -17,7 +17,7 @@ from lumbar.synthetic.hidden_effects.experiment import plan_batch
 from lumbar.synthetic.hidden_effects.experiment_folder import write_experiments
 from lumbar.synthetic.hidden_effects.hidden_catalogue import MECHANISMS, SINGLE
 
-pytestmark = pytest.mark.end_to_end
+pytestmark = pytest.mark.statistical
 
 STRONG = settings(
     slices=1, residual_over_noise=[5, 15], noise_colours={"white": 1, "autoregressive": 0, "flicker": 0}

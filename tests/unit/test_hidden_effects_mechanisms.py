@@ -310,6 +310,7 @@ def test_every_form_is_weak_at_its_weakest_and_deterministic(form):
     assert np.std(weak - base) < 0.01 * base.std() < np.std(strong[0] - base)
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("colour", COLOURS)
 def test_noise_has_its_rms_and_its_spectrum(colour):
     rng = np.random.default_rng(11)

@@ -181,6 +181,7 @@ def test_a_floor_of_another_record_serves():
     assert worse.views["linear dynamics"].share > 0.9
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize(("pole", "repeating"), [(0.0, True), (0.9, True), (0.0, False)])
 def test_sizes_under_the_null(pole, repeating):
     """At the 5 % level no test of a true model's residual rejects in clearly more than 5 % of 500 cases."""
@@ -204,6 +205,7 @@ def test_sizes_under_the_null(pole, repeating):
     assert accused / trials <= 0.05 + scatter
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("pole", [0.0, 0.9])
 def test_deviation_of_averages_under_noise(pole):
     """Standard deviations of bin means, against their scatter over simulated noise."""

@@ -1,4 +1,4 @@
-"""Multisines against the sum of cosines of eq. 3.1, known crest factors and what nonlinearities do."""
+"""Multisines against the sum of cosines of Eq. 3.1, known crest factors and what nonlinearities do."""
 
 import numpy as np
 import pytest

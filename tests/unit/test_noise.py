@@ -33,6 +33,7 @@ def test_density_is_halved_at_the_end_of_the_band(order):
     assert at_ten / passed == pytest.approx((1 / (1 + warped ** (2 * order))) ** 2, rel=0.3)
 
 
+@pytest.mark.statistical
 def test_ends_are_like_the_middle():
     rows = np.array([band_limited_noise(10.0, 5.0, 100.0, 8, seed) for seed in range(150)])
     power = np.mean(rows**2, axis=0)

@@ -82,6 +82,7 @@ def test_without_structure_the_floor_is_the_spread_over_the_periods():
     assert floor.high == pytest.approx(high, rel=0.01)
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize(("pole", "periods"), [(0.0, 10), (0.0, 3), (0.9, 10), (0.98, 10), (0.5, 30)])
 def test_intervals_cover_the_noise_and_nothing_is_taken_for_structure(pole, periods):
     sigma, trials = 0.3, 100

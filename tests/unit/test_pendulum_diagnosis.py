@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from pendulum_experiments import EFFECTS, make_pendulum_experiment
 from pendulum_records import records_of
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -19,7 +20,6 @@ from lumbar.effects.catalogue import CATALOGUES, PENDULUM
 from lumbar.errors import InputError
 from lumbar.models.models_file import read_models
 from lumbar.records.record import Channel
-from lumbar.synthetic.pendulum_experiments import EFFECTS, make_pendulum_experiment
 
 PENDULUM_BASE = DiagnosisSettings(base="pendulum")
 STRENGTHS = (4.0, 8.0, 16.0)
@@ -31,6 +31,7 @@ def diagnosed(effect, seed, strength=8.0, columns=True, periodic=True):
     return experiment, diagnose(records_of(experiment.records), PENDULUM_BASE)
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("effect", EFFECTS)
 @pytest.mark.parametrize(("seed", "strength"), list(enumerate(STRENGTHS)))
 def test_every_effect_is_named(effect, seed, strength):
@@ -64,6 +65,7 @@ def test_records_that_do_not_repeat_are_enough(effect):
     assert (diagnosis.verdict, diagnosis.selected) == ("named", (effect,))
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("seed", range(2))
 def test_nothing_is_accused_where_nothing_is_hidden(seed):
     assert diagnosed("", seed)[1].verdict == "adequate"

@@ -178,10 +178,10 @@ def record_of(time, *channels, name="r") -> Record:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t, v: (t, np.where(np.arange(50) == 6, np.nan, v)), "data row 7.*input is nan"),
+        (lambda t, v: (t, np.where(np.arange(50) == 6, np.nan, v)), "sample 7: input is nan"),
         (lambda t, v: (t, np.full(50, 2.0)), "input: constant"),
-        (lambda t, v: (np.where(np.arange(50) == 9, 0.0, t), v), "data row 10: time 0 s after 0.08 s"),
-        (lambda t, v: (t + 0.01 * (np.arange(50) >= 20), v), "data row 21: step of 0.02 s"),
+        (lambda t, v: (np.where(np.arange(50) == 9, 0.0, t), v), "sample 10: time 0 s after 0.08 s"),
+        (lambda t, v: (t + 0.01 * (np.arange(50) >= 20), v), "sample 21: step of 0.02 s"),
         (lambda t, v: (t**1.2, v), "sampled evenly"),
     ],
 )
@@ -189,6 +189,33 @@ def test_records_that_cannot_be_analysed(change, message):
     time, value = change(TIME, np.sin(TIME))
     with pytest.raises(InputError, match=message):
         check_record(record_of(time, value))
+
+
+@pytest.mark.parametrize(
+    ("cell", "message"),
+    [
+        ("nan", "line 8: output is nan; every value must be a finite number, of at most 1e\\+100 in size"),
+        ("1e308", r"line 8: output is 1e\+308"),
+        ("-1e101", r"line 8: output is -1e\+101"),
+    ],
+)
+def test_unusable_values_are_named_by_their_line_in_the_file(tmp_path, values, cell, message):
+    """Comments and empty lines count: it is the line an editor shows."""
+    lines = text_of(values).splitlines()
+    lines.insert(3, "")
+    lines.insert(1, "# a comment")
+    lines[7] = f"{lines[7].rsplit(',', 1)[0]},{cell}"
+    path = written(tmp_path, "\n".join(lines))
+    with pytest.raises(InputError, match=message):
+        read_record(path, LAYOUT | {"comment": "#"})
+
+
+def test_a_value_that_its_scale_makes_infinite_is_refused(tmp_path, values):
+    lines = text_of(values).splitlines()
+    lines[4] = f"{lines[4].rsplit(',', 1)[0]},1e307"
+    columns = LAYOUT["columns"] | {"output": {**LAYOUT["columns"]["output"], "scale": 1e3}}
+    with pytest.raises(InputError, match="line 5: output is inf"):
+        read_record(written(tmp_path, "\n".join(lines)), {"columns": columns})
 
 
 def test_a_clock_written_with_few_digits_is_even():
@@ -213,15 +240,31 @@ def test_resampling_keeps_what_lies_below_and_removes_what_lies_above():
     record = record_of(time, slow + fast + 10)
     result = resample(record, 200.0)
     assert result.sampling_time == pytest.approx(1 / 200)
-    assert len(result) == 800
-    expected = np.sin(2 * np.pi * 7 * result.time) + 10
-    inner = slice(40, -40)
-    assert result["input"][inner] == pytest.approx(expected[inner], abs=0.01)
-    # Zeros beyond the ends would throw the offset's half, 5, into the first and last samples.
-    assert np.abs(result["input"] - expected).max() < 0.3
+    assert (len(result), result.time[0], result.time[-1]) == (780, 0.05, pytest.approx(3.945))
+    # The window's ripple, at every sample: none is left that the filter could not see whole.
+    assert result["input"] == pytest.approx(np.sin(2 * np.pi * 7 * result.time) + 10, abs=0.01)
     assert resample(record, 1000.0) is record
     with pytest.raises(InputError, match="simpler ratio"):
         resample(record, 0.3)
+
+
+@pytest.mark.parametrize("rate", [10.0, 25.0, 50.0, 64.0, 150.0, 400.0])
+def test_a_record_that_ends_in_full_motion_does_not_ring(rate):
+    """Sensors stopped at full speed: a filter that guesses how the motion goes on would make peaks of its own."""
+    time = np.arange(2000) / 100
+    record = record_of(time, 3 * np.cos(2 * np.pi * 0.31 * time) + 5, 80 * np.cos(2 * np.pi * 0.31 * time))
+    result = resample(record, rate)
+    assert result["output"] == pytest.approx(80 * np.cos(2 * np.pi * 0.31 * result.time), abs=0.2)
+    assert 0 < result.time[0] - time[0] <= 10 / min(rate, 100) + 1e-9
+    assert 0 < time[-1] - result.time[-1] <= 11 / min(rate, 100) + 1e-9
+
+
+def test_a_record_too_short_for_the_filter_is_refused():
+    record = record_of(np.arange(200) / 100, np.sin(np.arange(200)))
+    with pytest.raises(
+        InputError, match=r"2 s are too short to be resampled to 10 Hz: 10 samples are left out"
+    ):
+        resample(record, 10.0)
 
 
 def test_real_recordings_are_read(shared):

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry
 
+from lumbar.effects import catalogue
 from lumbar.fmu.build.effect_entry import effect_model
+from lumbar.models import bases as base_models
 from lumbar.models.fitted_model import FittedModel
-
-catalogue = pytest.importorskip("lumbar.effects.catalogue", reason="the catalogue of effects is not there")
-base_models = pytest.importorskip("lumbar.models.bases")
 
 SAMPLING_TIME = 0.001
 FROM = 500

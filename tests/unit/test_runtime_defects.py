@@ -16,7 +16,9 @@ import pytest
 from lumbar.fmu.build.package import write_fmu
 from lumbar.fmu.check.lint import lint_fmu
 
-pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs x86_64 Linux")
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
+)
 DESCRIPTION = "modelDescription.xml"
 BINARY = {2: "binaries/linux64/KB.so", 3: "binaries/x86_64-linux/KB.so"}
 VDMCHECK = os.environ.get("VDMCHECK2", "")
@@ -193,7 +195,10 @@ def test_sound_files_pass_all_checks(name, version, fmu_folder):
     assert validated(path) == []
 
 
-@pytest.mark.skipif(shutil.which("java") is None or not VDMCHECK, reason="VDMCheck2 is not at hand")
+@pytest.mark.skipif(
+    shutil.which("java") is None or not VDMCHECK,
+    reason="no VDMCheck2: apt-get install default-jre maven unzip, then tests/get_vdmcheck.sh FOLDER and set VDMCHECK2=FOLDER",
+)
 def test_vdmcheck_finds_nothing_in_sound_files_and_something_in_broken_ones(fmu_folder, tmp_path):
     for model in ("IL", "KB", "HO", "KB+coulomb_friction"):
         assert vdmchecked(fmu_folder / f"{model}_fmi2.fmu") == []

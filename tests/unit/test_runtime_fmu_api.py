@@ -14,7 +14,8 @@ from fmpy.fmi3 import FMU3Slave
 from runtime_models import FORCE, FORCE_LIMIT, FORCE_OFFSET, GAIN, POSITION, POSITION_OFFSET, get, put
 
 pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
 )
 
 

@@ -24,7 +24,8 @@ from lumbar.fmu.check.fmu_check import simulate_fmu
 from lumbar.fmu.check.lint import lint_fmu
 
 pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
 )
 
 
@@ -228,8 +229,10 @@ def test_accumulated_steps_are_never_mistimed(start, zig_cache, tmp_path):
     assert done.stdout == "0\n"
 
 
-@pytest.mark.skipif(shutil.which("cmake") is None, reason="fmpy compiles FMUs with cmake")
-@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no other C compiler")
+@pytest.mark.skipif(
+    shutil.which("cmake") is None, reason="no CMake, with which fmpy compiles FMUs: apt-get install cmake"
+)
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler: apt-get install gcc libc6-dev")
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", ["KB", "KB+coulomb_friction"])
 def test_fmpy_compiles_the_sources_alone(name, version, fmu_folder, fmu_positions, tmp_path):

@@ -16,7 +16,8 @@ from lumbar.fmu.check.fmu_check import check_fmus
 from lumbar.fmu.check.reference_stimulus import push
 
 pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
 )
 
 
@@ -189,7 +190,7 @@ def test_push_is_followed_by_every_model(fmu_models, fmu_folder):
 
 @pytest.mark.parametrize("name", ["KB", "HO"])
 def test_a_hundred_thousand_steps_differ_in_no_bit(name, fmu_models, zig_cache, tmp_path):
-    """C code against eqs 3.17 and 3.18 with lists in Python, states included; both against scipy's dlsim."""
+    """C code against Eqs 3.17 and 3.18 with lists in Python, states included; both against scipy's dlsim."""
     from c_programs import CModel
     from scipy.signal import dlsim
 

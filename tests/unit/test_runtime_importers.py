@@ -19,6 +19,7 @@ from lumbar.fmu.build.package import export_fmus
 
 FOLDER = Path(os.environ.get("LUMBAR_IMPORTERS", "absent"))
 """Made by tests/get_importers.sh."""
+GET_IMPORTERS = "tests/get_importers.sh FOLDER and set LUMBAR_IMPORTERS=FOLDER"
 PYTHON = FOLDER / "python" / "bin" / "python"
 FMI_SIM = FOLDER / "bin" / "fmi-sim"
 HERE = Path(__file__).parent.parent / "importers"
@@ -26,16 +27,17 @@ EFFECTS = effect_entry(*COMBINATIONS[1])
 NAMES = ["IL", "MW", "KB", "HO", "KB+coulomb_friction", EFFECTS["name"]]
 STEP = "0.01"
 pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
 )
-with_python = pytest.mark.skipif(
-    not PYTHON.exists(), reason="libcosim and Ecos are not at hand (LUMBAR_IMPORTERS)"
-)
+with_python = pytest.mark.skipif(not PYTHON.exists(), reason=f"no libcosim and Ecos: {GET_IMPORTERS}")
 with_java = pytest.mark.skipif(
     not (FOLDER / "jars").is_dir() or shutil.which("java") is None,
-    reason="FMI4j is not at hand (LUMBAR_IMPORTERS)",
+    reason=f"no FMI4j: apt-get install default-jre maven, then {GET_IMPORTERS}",
 )
-with_fmi_sim = pytest.mark.skipif(not FMI_SIM.exists(), reason="fmi-sim is not at hand (LUMBAR_IMPORTERS)")
+with_fmi_sim = pytest.mark.skipif(
+    not FMI_SIM.exists(), reason=f"no fmi-sim: apt-get install cargo libclang-dev, then {GET_IMPORTERS}"
+)
 
 
 @pytest.fixture(scope="module")

@@ -17,13 +17,13 @@ from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
 
 on_x86_64_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
+    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
 )
 WRITTEN = """
 import numpy as np
 from scipy.signal import lfilter
 from lumbar.models.c_step import CStep
-from lumbar.models.form import LinearParameter, Effect, Form, Place, NonlinearParameter
+from lumbar.models.form import LinearParameter, Effect, Form, HandWritten, Place, NonlinearParameter
 
 
 def smoothed(motion, nonlinear):
@@ -33,16 +33,19 @@ def smoothed(motion, nonlinear):
 
 
 LAG = Effect("lag", "The mount is soft.", (Form("first_order", r"T \\dot z + z", Place.INPUT,
-    nonlinear=(NonlinearParameter("lag_time", "s", "time", 0.01, 1.0, 3),), input_transform=smoothed,
+    nonlinear=(NonlinearParameter("lag_time", "s", "time", 0.01, 1.0, 3),), hand_written=HandWritten(
+    input_transform=smoothed,
     c_step=CStep("next[0]", "next[0] = first ? position : pole * memory[0] + (1.0 - pole) * position;", memory=1,
-        constants=lambda given, T: {"pole": float(np.exp(-T / given["lag_time"]))})),), "own")
+        constants=lambda given, T: {"pole": float(np.exp(-T / given["lag_time"]))}))),), "own")
 CREEP = Effect("creep", "Force follows the mean position.", (Form("mean", "c m", Place.PARALLEL,
     (LinearParameter("creep_stiffness", "{y}/{x}"),),
+    hand_written=HandWritten(
     columns=lambda motion, _: [np.cumsum(motion.position) / np.arange(1, len(motion) + 1)],
     c_step=CStep("creep_stiffness * (next[1] / next[0])",
-        "next[0] = memory[0] + 1.0;\\nnext[1] = memory[1] + position;", memory=2)),), "own")
+        "next[0] = memory[0] + 1.0;\\nnext[1] = memory[1] + position;", memory=2))),), "own")
 RECTIFIED = Effect("rectified", "The sensor shows no sign.", (Form("size", "|F| */ ??/\\n|F|", Place.OUTPUT,
-    output_transform=lambda force, motion, _: np.abs(force), c_step=CStep("fabs(force)")),), "own")
+    hand_written=HandWritten(
+    output_transform=lambda force, motion, _: np.abs(force), c_step=CStep("fabs(force)"))),), "own")
 """
 """Effects at all three places, with memory and constants; one equation that would end the comment it stands in."""
 

@@ -31,11 +31,13 @@ WINE = (
 QEMU = shutil.which("qemu-aarch64")
 ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 STEPS = 1_000_000
-on_linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs x86_64 Linux")
-with_wine = pytest.mark.skipif(WINE is None, reason="Wine is not installed")
+on_linux = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
+)
+with_wine = pytest.mark.skipif(WINE is None, reason="no Wine: apt-get install wine64")
 with_qemu = pytest.mark.skipif(
     QEMU is None or not ARM_LIBRARIES.is_dir(),
-    reason="qemu-user or the C library of aarch64 is not installed",
+    reason="no qemu-aarch64 or no C library for it: apt-get install qemu-user libc6-arm64-cross",
 )
 NONLINEAR = effect_entry(
     "KB", "coulomb_friction/stribeck", "hysteresis/dahl", "softening/path", "periodic_disturbance/sine"
@@ -144,7 +146,8 @@ def test_the_loader_prints_the_embedded_reference(name, platform_fmus, zig_cache
 
 
 @pytest.mark.skipif(
-    shutil.which("mcs") is None or shutil.which("mono") is None, reason="there is no C# compiler"
+    shutil.which("mcs") is None or shutil.which("mono") is None,
+    reason="no C# compiler: apt-get install mono-mcs mono-runtime libmono-system-xml4.0-cil",
 )
 def test_the_loader_in_c_sharp_prints_the_embedded_reference(platform_fmus, project, tmp_path):
     folder = platform_fmus("x86_64-linux")["folder"] / "KB_fmi3"
@@ -224,7 +227,9 @@ SANITIZED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 
 
 @on_linux
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc's sanitizers are not installed")
+@pytest.mark.skipif(
+    shutil.which("gcc") is None, reason="no gcc with sanitizers: apt-get install gcc libc6-dev"
+)
 @pytest.mark.parametrize("index", [0, 2], ids=["linear", "effects"])
 def test_misuse_is_answered_and_sanitizers_find_nothing(index, tmp_path):
     """Address and undefined-behaviour sanitizers of gcc: another compiler than the FMUs are built with.

@@ -15,7 +15,8 @@ from lumbar.reports.figures.fmu_figures import fmu_force_figure
 from lumbar.reports.figures.style import save
 
 needs_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the FMUs of these tests hold binaries for x86_64 Linux only"
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
 )
 
 

@@ -16,7 +16,8 @@ from lumbar.stability.comparison.basin_areas import areas_table
 from lumbar.stability.comparison.percent_differences import percent_differences, varied_areas
 from lumbar.stability.comparison.table_4_1 import table_4_1
 from lumbar.stability.funnel.funnel import exact_funnels
-from lumbar.stability.model.trajectory import COMS, PLANES, find_problems, trajectories_of_lift
+from lumbar.stability.model.lift_trajectories import trajectories_of_lift
+from lumbar.stability.model.trajectory import COMS, PLANES, find_problems
 
 SETTINGS = {
     "pendulum": {"sign": "hanging", "mass": "with_box", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},
@@ -28,7 +29,7 @@ SETTINGS = {
     "goal_level": 1.0,
     "knots": 201,
     "proof": {"margin_1_s": 0.05},
-    "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5, "rational": True},
+    "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5},
     "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
     "attack": {"starts": 400, "control_overstated": 0.3},
     "limits": {

@@ -28,7 +28,7 @@ from lumbar.stability.proof.interval_proof import interpolants, proved_share
 def case(request):
     items = [minimum_jerk(), minimum_jerk(start=0.1, end=-0.1, mass=18.0, length=0.95)]
     loops = regulate(pendulums_of(items, request.param), WEIGHTS)
-    return loops, *funnel_variants(loops, 1.0, margin=0.02, overstated=0.3)
+    return loops, *funnel_variants(loops, 1.0, margin=0.02, negative_control=0.3)
 
 
 def random_intervals(count, seed):
@@ -90,7 +90,7 @@ def value_of(coefficients, angle):
 
 
 def test_g_is_half_of_growth_less_rate(case):
-    """At the knots max g is (V̇/ρ − ρ̇/ρ)/2, which the engine knows from another derivation: −margin/2."""
+    """At the knots max g is (V̇/ρ − ρ̇/ρ)/2, which the method knows from another derivation: −margin/2."""
     loops, exact, smaller, _ = case
     circle = np.linspace(0, 2 * np.pi, 601)
     for funnels, expected in ((exact, 0.0), (smaller, -0.01)):
@@ -120,10 +120,10 @@ def test_derivatives_of_g_against_differences(case):
 
 
 def test_a_margin_is_proved_at_all_times_and_too_large_funnels_are_not(case):
-    loops, exact, smaller, overstated = case
+    loops, exact, smaller, negative_control = case
     assert (proved_share(loops, smaller) == 1).all()
     assert (smaller.mean_area / exact.mean_area > 0.97).all()
-    assert (proved_share(loops, overstated) < 0.05).all()
+    assert (proved_share(loops, negative_control) < 0.05).all()
     swollen = replace(exact, level=exact.level * np.linspace(1.3, 1.0, len(exact.level))[:, None])
     assert (proved_share(loops, swollen) < 1).all()
 

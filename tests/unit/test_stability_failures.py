@@ -17,8 +17,14 @@ from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.stability.comparison.percent_differences import comparisons
 from lumbar.stability.comparison.table_4_1 import table_4_1
 from lumbar.stability.extended_basins import COLUMNS, extended_basins, extended_table
-from lumbar.stability.model.failures import announcement, computed, failures_frame, failures_table, joined
-from lumbar.stability.model.trajectory import trajectories_of_lift
+from lumbar.stability.model.failures import (
+    all_or_each,
+    announcement,
+    failures_frame,
+    failures_table,
+    joined,
+)
+from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
 FAST = {
     **SETTINGS,
@@ -39,6 +45,13 @@ def broken():
     return basins_of_lift(with_tiny_inertia(lift()), FAST, seed=1)
 
 
+@pytest.fixture(scope="module")
+def light():
+    """A lift of the lighter box and its basins."""
+    items = lift(box=15.0, mass=28.0)
+    return items, basins_of_lift(items, FAST, seed=1).summary
+
+
 def test_all_at_once_or_one_by_one():
     calls = []
 
@@ -49,16 +62,16 @@ def test_all_at_once_or_one_by_one():
                 raise NumericalError(f"{item.label}: too hard")
         return [item.com for item in items]
 
-    results, failures = computed(lift(), compute, "exact, hanging")
+    results, failures = all_or_each(compute, lift(), basin="exact, hanging")
     assert [(len(items), found) for items, found in results] == [
         (1, [com]) for com in ("thorax", "thorax", "abdomen", "abdomen")
     ]
     assert [(item.com, item.basin) for item in failures] == [("pelvis", "exact, hanging")] * 2
     assert "expert 23 kg, pelvis" in failures[0].reason
     assert calls == [6, 1, 1, 1, 1, 1, 1]
-    assert computed(lift()[4:], compute, "x")[0] == []
-    assert computed([], compute, "x") == ([], [])
-    assert computed(lift()[:2], compute, "x")[0][0][1] == ["thorax", "thorax"]
+    assert all_or_each(compute, lift()[4:], basin="x")[0] == []
+    assert all_or_each(compute, [], basin="x") == ([], [])
+    assert all_or_each(compute, lift()[:2], basin="x")[0][0][1] == ["thorax", "thorax"]
 
 
 def test_what_is_no_numerical_failure_stops_everything():
@@ -66,7 +79,7 @@ def test_what_is_no_numerical_failure_stops_everything():
         raise InputError("weights")
 
     with pytest.raises(InputError, match="weights"):
-        computed(lift(), wrong, "x")
+        all_or_each(wrong, lift(), basin="x")
     regulator = {**FAST["regulator"], "state_weight": [[1.0, 2.0], [2.0, 1.0]], "control_weight": -1.0}
     with pytest.raises(InputError, match="2 problems"):
         basins_of_lift(lift(), {**FAST, "regulator": regulator}, seed=1)
@@ -90,9 +103,9 @@ def test_one_bad_basin_drops_only_its_row(broken):
     assert not broken.summary["mean_area"].isna().any()
 
 
-def test_table_4_1_names_the_missing_basin_in_place_of_its_number(broken):
-    light = lift(box=15.0, mass=28.0)
-    boa = pd.concat([broken.summary, basins_of_lift(light, FAST, seed=1).summary])
+def test_table_4_1_names_the_missing_basin_in_place_of_its_number(broken, light):
+    light, light_boa = light
+    boa = pd.concat([broken.summary, light_boa])
     items = [item for item in (*with_tiny_inertia(lift()), *light) if item.com == "thorax"]
     table, missing = table_4_1(boa, items, FAST, "test", items, 1, failures_frame(broken.failures))
     rows = table.frame.set_index(["comparison", "com"])
@@ -107,9 +120,8 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(broken):
     assert any("Q multiplied" in text for text in missing["basin"])
 
 
-def test_a_lift_without_any_basin_is_still_compared_by_name():
-    light = lift(box=15.0, mass=28.0)
-    boa = basins_of_lift(light, FAST, seed=1).summary
+def test_a_lift_without_any_basin_is_still_compared_by_name(light):
+    light, boa = light
     states, facts = states_and_facts(lift())
     facts["length_m"] = {com: dict.fromkeys(planes, 0.02) for com, planes in facts["length_m"].items()}
     sound, failures = trajectories_of_lift(states, facts, "with_box")

@@ -11,7 +11,7 @@ from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 from lumbar.errors import NumericalError
 from lumbar.stability.funnel.funnel import exact_funnels, funnel_variants, reachable_area, regulate
 from lumbar.stability.funnel.invariance import boundary_growth, normal_axes
-from lumbar.stability.funnel.monte_carlo_check import attack, quadratic_form, simulate, upper_share
+from lumbar.stability.funnel.monte_carlo_check import monte_carlo_check, quadratic_form, simulate, upper_share
 from lumbar.stability.model.riccati import Weights, cost_to_go, determinant, gain, riccati_rate
 
 SIGNS = ("hanging", "inverted")
@@ -98,7 +98,7 @@ def test_steady_linear_loop_has_an_exponential_funnel():
     b = np.array([[0], [1 / pendulums.inertia[0]]])
     cost = solve_continuous_are(a, b, full(WEIGHTS.state), [[float(WEIGHTS.control)]])
     steady = Weights(WEIGHTS.state, WEIGHTS.control, np.array([cost[0, 0], cost[0, 1], cost[1, 1]]))
-    funnels = exact_funnels(regulate(pendulums, steady), goal_level=0.5)
+    funnels = exact_funnels(regulate(pendulums, steady), terminal_level=0.5)
     decay = eigvalsh(full(WEIGHTS.state) + cost @ b @ b.T @ cost / WEIGHTS.control, cost)[0]
     assert funnels.level[0, 0] == pytest.approx(0.5 * np.exp(2.0 * decay), rel=1e-7)
     # (1/T)∫A dt of an exponential: A_f·(e^{λT} − 1)/(λT)
@@ -125,14 +125,14 @@ def test_small_goal_sets_scale():
 def test_no_simulated_start_leaves_and_the_control_does(sign):
     items = [minimum_jerk(), minimum_jerk(start=0.1, end=-0.1, mass=18, length=0.95)]
     loops = loops_of(items, sign)
-    exact, _, control = funnel_variants(loops, 1.0, overstated=0.3)
+    exact, _, control = funnel_variants(loops, 1.0, negative_control=0.3)
     assert exact.level == pytest.approx(exact_funnels(loops).level, rel=1e-12)
-    assert attack(loops, exact, 2000, [1]).exits.tolist() == [0, 0]
-    assert (attack(loops, control, 2000, [1]).exits > 0).all()
+    assert monte_carlo_check(loops, exact, 2000, [1]).exits.tolist() == [0, 0]
+    assert (monte_carlo_check(loops, control, 2000, [1]).exits > 0).all()
 
 
 def test_simulation_is_the_true_dynamics():
-    """Against solve_ivp on equation 4.1 itself with feedforward and feedback, not on error coordinates."""
+    """Against solve_ivp on Eq. 4.1 itself with feedforward and feedback, not on error coordinates."""
     from scipy.integrate import solve_ivp
     from scipy.interpolate import CubicSpline
 

@@ -14,8 +14,8 @@ from lumbar.stability.comparison.verdicts import bootstrap_percent, verdict
 from lumbar.stability.funnel.funnel import exact_funnels, reachable_area, regulate
 from lumbar.stability.funnel.invariance import normal_axes
 from lumbar.stability.funnel.lyapunov_family import best_of_family, with_lyapunov_function
-from lumbar.stability.funnel.monte_carlo_check import attack
-from lumbar.stability.funnel.saturation import Limits, disturbance_of, limited_funnels, reference_of
+from lumbar.stability.funnel.monte_carlo_check import monte_carlo_check
+from lumbar.stability.funnel.saturation import Saturation, disturbance_of, reference_of, saturated_funnels
 from lumbar.stability.model.pendulum_loop import feedforward_torque
 from lumbar.stability.model.riccati import check_weights
 
@@ -29,7 +29,7 @@ def loops_of(items, sign, **keywords):
 @pytest.mark.parametrize("sign", SIGNS)
 def test_without_limits_it_is_the_exact_engine(sign):
     loops = loops_of([minimum_jerk(), minimum_jerk(start=-0.3)], sign)
-    found = limited_funnels(loops, 1.0, Limits())
+    found = saturated_funnels(loops, 1.0, Saturation())
     assert found.held.all()
     assert found.exact.level == pytest.approx(exact_funnels(loops).level, rel=1e-6)
 
@@ -50,24 +50,24 @@ def test_limited_basins_hold_in_simulation_and_the_unlimited_do_not(sign, kind):
     goal = 6.0
     peak = float(np.abs(reference_of(loops.pendulums).torque).max())
     torque = {"torque": 1.05 * peak, "mass": np.inf, "both": 1.1 * peak}[kind]
-    limits = Limits(torque, 0.0 if kind == "torque" else 0.05)
-    found = limited_funnels(loops, goal, limits)
+    saturation = Saturation(torque, 0.0 if kind == "torque" else 0.05)
+    found = saturated_funnels(loops, goal, saturation)
     exact = exact_funnels(loops, goal)
     assert found.held.all()
     assert found.exact.mean_area[0] < 0.9999 * exact.mean_area[0]
-    disturbance = disturbance_of(loops, limits, 2000, [5])
-    assert attack(loops, found.exact, 2000, [4], disturbance).exits[0] == 0
-    assert attack(loops, exact, 2000, [4], disturbance).exits[0] > 0
+    disturbance = disturbance_of(loops, saturation, 2000, [5])
+    assert monte_carlo_check(loops, found.exact, 2000, [4], disturbance).exits[0] == 0
+    assert monte_carlo_check(loops, exact, 2000, [4], disturbance).exits[0] > 0
 
 
 def test_limits_that_leave_no_basin_are_said():
     loops = loops_of([minimum_jerk()], "inverted")
-    assert not limited_funnels(loops, 1.0, Limits(torque=5.0)).held.any()
-    assert not limited_funnels(loops, 1e-6, Limits(mass_share=0.3)).held.any()
+    assert not saturated_funnels(loops, 1.0, Saturation(torque=5.0)).held.any()
+    assert not saturated_funnels(loops, 1e-6, Saturation(mass_share=0.3)).held.any()
     with pytest.raises(InputError, match="must be positive"):
-        Limits(torque=0.0)
+        Saturation(torque=0.0)
     with pytest.raises(InputError, match=r"\[0, 1\)"):
-        Limits(mass_share=1.0)
+        Saturation(mass_share=1.0)
 
 
 def torque_limited_pendulum(limit):
@@ -107,11 +107,11 @@ def test_torque_limited_pendulum_of_the_literature(limit):
     levels = np.geomspace(1e-2, 1e4, 120)
     first = int(np.argmax([growth(level) > 0 for level in levels]))
     expected = brentq(growth, levels[first - 1], levels[first])
-    found = limited_funnels(loops, 0.2 * expected, Limits(torque=limit))
+    found = saturated_funnels(loops, 0.2 * expected, Saturation(torque=limit))
     assert found.held.all()
     assert found.exact.level[0, 0] == pytest.approx(expected, rel=2e-3)
     assert (found.exact.level[:, 0] < expected * (1 + 1e-6)).all()
-    unlimited = limited_funnels(loops, 0.2 * expected, Limits()).exact.level[0, 0]
+    unlimited = saturated_funnels(loops, 0.2 * expected, Saturation()).exact.level[0, 0]
     assert np.isinf(limit) or found.exact.level[0, 0] < 0.7 * unlimited
 
 
@@ -125,7 +125,7 @@ def test_torque_limited_region_of_attraction_by_brute_force(limit):
     from scipy.integrate import solve_ivp
 
     loops, _ = torque_limited_pendulum(limit)
-    found = limited_funnels(loops, 0.05, Limits(torque=limit)).exact
+    found = saturated_funnels(loops, 0.05, Saturation(torque=limit)).exact
     cost, gain = found.cost[0, 0], loops.gains[0, 0]
     angle, velocity = (
         axis.ravel() for axis in np.meshgrid(np.linspace(-1.6, 1.6, 57), np.linspace(-7.2, 7.2, 57))
@@ -170,7 +170,7 @@ def test_best_v_gains_area_and_holds(sign):
     best = best_of_family(loops, 1.0, [0.0, 0.25, 1.0], 1e-3)
     assert (best.funnels.mean_area > 1.3 * exact_funnels(loops).mean_area).all()
     assert (best.funnels.initial_area < reachable_area(loops)).all()
-    assert attack(best.loops, best.funnels, 1000, [6]).exits.sum() == 0
+    assert monte_carlo_check(best.loops, best.funnels, 1000, [6]).exits.sum() == 0
     assert best.funnels.area[-1] == pytest.approx(exact_funnels(loops).area[-1])
     assert np.isfinite(normal_axes(best.loops.cost)).all()
 
@@ -185,6 +185,7 @@ def test_verdicts():
     assert verdict(None, None, {}, None) == "not testable in this study"
 
 
+@pytest.mark.statistical
 def test_bootstrap_covers_what_it_should():
     """Of normal samples with a true difference of 10 %, about 95 of 100 intervals contain it."""
     generator = np.random.default_rng(3)

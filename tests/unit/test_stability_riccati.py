@@ -163,7 +163,7 @@ def test_semidefinite_state_weight_is_allowed():
 
 @pytest.mark.parametrize("sign", ["hanging", "inverted"])
 def test_feedforward_keeps_the_reference(sign):
-    """Driven by u0 alone, the pendulum of equation 4.1 stays on the reference it was computed from."""
+    """Driven by u0 alone, the pendulum of Eq. 4.1 stays on the reference it was computed from."""
     from scipy.integrate import solve_ivp
     from scipy.interpolate import CubicSpline
 

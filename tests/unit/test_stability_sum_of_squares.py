@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
@@ -9,7 +11,7 @@ from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 from lumbar.errors import NumericalError
 from lumbar.stability.funnel.funnel import even_knots, regulate
 from lumbar.stability.funnel.invariance import boundary_growth
-from lumbar.stability.funnel.monte_carlo_check import attack
+from lumbar.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.stability.funnel.polynomials import (
     circle_map,
     circle_maximum,
@@ -17,8 +19,9 @@ from lumbar.stability.funnel.polynomials import (
     growth_polynomial,
     monomials,
 )
-from lumbar.stability.programme.bilinear_alternation import alternate
-from lumbar.stability.programme.sum_of_squares import Certificate
+from lumbar.stability.programme.bilinear_alternation import ACCURACY, RESOLUTION, LevelStep, alternate
+from lumbar.stability.programme.saturation_cases import Case
+from lumbar.stability.programme.sum_of_squares import Certificate, SumOfSquares, grams
 
 C = (np.sqrt(13) - 1) / 6
 """Where c·s² − c²/2 has its maximum on the circle: the root of 1 − c − 3c²."""
@@ -55,29 +58,6 @@ def test_certified_rate_is_the_maximum_on_the_circle(degree, terms, maximum):
     rate, _ = Certificate(degree).solve(coefficients, "test")
     assert rate == pytest.approx(circle_maximum(coefficients, degree + 1), abs=1e-6)
     assert rate == pytest.approx(maximum, abs=1e-6)
-
-
-def test_certificate_against_cvxpy():
-    """The same programme written in cvxpy."""
-    import cvxpy as cp
-
-    generator = np.random.default_rng(7)
-    basis = monomials(2)
-    for _ in range(3):
-        coefficients = generator.normal(size=len(monomials(4)))
-        rate, multiplier, gram = cp.Variable(), cp.Variable(len(monomials(2))), cp.Variable((6, 6), PSD=True)
-        coefficient = dict.fromkeys(monomials(4), 0)
-        for row, (i, j) in enumerate(basis):
-            for column, (k, m) in enumerate(basis):
-                coefficient[i + k, j + m] += gram[row, column]
-        wanted = -coefficients - circle_map(3) @ multiplier
-        equations = [
-            coefficient[exponents] == wanted[position] + (rate if exponents == (0, 0) else 0)
-            for position, exponents in enumerate(monomials(4))
-        ]
-        problem = cp.Problem(cp.Minimize(rate), equations)
-        problem.solve(solver=cp.CLARABEL)
-        assert Certificate(3).solve(coefficients, "test")[0] == pytest.approx(problem.value, abs=1e-6)
 
 
 def test_maps_are_polynomial_identities():
@@ -123,15 +103,43 @@ def test_status_other_than_solved_is_no_result():
 
 
 def test_alternation_is_no_certificate(loops):
-    """The thesis's engine overstates the basin: its condition is violated and simulated starts leave."""
+    """The thesis's method overstates the basin: its condition is violated and simulated starts leave."""
     settings = {"degree": 3, "knots": 9, "initial_level": 1.0, "ratio": 0.8, "alternations": 2}
     result = alternate(loops, **settings)
     assert (result.violation_share > 0).any()
-    assert attack(loops, result.funnels, 500, [4]).exits.sum() > 0
+    assert monte_carlo_check(loops, result.funnels, 500, [4]).exits.sum() > 0
     assert (result.euler_error > 0).all() and (result.euler_error < 0.05).all()
     # And it depends on its guess.
     other = alternate(loops, **{**settings, "initial_level": 5.0})
     assert np.abs(other.funnels.mean_area / result.funnels.mean_area - 1).max() > 0.05
+
+
+def test_equation_4_5_leaves_the_multiplier_and_so_the_level_open(loops):
+    """L − c·(1 − |z|²) proves the same rate as L, as c·(1 − |z|²)² is a square; step 2 makes other levels of it."""
+    coefficients = growth_polynomial(loops.form(-1), np.ones(2), 3)[0]
+    rate, multiplier = Certificate(3).solve(coefficients, "test")
+    constant = np.eye(len(coefficients))[0]
+    programme = SumOfSquares(np.ones(1), -constant[:, None], grams(3, None))
+    levels = []
+    for c in (0.0, 1.0, 10.0):
+        other = multiplier - c * np.array([1.0, 0.0, 0.0, -1.0, 0.0, -1.0])
+        (least,) = programme.solve(-coefficients - circle_map(3) @ other)
+        assert least == pytest.approx(rate, abs=1e-5)
+        levels.append(LevelStep(3, ACCURACY).solve(Case(coefficients), rate + 0.1, other))
+    assert levels[2] < levels[1] - 0.01 < levels[0] - 0.02
+
+
+def test_areas_have_the_digits_they_are_published_with(loops):
+    """Rounding moves nothing that is printed; a solver that stops elsewhere moves no more than `RESOLUTION` says."""
+    settings = {"degree": 3, "knots": 9, "initial_level": 1.0, "ratio": 0.8, "alternations": 2}
+    found = alternate(loops, **settings).funnels
+    moved = replace(loops.pendulums, angle=loops.pendulums.angle * (1 + 1e-13))
+    rounded = alternate(regulate(moved, WEIGHTS), **settings).funnels
+    others = [alternate(loops, **settings, accuracy=accuracy).funnels for accuracy in (1e-4, 1e-5, 1e-7)]
+    for name in ("mean_area", "initial_area", "minimum_area"):
+        np.testing.assert_allclose(getattr(rounded, name), getattr(found, name), rtol=1e-5)
+        for other in others:
+            np.testing.assert_allclose(getattr(other, name), getattr(found, name), rtol=RESOLUTION[name])
 
 
 def test_steady_level_with_frozen_rate_meets_the_condition_of_step_one():

@@ -114,6 +114,7 @@ TIED_CASES = (
 )
 
 
+@pytest.mark.statistical
 def test_the_proposed_excitation_breaks_the_tie():
     """Effects far below the noise, of which three of four must tie on sines and be named once the proposal is recorded."""
     outcomes = {case: outcome(*case) for case in TIED_CASES}

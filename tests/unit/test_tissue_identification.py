@@ -119,7 +119,7 @@ def test_physical_parameters_of_the_output_error_fit_hold_the_truth(identified):
         assert model[name].value == pytest.approx(truth, rel=0.1)
     assert model["b"].unit == "N·s/mm"
     assert fit_of(identified[0], "MW", "arx").parameters == ()
-    assert "eq. 3.3" in fit_of(identified[0], "MW", "arx").no_parameters_because
+    assert "Eq. 3.3" in fit_of(identified[0], "MW", "arx").no_parameters_because
 
 
 def test_bootstrap_and_covariance_agree_on_the_scale_of_uncertainty(identified):

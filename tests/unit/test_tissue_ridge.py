@@ -20,7 +20,7 @@ STRUCTURES = [MW.structure, MAXWELL.structure, KB.structure, *higher_order_struc
 
 
 def regressor_matrix(structure, inputs, outputs, lag):
-    """Write out A and b of eq. 3.6 row by row."""
+    """Write out A and b of Eq. 3.6 row by row."""
     rows = []
     for k in range(lag, len(inputs)):
         row = [outputs[k - i] for i in range(1, structure.order + 1)]

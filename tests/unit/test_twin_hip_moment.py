@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
@@ -12,7 +13,6 @@ from lumbar.errors import InputError
 from lumbar.synthetic.hip_moment_recordings import write_trials
 from lumbar.synthetic.lifting_recordings import write_lift
 
-pd = pytest.importorskip("pandas")
 LIFTS = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")
 
 
@@ -126,3 +126,14 @@ def test_the_default_study_weighs_the_box(twin, tmp_path):
         spread = (found[name].high - found[name].low) / 2
         assert abs(found[name].value - value) < 2 * spread, name
         assert spread < 0.1 * abs(value), name
+
+
+def test_a_person_at_rest_is_recorded_at_rest_with_an_instruments_digits(twin, tmp_path):
+    """What rounding leaves of the spline (1e-40 rad, other on every processor) is no motion."""
+    write_lift(twin, "expert_23kg", [4], tmp_path / "lift.c3d", tmp_path / "moment.csv")
+    record = pd.read_csv(tmp_path / "moment.csv")
+    for name, decimals in (("angle_rad", 9), ("moment_Nm", 3)):
+        np.testing.assert_array_equal(record[name], np.round(record[name], decimals))
+    angle = record["angle_rad"].to_numpy()
+    start = int(np.argmax(np.abs(angle) > 1e-6))
+    assert start > 10 and (angle[: start - 5] == 0).all() and not np.signbit(angle[: start - 5]).any()

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import shutil
+import traceback
+from pathlib import Path
+
 
 class LumbarError(Exception):
     """An error whose message is written for the user: it is shown without a traceback."""
@@ -13,6 +18,60 @@ class InputError(LumbarError):
 
 class NumericalError(LumbarError):
     """A computation that did not reach a result that may be published."""
+
+
+def explained(error: BaseException) -> str | None:
+    """Return what went wrong in words for the user; None for a programming error, whose traceback is needed.
+
+    Parameters
+    ----------
+    error : BaseException
+        A `LumbarError`; an `OSError`, told with its path and, where no space is left, with the space that is free; or
+        arithmetic that left the range of numbers, told with the place in the library.
+
+    Examples
+    --------
+    >>> explained(InputError("trial.csv: no such file"))
+    'trial.csv: no such file'
+    >>> explained(KeyError("input")) is None
+    True
+    """
+    if isinstance(error, LumbarError):
+        return str(error)
+    if isinstance(error, OSError) and error.errno is not None:
+        return _system_error(error)
+    if _is_out_of_range(error):
+        last = traceback.extract_tb(error.__traceback__)
+        place = next((item for item in reversed(last) if "lumbar" in Path(item.filename).parts), None)
+        where = f" in {Path(place.filename).name}, line {place.lineno}" if place else ""
+        return (
+            f"numbers left the range that can be computed with{where} ({error}): look for values that are far too "
+            "large or too small in the records and settings"
+        )
+    return None
+
+
+_NOT_FINITE = ("infs or NaNs", "not finite")
+"""Words with which SciPy's solvers refuse what is not finite."""
+
+
+def _is_out_of_range(error: BaseException) -> bool:
+    if isinstance(error, ArithmeticError) or type(error).__name__ == "LinAlgError":
+        return True
+    return isinstance(error, ValueError) and any(words in str(error) for words in _NOT_FINITE)
+
+
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
+
+
+def _system_error(error: OSError) -> str:
+    path = Path(str(error.filename)) if error.filename is not None else None
+    text = f"{path}: {error.strerror}" if path else f"{error.strerror} (on {Path.cwd()})"
+    if error.errno not in _NO_SPACE:
+        return text
+    folder = next(item for item in (path or Path.cwd()).absolute().parents if item.is_dir())
+    free = shutil.disk_usage(folder).free / 1e6
+    return f"{text}; {free:.1f} MB are free in {folder}: make room, then run it again"
 
 
 class Problems:

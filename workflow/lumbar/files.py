@@ -18,13 +18,24 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
     """Give a temporary path beside `path` that takes its place when the block ends well.
 
     Nothing is left behind when the block raises, so a reader never sees half a file.
+
+    Raises
+    ------
+    OSError
+        Naming `path`, where the system's own error names no file (a full disk) or the temporary one.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
-        temporary = Path(folder) / path.name
-        yield temporary
-        temporary.replace(path)
+    prefix = f".{path.name}."
+    try:
+        with tempfile.TemporaryDirectory(prefix=prefix, dir=path.parent) as folder:
+            temporary = Path(folder) / path.name
+            yield temporary
+            temporary.replace(path)
+    except OSError as error:
+        if error.filename is None or str(path.parent / prefix) in str(error.filename):
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:

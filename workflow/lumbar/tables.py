@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 import os
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.errors import NumericalError
 from lumbar.files import write_text
+from lumbar.templates import template
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -130,57 +130,11 @@ class Table:
 
     def to_html(self) -> str:
         """Return a page of its own: no script, no outside resource."""
-        head = "".join(f"<th>{html.escape(str(column))}</th>" for column in self.frame.columns)
-        body = "\n".join(
-            "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>"
-            for row in self._rows()
+        return template("table.html.jinja").render(
+            title=self.title,
+            data=self.data,
+            columns=list(self.frame.columns),
+            rows=self._rows(),
+            notes=self.notes,
+            definitions=[item for item in self.definitions.items() if item[0] in self.frame.columns],
         )
-        definitions = "\n".join(
-            f"<dt>{html.escape(name)}</dt><dd>{html.escape(text)}</dd>"
-            for name, text in self.definitions.items()
-            if name in self.frame.columns
-        )
-        notes = "\n".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
-        return _PAGE.format(
-            title=html.escape(self.title),
-            data=html.escape(self.data),
-            head=head,
-            body=body,
-            notes=notes,
-            definitions=definitions,
-        )
-
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>{title}</title>
-<style>
-body {{ font-family: "DejaVu Sans", Arial, sans-serif; margin: 2em; color: #111; }}
-table {{ border-collapse: collapse; font-variant-numeric: tabular-nums; }}
-th, td {{ padding: 0.25em 0.8em; text-align: right; }}
-th:first-child, td:first-child, th:nth-child(2), td:nth-child(2) {{ text-align: left; }}
-thead tr {{ border-top: 2px solid #111; border-bottom: 1px solid #111; }}
-tbody tr:last-child {{ border-bottom: 2px solid #111; }}
-dt {{ font-weight: bold; margin-top: 0.4em; }}
-.data {{ font-weight: bold; }}
-</style>
-</head>
-<body>
-<h1>{title}</h1>
-<p class="data">Data: {data}</p>
-<table>
-<thead><tr>{head}</tr></thead>
-<tbody>
-{body}
-</tbody>
-</table>
-{notes}
-<h2>Definitions</h2>
-<dl>
-{definitions}
-</dl>
-</body>
-</html>
-"""

@@ -14,8 +14,8 @@ rule run_config:
     conda:
         CONDA
     params:
-        config=config,
-        subjects=study.subjects,
+        config=plain(settings),
+        subjects=plain(study.subjects),
         data=DATA,
     message:
         "Settings, seeds and versions of this run"
@@ -34,13 +34,7 @@ rule workflow_figure:
         rules=sorted(map(str, WORKFLOW.glob("rules/*.smk"))),
         sources=library_sources("workflow_figure.py"),
     output:
-        svg=report(
-            "<results>/figures/workflow.svg",
-            caption=caption("workflow"),
-            category=CATEGORIES["claims"],
-            labels={"artefact": "Figures 1.1 and 3.1: the workflow"},
-        ),
-        pdf="<results>/figures/workflow.pdf",
+        **published("workflow"),
     log:
         "<logs>/workflow_figure.log",
     benchmark:
@@ -81,15 +75,8 @@ rule examine_claims:
         results=[f"<results>/{path}" for path in EVIDENCE.values()],
         sources=library_sources("claims.py"),
     output:
+        **published("claims_table"),
         claims="<results>/claims.csv",
-        csv="<results>/tables/claims.csv",
-        tex="<results>/tables/claims.tex",
-        html=report(
-            "<results>/tables/claims.html",
-            caption=caption("claims"),
-            category=CATEGORIES["claims"],
-            labels={"artefact": "Claims of the thesis"},
-        ),
     log:
         "<logs>/examine_claims.log",
     benchmark:

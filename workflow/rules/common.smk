@@ -8,20 +8,27 @@ sys.path.insert(0, str(WORKFLOW))
 
 from dependencies import library_sources
 from job_environment import set_job_environment
-from timings import summary
+from run_log import watch
+from lumbar.config.artefacts import read_artefacts
 from lumbar.config.study import load_study
 from lumbar.errors import LumbarError
+from lumbar.settings.plain import plain
 from lumbar.stability.model.failures import announcement
 
 set_job_environment(WORKFLOW)
 
+# Snakemake has merged these files, those of the command line last; messages name the line in the file.
+GIVEN = workflow.overwrite_configfiles
 try:
-    study = load_study(config, root=Path(workflow.basedir))
+    study = load_study(config, Path(workflow.basedir), [*workflow.configfiles[len(GIVEN) :], *GIVEN])
 except LumbarError as error:
-    raise WorkflowError(str(error)) from None
+    sys.exit(str(error))  # a WorkflowError would begin with this file and line, where nothing is wrong
+
+settings = study.settings
 
 STUDY = study.name
 ARTEFACTS = study.artefacts
+SHEET = {row.id: row for row in read_artefacts(Path(workflow.basedir) / "config" / "artefacts.tsv")}
 DATA = study.data_label
 CATEGORIES = {
     "twin": "0 Recordings",
@@ -36,6 +43,9 @@ CATEGORIES = {
     "perturbations": "8 Basins of attraction",
     "claims": "9 Claims",
 }
+STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}
+BENCHMARKS = Path("results") / STUDY / "benchmarks"
+RUN = {}  # what is told of the run under way
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 
 
@@ -44,14 +54,31 @@ def recording(path):
     return study.recording(path)
 
 
+def without(section, *keys):
+    """A section as plain data, without the keys that do not concern a rule: they would run it again."""
+    return {key: value for key, value in plain(section).items() if key not in keys}
+
+
 def made(artefacts):
     """Files of these artefacts."""
     return [f"<results>/{path}" for artefact in artefacts for path in artefact.paths(study.lifts)]
 
 
-def caption(name):
-    """Caption file of an artefact in the report."""
-    return str(WORKFLOW / "report" / f"{name}.rst")
+def published(*names):
+    """Outputs of these artefacts by name, each in all its formats: the page or picture is in the report."""
+    return {name: [in_report(name, *file) for file in SHEET[name].labelled(study.lifts)] for name in names}
+
+
+def in_report(name, path, label):
+    """Output of an artefact; a page or picture is shown in the report with its caption and label."""
+    if not path.endswith((".html", ".svg")):
+        return f"<results>/{path}"
+    return report(
+        f"<results>/{path}",
+        caption=str(WORKFLOW / "report" / f"{name}.rst"),
+        category=CATEGORIES[SHEET[name].chapter],
+        labels={"artefact": label},
+    )
 
 
 wildcard_constraints:

@@ -4,7 +4,7 @@
 #   snakemake --cores 2 hidden_effects                                               a quick run
 #   snakemake --cores 2 hidden_effects --configfile config/hidden_effects_full.yaml  the whole benchmark
 
-HIDDEN = config["hidden_effects"]
+HIDDEN = plain(settings.hidden_effects)
 HIDDEN_BATCHES = [
     f"{kind}_{part:02d}"
     for kind, parts in (

@@ -4,7 +4,7 @@
 
 rule lift:
     input:
-        markers=lambda wildcards: recording(study.lifts[wildcards.lift]["markers"]),
+        markers=lambda wildcards: recording(study.lifts[wildcards.lift].trial.markers),
         checked="<results>/checked/lifting.json",
         sources=library_sources("lift.py"),
     output:
@@ -23,13 +23,9 @@ rule lift:
         CONDA
     params:
         lift="{lift}",
-        subject=lambda wildcards: study.subject_of(wildcards.lift),
-        trial=lambda wildcards: study.lifts[wildcards.lift],
-        settings={
-            key: value
-            for key, value in config["lifting"].items()
-            if key not in ("subjects", "moment_layout")
-        },
+        subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
+        trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
+        settings=without(settings.lifting, "subjects", "moment_layout"),
         data=DATA,
     message:
         "{wildcards.lift}: events, centres of mass, pendulum states"
@@ -49,27 +45,7 @@ if study.has("lifting"):
             landmarks=[f"<results>/lifting/{lift}/landmarks.csv" for lift in study.lifts],
             sources=library_sources("lifting_figures.py"),
         output:
-            events_svg=report(
-                [f"<results>/figures/lifting_events_{lift}.svg" for lift in study.lifts],
-                caption=caption("lifting_events"),
-                category=CATEGORIES["lifting"],
-                labels={"artefact": "Events of a lift"},
-            ),
-            events_pdf=[f"<results>/figures/lifting_events_{lift}.pdf" for lift in study.lifts],
-            figure_4_1_svg=report(
-                "<results>/figures/figure_4_1.svg",
-                caption=caption("figure_4_1"),
-                category=CATEGORIES["lifting"],
-                labels={"artefact": "Figure 4.1"},
-            ),
-            figure_4_1_pdf="<results>/figures/figure_4_1.pdf",
-            figure_4_2_svg=report(
-                "<results>/figures/figure_4_2.svg",
-                caption=caption("figure_4_2"),
-                category=CATEGORIES["lifting"],
-                labels={"artefact": "Figure 4.2"},
-            ),
-            figure_4_2_pdf="<results>/figures/figure_4_2.pdf",
+            **published("lifting_events", "figure_4_1", "figure_4_2"),
         log:
             "<logs>/lifting_figures.log",
         benchmark:

@@ -5,25 +5,12 @@ if study.has("perturbations"):
 
     rule compare_perturbed_trials:
         input:
-            unperturbed=[recording(path) for path in config["perturbations"]["unperturbed"]],
-            perturbed=[recording(path) for path in config["perturbations"]["perturbed"]],
+            unperturbed=[recording(path) for path in settings.perturbations.unperturbed],
+            perturbed=[recording(path) for path in settings.perturbations.perturbed],
             checked="<results>/checked/perturbations.json",
             sources=library_sources("perturbed_trials.py"),
         output:
-            table=multiext("<results>/tables/perturbed_trials", ".csv", ".tex"),
-            table_html=report(
-                "<results>/tables/perturbed_trials.html",
-                caption=caption("perturbed_trials"),
-                category=CATEGORIES["perturbations"],
-                labels={"artefact": "Trials and the basin of the mean"},
-            ),
-            figure_svg=report(
-                "<results>/figures/perturbed_trials.svg",
-                caption=caption("perturbed_trials"),
-                category=CATEGORIES["perturbations"],
-                labels={"artefact": "Trials and the basin of the mean, figure"},
-            ),
-            figure_pdf="<results>/figures/perturbed_trials.pdf",
+            **published("perturbed_trials", "perturbed_trials_figure"),
         log:
             "<logs>/perturbed_trials.log",
         benchmark:
@@ -31,9 +18,9 @@ if study.has("perturbations"):
         conda:
             CONDA
         params:
-            settings=config["perturbations"],
-            stability=config["stability"],
-            lifting={key: config["lifting"][key] for key in ("gaps", "filter")},
+            settings=plain(settings.perturbations),
+            stability=plain(settings.stability),
+            lifting={key: plain(getattr(settings.lifting, key)) for key in ("gaps", "filter")},
             data=DATA,
         message:
             "Perturbed trials against the basin of the unperturbed mean"

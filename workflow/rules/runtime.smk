@@ -1,9 +1,7 @@
-# Haptic runtime: the identified models as FMUs for FMI 2.0 and 3.0 (eqs 3.17 and 3.18, moving average on the position).
+# Haptic runtime: the identified models as FMUs for FMI 2.0 and 3.0 (Eqs 3.17 and 3.18, moving average on the position).
 # In: tissue/models.json, effects of the user's own. Out: fmu/<model>_fmi{2,3}.fmu, their checks and the forces they give to one push.
 
-FMUS = [
-    f"<results>/fmu/{model}_fmi{version}.fmu" for model in config["runtime"]["models"] for version in (2, 3)
-]
+FMUS = [f"<results>/fmu/{model}_fmi{version}.fmu" for model in settings.runtime.models for version in (2, 3)]
 
 
 rule warm_compiler:
@@ -19,8 +17,8 @@ rule warm_compiler:
     conda:
         CONDA
     params:
-        targets=config["runtime"]["targets"],
-        compiler_cache=config["runtime"]["compiler_cache"],
+        targets=plain(settings.runtime.targets),
+        compiler_cache=settings.runtime.compiler_cache,
     message:
         "What the C compiler needs of each platform, once"
     script:
@@ -30,7 +28,7 @@ rule warm_compiler:
 rule export_fmus:
     input:
         models="<results>/tissue/models.json",
-        effects=config["improvement"]["effect_files"],
+        effects=list(settings.improvement.effect_files),
         targets="<results>/runtime/targets.json",
         sources=library_sources("export_fmus.py"),
     output:
@@ -42,7 +40,7 @@ rule export_fmus:
     conda:
         CONDA
     params:
-        settings=config["runtime"],
+        settings=plain(settings.runtime),
         data=DATA,
     message:
         "FMUs of the identified models"
@@ -54,25 +52,11 @@ rule check_fmus:
     input:
         fmus=FMUS,
         models="<results>/tissue/models.json",
-        effects=config["improvement"]["effect_files"],
+        effects=list(settings.improvement.effect_files),
         sources=library_sources("check_fmus.py"),
     output:
+        **published("fmu_check", "fmu_force"),
         checks="<results>/runtime/fmu_check.csv",
-        table_csv="<results>/tables/fmu_check.csv",
-        table_tex="<results>/tables/fmu_check.tex",
-        table_html=report(
-            "<results>/tables/fmu_check.html",
-            caption=caption("fmu_check"),
-            category=CATEGORIES["runtime"],
-            labels={"artefact": "Checks of the FMUs"},
-        ),
-        figure_svg=report(
-            "<results>/figures/fmu_force.svg",
-            caption=caption("fmu_force"),
-            category=CATEGORIES["runtime"],
-            labels={"artefact": "Forces of the FMUs"},
-        ),
-        figure_pdf="<results>/figures/fmu_force.pdf",
     log:
         "<logs>/check_fmus.log",
     benchmark:
@@ -80,8 +64,8 @@ rule check_fmus:
     conda:
         CONDA
     params:
-        settings=config["runtime"],
-        seed=config["seed"],
+        settings=plain(settings.runtime),
+        seed=settings.seed,
         data=DATA,
     message:
         "Checks of the FMUs against the identified transfer functions"

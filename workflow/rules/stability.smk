@@ -18,8 +18,8 @@ rule basins_of_lift:
     conda:
         CONDA
     params:
-        settings=config["stability"],
-        seed=config["seed"],
+        settings=plain(settings.stability),
+        seed=settings.seed,
     message:
         "{wildcards.lift}: basins of attraction"
     script:
@@ -37,36 +37,9 @@ if study.has("stability"):
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
             sources=library_sources("stability_tables.py"),
         output:
+            **published("table_4_1", "basin_areas", "extended_basins", "missing_basins"),
             boa="<results>/stability/boa.csv",
             failures="<results>/stability/failures.csv",
-            table_4_1=multiext("<results>/tables/table_4_1", ".csv", ".tex"),
-            table_4_1_html=report(
-                "<results>/tables/table_4_1.html",
-                caption=caption("table_4_1"),
-                category=CATEGORIES["stability"],
-                labels={"artefact": "Table 4.1"},
-            ),
-            basin_areas=multiext("<results>/tables/basin_areas", ".csv", ".tex"),
-            basin_areas_html=report(
-                "<results>/tables/basin_areas.html",
-                caption=caption("basin_areas"),
-                category=CATEGORIES["stability"],
-                labels={"artefact": "Areas of all basins"},
-            ),
-            extended_basins=multiext("<results>/tables/extended_basins", ".csv", ".tex"),
-            extended_basins_html=report(
-                "<results>/tables/extended_basins.html",
-                caption=caption("extended_basins"),
-                category=CATEGORIES["stability"],
-                labels={"artefact": "Limits, uncertain mass, better V"},
-            ),
-            missing_basins=multiext("<results>/tables/missing_basins", ".csv", ".tex"),
-            missing_basins_html=report(
-                "<results>/tables/missing_basins.html",
-                caption=caption("missing_basins"),
-                category=CATEGORIES["stability"],
-                labels={"artefact": "Basins that could not be computed"},
-            ),
         log:
             "<logs>/stability_tables.log",
         benchmark:
@@ -74,8 +47,8 @@ if study.has("stability"):
         conda:
             CONDA
         params:
-            settings=config["stability"],
-            seed=config["seed"],
+            settings=plain(settings.stability),
+            seed=settings.seed,
             data=DATA,
         message:
             "Table 4.1 and the areas of all basins"
@@ -89,27 +62,7 @@ if study.has("stability"):
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
             sources=library_sources("stability_figures.py"),
         output:
-            figure_4_3_svg=report(
-                "<results>/figures/figure_4_3.svg",
-                caption=caption("figure_4_3"),
-                category=CATEGORIES["stability"],
-                labels={"artefact": "Figure 4.3"},
-            ),
-            figure_4_3_pdf="<results>/figures/figure_4_3.pdf",
-            figure_4_4_svg=report(
-                "<results>/figures/figure_4_4.svg",
-                caption=caption("figure_4_4"),
-                category=CATEGORIES["stability"],
-                labels={"artefact": "Figure 4.4"},
-            ),
-            figure_4_4_pdf="<results>/figures/figure_4_4.pdf",
-            basin_comparison_svg=report(
-                "<results>/figures/basin_comparison.svg",
-                caption=caption("basin_comparison"),
-                category=CATEGORIES["stability"],
-                labels={"artefact": "Basins by engine"},
-            ),
-            basin_comparison_pdf="<results>/figures/basin_comparison.pdf",
+            **published("figure_4_3", "figure_4_4", "basin_comparison"),
         log:
             "<logs>/stability_figures.log",
         benchmark:
@@ -117,7 +70,7 @@ if study.has("stability"):
         conda:
             CONDA
         params:
-            settings=config["stability"],
+            settings=plain(settings.stability),
             data=DATA,
         message:
             "Figures 4.3 and 4.4: basins of attraction"

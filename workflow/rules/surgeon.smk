@@ -3,19 +3,13 @@
 
 rule surgeon_motion:
     input:
-        records=[recording(record["file"]) for record in config["surgeon"]["records"]],
+        records=[recording(record.file) for record in settings.surgeon.records],
         checked="<results>/checked/surgeon.json",
         sources=library_sources("surgeon_motion.py"),
     output:
+        **published("surgeon_psd"),
         bandwidth="<results>/surgeon/bandwidth.json",
         psd="<results>/surgeon/psd.csv",
-        svg=report(
-            "<results>/figures/surgeon_psd.svg",
-            caption=caption("surgeon_psd"),
-            category=CATEGORIES["surgeon"],
-            labels={"artefact": "Spectra of the surgeons' motion"},
-        ),
-        pdf="<results>/figures/surgeon_psd.pdf",
     log:
         "<logs>/surgeon_motion.log",
     benchmark:
@@ -23,8 +17,8 @@ rule surgeon_motion:
     conda:
         CONDA
     params:
-        settings=config["surgeon"],
-        seed=config["seed"],
+        settings=plain(settings.surgeon),
+        seed=settings.seed,
         data=DATA,
     message:
         "Bandwidth of the surgeons' motion"

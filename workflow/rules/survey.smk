@@ -3,34 +3,11 @@
 
 rule survey_tables:
     input:
-        ratings=recording(config["survey"]["file"]),
+        ratings=recording(settings.survey.file),
         checked="<results>/checked/survey.json",
         sources=library_sources("survey_tables.py"),
     output:
-        table_3_2_csv="<results>/tables/table_3_2.csv",
-        table_3_2_tex="<results>/tables/table_3_2.tex",
-        table_3_2_html=report(
-            "<results>/tables/table_3_2.html",
-            caption=caption("table_3_2"),
-            category=CATEGORIES["survey"],
-            labels={"artefact": "Table 3.2"},
-        ),
-        survey_paired_csv="<results>/tables/survey_paired.csv",
-        survey_paired_tex="<results>/tables/survey_paired.tex",
-        survey_paired_html=report(
-            "<results>/tables/survey_paired.html",
-            caption=caption("survey_paired"),
-            category=CATEGORIES["survey"],
-            labels={"artefact": "Ratings within participants"},
-        ),
-        survey_best_picks_csv="<results>/tables/survey_best_picks.csv",
-        survey_best_picks_tex="<results>/tables/survey_best_picks.tex",
-        survey_best_picks_html=report(
-            "<results>/tables/survey_best_picks.html",
-            caption=caption("survey_best_picks"),
-            category=CATEGORIES["survey"],
-            labels={"artefact": "Best picks"},
-        ),
+        **published("table_3_2", "survey_paired", "survey_best_picks"),
         results="<results>/survey/survey.json",
     log:
         "<logs>/survey_tables.log",
@@ -39,8 +16,8 @@ rule survey_tables:
     conda:
         CONDA
     params:
-        settings=config["survey"],
-        seed=config["seed"],
+        settings=plain(settings.survey),
+        seed=settings.seed,
         data=DATA,
     message:
         "Table 3.2: ratings of the models, as published and within participants"
@@ -53,20 +30,7 @@ rule survey_figures:
         results="<results>/survey/survey.json",
         sources=library_sources("survey_figures.py"),
     output:
-        likert_svg=report(
-            "<results>/figures/survey_likert.svg",
-            caption=caption("survey_likert"),
-            category=CATEGORIES["survey"],
-            labels={"artefact": "Ratings of the models"},
-        ),
-        likert_pdf="<results>/figures/survey_likert.pdf",
-        picks_svg=report(
-            "<results>/figures/survey_best_picks.svg",
-            caption=caption("survey_best_picks_figure"),
-            category=CATEGORIES["survey"],
-            labels={"artefact": "Best picks (figure)"},
-        ),
-        picks_pdf="<results>/figures/survey_best_picks.pdf",
+        **published("survey_likert", "survey_best_picks_figure"),
     log:
         "<logs>/survey_figures.log",
     benchmark:
@@ -74,9 +38,9 @@ rule survey_figures:
     conda:
         CONDA
     params:
-        scale_labels=config["survey"]["scale_labels"],
-        statement=config["survey"]["statement"],
-        confidence=config["survey"]["confidence"],
+        scale_labels=plain(settings.survey.scale_labels),
+        statement=settings.survey.statement,
+        confidence=settings.survey.confidence,
     message:
         "Ratings and best picks of the models as pictures"
     script:

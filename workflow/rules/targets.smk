@@ -1,13 +1,15 @@
 # Named targets: one per chapter and one per artefact.
 
 
-for chapter in study.config["chapters"]:
+for chapter in settings.chapters:
 
     rule:
         name:
             chapter
         input:
             made([artefact for artefact in ARTEFACTS if artefact.chapter == chapter]),
+        message:
+            f"Chapter {chapter}: everything is made"
 
 
 for artefact in ARTEFACTS:
@@ -17,11 +19,22 @@ for artefact in ARTEFACTS:
             artefact.id
         input:
             made([artefact]),
+        message:
+            f"{artefact.id}: everything is made"
+
+
+onstart:
+    RUN["log"] = watch(workflow, STAGES, BENCHMARKS)
 
 
 onsuccess:
-    print(summary(Path("results") / STUDY / "benchmarks"))
+    closing = RUN["log"].closing(BENCHMARKS)
     missing = Path("results") / STUDY / "stability" / "failures.csv"
-    if study.has("stability") and missing.is_file() and announcement(missing):
-        print(announcement(missing))
+    failed = announcement(missing) if study.has("stability") and missing.is_file() else ""
+    print(closing if failed in closing else f"{closing}\n{failed}")
     print(f"Results of the study {STUDY!r} ({DATA}): results/{STUDY}")
+
+
+onerror:
+    print(RUN["log"].closing(BENCHMARKS))
+    print("Mend what is said above and give the same command again: what is done stays.")

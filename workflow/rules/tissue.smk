@@ -3,8 +3,8 @@
 
 import re
 
-TISSUE_RECORDINGS = [recording(record["file"]) for record in config["tissue"]["records"]]
-TRAINING = config["tissue"]["training"]
+TISSUE_RECORDINGS = [recording(record.file) for record in settings.tissue.records]
+TRAINING = settings.tissue.training
 
 
 rule viscoelastic_models:
@@ -12,28 +12,7 @@ rule viscoelastic_models:
         checked=ALL_CHECKED,
         sources=library_sources("viscoelastic_models.py"),
     output:
-        csv="<results>/tables/table_2_1.csv",
-        tex="<results>/tables/table_2_1.tex",
-        html=report(
-            "<results>/tables/table_2_1.html",
-            caption=caption("table_2_1"),
-            category=CATEGORIES["tissue"],
-            labels={"artefact": "Table 2.1"},
-        ),
-        arx_svg=report(
-            "<results>/figures/figure_2_4.svg",
-            caption=caption("figure_2_4"),
-            category=CATEGORIES["tissue"],
-            labels={"artefact": "Figure 2.4"},
-        ),
-        arx_pdf="<results>/figures/figure_2_4.pdf",
-        analogues_svg=report(
-            "<results>/figures/figure_3_2.svg",
-            caption=caption("figure_3_2"),
-            category=CATEGORIES["tissue"],
-            labels={"artefact": "Figure 3.2"},
-        ),
-        analogues_pdf="<results>/figures/figure_3_2.pdf",
+        **published("table_2_1", "figure_2_4", "figure_3_2"),
     log:
         "<logs>/viscoelastic_models.log",
     benchmark:
@@ -51,7 +30,7 @@ rule viscoelastic_models:
 rule identify_tissue:
     input:
         recordings=TISSUE_RECORDINGS,
-        effects=config["improvement"]["effect_files"],
+        effects=list(settings.improvement.effect_files),
         checked="<results>/checked/tissue.json",
         sources=library_sources("identify_tissue.py"),
     output:
@@ -66,12 +45,10 @@ rule identify_tissue:
     conda:
         CONDA
     params:
-        tissue=config["tissue"],
+        tissue=plain(settings.tissue),
         training=lambda wildcards: wildcards.training,
-        improvement={
-            key: value for key, value in config["improvement"].items() if key not in ("train", "record_sets")
-        },
-        seed=config["seed"],
+        improvement=without(settings.improvement, "train", "record_sets"),
+        seed=settings.seed,
         data=DATA,
     message:
         "Identification of the tissue models on {wildcards.training}"
@@ -84,42 +61,13 @@ rule tissue_models:
         fits=expand("<results>/tissue/identified/{training}.json", training=TRAINING),
         grids=expand("<results>/tissue/identified/{training}.csv", training=TRAINING),
         recordings=TISSUE_RECORDINGS,
-        effects=config["improvement"]["effect_files"],
+        effects=list(settings.improvement.effect_files),
         checked="<results>/checked/tissue.json",
         sources=library_sources("tissue_models.py"),
     output:
+        **published("table_3_1", "physical_parameters", "figure_3_4", "figure_3_5"),
         models="<results>/tissue/models.json",
         search="<results>/tissue/search.csv",
-        csv="<results>/tables/table_3_1.csv",
-        tex="<results>/tables/table_3_1.tex",
-        html=report(
-            "<results>/tables/table_3_1.html",
-            caption=caption("table_3_1"),
-            category=CATEGORIES["tissue"],
-            labels={"artefact": "Table 3.1"},
-        ),
-        parameters_csv="<results>/tables/physical_parameters.csv",
-        parameters_tex="<results>/tables/physical_parameters.tex",
-        parameters_html=report(
-            "<results>/tables/physical_parameters.html",
-            caption=caption("physical_parameters"),
-            category=CATEGORIES["tissue"],
-            labels={"artefact": "Physical parameters"},
-        ),
-        excitation_svg=report(
-            "<results>/figures/figure_3_4.svg",
-            caption=caption("figure_3_4"),
-            category=CATEGORIES["tissue"],
-            labels={"artefact": "Figure 3.4"},
-        ),
-        excitation_pdf="<results>/figures/figure_3_4.pdf",
-        comparison_svg=report(
-            "<results>/figures/figure_3_5.svg",
-            caption=caption("figure_3_5"),
-            category=CATEGORIES["tissue"],
-            labels={"artefact": "Figure 3.5"},
-        ),
-        comparison_pdf="<results>/figures/figure_3_5.pdf",
     log:
         "<logs>/tissue_models.log",
     benchmark:
@@ -127,7 +75,7 @@ rule tissue_models:
     conda:
         CONDA
     params:
-        tissue=config["tissue"],
+        tissue=plain(settings.tissue),
         data=DATA,
     message:
         "Table 3.1, Figures 3.4 and 3.5: the identified tissue models"

@@ -6,7 +6,7 @@ rule twin_survey:
         answers=str(Path(workflow.basedir) / "resources" / "survey" / "survey_reconstructed.csv"),
         sources=library_sources("twin_survey.py"),
     output:
-        answers=f"<results>/twin/{config['survey']['file']}",
+        answers=f"<results>/twin/{settings.survey.file}",
     log:
         "<logs>/twin_survey.log",
     benchmark:
@@ -23,7 +23,7 @@ rule twin_surgeon:
     input:
         sources=library_sources("twin_surgeon.py"),
     output:
-        recordings=[f"<results>/twin/{record['file']}" for record in config["surgeon"]["records"]],
+        recordings=[f"<results>/twin/{record.file}" for record in settings.surgeon.records],
     log:
         "<logs>/twin_surgeon.log",
     benchmark:
@@ -31,9 +31,9 @@ rule twin_surgeon:
     conda:
         CONDA
     params:
-        records=[{key: record[key] for key in ("name", "surgeon")} for record in config["surgeon"]["records"]],
-        settings=config["twin"]["surgeon"],
-        seed=config["twin"]["seed"],
+        records=[without(record, "file") for record in settings.surgeon.records],
+        settings=plain(settings.twin.surgeon),
+        seed=settings.twin.seed,
     message:
         "Synthetic motion of the surgeons' tool"
     script:
@@ -46,9 +46,9 @@ if study.synthetic and study.has("lifting"):
         input:
             sources=library_sources("twin_lifting.py"),
         output:
-            markers=[recording(trial["markers"]) for trial in study.lifts.values()],
+            markers=[recording(lift.trial.markers) for lift in study.lifts.values()],
             hip_moment=[
-                recording(trial["hip_moment"]) for trial in study.lifts.values() if "hip_moment" in trial
+                recording(lift.trial.hip_moment) for lift in study.lifts.values() if lift.trial.hip_moment
             ],
         log:
             "<logs>/twin_lifting.log",
@@ -57,10 +57,10 @@ if study.synthetic and study.has("lifting"):
         conda:
             CONDA
         params:
-            settings=config["twin"]["lifting"],
+            settings=plain(settings.twin.lifting),
             lifts=list(study.lifts),
-            with_moment=[lift for lift, trial in study.lifts.items() if "hip_moment" in trial],
-            seed=config["twin"]["seed"],
+            with_moment=[name for name, lift in study.lifts.items() if lift.trial.hip_moment],
+            seed=settings.twin.seed,
         message:
             "Synthetic lifts: marker files and hip moments"
         script:
@@ -69,9 +69,9 @@ if study.synthetic and study.has("lifting"):
 
 HIP_MOMENTS = [
     record
-    for entry in config["improvement"]["record_sets"]
-    for record in entry.get("records", [])
-    if record["file"].startswith("hip_moment/")
+    for entry in settings.improvement.record_sets
+    for record in entry.records or ()
+    if record.file.startswith("hip_moment/")
 ]
 
 
@@ -81,7 +81,7 @@ if study.synthetic and HIP_MOMENTS:
         input:
             sources=library_sources("twin_hip_moment.py"),
         output:
-            recordings=[f"<results>/twin/{record['file']}" for record in HIP_MOMENTS],
+            recordings=[f"<results>/twin/{record.file}" for record in HIP_MOMENTS],
         log:
             "<logs>/twin_hip_moment.log",
         benchmark:
@@ -89,9 +89,9 @@ if study.synthetic and HIP_MOMENTS:
         conda:
             CONDA
         params:
-            settings=config["twin"]["lifting"],
-            trials=[record["name"] for record in HIP_MOMENTS],
-            seed=config["twin"]["seed"],
+            settings=plain(settings.twin.lifting),
+            trials=[record.name for record in HIP_MOMENTS],
+            seed=settings.twin.seed,
         message:
             "Synthetic hip moments of repeated lifts"
         script:
@@ -111,8 +111,8 @@ rule twin_tissue:
     conda:
         CONDA
     params:
-        tissue=config["twin"]["tissue"],
-        seed=config["twin"]["seed"],
+        tissue=plain(settings.twin.tissue),
+        seed=settings.twin.seed,
     message:
         "Synthetic tissue tests: the excitation signals played on a hardening Kelvin–Boltzmann tissue"
     script:
@@ -133,8 +133,8 @@ rule twin_two_hidden_effects:
     conda:
         CONDA
     params:
-        twin={key: config["twin"][key] for key in ("seed", "two_hidden_effects")},
-        generator=config["hidden_effects"],
+        twin=without(settings.twin, "surgeon", "tissue", "lifting"),
+        generator=plain(settings.hidden_effects),
     message:
         "Synthetic tissue tests with two hidden effects"
     script:

@@ -1,6 +1,6 @@
 """Checks of the FMUs, and the forces that they give to one push."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -16,15 +16,18 @@ def main(input, output, params):
     from lumbar.models.models_file import read_models
     from lumbar.reports.figures.fmu_figures import fmu_force_figure
     from lumbar.reports.figures.style import save
+    from lumbar.settings.plain import typed
+    from lumbar.settings.runtime import RuntimeSettings
 
+    settings = typed(RuntimeSettings, params.settings)
     fitted = read_models(read_json(input.models), catalogues_with(input.effects))
-    models = select_models(fitted, params.settings)
+    models = select_models(fitted, settings)
     folder = Path(input.fmus[0]).parent
     table = check_table(
-        check_fmus(models, folder, params.settings["check_samples"], params.seed), params.data, params.seed
+        check_fmus(models, folder, settings.check_samples, params.seed), params.data, params.seed
     )
     write_csv(output.checks, table.frame)
-    table.write(output.table_csv.removesuffix(".csv"))
+    table.write(stem(output.fmu_check))
     played = push(models, folder)
     figure = fmu_force_figure(
         played.time,
@@ -34,7 +37,7 @@ def main(input, output, params):
         models[0].input.label,
         models[0].output.label,
     )
-    save(figure, output.figure_svg.removesuffix(".svg"), params.data)
+    save(figure, stem(output.fmu_force), params.data)
 
 
 run(main, snakemake)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -20,7 +20,7 @@ def main(input, output, params):
     }
     claims = examine_claims(all_claims(published, params.synthetic), results, params.synthetic, params.data)
     write_csv(output.claims, claims)
-    summary_table(claims, params.data).write(output.csv.removesuffix(".csv"))
+    summary_table(claims, params.data).write(stem(output.claims_table))
 
 
 run(main, snakemake)

@@ -2,44 +2,70 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as of every program that SIGINT ends."""
+
+
+def stem(files) -> str:
+    """Return the path without ending that the files of one artefact share."""
+    return os.path.splitext(files[0])[0]  # noqa: PTH122 - a string, as outputs are
+
 
 class _Tee:
-    """Standard error that is kept in the rule's log and shown to the user."""
+    """Standard error that is shown to the user and kept in the rule's log."""
 
-    def __init__(self, *streams):
-        self.streams = streams
+    def __init__(self, terminal, path):
+        self.terminal = terminal
+        self.path = path
+        self.log = open(path, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - open as long as it is tee'd
 
     def write(self, text: str) -> int:
-        for stream in self.streams:
-            stream.write(text)
+        self.terminal.write(text)
+        self._to_log(lambda: self.log.write(text))
         return len(text)
 
     def flush(self) -> None:
-        for stream in self.streams:
-            stream.flush()
+        self.terminal.flush()
+        self._to_log(lambda: self.log.flush())
+
+    def close(self) -> None:
+        self._to_log(lambda: self.log.close())
+
+    def _to_log(self, action) -> None:
+        """On a full disk the terminal is told once, and the job's own error is not hidden behind the log's."""
+        if self.log is None:
+            return
+        try:
+            action()
+        except OSError as error:
+            self.log = None
+            self.terminal.write(f"{self.path}: {error.strerror}: the log ends here\n")
 
 
 def run(main, snakemake) -> None:
-    """Call ``main(input, output, params)``; a `LumbarError` ends the job with its message alone.
+    """Call ``main(input, output, params)``; an error that a user can mend ends the job with its message alone.
 
     Warnings, progress and errors go to the rule's log file and to the terminal. Other exceptions are programming
     errors: they keep their traceback.
     """
-    from lumbar.errors import LumbarError
+    from lumbar.errors import explained
 
     terminal = sys.stderr
-    with open(snakemake.log[0], "w", encoding="utf-8") as log:  # noqa: PTH123 - must stay open while tee'd
-        sys.stderr = _Tee(terminal, log)
-        try:
-            main(snakemake.input, snakemake.output, snakemake.params)
-        except LumbarError as error:
-            print(f"{snakemake.rule}: {error}", file=sys.stderr)
-            sys.exit(1)
-        except Exception:
-            traceback.print_exc()
-            sys.exit(1)
-        finally:
+    try:
+        sys.stderr = _Tee(terminal, snakemake.log[0])
+        main(snakemake.input, snakemake.output, snakemake.params)
+    except KeyboardInterrupt:
+        print(f"{snakemake.rule}: interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    except Exception as error:
+        told = explained(error)
+        print(f"{snakemake.rule}: {told}" if told else traceback.format_exc(), file=sys.stderr)
+        sys.exit(1)
+    finally:
+        if sys.stderr is not terminal:
+            sys.stderr.close()
             sys.stderr = terminal

@@ -1,6 +1,6 @@
 """Events of every lift, Figure 4.1 and Figure 4.2."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -30,10 +30,10 @@ def main(input, output, params):
             strict=True,
         )
     ]
-    for lift, svg in zip(lifts, output.events_svg, strict=True):
-        save(events_figure(lift), svg.removesuffix(".svg"), params.data)
-    save(pendulum_figure(lifts[0]), output.figure_4_1_svg.removesuffix(".svg"), params.data)
-    save(segments_figure(lifts[0]), output.figure_4_2_svg.removesuffix(".svg"), params.data)
+    for lift, svg in zip(lifts, output.lifting_events[::2], strict=True):
+        save(events_figure(lift), stem([svg]), params.data)
+    save(pendulum_figure(lifts[0]), stem(output.figure_4_1), params.data)
+    save(segments_figure(lifts[0]), stem(output.figure_4_2), params.data)
 
 
 run(main, snakemake)

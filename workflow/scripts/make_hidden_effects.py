@@ -5,11 +5,14 @@ from job import run
 
 def main(input, output, params):
     """Make the recordings and, apart from them, the truth."""
+    from lumbar.settings.hidden_effects import HiddenEffectsSettings
+    from lumbar.settings.plain import typed
     from lumbar.synthetic.hidden_effects.experiment import plan_batch
     from lumbar.synthetic.hidden_effects.experiment_folder import write_experiments
 
-    plans = plan_batch(params.kind, params.part, params.settings)
-    write_experiments(output.recordings, output.labels, plans, params.settings)
+    settings = typed(HiddenEffectsSettings, params.settings)
+    plans = plan_batch(params.kind, params.part, settings)
+    write_experiments(output.recordings, output.labels, plans, settings)
 
 
 run(main, snakemake)

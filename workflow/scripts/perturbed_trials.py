@@ -1,6 +1,6 @@
 """Perturbed and unperturbed trials against the basin of the unperturbed mean."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -8,20 +8,23 @@ def main(input, output, params):
     from lumbar.records.markers import read_markers
     from lumbar.reports.figures.perturbed_trials_figure import trials_figure
     from lumbar.reports.figures.style import save
+    from lumbar.settings.lifting import LiftingSettings
+    from lumbar.settings.perturbations import PerturbationsSettings
+    from lumbar.settings.plain import typed
+    from lumbar.settings.stability import StabilitySettings
     from lumbar.stability.comparison.perturbed_trials import compare_trials, trial_of, trials_table
 
-    settings = params.settings
+    settings = typed(PerturbationsSettings, params.settings)
+    stability, lifting = typed(StabilitySettings, params.stability), typed(LiftingSettings, params.lifting)
     trials = [
-        trial_of(read_markers(path, settings["markers"]), group, settings, params.lifting)
+        trial_of(read_markers(path, settings.markers), group, settings, lifting)
         for group in ("unperturbed", "perturbed")
         for path in input[group]
     ]
-    frame = compare_trials(trials, settings, params.stability)
-    trials_table(frame, trials, settings, params.stability, params.data).write(
-        output.table_html.removesuffix(".html")
-    )
-    figure = trials_figure(trials, settings, params.stability)
-    save(figure, output.figure_svg.removesuffix(".svg"), params.data)
+    frame = compare_trials(trials, settings, stability)
+    trials_table(frame, trials, settings, stability, params.data).write(stem(output.perturbed_trials))
+    figure = trials_figure(trials, settings, stability)
+    save(figure, stem(output.perturbed_trials_figure), params.data)
 
 
 run(main, snakemake)

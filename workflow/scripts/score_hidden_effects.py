@@ -1,6 +1,6 @@
 """Scores of the diagnosis: truth and diagnoses meet here and nowhere before."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -16,10 +16,12 @@ def main(input, output, params):
     from lumbar.files import read_json, write_csv, write_json
     from lumbar.reports.figures.scoring_figures import confusion_figure, power_figure
     from lumbar.reports.figures.style import save
+    from lumbar.settings.hidden_effects import HiddenEffectsSettings
+    from lumbar.settings.plain import typed
     from lumbar.synthetic.hidden_effects.hidden_catalogue import MECHANISMS
     from lumbar.tables import SYNTHETIC_TWIN
 
-    settings = params.settings
+    settings = typed(HiddenEffectsSettings, params.settings)
     labels, diagnoses = {}, {}
     for path in input.labels:
         labels.update(read_json(path))
@@ -29,13 +31,13 @@ def main(input, output, params):
     write_csv(output.scores, frame.assign(data=SYNTHETIC_TWIN))
     matrix = confusion(frame, list(MECHANISMS))
     write_csv(output.confusion, matrix.assign(data=SYNTHETIC_TWIN))
-    accuracy_table(frame, settings).write(output.accuracy_csv.removesuffix(".csv"))
-    forms_table(frame, settings).write(output.forms_csv.removesuffix(".csv"))
-    power = power_summary(frame, settings, settings["seed"])
+    accuracy_table(frame, settings).write(stem([output.accuracy_csv]))
+    forms_table(frame, settings).write(stem([output.forms_csv]))
+    power = power_summary(frame, settings, settings.seed)
     write_json(output.power, {**power, "data": SYNTHETIC_TWIN})
-    save(confusion_figure(matrix), output.confusion_svg.removesuffix(".svg"), SYNTHETIC_TWIN)
-    figure = power_figure(power_curve(frame), settings["named_share"], settings["confidence"])
-    save(figure, output.power_svg.removesuffix(".svg"), SYNTHETIC_TWIN)
+    save(confusion_figure(matrix), stem([output.confusion_svg]), SYNTHETIC_TWIN)
+    figure = power_figure(power_curve(frame), settings.named_share, settings.confidence)
+    save(figure, stem([output.power_svg]), SYNTHETIC_TWIN)
 
 
 run(main, snakemake)

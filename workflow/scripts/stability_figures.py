@@ -1,6 +1,6 @@
-"""Figures 4.3 and 4.4: basins of attraction around the trajectories of one lift, and the engines compared."""
+"""Figures 4.3 and 4.4: basins of attraction around the trajectories of one lift, and the methods compared."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -11,20 +11,23 @@ def main(input, output, params):
     from lumbar.reports.figures.basin_comparison_figure import comparison_figure
     from lumbar.reports.figures.stability_figures import figure_4_3, figure_4_4, shown_lift
     from lumbar.reports.figures.style import save
-    from lumbar.stability.model.trajectory import trajectories_of_lift
+    from lumbar.settings.plain import typed
+    from lumbar.settings.stability import StabilitySettings
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
+    settings = typed(StabilitySettings, params.settings)
     chosen = shown_lift([read_json(path) for path in input.facts])
     funnels = pd.read_csv(input.funnels[chosen])
     save(
-        figure_4_3(funnels, params.settings["goal_level"]),
-        output.figure_4_3_svg.removesuffix(".svg"),
+        figure_4_3(funnels, settings.goal_level),
+        stem(output.figure_4_3),
         params.data,
     )
-    save(figure_4_4(funnels), output.figure_4_4_svg.removesuffix(".svg"), params.data)
+    save(figure_4_4(funnels), stem(output.figure_4_4), params.data)
     states, facts = pd.read_csv(input.states[chosen]), read_json(input.facts[chosen])
-    trajectories, _ = trajectories_of_lift(states, facts, params.settings["pendulum"]["mass"])
-    comparison = comparison_figure(trajectories, params.settings)
-    save(comparison, output.basin_comparison_svg.removesuffix(".svg"), params.data)
+    trajectories, _ = trajectories_of_lift(states, facts, settings.pendulum.mass)
+    comparison = comparison_figure(trajectories, settings)
+    save(comparison, stem(output.basin_comparison), params.data)
 
 
 run(main, snakemake)

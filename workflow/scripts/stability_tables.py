@@ -1,6 +1,6 @@
 """Table 4.1 and the areas of all basins of attraction."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -10,14 +10,18 @@ def main(input, output, params):
     import pandas as pd
 
     from lumbar.files import read_json, write_csv
+    from lumbar.settings.plain import typed
+    from lumbar.settings.stability import StabilitySettings
     from lumbar.stability.basins import DTYPES
     from lumbar.stability.comparison.basin_areas import areas_table
+    from lumbar.stability.comparison.cross_check import cross_checked
     from lumbar.stability.comparison.table_4_1 import table_4_1
     from lumbar.stability.extended_basins import COUNTS, extended_table
-    from lumbar.stability.model.failures import announcement, failures_table, joined
-    from lumbar.stability.model.trajectory import trajectories_of_lift
+    from lumbar.stability.model.failures import announcement, failures_frame, failures_table, joined
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
-    mass = params.settings["pendulum"]["mass"]
+    settings = typed(StabilitySettings, params.settings)
+    mass = settings.pendulum.mass
     lifts = [
         (pd.read_csv(states), read_json(facts))
         for states, facts in zip(input.states, input.facts, strict=True)
@@ -28,18 +32,16 @@ def main(input, output, params):
     )
     boa = joined([pd.read_csv(path, dtype=DTYPES) for path in input.boa])
     failures = joined([pd.read_csv(path) for path in input.failures])
-    table, failures = table_4_1(
-        boa, trajectories, params.settings, params.data, other_mass, params.seed, failures
-    )
+    boa, disagreements = cross_checked(boa, trajectories, settings)
+    failures = joined([failures, failures_frame(disagreements)])
+    table, failures = table_4_1(boa, trajectories, settings, params.data, other_mass, params.seed, failures)
     extended = joined([pd.read_csv(path, dtype=COUNTS) for path in input.extended])
     write_csv(output.boa, boa)
     write_csv(output.failures, failures)
-    table.write(output.table_4_1_html.removesuffix(".html"))
-    extended_table(extended, params.settings, params.data).write(
-        output.extended_basins_html.removesuffix(".html")
-    )
-    areas_table(boa, params.data).write(output.basin_areas_html.removesuffix(".html"))
-    failures_table(failures, params.data).write(output.missing_basins_html.removesuffix(".html"))
+    table.write(stem(output.table_4_1))
+    extended_table(extended, settings, params.data).write(stem(output.extended_basins))
+    areas_table(boa, params.data).write(stem(output.basin_areas))
+    failures_table(failures, params.data).write(stem(output.missing_basins))
     if len(failures):
         print(announcement(output.failures), file=sys.stderr)
 

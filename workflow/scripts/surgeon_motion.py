@@ -1,6 +1,6 @@
 """Bandwidth of the surgeons' tool motion: spectra, rules with intervals, figure."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -9,37 +9,22 @@ def main(input, output, params):
     from lumbar.records.columns import read_record
     from lumbar.reports.figures.style import save
     from lumbar.reports.figures.surgeon_figures import psd_figure
+    from lumbar.settings.plain import plain, typed
+    from lumbar.settings.surgeon import SurgeonSettings
     from lumbar.signals.surgeon_motion import (
-        BandwidthSettings,
         motion_bandwidths,
         motion_spectra,
         spectra_table,
     )
-    from lumbar.signals.welch import WelchSettings
 
-    settings = params.settings
+    settings = typed(SurgeonSettings, params.settings)
     records = [
-        read_record(path, settings["layout"], name=entry["name"], rate=settings["rate_Hz"])
-        for entry, path in zip(settings["records"], input.records, strict=True)
+        read_record(path, settings.layout, name=entry.name, rate=settings.rate_Hz)
+        for entry, path in zip(settings.records, input.records, strict=True)
     ]
-    welch, rules = settings["welch"], settings["bandwidth"]
-    spectra = motion_spectra(
-        records,
-        [entry["surgeon"] for entry in settings["records"]],
-        WelchSettings(welch["segment_s"], welch["overlap"], welch["window"], welch["detrend"]),
-    )
-    bandwidths = motion_bandwidths(
-        spectra,
-        BandwidthSettings(
-            rules["power_share"],
-            rules["level_dB"],
-            rules["maximum_Hz"],
-            rules["confidence"],
-            rules["resamples"],
-        ),
-        params.seed,
-    )
-    write_json(output.bandwidth, {**bandwidths, "welch": welch, "data": params.data})
+    spectra = motion_spectra(records, [entry.surgeon for entry in settings.records], settings.welch)
+    bandwidths = motion_bandwidths(spectra, settings.bandwidth, params.seed)
+    write_json(output.bandwidth, {**bandwidths, "welch": plain(settings.welch), "data": params.data})
     write_csv(output.psd, spectra_table(spectra).assign(data=params.data))
     figure = psd_figure(
         spectra.frequency,
@@ -47,9 +32,9 @@ def main(input, output, params):
         {quantity: spectra.pooled(quantity) for quantity in spectra.psd},
         spectra.surgeons,
         bandwidths,
-        settings["reference_Hz"],
+        settings.reference_Hz,
     )
-    save(figure, output.svg.removesuffix(".svg"), params.data)
+    save(figure, stem(output.surgeon_psd), params.data)
 
 
 run(main, snakemake)

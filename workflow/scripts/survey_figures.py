@@ -1,6 +1,6 @@
 """Figures of the survey: diverging bars of the ratings, and the best picks with their intervals."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -15,8 +15,8 @@ def main(input, output, params):
     counts = np.array([results["rating_counts"][model] for model in results["models"]])
     likert = likert_figure(results["models"], counts, params.scale_labels, params.statement)
     picks = best_picks_figure(results["best_picks"], params.confidence)
-    save(likert, output.likert_svg.removesuffix(".svg"), results["data"])
-    save(picks, output.picks_svg.removesuffix(".svg"), results["data"])
+    save(likert, stem(output.survey_likert), results["data"])
+    save(picks, stem(output.survey_best_picks_figure), results["data"])
 
 
 run(main, snakemake)

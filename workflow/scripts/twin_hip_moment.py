@@ -5,9 +5,12 @@ from job import run
 
 def main(input, output, params):
     """Make every trial of the study."""
+    from lumbar.settings.plain import typed
+    from lumbar.settings.twin import SyntheticLiftingSettings
     from lumbar.synthetic.hip_moment_recordings import write_trials
 
-    write_trials(params.settings, params.trials, output.recordings, [params.seed, _STREAM])
+    settings = typed(SyntheticLiftingSettings, params.settings)
+    write_trials(settings, params.trials, output.recordings, [params.seed, _STREAM])
 
 
 _STREAM = 3

@@ -5,10 +5,13 @@ from job import run
 
 def main(input, output, params):
     """Play each signal file and write what the machine records."""
+    from lumbar.settings.plain import typed
+    from lumbar.settings.twin import SyntheticTissueSettings
     from lumbar.synthetic.tissue_recordings import play
 
+    tissue = typed(SyntheticTissueSettings, params.tissue)
     for number, (signal, recording) in enumerate(zip(input.signals, output.recordings, strict=True)):
-        play(signal, recording, params.tissue, params.seed, number)
+        play(signal, recording, tissue, params.seed, number)
 
 
 run(main, snakemake)

@@ -1,6 +1,6 @@
 """Table 2.1, Figure 2.4 and Figure 3.2: the models, drawn and tabulated from their definitions."""
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -10,9 +10,9 @@ def main(input, output, params):
     from lumbar.reports.figures.analogue_figures import analogues_figure, arx_figure
     from lumbar.reports.figures.style import save
 
-    table_2_1(params.data).write(output.csv.removesuffix(".csv"))
-    save(arx_figure(), output.arx_svg.removesuffix(".svg"), "")
-    save(analogues_figure((MW, KB, HO, IL)), output.analogues_svg.removesuffix(".svg"), "")
+    table_2_1(params.data).write(stem(output.table_2_1))
+    save(arx_figure(), stem(output.figure_2_4), "")
+    save(analogues_figure((MW, KB, HO, IL)), stem(output.figure_3_2), "")
 
 
 run(main, snakemake)

@@ -5,12 +5,10 @@ from job import run
 
 def main(input, output, params):
     """Compile a few lines for every target; write which targets are ready."""
-    from pathlib import Path
-
     from lumbar.files import write_json
-    from lumbar.fmu.build.compiler import resolve_targets, warm_cache
+    from lumbar.fmu.build.compiler import cache_folder, resolve_targets, warm_cache
 
-    warm_cache(params.targets, Path(params.compiler_cache))
+    warm_cache(params.targets, cache_folder(params.compiler_cache))
     write_json(output.targets, {"targets": resolve_targets(params.targets)})
 
 

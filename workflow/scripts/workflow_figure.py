@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from job import run
+from job import run, stem
 
 
 def main(input, output, params):
@@ -26,7 +26,7 @@ def main(input, output, params):
     if answer.returncode:
         raise LumbarError(f"Snakemake could not draw its rule graph:\n{answer.stderr}")
     figure = draw_workflow(parse_rule_graph(answer.stdout), params.chapter_of, params.chapters)
-    save(figure, output.svg.removesuffix(".svg"), data="")
+    save(figure, stem(output.workflow), data="")
 
 
 run(main, snakemake)

@@ -31,44 +31,26 @@ def run(options) -> None:
     """Print the bandwidths; write them and the spectra where a folder is given."""
     from lumbar.files import write_csv, write_json
     from lumbar.records.columns import read_record
+    from lumbar.settings.plain import plain
     from lumbar.signals.surgeon_motion import (
-        BandwidthSettings,
         motion_bandwidths,
         motion_spectra,
         spectra_table,
     )
-    from lumbar.signals.welch import WelchSettings
 
-    settings = load_settings(options.config, "surgeon")
-    surgeon, rules, welch = (
-        settings["surgeon"],
-        *(settings["surgeon"][key] for key in ("bandwidth", "welch")),
-    )
+    settings = load_settings(options.config)
+    surgeon = settings.surgeon
     files = record_files(options.folder)
-    records = [read_record(path, surgeon["layout"], rate=surgeon["rate_Hz"]) for path in files]
+    records = [read_record(path, surgeon.layout, rate=surgeon.rate_Hz) for path in files]
     surgeons = [record.name.split("_trial")[0] for record in records]
-    spectra = motion_spectra(
-        records,
-        surgeons,
-        WelchSettings(welch["segment_s"], welch["overlap"], welch["window"], welch["detrend"]),
-    )
-    bandwidths = motion_bandwidths(
-        spectra,
-        BandwidthSettings(
-            rules["power_share"],
-            rules["level_dB"],
-            rules["maximum_Hz"],
-            rules["confidence"],
-            rules["resamples"],
-        ),
-        settings["seed"],
-    )
+    spectra = motion_spectra(records, surgeons, surgeon.welch)
+    bandwidths = motion_bandwidths(spectra, surgeon.bandwidth, settings.seed)
     for quantity in spectra.psd:
         for rule, value in bandwidths[quantity].items():
             print(f"{quantity}, {rule}: {_text(value)}")
     if options.output:
         label = {"data": options.data or options.folder.name}
-        write_json(options.output / "bandwidth.json", {**bandwidths, "welch": welch, **label})
+        write_json(options.output / "bandwidth.json", {**bandwidths, "welch": plain(surgeon.welch), **label})
         write_csv(options.output / "psd.csv", spectra_table(spectra).assign(**label))
 
 

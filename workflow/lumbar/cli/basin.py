@@ -31,17 +31,17 @@ def run(options) -> None:
     from lumbar.files import read_json, write_csv
     from lumbar.stability.basins import basins_of_lift
     from lumbar.stability.model.failures import announcement, failures_frame
-    from lumbar.stability.model.trajectory import trajectories_of_lift
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
-    settings = load_settings(options.config, "stability")
-    stability = settings["stability"]
+    settings = load_settings(options.config)
+    stability = settings.stability
     facts = read_json(options.facts or options.states.with_suffix(".json"))
     try:
         states = pd.read_csv(options.states)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"{options.states}: not a table of pendulum states ({error})") from error
-    trajectories, failures = trajectories_of_lift(states, facts, stability["pendulum"]["mass"])
-    basins = basins_of_lift(trajectories, stability, settings["seed"])
+    trajectories, failures = trajectories_of_lift(states, facts, stability.pendulum.mass)
+    basins = basins_of_lift(trajectories, stability, settings.seed)
     write_csv(options.output / "boa.csv", basins.summary)
     write_csv(options.output / "funnel.csv", basins.funnels)
     failures = failures_frame([*failures, *basins.failures])

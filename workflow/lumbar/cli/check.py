@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lumbar.cli.settings import is_column_file, load_settings, new_command
 from lumbar.errors import InputError
+from lumbar.settings.plain import plain
+
+if TYPE_CHECKING:
+    from lumbar.settings.study import StudySettings
 
 _MARKER_ENDINGS = (".c3d", ".trc")
 
@@ -33,8 +38,7 @@ def run(options) -> None:
     """Check the files and print one line for each."""
     from lumbar.records.checking import check_recordings
 
-    sections = sorted({options.chapter, "lifting"})
-    settings = load_settings(options.config, *sections)
+    settings = load_settings(options.config)
     plan = [_reading(path, options.chapter, settings) for path in _files(options.paths)]
     for chapter, recordings in check_recordings(plan).items():
         for description in recordings:
@@ -58,19 +62,20 @@ def _is_marker_file(path: Path) -> bool:
     return path.suffix.lower() in _MARKER_ENDINGS
 
 
-def _reading(path: Path, chapter: str, settings: dict) -> dict:
+def _reading(path: Path, chapter: str, settings: StudySettings) -> dict:
     """Entry of the plan of `lumbar.records.checking.check_recordings`."""
     if _is_marker_file(path):
-        layout = settings["lifting"]["markers"]
+        layout = plain(settings.lifting.markers)
         return {"chapter": "lifting", "reader": "markers", "path": str(path), "layout": layout}
     if chapter == "survey":
         return {
             "chapter": chapter,
             "reader": "ratings",
             "path": str(path),
-            "layout": settings[chapter]["layout"],
+            "layout": plain(settings.survey.layout),
         }
-    layout = settings[chapter]["moment_layout" if chapter == "lifting" else "layout"]
+    own = getattr(settings, chapter)
+    layout = plain(own.moment_layout if chapter == "lifting" else own.layout)
     return {"chapter": chapter, "set": chapter, "reader": "columns", "path": str(path), "layout": layout}
 
 

@@ -4,12 +4,13 @@ runs."""
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 
 from lumbar.environment import use_one_thread
-from lumbar.errors import LumbarError
+from lumbar.errors import explained
 
 COMMANDS = (
     "check",
@@ -26,6 +27,8 @@ COMMANDS = (
     "basin",
 )
 """Modules of `lumbar.cli`, in the thesis's order; each has ``add(commands)``, which sets ``run``."""
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as of every program that SIGINT ends."""
 
 
 class _Version(argparse.Action):
@@ -41,7 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="lumbar",
         description="Soft-tissue force-feedback models and lifting stability: does on files and folders "
-        "what the Snakemake workflow does on a study, with the settings of config/config.yaml.",
+        "what the Snakemake workflow does on a study, with settings that all have defaults.",
         epilog="'lumbar COMMAND --help' explains a command and gives examples.",
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
@@ -62,17 +65,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0; 1 where the data or settings cannot be used (the message is on standard error); argparse exits with
-        2 for a wrong command line.
+        0; 1 where the data or settings cannot be used or a file cannot be written (the message is on standard
+        error); 130 after Ctrl-C; argparse exits with 2 for a wrong command line.
     """
     use_one_thread()
-    options = build_parser().parse_args(arguments)
     try:
+        options = build_parser().parse_args(arguments)
         options.run(options)
-    except LumbarError as error:
-        print(f"lumbar: {error}", file=sys.stderr)
+    except KeyboardInterrupt:
+        print("lumbar: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Nobody reads on, as in "lumbar … | head"; what Python still holds back must not raise again at its exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except OSError as error:
-        print(f"lumbar: {error.filename}: {error.strerror}", file=sys.stderr)
+    except Exception as error:
+        told = explained(error)
+        if told is None:
+            raise
+        print(f"lumbar: {told}", file=sys.stderr)
         return 1
     return 0

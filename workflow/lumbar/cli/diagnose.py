@@ -46,12 +46,12 @@ def run(options) -> None:
     settings, records, chosen = read_and_choose(options)
     data = options.data or options.folder.name
     diagnosis = diagnose(records, chosen)
-    evidence = gather_evidence(diagnosis, records, chosen, settings["seed"], settings["signals"]["machine"])
+    evidence = gather_evidence(diagnosis, records, chosen, settings.seed, settings.signals.machine)
     pictures = {}
     if options.pictures:
         from lumbar.reports.pages.diagnosis_pictures import diagnosis_pictures
 
-        pictures = diagnosis_pictures(diagnosis, records, chosen, settings["seed"], options.output, data)
+        pictures = diagnosis_pictures(diagnosis, records, chosen, settings.seed, options.output, data)
     page = diagnosis_page(diagnosis, evidence, chosen.candidates, data, pictures)
     write_diagnosis(diagnosis, evidence, options.output, data)
     write_text(options.output / "diagnosis.html", page)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from lumbar.cli.settings import PROJECT, add_output, load_settings, new_command
+from lumbar.cli.settings import add_output, load_settings, new_command
 
 
 def add(commands) -> None:
@@ -52,24 +53,28 @@ def run(options) -> None:
     """Compile and pack the models."""
     from lumbar.effects.catalogue import catalogues_with
     from lumbar.files import read_json
+    from lumbar.fmu.build.compiler import cache_folder
     from lumbar.fmu.build.export_model import select_models
     from lumbar.fmu.build.package import export_fmus
     from lumbar.models.models_file import read_models
 
-    settings = load_settings(options.config, "runtime", "improvement")
-    runtime = dict(settings["runtime"])
+    settings = load_settings(options.config)
+    runtime = settings.runtime
     content = read_json(options.models)
-    models = read_models(content, catalogues_with(settings["improvement"]["effect_files"]))
+    models = read_models(content, catalogues_with(settings.improvement.effect_files))
     trained_on = {model.trained_on for model in models} - {None}
-    if options.trained_on or len(trained_on) == 1:
-        runtime["trained_on"] = options.trained_on or trained_on.pop()
+    only = trained_on.pop() if len(trained_on) == 1 else runtime.trained_on
     # Of an error ladder, which holds no discrete model, the last rung is what a user wants.
     ladder = not any(model.discrete for model in models)
-    runtime["models"] = options.model or ([models[-1].name] if ladder else runtime["models"])
-    runtime["targets"] = options.target or runtime["targets"]
-    runtime["rate_Hz"] = options.rate or runtime["rate_Hz"]
+    runtime = replace(
+        runtime,
+        trained_on=options.trained_on or only,
+        models=tuple(options.model or ([models[-1].name] if ladder else runtime.models)),
+        targets=tuple(options.target or runtime.targets),
+        rate_Hz=options.rate or runtime.rate_Hz,
+    )
     selected = select_models(models, runtime)
     data = content.get("data") or options.models.name
-    cache = PROJECT / runtime["compiler_cache"]
-    for path in export_fmus(selected, options.output, data, runtime["targets"], cache):
+    cache = cache_folder(runtime.compiler_cache)
+    for path in export_fmus(selected, options.output, data, runtime.targets, cache):
         print(path)

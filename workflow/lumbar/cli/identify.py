@@ -34,7 +34,6 @@ def run(options) -> None:
     from lumbar.errors import InputError
     from lumbar.files import write_json
     from lumbar.identification.identify_tissue import (
-        IdentificationSettings,
         distinct,
         given_model,
         identify,
@@ -44,10 +43,10 @@ def run(options) -> None:
     from lumbar.records.columns import read_record
     from lumbar.records.record import same_units
 
-    settings = load_settings(options.config, "tissue", "improvement")
-    tissue = settings["tissue"]
+    settings = load_settings(options.config)
+    tissue = settings.tissue
     files = record_files(options.folder)
-    records = [read_record(path, tissue["layout"], rate=tissue["rate_Hz"]) for path in files]
+    records = [read_record(path, tissue.layout, rate=tissue.rate_Hz) for path in files]
     same_units(records)
     named = {record.name: record for record in records}
     train = options.train or max(records, key=lambda record: record.duration).name
@@ -57,11 +56,11 @@ def run(options) -> None:
         )
     training = named.pop(train)
     tests = list(named.values())
-    models, _ = identify(training, tests, IdentificationSettings.from_config(tissue), settings["seed"])
-    models.append(given_model(training, tests, tissue["settling_s"], **tissue["inverted_linear"]))
-    if settings["improvement"]["effects"]:
-        chosen = DiagnosisSettings.from_config(settings["improvement"], train=train)
-        models.append(refined_fit([training, *tests], settings["improvement"]["effects"], chosen))
+    models, _ = identify(training, tests, tissue, settings.seed)
+    models.append(given_model(training, tests, tissue.settling_s, **vars(tissue.inverted_linear)))
+    if settings.improvement.effects:
+        chosen = DiagnosisSettings.from_improvement(settings.improvement, train=train)
+        models.append(refined_fit([training, *tests], settings.improvement.effects, chosen))
     data = options.data or options.folder.name
     write_json(options.output / "models.json", models_document(distinct(models), data))
     table = table_3_1(models, tissue, data)

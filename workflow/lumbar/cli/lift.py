@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lumbar.cli.settings import add_data, add_output, load_settings, new_command, read_subject
+from lumbar.cli.settings import add_data, add_output, load_settings, load_subject, new_command
 
 
 def add(commands) -> None:
@@ -29,16 +29,17 @@ def run(options) -> None:
     from lumbar.files import write_csv, write_json
     from lumbar.lifting import lift as lifting
     from lumbar.records.markers import read_markers
+    from lumbar.settings.subject import TrialSettings
 
-    settings = load_settings(options.config, "lifting")["lifting"]
-    subject = read_subject(options.subject)
+    settings = load_settings(options.config).lifting
+    subject = load_subject(options.subject)
     if not 0 <= options.box_mass <= 100:
         raise InputError(f"--box-mass is {options.box_mass:g} kg; allowed: 0 to 100")
     # Events declared by hand in the subject's file hold for the lift with this box only.
-    declared = [trial for trial in subject["trials"] if trial["box_mass_kg"] == options.box_mass]
-    trial = declared[0] if declared else {"box_mass_kg": options.box_mass}
-    name = f"{subject['name']}_{options.box_mass:g}kg"
-    recording = read_markers(options.markers, settings["markers"], name=name)
+    declared = [trial for trial in subject.trials if trial.box_mass_kg == options.box_mass]
+    trial = declared[0] if declared else TrialSettings(options.box_mass, str(options.markers))
+    name = f"{subject.name}_{options.box_mass:g}kg"
+    recording = read_markers(options.markers, settings.markers, name=name)
     lift = lifting.analyse_lift(recording, name, subject, trial, settings)
     label = {"data": options.data or options.markers.name}
     write_csv(options.output / "pendulum.csv", lifting.states_frame(lift).assign(**label))

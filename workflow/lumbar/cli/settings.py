@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
 
-PROJECT = Path(__file__).resolve().parents[3]
-"""Folder of the project; its config/config.yaml holds the defaults."""
+if TYPE_CHECKING:
+    from lumbar.settings.study import StudySettings
+    from lumbar.settings.subject import SubjectSettings
 
 
 def new_command(commands, name: str, help: str, example: str) -> argparse.ArgumentParser:
@@ -26,7 +29,7 @@ def new_command(commands, name: str, help: str, example: str) -> argparse.Argume
         action="append",
         default=[],
         metavar="YAML",
-        help="settings laid over config/config.yaml (a study file); may be given several times",
+        help="settings laid over the defaults (a study file); may be given several times",
     )
     return parser
 
@@ -46,49 +49,60 @@ def add_data(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def load_settings(files: list[Path], *sections: str) -> dict:
-    """Return the configuration with `files` laid over the project's defaults, its `sections` checked.
+def load_settings(files: list[Path]) -> StudySettings:
+    """Return the defaults with the settings of `files` laid over them.
 
     Raises
     ------
     InputError
-        A file that is absent or no YAML mapping, and every wrong key of the sections.
+        With every file that cannot be read, and every wrong key and value of all files.
     """
-    from lumbar.config.schemas import check_sections
+    from lumbar.config.consistency import check_effects
+    from lumbar.config.validation import Origins, laid_over, validated
+    from lumbar.config.yaml_file import read_yaml
+    from lumbar.errors import Problems
+    from lumbar.settings.study import StudySettings
 
-    defaults = PROJECT / "config" / "config.yaml"
-    if not defaults.is_file():
-        raise InputError(f"{defaults} is absent: lumbar takes its default settings from the project's folder")
-    settings: dict = {}
-    for path in [defaults, *files]:
-        settings = _laid_over(settings, _read_mapping(path))
-    check_sections(settings, sections, PROJECT)
-    if "improvement" in sections:
-        improvement = settings["improvement"]
-        improvement["effect_files"] = [_here_or_in_project(file) for file in improvement["effect_files"]]
-    return settings
+    problems = Problems("configuration")
+    read = [read_yaml(path, problems) for path in files]
+    origins, content = Origins(read), {}
+    for file in read:
+        content = laid_over(content, file.content)
+    settings = validated(content, StudySettings, problems, origins)
+    problems.raise_if_any()
+    places = [Path(), *(parent for path in reversed(files) for parent in path.resolve().parents)]
+    own = tuple(_first_found(file, places) for file in settings.improvement.effect_files)
+    improvement = replace(settings.improvement, effect_files=own)
+
+    def add(key: str, found: str, allowed: str) -> None:
+        way = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+        problems.add(origins.place(way), found, allowed)
+
+    check_effects(improvement, Path(), add)
+    problems.raise_if_any()
+    return replace(settings, improvement=improvement)
 
 
-def _here_or_in_project(file: str) -> str:
-    """Path of a file that a study names relative to the project, or a user relative to the folder they are in."""
-    return file if Path(file).exists() else str(PROJECT / file)
+def _first_found(file: str, folders: list[Path]) -> str:
+    """Path of a file that is named relative to where the user is, or to a folder above the settings that name it."""
+    return next((str(folder / file) for folder in folders if (folder / file).is_file()), file)
 
 
-def read_subject(path: Path) -> dict:
-    """Return the person of a subject file, checked.
+def load_subject(path: Path) -> SubjectSettings:
+    """Return the person of a subject file.
 
     Raises
     ------
     InputError
         As `load_settings`.
     """
-    from lumbar.config.schemas import check_sections
+    from lumbar.config.study import read_subject
+    from lumbar.errors import Problems
 
-    content = _read_mapping(path)
-    if "subject" not in content:
-        raise InputError(f"{path}: no key 'subject'; config/subjects/expert.yaml shows what is needed")
-    check_sections({"subject": content}, ["subject"], PROJECT)
-    return content["subject"]
+    problems = Problems("subject")
+    subject = read_subject(path, str(path), problems)
+    problems.raise_if_any()
+    return subject
 
 
 def record_files(folder: Path) -> list[Path]:
@@ -113,28 +127,3 @@ COLUMN_ENDINGS = (".csv", ".txt", ".mat")
 def is_column_file(path: Path) -> bool:
     """Whether the name is that of a column file."""
     return path.is_file() and path.name.lower().removesuffix(".gz").endswith(COLUMN_ENDINGS)
-
-
-def _read_mapping(path: Path) -> dict:
-    import yaml
-
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid YAML ({error})") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: holds no settings; 'key: value' lines are needed")
-    return content
-
-
-def _laid_over(base: dict, upper: dict) -> dict:
-    """Merge as Snakemake does: mappings merge, lists and scalars replace."""
-    merged = dict(base)
-    for key, value in upper.items():
-        below = merged.get(key)
-        merged[key] = (
-            _laid_over(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
-        )
-    return merged

@@ -32,14 +32,14 @@ def run(options) -> None:
     from lumbar.signals.excitation import design_excitation, excited_band
     from lumbar.signals.signal_properties import machine_file, multisine_description, signal_properties
 
-    settings = load_settings(options.config, "signals")
-    signals = settings["signals"]
+    settings = load_settings(options.config)
+    signals = settings.signals
     band = options.band
     if band is None:
         band = excited_band(read_json(options.bandwidth), signals)
-    elif not 0 < band < signals["rate_Hz"] / 2:
-        raise InputError(f"--band is {band:g} Hz; allowed: above 0 and below {signals['rate_Hz'] / 2:g} Hz")
-    excitation = design_excitation(band, signals, settings["seed"])
+    elif not 0 < band < signals.rate_Hz / 2:
+        raise InputError(f"--band is {band:g} Hz; allowed: above 0 and below {signals.rate_Hz / 2:g} Hz")
+    excitation = design_excitation(band, signals, settings.seed)
     for signal in excitation.signals:
         write_csv(options.output / f"{signal.name}.csv", machine_file(signal))
     write_json(options.output / "multisine.json", multisine_description(excitation, signals))

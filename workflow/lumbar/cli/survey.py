@@ -31,19 +31,19 @@ def run(options) -> None:
     from lumbar.reports.figures.survey_figures import best_picks_figure, likert_figure
     from lumbar.survey.survey_analysis import analyse_survey
 
-    settings = load_settings(options.config, "survey")
-    survey, output = settings["survey"], options.output
-    ratings = read_ratings(options.file, survey["layout"])
+    settings = load_settings(options.config)
+    survey, output = settings.survey, options.output
+    ratings = read_ratings(options.file, survey.layout)
     data = options.data or options.file.name
-    analysis = analyse_survey(ratings, survey, settings["seed"], data)
+    analysis = analyse_survey(ratings, survey, settings.seed, data)
     label = analysis.results["data"]
-    likert = likert_figure(ratings.models, ratings.counts(), survey["scale_labels"], survey["statement"])
+    likert = likert_figure(ratings.models, ratings.counts(), survey.scale_labels, survey.statement)
     for name, table in analysis.tables.items():
         table.write(output / name)
     write_json(output / "survey.json", analysis.results)
     save(likert, output / "survey_likert", label)
     save(
-        best_picks_figure(analysis.results["best_picks"], survey["confidence"]),
+        best_picks_figure(analysis.results["best_picks"], survey.confidence),
         output / "survey_best_picks_figure",
         label,
     )

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lumbar.cli.settings import load_settings, record_files
 from lumbar.errors import InputError
+
+if TYPE_CHECKING:
+    from lumbar.settings.improvement import ImprovementSettings
+    from lumbar.settings.layout import ColumnLayout
 
 
 def add_model(parser: argparse.ArgumentParser, effects_required: bool = False) -> None:
@@ -28,8 +33,7 @@ def fitted_model(options):
 
     Returns
     -------
-    dict
-        The settings.
+    StudySettings
     list of Record
     DiagnosisSettings
         Of `lumbar.diagnosis.fitting.diagnosis_settings`.
@@ -48,16 +52,15 @@ def read_and_choose(options):
 
     Returns
     -------
-    dict
-        The settings.
+    StudySettings
     list of Record
     DiagnosisSettings
         Of `lumbar.diagnosis.fitting.diagnosis_settings`.
     """
     from lumbar.config.study_recordings import record_layout
 
-    settings = load_settings(options.config, "tissue", "improvement", "lifting", "signals")
-    chosen = selection(options, settings["improvement"])
+    settings = load_settings(options.config)
+    chosen = selection(options, settings.improvement)
     return settings, read_folder(options.folder, *record_layout(settings, chosen.base)), chosen
 
 
@@ -77,7 +80,7 @@ def simulated_model(options):
 
     settings, records, chosen, experiment, ladder = fitted_model(options)
     fit, training = ladder[-1].fit, experiment.floor_from
-    simulated = compare_and_locate(records, fit, experiment.floor, training, settings["seed"], chosen.centre)
+    simulated = compare_and_locate(records, fit, experiment.floor, training, settings.seed, chosen.centre)
     return model_name(fit), simulated, options.data or options.folder.name
 
 
@@ -104,7 +107,7 @@ def add_selection(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def read_folder(folder: Path, layout: dict, rate: float | None) -> list:
+def read_folder(folder: Path, layout: ColumnLayout, rate: float | None) -> list:
     """Read every column file of a folder as a record, resampled to `rate` in hertz where one is given."""
     from lumbar.records.columns import read_record
     from lumbar.records.record import same_units
@@ -114,11 +117,11 @@ def read_folder(folder: Path, layout: dict, rate: float | None) -> list:
     return records
 
 
-def selection(options, improvement: dict):
+def selection(options, improvement: ImprovementSettings):
     """Return the `lumbar.diagnosis.fitting.diagnosis_settings.DiagnosisSettings` of the options and the configuration."""
     from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 
-    return DiagnosisSettings.from_config(
+    return DiagnosisSettings.from_improvement(
         improvement, base=options.base, train=options.train, periods=dict(map(_period, options.period))
     )
 

@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-CHAPTERS = (
-    "surgeon",
-    "signals",
-    "tissue",
-    "improvement",
-    "runtime",
-    "survey",
-    "lifting",
-    "stability",
-    "perturbations",
-    "claims",
-)
+from typing import get_args
+
+from lumbar.settings.study import Chapter
+
+CHAPTERS: tuple[str, ...] = get_args(Chapter)
 NEEDS = {"signals": ["surgeon"], "improvement": ["tissue"], "runtime": ["tissue"], "stability": ["lifting"]}
 """Chapters that build on another one of the same study."""

@@ -2,91 +2,152 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.config.study_recordings import record_layout, record_set_base, recordings_of
-from lumbar.errors import Problems
+from lumbar.config.study_recordings import record_layout, record_set, recordings_of
+from lumbar.errors import LumbarError, Problems
 
 if TYPE_CHECKING:
     from lumbar.config.study import Study
+    from lumbar.config.validation import Origins
+    from lumbar.settings.improvement import ImprovementSettings
+    from lumbar.settings.study import StudySettings
+    from lumbar.settings.survey import SurveySettings
+    from lumbar.settings.tissue import TissueSettings
+
+    Add = Callable[[str, str, str], None]
 
 
-def _check_survey(survey: dict, problems: Problems) -> None:
-    """Check what one key of the survey says about another."""
-    models = [model["name"] for model in survey["layout"]["models"]]
-    if survey["baseline"] not in models:
-        known = ", ".join(models)
-        problems.add("survey.baseline", f"{survey['baseline']!r} is not rated", f"models: {known}")
-    points, labels = survey["layout"]["scale_points"], len(survey["scale_labels"])
+def _check_surgeon(settings: StudySettings, add: Add) -> None:
+    _check_names("surgeon.records", [record.name for record in settings.surgeon.records], add)
+
+
+def _check_names(key: str, names: list[str], add: Add) -> None:
+    if not names:
+        add(key, "none", "the chapter needs one at least")
+    for name, count in Counter(names).items():
+        if count > 1:
+            add(key, f"{name!r} stands twice", "names must differ")
+
+
+def _check_survey(survey: SurveySettings, add: Add) -> None:
+    models = [model.name for model in survey.layout.models]
+    if survey.baseline not in models:
+        add("survey.baseline", f"{survey.baseline!r} is not rated", f"models: {', '.join(models)}")
+    points, labels = survey.layout.scale_points, len(survey.scale_labels)
     if labels != points:
-        problems.add("survey.scale_labels", f"{labels} names", f"survey.layout.scale_points is {points}")
+        add("survey.scale_labels", f"{labels} names", f"survey.layout.scale_points is {points}")
 
 
-def _check_tissue(tissue: dict, problems: Problems) -> None:
-    """Check what one key of the tissue tests says about another."""
-    ridge, (start, stop) = tissue["ridge"], tissue["segment_s"]
-    if ridge["alpha_min"] >= ridge["alpha_max"]:
-        found = f"{ridge['alpha_min']:g} is not below alpha_max {ridge['alpha_max']:g}"
-        problems.add("tissue.ridge.alpha_min", found, "the progression runs from the smaller to the larger")
+def _check_tissue(tissue: TissueSettings, add: Add) -> None:
+    names = [record.name for record in tissue.records]
+    _check_names("tissue.records", names, add)
+    for number, name in enumerate(tissue.training):
+        if name not in names:
+            add(f"tissue.training.{number}", f"{name!r} is no record", f"records: {', '.join(names)}")
+    if not tissue.training:
+        add("tissue.training", "none", f"name one of the records at least: {', '.join(names)}")
+    ridge, (start, stop) = tissue.ridge, tissue.segment_s
+    if ridge.alpha_min >= ridge.alpha_max:
+        found = f"{ridge.alpha_min:g} is not below alpha_max {ridge.alpha_max:g}"
+        add("tissue.ridge.alpha_min", found, "the progression runs from the smaller to the larger")
     if start >= stop:
-        problems.add("tissue.segment_s", f"[{start:g}, {stop:g}]", "start before end")
-    if tissue["search"]["selection"] == "test" and len(tissue["records"]) < 2:
-        problems.add("tissue.search.selection", "'test' with a single record", "use training")
+        add("tissue.segment_s", f"[{start:g}, {stop:g}]", "start before end")
+    if tissue.search.selection == "test" and len(names) < 2:
+        add("tissue.search.selection", "'test' with a single record", "use training")
 
 
-def _check_record_sets(config: dict, problems: Problems) -> None:
+def _check_record_sets(settings: StudySettings, add: Add) -> None:
     """Check that a set whose base is no model of a tissue has records of its own."""
-    tissue = config["tissue"]["layout"]
-    for entry in config["improvement"]["record_sets"]:
-        layout, _ = record_layout(config, record_set_base(config, entry["name"]))
-        if layout is not tissue and "records" not in entry:
-            found = f"{entry['name']} has the base {entry['base']} and no records"
-            problems.add(
-                "improvement.record_sets", found, "those of the tissue chapter are none: name its own"
-            )
+    _check_names("improvement.record_sets", [entry.name for entry in settings.improvement.record_sets], add)
+    for number, entry in enumerate(settings.improvement.record_sets):
+        layout, _ = record_layout(settings, record_set(settings, entry.name).base)
+        if layout is not settings.tissue.layout and entry.records is None:
+            found = f"{entry.name} has the base {entry.base} and no records"
+            allowed = "those of the tissue chapter are none: name its own"
+            add(f"improvement.record_sets.{number}", found, allowed)
 
 
-def check_consistency(study: Study, problems: Problems) -> None:
-    """Check names, references between keys and that every given recording is there and inside the root."""
-    config = study.config
+def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> None:
+    """Check that the effects which a study adds are known, its own files of effects among them.
+
+    Parameters
+    ----------
+    improvement : ImprovementSettings
+    root : Path
+        Folder that the study's files of effects are named relative to.
+    add : callable
+        Takes key, what was found and what is allowed.
+    """
+    if not (improvement.effects or improvement.effect_files):
+        return
+    from lumbar.effects.catalogue import catalogue_with
+
+    try:
+        known = catalogue_with([str(root / file) for file in improvement.effect_files], improvement.base)
+    except (LumbarError, OSError) as error:
+        add("improvement.effect_files", str(error), "")
+        return
+    for number, name in enumerate(improvement.effects):
+        if name not in known:
+            allowed = f"effects: {', '.join(known)}; improvement.effect_files may define more"
+            add(f"improvement.effects.{number}", f"{name!r} is no effect", allowed)
+
+
+def check_consistency(study: Study, root: Path, origins: Origins, problems: Problems) -> None:
+    """Check names, references between keys and that every given recording is there and inside the root.
+
+    Parameters
+    ----------
+    study : Study
+    root : Path
+        Folder of the project.
+    origins : Origins
+        Files and lines of the keys.
+    problems : Problems
+        Takes what is wrong.
+    """
+
+    def add(key: str, found: str, allowed: str) -> None:
+        way = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+        problems.add(origins.place(way), found, allowed)
+
+    settings = study.settings
+    if study.has("surgeon"):
+        _check_surgeon(settings, add)
     if study.has("tissue"):
-        names = [record["name"] for record in config["tissue"]["records"]]
-        for name in config["tissue"]["training"]:
-            if name not in names:
-                problems.add("tissue.training", f"{name!r} is no record", f"records: {', '.join(names)}")
-        for name in sorted({name for name in names if names.count(name) > 1}):
-            problems.add("tissue.records", f"{name!r} stands twice", "names of records must differ")
-        trained_on = config["runtime"]["trained_on"]
-        if study.has("runtime") and trained_on not in config["tissue"]["training"]:
-            problems.add(
-                "runtime.trained_on", f"{trained_on!r} is not trained on", "take one of tissue.training"
-            )
-        _check_tissue(config["tissue"], problems)
+        _check_tissue(settings.tissue, add)
+        trained_on = settings.runtime.trained_on
+        if study.has("runtime") and trained_on not in settings.tissue.training:
+            add("runtime.trained_on", f"{trained_on!r} is not trained on", "take one of tissue.training")
+        check_effects(settings.improvement, root, add)
     if study.has("improvement"):
-        _check_record_sets(config, problems)
+        _check_record_sets(settings, add)
     if study.has("survey"):
-        _check_survey(config["survey"], problems)
+        _check_survey(settings.survey, add)
+    if study.has("lifting") and not study.lifts:
+        add("lifting.subjects", "none", "the chapter needs a file of config/subjects at least")
     if study.has("stability") or study.has("perturbations"):
         from lumbar.stability.model.riccati import weight_problems
 
-        regulator = config["stability"]["regulator"]
-        problems.extend(weight_problems(**regulator))
+        problems.extend(weight_problems(**vars(settings.stability.regulator)))
+    _check_recordings(study, add)
+
+
+def _check_recordings(study: Study, add: Add) -> None:
     for chapter, files in recordings_of(study).items():
         for name in files:
             path = Path(name)
             if path.is_absolute() or ".." in path.parts:
-                problems.add(
-                    chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'"
-                )
+                add(chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'")
             elif study.data_root is not None:
                 found = (study.data_root / path).resolve()
                 if not found.is_relative_to(study.data_root):
-                    problems.add(chapter, f"{name} leads out of data_root", "copy the file there")
+                    add(chapter, f"{name} leads out of data_root", "copy the file there")
                 elif not found.is_file():
-                    source = study.config["data_source"]
-                    problems.add(
-                        chapter,
-                        f"{name} is not in {study.data_root}",
-                        f"it comes with {source['name']} (licence: {source['licence']}): {source['obtain']}",
-                    )
+                    source = study.settings.data_source
+                    words = f"it comes with {source.name} (licence: {source.licence}): {source.obtain}"
+                    add(chapter, f"{name} is not in {study.data_root}", words)

@@ -7,18 +7,29 @@ is found before anything runs and all wrong keys are found at once.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from lumbar.config.artefacts import Artefact, read_artefacts
 from lumbar.config.chapters import NEEDS
 from lumbar.config.consistency import check_consistency
-from lumbar.config.schemas import check_schema
+from lumbar.config.validation import Origins, validated
+from lumbar.config.yaml_file import YamlFile, read_yaml
 from lumbar.errors import Problems
+from lumbar.settings.study import StudySettings
+from lumbar.settings.subject import SubjectFile, SubjectSettings, TrialSettings
 from lumbar.tables import SYNTHETIC_TWIN
 
 TWIN = "twin"
+
+
+@dataclass(frozen=True)
+class RecordedLift:
+    """One trial of one person."""
+
+    subject: str
+    trial: TrialSettings
 
 
 @dataclass(frozen=True)
@@ -29,30 +40,34 @@ class Study:
     ----------
     name : str
         Name of the results folder: the study's, or the subject's where one person runs alone.
-    config : dict
+    settings : StudySettings
         The merged configuration.
-    subjects : dict of str to dict
+    subjects : dict of str to SubjectSettings
         Subject files by name, in the study's order.
     artefacts : list of Artefact
         Those of the study's chapters.
+    data_root : Path or None
+        Folder of the recordings; None where the twin makes them.
+    lifts : dict of str to RecordedLift
+        By name, e.g. ``expert_23kg``.
     """
 
     name: str
-    config: dict[str, Any]
-    subjects: dict[str, dict]
+    settings: StudySettings
+    subjects: dict[str, SubjectSettings]
     artefacts: list[Artefact]
     data_root: Path | None
-    lifts: dict[str, dict] = field(default_factory=dict)
+    lifts: dict[str, RecordedLift] = field(default_factory=dict)
 
     @property
     def synthetic(self) -> bool:
         """Whether the data are made by the twin."""
-        return self.config["data"] == TWIN
+        return self.settings.data == TWIN
 
     @property
     def data_label(self) -> str:
         """The words that say, on every table and figure, where the data come from."""
-        return SYNTHETIC_TWIN if self.synthetic else self.config["data_source"]["name"]
+        return SYNTHETIC_TWIN if self.synthetic else self.settings.data_source.name
 
     def recording(self, path: str) -> str:
         """Path of a recording named in the configuration; relative to the working directory if made here."""
@@ -60,25 +75,27 @@ class Study:
             return f"results/{self.name}/twin/{path}"
         return str(self.data_root / path)
 
-    def subject_of(self, lift: str) -> dict:
+    def subject_of(self, lift: str) -> SubjectSettings:
         """The subject of a lift without trials: another trial of the person does not change this lift."""
-        subject = self.subjects[self.lifts[lift]["subject"]]
-        return {key: value for key, value in subject.items() if key != "trials"}
+        return replace(self.subjects[self.lifts[lift].subject], trials=())
 
     def has(self, chapter: str) -> bool:
         """Whether the study includes a chapter."""
-        return chapter in self.config["chapters"]
+        return chapter in self.settings.chapters
 
 
-def load_study(config: dict, root: Path) -> Study:
+def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> Study:
     """Check a merged configuration and return the study it describes.
 
     Parameters
     ----------
     config : dict
-        Defaults with study and subject files laid over them.
+        Study and subject files, laid over each other.
     root : Path
-        Folder of the project: schemas and subject files lie below it.
+        Folder of the project: subject files lie below it.
+    files : sequence of path
+        The files that were merged, the last one on top: messages name their lines, and what merging hides, such as
+        a key that stands twice, is found in them.
 
     Returns
     -------
@@ -90,105 +107,140 @@ def load_study(config: dict, root: Path) -> Study:
         With every wrong key, value, missing file or contradiction found.
     """
     problems = Problems("configuration")
-    check_schema(config, root, problems)
+    origins = Origins([read_yaml(_below(root, file), problems, _named(root, file)) for file in files])
+    settings = validated(config, StudySettings, problems, origins)
+    subjects = _load_subjects(config, settings, root, problems)
+    if settings is not None:
+        _check_chapters(settings, problems, origins)
     problems.raise_if_any()
-    subjects = _load_subjects(config, root, problems)
-    chapters = config["chapters"]
-    for chapter in chapters:
-        missing = [needed for needed in NEEDS.get(chapter, []) if needed not in chapters]
-        if missing:
-            problems.add("chapters", f"{chapter} without {', '.join(missing)}", "it builds on it: add it")
-    if "perturbations" in chapters and config["perturbations"] is None:
-        problems.add("perturbations", "null", "the chapter needs its trials")
-    problems.raise_if_any()
-    name = config["subject"]["name"] if "subject" in config else config["study"]
+    chapters = settings.chapters
     lifts = name_lifts(subjects)
-    artefacts = read_artefacts(root / "config" / "artefacts.tsv")
     study = Study(
-        name=name,
-        config=config,
+        name=settings.subject.name if settings.subject else settings.study,
+        settings=settings,
         subjects=subjects,
         artefacts=[
             row.expanded(
-                model=config["runtime"]["models"],
-                record_set=[entry["name"] for entry in config["improvement"]["record_sets"]],
+                model=settings.runtime.models,
+                record_set=[entry.name for entry in settings.improvement.record_sets],
             )
-            for row in artefacts
+            for row in read_artefacts(root / "config" / "artefacts.tsv")
             if row.chapter in chapters
         ],
-        data_root=_data_root(config, root, problems),
+        data_root=_data_root(settings, root, problems, origins),
         lifts=lifts if "lifting" in chapters else {},
     )
-    check_consistency(study, problems)
+    check_consistency(study, root, origins, problems)
     problems.raise_if_any()
     return study
 
 
-def name_lifts(subjects: dict[str, dict]) -> dict[str, dict]:
+def _below(root: Path, file: str | Path) -> Path:
+    return Path(file) if Path(file).is_absolute() else root / file
+
+
+def _named(root: Path, file: str | Path) -> str:
+    path = _below(root, file)
+    return str(path.relative_to(root)) if path.is_relative_to(root) else str(file)
+
+
+def _check_chapters(settings: StudySettings, problems: Problems, origins: Origins) -> None:
+    chapters = settings.chapters
+    if not chapters:
+        problems.add(origins.place(("chapters",)), "none", "a study has a chapter at least")
+    for chapter in chapters:
+        missing = [needed for needed in NEEDS.get(chapter, []) if needed not in chapters]
+        if missing:
+            found = f"{chapter} without {', '.join(missing)}"
+            problems.add(origins.place(("chapters",)), found, "it builds on it: add it")
+    if "perturbations" in chapters and settings.perturbations is None:
+        problems.add(origins.place(("perturbations",)), "null", "the chapter needs its trials")
+
+
+def name_lifts(subjects: dict[str, SubjectSettings]) -> dict[str, RecordedLift]:
     """Return every trial by the name of its lift: ``expert_23kg``, and ``expert_23kg_2`` where it is repeated.
 
     Parameters
     ----------
-    subjects : dict of str to dict
+    subjects : dict of str to SubjectSettings
         Subject files by name.
     """
-    lifts: dict[str, dict] = {}
+    lifts: dict[str, RecordedLift] = {}
     for subject, content in subjects.items():
-        masses = []
-        for trial in content["trials"]:
-            masses.append(trial["box_mass_kg"])
-            repetition = masses.count(trial["box_mass_kg"])
-            name = f"{subject}_{trial['box_mass_kg']:g}kg"
-            lifts[name if repetition == 1 else f"{name}_{repetition}"] = {"subject": subject, **trial}
+        masses: list[float] = []
+        for trial in content.trials:
+            masses.append(trial.box_mass_kg)
+            repetition = masses.count(trial.box_mass_kg)
+            name = f"{subject}_{trial.box_mass_kg:g}kg"
+            lifts[name if repetition == 1 else f"{name}_{repetition}"] = RecordedLift(subject, trial)
     return lifts
 
 
-def _load_subjects(config: dict, root: Path, problems: Problems) -> dict[str, dict]:
-    import yaml
-
-    if "lifting" not in config["chapters"]:
+def _load_subjects(
+    config: dict, settings: StudySettings | None, root: Path, problems: Problems
+) -> dict[str, SubjectSettings]:
+    """Read the study's subject files; those of a configuration that is wrong itself are checked all the same."""
+    if settings is None:
+        names = (
+            config.get("lifting", {}).get("subjects", []) if isinstance(config.get("lifting"), dict) else []
+        )
+        names = [] if "subject" in config or not isinstance(names, list) else filter(_is_name, names)
+    elif "lifting" not in settings.chapters:
         return {}
-    if "subject" in config:
-        return {config["subject"]["name"]: config["subject"]}
+    elif settings.subject:
+        return {settings.subject.name: settings.subject}
+    else:
+        names = settings.lifting.subjects
     subjects = {}
-    for name in config["lifting"]["subjects"]:
+    for name in names:
         path = root / "config" / "subjects" / f"{name}.yaml"
         if not path.is_file():
             known = ", ".join(sorted(item.stem for item in path.parent.glob("*.yaml")))
             problems.add("lifting.subjects", f"no file config/subjects/{name}.yaml", f"there are: {known}")
             continue
-        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-        own = Problems(f"config/subjects/{name}.yaml")
-        check_schema(content, root, own, "subject.schema.yaml")
-        if not own.entries and content["subject"]["name"] != name:
-            own.add("subject.name", repr(content["subject"]["name"]), f"the file is named {name}.yaml")
-        problems.extend(own)
-        if not own.entries:
-            subjects[name] = content["subject"]
+        subject = read_subject(path, f"config/subjects/{name}.yaml", problems)
+        if subject is not None and subject.name != name:
+            place = f"config/subjects/{name}.yaml: subject.name"
+            problems.add(place, repr(subject.name), f"the file is named {name}.yaml")
+        elif subject is not None:
+            subjects[name] = subject
     return subjects
 
 
-def _data_root(config: dict, root: Path, problems: Problems) -> Path | None:
-    if config["data"] == TWIN:
+def _is_name(name: object) -> bool:
+    return isinstance(name, str) and "/" not in name
+
+
+def read_subject(path: Path, name: str, problems: Problems) -> SubjectSettings | None:
+    """Read a subject file; None where it cannot be used, and `problems` says why."""
+    before = len(problems.entries)
+    file: YamlFile = read_yaml(path, problems, name)
+    if len(problems.entries) > before:
         return None
-    named = os.environ.get("LUMBAR_DATA") or config["data_root"]
-    source = config["data_source"]
+    checked = validated(file.content, SubjectFile, problems, Origins([file]))
+    return checked.subject if checked else None
+
+
+def _data_root(settings: StudySettings, root: Path, problems: Problems, origins: Origins) -> Path | None:
+    if settings.data == TWIN:
+        return None
+    named = os.environ.get("LUMBAR_DATA") or settings.data_root
+    source = settings.data_source
     if source is None:
-        problems.add("data_source", "missing", "recordings need name, licence and where to obtain them")
+        words = "recordings need name, licence and where to obtain them"
+        problems.add(origins.place(("data_source",)), "missing", words)
         return None
     if named is None:
-        problems.add(
-            "data_root", "not set", "set it in the study's YAML or in the environment variable LUMBAR_DATA"
-        )
+        words = "set it in the study's YAML or in the environment variable LUMBAR_DATA"
+        problems.add(origins.place(("data_root",)), "not set", words)
         return None
-    folder = Path(named).expanduser()
-    folder = folder if folder.is_absolute() else root / folder
+    folder = _below(root, Path(named).expanduser())
     if not folder.is_dir():
         problems.add(
-            "data_root",
+            origins.place(("data_root",)),
             f"the folder {folder} does not exist",
-            f"it should hold: {source['name']} (licence: {source['licence']}); obtain it from "
-            f"{source['obtain']}, then set data_root in the study's YAML or the environment variable "
+            f"it should hold: {source.name} (licence: {source.licence}); obtain it from "
+            f"{source.obtain}, then set data_root in the study's YAML or the environment variable "
             "LUMBAR_DATA",
         )
         return None

@@ -3,37 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
+from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
     from lumbar.config.study import Study
+    from lumbar.settings.improvement import RecordSetSettings
+    from lumbar.settings.layout import ColumnLayout, MarkerLayout
+    from lumbar.settings.study import StudySettings
 
 
 def recordings_of(study: Study) -> dict[str, list[str]]:
     """File names of the recordings each chapter reads, as the configuration gives them."""
-    config = study.config
+    settings = study.settings
     files = {
-        "surgeon": [record["file"] for record in config["surgeon"]["records"]],
-        "tissue": [record["file"] for record in config["tissue"]["records"]],
+        "surgeon": [record.file for record in settings.surgeon.records],
+        "tissue": [record.file for record in settings.tissue.records],
         "improvement": [
-            record["file"]
-            for entry in config["improvement"]["record_sets"]
-            for record in entry.get("records", [])
+            record.file for entry in settings.improvement.record_sets for record in entry.records or ()
         ],
-        "survey": [config["survey"]["file"]],
+        "survey": [settings.survey.file],
         "lifting": [
-            trial[key] for trial in study.lifts.values() for key in ("markers", "hip_moment") if key in trial
+            file
+            for lift in study.lifts.values()
+            for file in (lift.trial.markers, lift.trial.hip_moment)
+            if file is not None
         ],
     }
-    if study.has("perturbations"):
-        settings = config["perturbations"]
-        files["perturbations"] = [*settings["unperturbed"], *settings["perturbed"]]
+    if settings.perturbations:
+        files["perturbations"] = [*settings.perturbations.unperturbed, *settings.perturbations.perturbed]
     return {chapter: names for chapter, names in files.items() if names and study.has(chapter)}
 
 
-def record_layout(config: dict, base: str) -> tuple[dict, float | None]:
+def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, float | None]:
     """Layout of a base model's records, and the rate (Hz) to which they are resampled.
 
     Raises
@@ -46,20 +51,15 @@ def record_layout(config: dict, base: str) -> tuple[dict, float | None]:
     if base not in BASES:
         raise InputError(f"unknown base model {base!r}; known are {', '.join(BASES)}")
     if BASES[base].system == "pendulum":
-        return config["lifting"]["moment_layout"], None
-    return config["tissue"]["layout"], config["tissue"]["rate_Hz"]
+        return settings.lifting.moment_layout, None
+    return settings.tissue.layout, settings.tissue.rate_Hz
 
 
-def record_set_base(config: dict, name: str) -> str:
-    """Base model of a record set of the improvement chapter."""
-    entry = next(item for item in config["improvement"]["record_sets"] if item["name"] == name)
-    return entry.get("base", config["improvement"]["base"])
-
-
-def record_set_records(study: Study, name: str) -> list[dict]:
-    """Records of a record set of the improvement chapter, as the configuration names them."""
-    entry = next(item for item in study.config["improvement"]["record_sets"] if item["name"] == name)
-    return entry.get("records", study.config["tissue"]["records"])
+def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
+    """Return a record set of the improvement chapter with its base and records, its own or the study's."""
+    entry = next(item for item in settings.improvement.record_sets if item.name == name)
+    base, records = entry.base or settings.improvement.base, entry.records or settings.tissue.records
+    return replace(entry, base=base, records=records)
 
 
 def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
@@ -72,62 +72,62 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
     -------
     list of dict
         ``chapter``, ``set``, ``reader``, ``path`` and ``layout`` of each file, and ``name``, ``period_s`` and
-        ``rate_Hz`` of column files where the configuration gives them.
+        ``rate_Hz`` of column files where the configuration gives them; plain data, as parameters of a job are.
     """
-    plan = []
+    settings, plan = study.settings, []
     for chapter in chapters:
-        settings = study.config[chapter]
         if chapter == "lifting":
             plan += _lift_readings(study)
         elif chapter == "improvement":
-            for entry in settings["record_sets"]:
-                layout, rate = record_layout(study.config, record_set_base(study.config, entry["name"]))
-                readings = [
-                    _column_reading(study, chapter, record, layout, rate)
-                    for record in entry.get("records", [])
+            for entry in settings.improvement.record_sets:
+                layout, rate = record_layout(settings, record_set(settings, entry.name).base)
+                plan += [
+                    {**_column_reading(study, chapter, record, layout, rate), "set": entry.name}
+                    for record in entry.records or ()
                 ]
-                plan += [{**reading, "set": entry["name"]} for reading in readings]
         elif chapter == "perturbations":
+            trials = settings.perturbations
             plan += [
-                {
-                    "chapter": chapter,
-                    "reader": "markers",
-                    "path": study.recording(name),
-                    "layout": settings["markers"],
-                }
-                for name in (*settings["unperturbed"], *settings["perturbed"])
+                _marker_reading(study, chapter, name, trials.markers)
+                for name in (*trials.unperturbed, *trials.perturbed)
             ]
         elif chapter == "survey":
-            path = study.recording(settings["file"])
-            plan.append({"chapter": chapter, "reader": "ratings", "path": path, "layout": settings["layout"]})
+            path, layout = study.recording(settings.survey.file), plain(settings.survey.layout)
+            plan.append({"chapter": chapter, "reader": "ratings", "path": path, "layout": layout})
         else:
-            layout, rate = settings["layout"], settings.get("rate_Hz")
-            plan += [_column_reading(study, chapter, record, layout, rate) for record in settings["records"]]
+            own = getattr(settings, chapter)
+            plan += [
+                _column_reading(study, chapter, record, own.layout, own.rate_Hz) for record in own.records
+            ]
     return plan
 
 
-def _column_reading(study: Study, chapter: str, record: dict, layout: dict, rate: float | None) -> dict:
+def _column_reading(study: Study, chapter: str, record, layout: ColumnLayout, rate: float | None) -> dict:
     reading = {
         "chapter": chapter,
         "set": chapter,
         "reader": "columns",
-        "path": study.recording(record["file"]),
-        "layout": layout,
-        "name": record["name"],
-        "period_s": record.get("period_s"),
+        "path": study.recording(record.file),
+        "layout": plain(layout),
+        "name": record.name,
+        "period_s": getattr(record, "period_s", None),
         "rate_Hz": rate,
     }
     return {key: value for key, value in reading.items() if value is not None}
 
 
+def _marker_reading(study: Study, chapter: str, file: str, layout: MarkerLayout) -> dict:
+    path = study.recording(file)
+    return {"chapter": chapter, "reader": "markers", "path": path, "layout": plain(layout)}
+
+
 def _lift_readings(study: Study) -> list[dict]:
-    settings = study.config["lifting"]
-    markers = {"chapter": "lifting", "reader": "markers", "layout": settings["markers"]}
+    lifting = study.settings.lifting
     moments = {"chapter": "lifting", "set": "hip moments", "reader": "columns"}
     plan = []
-    for lift, trial in study.lifts.items():
-        plan.append({**markers, "path": study.recording(trial["markers"])})
-        if "hip_moment" in trial:
-            path, layout = study.recording(trial["hip_moment"]), settings["moment_layout"]
-            plan.append({**moments, "path": path, "layout": layout, "name": f"hip moment of {lift}"})
+    for name, lift in study.lifts.items():
+        plan.append(_marker_reading(study, "lifting", lift.trial.markers, lifting.markers))
+        if lift.trial.hip_moment:
+            path, layout = study.recording(lift.trial.hip_moment), plain(lifting.moment_layout)
+            plan.append({**moments, "path": path, "layout": layout, "name": f"hip moment of {name}"})
     return plan

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,7 +46,7 @@ PENDULUM = {
         pendulum_joint.DRAG,
     )
 }
-"""The catalogue of the pendulum of equation 4.1."""
+"""The catalogue of the pendulum of Eq. 4.1."""
 
 CATALOGUES = {"tissue": TISSUE, "pendulum": PENDULUM}
 """Catalogue of every system that a base is a model of."""
@@ -96,32 +95,8 @@ def without_channels(
     return usable, left_out
 
 
-def load_effects(path: Path) -> dict[str, Effect]:
-    """Read effects from a user's Python file: every module-level `Effect` counts.
-
-    The file is code the user names in their own configuration; data files never reach this function.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be imported or defines no effect.
-    """
-    specification = importlib.util.spec_from_file_location(f"lumbar_user_effects_{path.stem}", path)
-    if specification is None or not path.is_file():
-        raise InputError(f"{path}: not a Python file with effects (improvement.effect_files)")
-    module = importlib.util.module_from_spec(specification)
-    try:
-        specification.loader.exec_module(module)
-    except Exception as error:
-        raise InputError(f"{path}: cannot be imported ({type(error).__name__}: {error})") from error
-    found = {item.name: item for item in vars(module).values() if isinstance(item, Effect)}
-    if not found:
-        raise InputError(f"{path}: defines no Effect; assign one to a module-level name")
-    return found
-
-
-def catalogue_with(files: Iterable[str | Path], base: str = "KB") -> dict[str, Effect]:
-    """Return the catalogue of a base with the effects of a user's files, which come last and may replace others.
+def catalogue_with(files: Collection[str | Path], base: str = "KB") -> dict[str, Effect]:
+    """Return the catalogue of a base with the effects of a user's files, which come last.
 
     Raises
     ------
@@ -129,15 +104,17 @@ def catalogue_with(files: Iterable[str | Path], base: str = "KB") -> dict[str, E
         As `catalogue_of` and `load_effects`.
     """
     catalogue = dict(catalogue_of(base))
+    if files:
+        from lumbar.effects.own_effect import load_effects
     for file in files:
-        catalogue.update(load_effects(Path(file)))
+        catalogue.update(load_effects(Path(file), catalogue))
     return catalogue
 
 
-def catalogues_with(files: Iterable[str | Path]) -> dict[str, dict[str, Effect]]:
+def catalogues_with(files: Collection[str | Path]) -> dict[str, dict[str, Effect]]:
     """Return the catalogue of every system with the effects of a user's files, as `catalogue_with`."""
-    own = {name: effect for file in files for name, effect in load_effects(Path(file)).items()}
-    return {system: {**catalogue, **own} for system, catalogue in CATALOGUES.items()}
+    bases = {base.system: base.name for base in BASES.values()}
+    return {system: catalogue_with(files, base) for system, base in bases.items()}
 
 
 def choose(names: list[str], catalogue: dict[str, Effect]) -> list[Effect]:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+from lumbar.models.form import Effect, Form, Place
+from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter
 
-from lumbar.models.c_step import CStep
-from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
-
-
-def _hunt_crossley(motion, exponent):
-    depth = np.maximum(motion.position, 0.0) ** exponent
-    return [depth * motion.velocity, motion.velocity]
-
+_AT_ZERO = LinearParameter("damping_at_zero", "{y} s/{x}", symbol="c")
+_UNIT_DEPTH = Constant("z_1", 1.0, "{x}")
+_UNIT_SPEED = Constant("v_0", 1.0, "{x}/s")
 
 DEPTH_DEPENDENT_DAMPING = Effect(
     name="depth_dependent_damping",
@@ -21,43 +17,25 @@ DEPTH_DEPENDENT_DAMPING = Effect(
     forms=(
         Form(
             name="bilinear",
-            equation=r"\lambda (z + z_0) v",
+            equation="lambda_z*z*v + c*v",
             place=Place.PARALLEL,
-            linear=(
-                LinearParameter("damping_per_depth", "{y} s/{x}^2", sign=0),
-                LinearParameter("damping_at_zero", "{y} s/{x}"),
-            ),
-            columns=lambda motion, _: [motion.position * motion.velocity, motion.velocity],
-            c_step=CStep("damping_per_depth * (position * velocity) + damping_at_zero * velocity"),
+            linear=(LinearParameter("damping_per_depth", "{y} s/{x}^2", sign=0, symbol="lambda_z"), _AT_ZERO),
         ),
         Form(
             name="one_sided",
-            equation=r"\lambda \max(z, 0) v + c v",
+            equation="lambda_z*max(z, 0)*v + c*v",
             place=Place.PARALLEL,
-            linear=(
-                LinearParameter("damping_per_depth", "{y} s/{x}^2"),
-                LinearParameter("damping_at_zero", "{y} s/{x}"),
-            ),
-            columns=lambda motion, _: _hunt_crossley(motion, 1.0),
-            c_step=CStep(
-                "damping_per_depth * (depth * velocity) + damping_at_zero * velocity",
-                "double depth = position > 0 ? position : 0.0;",
-            ),
+            linear=(LinearParameter("damping_per_depth", "{y} s/{x}^2", symbol="lambda_z"), _AT_ZERO),
         ),
         Form(
             name="hunt_crossley",
-            equation=r"\lambda \max(z/z_1, 0)^n v + c v,\quad z_1 = \text{1 unit}",
+            equation="lambda_z*max(z/z_1, 0)**n*v + c*v",
             place=Place.PARALLEL,
-            linear=(
-                LinearParameter("damping_at_depth", "{y} s/{x}"),
-                LinearParameter("damping_at_zero", "{y} s/{x}"),
+            linear=(LinearParameter("damping_at_depth", "{y} s/{x}", symbol="lambda_z"), _AT_ZERO),
+            nonlinear=(
+                NonlinearParameter("exponent", "1", "one", 0.5, 2.0, 3, reach=(0.6, 1.5), symbol="n"),
             ),
-            nonlinear=(NonlinearParameter("exponent", "1", "one", 0.5, 2.0, 3, reach=(0.6, 1.5)),),
-            columns=lambda motion, nonlinear: _hunt_crossley(motion, nonlinear[0]),
-            c_step=CStep(
-                "damping_at_depth * (depth * velocity) + damping_at_zero * velocity",
-                "double depth = portable_power(position > 0 ? position : 0.0, exponent);",
-            ),
+            constants=(_UNIT_DEPTH,),
         ),
     ),
 )
@@ -70,33 +48,30 @@ QUADRATIC_DAMPING = Effect(
     forms=(
         Form(
             name="quadratic",
-            equation=r"c_2 v|v|",
+            equation="c2*v*abs(v)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("quadratic_damping", "{y} s^2/{x}^2"),),
-            columns=lambda motion, _: [motion.velocity * np.abs(motion.velocity)],
-            c_step=CStep("quadratic_damping * (velocity * fabs(velocity))"),
+            linear=(LinearParameter("quadratic_damping", "{y} s^2/{x}^2", symbol="c2"),),
         ),
         Form(
             name="power",
-            equation=r"c_n\,\mathrm{sign}(v)\,|v/v_0|^n,\quad v_0 = \text{1 unit per s}",
+            equation="Fn*sign(v)*abs(v/v_0)**n",
             place=Place.PARALLEL,
-            linear=(LinearParameter("damping_force", "{y}"),),
-            nonlinear=(NonlinearParameter("exponent", "1", "one", 1.5, 3.0, 3, reach=(0.85, 1.3)),),
-            columns=lambda motion, nonlinear: [
-                np.sign(motion.velocity) * np.abs(motion.velocity) ** nonlinear[0]
-            ],
-            c_step=CStep("damping_force * (sign(velocity) * portable_power(fabs(velocity), exponent))"),
+            linear=(LinearParameter("damping_force", "{y}", symbol="Fn"),),
+            nonlinear=(
+                NonlinearParameter("exponent", "1", "one", 1.5, 3.0, 3, reach=(0.85, 1.3), symbol="n"),
+            ),
+            constants=(_UNIT_SPEED,),
         ),
         Form(
             name="sinh",
-            equation=r"F_2 \sinh(v/v_2)",
+            equation="F2*sinh(v/v2)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("damping_force", "{y}"),),
+            linear=(LinearParameter("damping_force", "{y}", symbol="F2"),),
             nonlinear=(
-                NonlinearParameter("speed_constant", "{x}/s", "speed", 0.2, 2.0, 4, reach=(0.4, 2.0)),
+                NonlinearParameter(
+                    "speed_constant", "{x}/s", "speed", 0.2, 2.0, 4, reach=(0.4, 2.0), symbol="v2"
+                ),
             ),
-            columns=lambda motion, nonlinear: [np.sinh(motion.velocity / nonlinear[0])],
-            c_step=CStep("damping_force * portable_sinh(velocity / speed_constant)"),
         ),
     ),
 )
@@ -109,11 +84,9 @@ INERTIA = Effect(
     forms=(
         Form(
             name="mass",
-            equation=r"m \ddot z",
+            equation="m*a",
             place=Place.PARALLEL,
-            linear=(LinearParameter("mass", "{y} s^2/{x}"),),
-            columns=lambda motion, _: [motion.acceleration],
-            c_step=CStep("mass * acceleration"),
+            linear=(LinearParameter("mass", "{y} s^2/{x}", symbol="m"),),
         ),
     ),
 )

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from lumbar.models.c_step import CStep
-from lumbar.models.form import Effect, Form, NonlinearParameter, Place
+from lumbar.models.form import Effect, Form, HandWritten, Place
 from lumbar.models.operators import play
+from lumbar.models.parameter import NonlinearParameter
 
 BACKLASH = Effect(
     name="backlash",
@@ -20,9 +19,17 @@ BACKLASH = Effect(
             name="play",
             equation=r"z \to \mathrm{play}_g(z)",
             place=Place.INPUT,
-            nonlinear=(NonlinearParameter("half_gap", "{x}", "position", 0.005, 0.5, 9, reach=(0.2, 1.6)),),
-            input_transform=lambda motion, nonlinear: motion.replaced(play(motion, nonlinear[0])),
-            c_step=CStep("next[0]", "next[0] = behind_gap(memory[0], position, half_gap, first);", memory=1),
+            nonlinear=(
+                NonlinearParameter(
+                    "half_gap", "{x}", "position", 0.005, 0.5, 9, reach=(0.2, 1.6), symbol="g"
+                ),
+            ),
+            hand_written=HandWritten(
+                input_transform=lambda motion, nonlinear: motion.replaced(play(motion, nonlinear[0])),
+                c_step=CStep(
+                    "next[0]", "next[0] = behind_gap(memory[0], position, half_gap, first);", memory=1
+                ),
+            ),
         ),
     ),
 )
@@ -52,25 +59,24 @@ DELAY = Effect(
             name="pure",
             equation=r"F(t) \to F(t - T_d)",
             place=Place.INPUT,
-            nonlinear=(NonlinearParameter("delay", "s", "sampling", 0.05, 5.0, 6, reach=(0.05, 10.0)),),
-            input_transform=lambda motion, nonlinear: motion.delayed(nonlinear[0]),
-            c_step=CStep(
-                "newer + share * (older - newer)",
-                _DELAY_STEP,
-                memory=lambda numbers: int(numbers["whole"]) + 1,
-                constants=_samples_late,
+            nonlinear=(
+                NonlinearParameter("delay", "s", "sampling", 0.05, 5.0, 6, reach=(0.05, 10.0), symbol="Td"),
+            ),
+            hand_written=HandWritten(
+                input_transform=lambda motion, nonlinear: motion.delayed(nonlinear[0]),
+                c_step=CStep(
+                    "newer + share * (older - newer)",
+                    _DELAY_STEP,
+                    memory=lambda numbers: int(numbers["whole"]) + 1,
+                    constants=_samples_late,
+                ),
             ),
         ),
     ),
 )
 
 
-def _soft_maximum(force, limit, width):
-    """Smooth max(force, -limit): the corner is rounded over `width`."""
-    return width * np.logaddexp(0.0, (force + limit) / width) - limit
-
-
-_LIMIT = NonlinearParameter("limit", "{y}", "force", 0.3, 1.0, 8, reach=(0.05, 1.6))
+_ADHESION = NonlinearParameter("limit", "{y}", "force", 0.3, 1.0, 8, reach=(0.05, 1.6), symbol="F0")
 
 CONTACT_LOSS = Effect(
     name="contact_loss",
@@ -80,36 +86,23 @@ CONTACT_LOSS = Effect(
     forms=(
         Form(
             name="sharp",
-            equation=r"F \to \max(F, -F_0)",
+            equation="max(F, -F0)",
             place=Place.OUTPUT,
-            nonlinear=(_LIMIT,),
-            output_transform=lambda force, motion, nonlinear: np.maximum(force, -nonlinear[0]),
-            c_step=CStep("force > -limit ? force : -limit"),
+            nonlinear=(_ADHESION,),
         ),
         Form(
             name="soft",
-            equation=r"F \to w \ln(1 + e^{(F + F_0)/w}) - F_0",
+            equation="w*softplus((F + F0)/w) - F0",
             place=Place.OUTPUT,
             nonlinear=(
-                _LIMIT,
-                NonlinearParameter("corner_width", "{y}", "force", 0.02, 0.2, 2, reach=(0.1, 4.0)),
+                _ADHESION,
+                NonlinearParameter(
+                    "corner_width", "{y}", "force", 0.02, 0.2, 2, reach=(0.1, 4.0), symbol="w"
+                ),
             ),
-            output_transform=lambda force, motion, nonlinear: _soft_maximum(
-                force, nonlinear[0], nonlinear[1]
-            ),
-            c_step=CStep("corner_width * portable_softplus((force + limit) / corner_width) - limit"),
         ),
     ),
 )
-
-
-def _rounded_clip(force, limit, sharpness):
-    """Clipping at ±limit with a knee that is the rounder the smaller the sharpness."""
-    ratio = np.abs(force / limit)
-    # The smaller of the ratio and its inverse: a high power of a large number overflows.
-    smaller = np.where(ratio > 1, 1 / np.maximum(ratio, 1.0), ratio)
-    return np.clip(force, -limit, limit) / (1 + smaller**sharpness) ** (1 / sharpness)
-
 
 SATURATION = Effect(
     name="saturation",
@@ -119,35 +112,28 @@ SATURATION = Effect(
     forms=(
         Form(
             name="sharp",
-            equation=r"F \to \min(\max(F, -F_s), F_s)",
+            equation="clip(F, -Fs, Fs)",
             place=Place.OUTPUT,
-            nonlinear=(_LIMIT,),
-            output_transform=lambda force, motion, nonlinear: np.clip(force, -nonlinear[0], nonlinear[0]),
-            c_step=CStep("clipped(force, -limit, limit)"),
+            nonlinear=(
+                NonlinearParameter("limit", "{y}", "force", 0.3, 1.0, 8, reach=(0.05, 1.6), symbol="Fs"),
+            ),
         ),
         Form(
             name="soft",
-            equation=r"F \to F_s \tanh(F/F_s)",
-            place=Place.OUTPUT,
-            nonlinear=(NonlinearParameter("limit", "{y}", "force", 0.6, 4.0, 6, reach=(0.4, 3.0)),),
-            output_transform=lambda force, motion, nonlinear: nonlinear[0] * np.tanh(force / nonlinear[0]),
-            c_step=CStep("limit * portable_tanh(force / limit)"),
-        ),
-        Form(
-            name="rounded",
-            equation=r"F \to F\,(1 + |F/F_s|^p)^{-1/p}",
+            equation="Fs*tanh(F/Fs)",
             place=Place.OUTPUT,
             nonlinear=(
-                NonlinearParameter("limit", "{y}", "force", 0.6, 1.5, 4, reach=(0.4, 3.0)),
-                NonlinearParameter("sharpness", "1", "one", 3.0, 10.0, 2, reach=(0.5, 2.0)),
+                NonlinearParameter("limit", "{y}", "force", 0.6, 4.0, 6, reach=(0.4, 3.0), symbol="Fs"),
             ),
-            output_transform=lambda force, motion, nonlinear: _rounded_clip(
-                force, nonlinear[0], nonlinear[1]
-            ),
-            c_step=CStep(
-                "clipped(force, -limit, limit)"
-                " / portable_power(1.0 + portable_power(ratio > 1 ? 1.0 / ratio : ratio, sharpness), inverse)",
-                "double ratio = fabs(force / limit), inverse = 1.0 / sharpness;",
+        ),
+        Form(
+            # F (1 + |F/Fs|^p)^(-1/p), in the smaller of the ratio and its inverse: a high power of a large number overflows.
+            name="rounded",
+            equation="clip(F, -Fs, Fs)/(1 + (min(abs(F), Fs)/max(abs(F), Fs))**p)**(1/p)",
+            place=Place.OUTPUT,
+            nonlinear=(
+                NonlinearParameter("limit", "{y}", "force", 0.6, 1.5, 4, reach=(0.4, 3.0), symbol="Fs"),
+                NonlinearParameter("sharpness", "1", "one", 3.0, 10.0, 2, reach=(0.5, 2.0), symbol="p"),
             ),
         ),
     ),

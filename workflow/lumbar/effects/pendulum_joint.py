@@ -1,4 +1,4 @@
-"""What a joint adds to the pendulum of equation 4.1: passive stiffness, dry friction, drag.
+"""What a joint adds to the pendulum of Eq. 4.1: passive stiffness, dry friction, drag.
 
 The input is the angle from the vertical, the output the moment that the person exerts at the pivot.
 """
@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from lumbar.effects import damping_and_inertia, friction
-from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
+from lumbar.models.form import Effect, Form, Place
+from lumbar.models.parameter import LinearParameter, NonlinearParameter
+
+_AT_ZERO = LinearParameter("moment_at_zero", "{y}", sign=0, symbol="M0")
 
 PASSIVE_STIFFNESS = Effect(
     name="passive_stiffness",
@@ -20,47 +21,42 @@ PASSIVE_STIFFNESS = Effect(
     forms=(
         Form(
             name="linear",
-            equation=r"k (\theta - \theta_0) = k\theta + M_0",
+            equation="k*theta + M0",
             place=Place.PARALLEL,
-            linear=(
-                LinearParameter("rotational_stiffness", "{y}/{x}"),
-                LinearParameter("moment_at_zero", "{y}", sign=0),
-            ),
-            columns=lambda motion, _: [motion.position, np.ones(len(motion))],
+            linear=(LinearParameter("rotational_stiffness", "{y}/{x}", symbol="k"), _AT_ZERO),
         ),
         Form(
             name="cubic",
-            equation=r"k_3 \theta^3",
+            equation="k3*theta**3",
             place=Place.PARALLEL,
-            linear=(LinearParameter("cubic_stiffness", "{y}/{x}^3"),),
-            columns=lambda motion, _: [motion.position**3],
+            linear=(LinearParameter("cubic_stiffness", "{y}/{x}^3", symbol="k3"),),
         ),
         Form(
             name="exponential",
-            equation=r"M_+ (e^{\theta/\theta_e} - 1) - M_- (e^{-\theta/\theta_e} - 1) + M_0",
+            equation="M_p*expm1(theta/theta_e) - M_m*expm1(-theta/theta_e) + M0",
             place=Place.PARALLEL,
             linear=(
-                LinearParameter("stiffening_ahead", "{y}"),
-                LinearParameter("stiffening_behind", "{y}"),
-                LinearParameter("moment_at_zero", "{y}", sign=0),
+                LinearParameter("stiffening_ahead", "{y}", symbol="M_p", latex="M_+"),
+                LinearParameter("stiffening_behind", "{y}", symbol="M_m", latex="M_-"),
+                _AT_ZERO,
             ),
             nonlinear=(
-                NonlinearParameter("stiffening_angle", "{x}", "position", 0.1, 1.0, 6, reach=(0.5, 4.0)),
+                NonlinearParameter(
+                    "stiffening_angle", "{x}", "position", 0.1, 1.0, 6, reach=(0.5, 4.0), symbol="theta_e"
+                ),
             ),
-            columns=lambda motion, nonlinear: [
-                np.expm1(motion.position / nonlinear[0]),
-                -np.expm1(-motion.position / nonlinear[0]),
-                np.ones(len(motion)),
-            ],
         ),
     ),
 )
 
 
 def _about_the_pivot(form: Form) -> Form:
-    """The same form with linear parameters called moments; its C code knows them as forces and stays behind."""
-    renamed = (replace(item, name=item.name.replace("force", "moment")) for item in form.linear)
-    return replace(form, linear=tuple(renamed), c_step=None)
+    """The same form with linear parameters called moments."""
+    renamed = (
+        replace(item, name=item.name.replace("force", "moment"), symbol=item.symbol.replace("F", "M"))
+        for item in form.linear
+    )
+    return replace(form, linear=tuple(renamed), equation=form.equation.replace("F", "M"))
 
 
 COULOMB_FRICTION = replace(

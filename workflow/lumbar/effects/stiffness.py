@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
+from lumbar.models.bases import elongation
+from lumbar.models.form import Effect, Form, Place
+from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter
 
-from lumbar.models.c_step import RELAX, CStep, ramp_relaxation
-from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
-from lumbar.models.operators import relaxation
+_KNEE = (0.1, 0.8, 5, (0.2, 1.2))
 
-_KNEE = NonlinearParameter("knee", "{x}", "position", 0.1, 0.8, 5, reach=(0.2, 1.2))
+
+def _knee(symbol: str) -> NonlinearParameter:
+    return NonlinearParameter("knee", "{x}", "position", *_KNEE, symbol=symbol)
+
 
 HARDENING = Effect(
     name="hardening_stiffness",
@@ -18,54 +21,45 @@ HARDENING = Effect(
     forms=(
         Form(
             name="cubic",
-            equation=r"k_3 z^3",
+            equation="k3*z**3",
             place=Place.PARALLEL,
-            linear=(LinearParameter("cubic_stiffness", "{y}/{x}^3", sign=0),),
-            columns=lambda motion, _: [motion.position * motion.position * motion.position],
-            c_step=CStep("cubic_stiffness * (position * position * position)"),
+            linear=(LinearParameter("cubic_stiffness", "{y}/{x}^3", sign=0, symbol="k3"),),
         ),
         Form(
             name="exponential",
-            equation=r"F_h\,\mathrm{sign}(z)\,(e^{|z|/z_h} - 1)",
+            equation="Fh*sign(z)*expm1(abs(z)/zh)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("hardening_force", "{y}"),),
+            linear=(LinearParameter("hardening_force", "{y}", symbol="Fh"),),
             nonlinear=(
-                NonlinearParameter("hardening_length", "{x}", "position", 0.15, 1.5, 6, reach=(0.7, 3.0)),
-            ),
-            columns=lambda motion, nonlinear: [
-                np.sign(motion.position) * np.expm1(np.abs(motion.position) / nonlinear[0]),
-            ],
-            c_step=CStep(
-                "hardening_force * (sign(position) * portable_expm1(fabs(position) / hardening_length))"
+                NonlinearParameter(
+                    "hardening_length", "{x}", "position", 0.15, 1.5, 6, reach=(0.7, 3.0), symbol="zh"
+                ),
             ),
         ),
         Form(
             name="bilinear",
-            equation=r"k_b\,\mathrm{sign}(z)\,\max(|z| - z_b, 0)",
+            equation="kb*sign(z)*max(abs(z) - zb, 0)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("added_stiffness", "{y}/{x}", sign=0),),
-            nonlinear=(_KNEE,),
-            columns=lambda motion, nonlinear: [
-                np.sign(motion.position) * np.maximum(np.abs(motion.position) - nonlinear[0], 0.0)
-            ],
-            c_step=CStep(
-                "added_stiffness * (sign(position) * (beyond > 0 ? beyond : 0.0))",
-                "double beyond = fabs(position) - knee;",
-            ),
+            linear=(LinearParameter("added_stiffness", "{y}/{x}", sign=0, symbol="kb"),),
+            nonlinear=(_knee("zb"),),
         ),
         Form(
             name="power",
-            equation=r"k_n\,\mathrm{sign}(z)\,|z/z_1|^n,\quad z_1 = \text{1 unit}",
+            equation="Fn*sign(z)*abs(z/z_1)**n",
             place=Place.PARALLEL,
-            linear=(LinearParameter("hardening_force", "{y}"),),
-            nonlinear=(NonlinearParameter("exponent", "1", "one", 2.0, 6.0, 3, reach=(0.8, 1.5)),),
-            columns=lambda motion, nonlinear: [
-                np.sign(motion.position) * np.abs(motion.position) ** nonlinear[0]
-            ],
-            c_step=CStep("hardening_force * (sign(position) * portable_power(fabs(position), exponent))"),
+            linear=(LinearParameter("hardening_force", "{y}", symbol="Fn"),),
+            nonlinear=(
+                NonlinearParameter("exponent", "1", "one", 2.0, 6.0, 3, reach=(0.8, 1.5), symbol="n"),
+            ),
+            constants=(Constant("z_1", 1.0, "{x}"),),
         ),
     ),
 )
+
+_HALF_DIFFERENCE = LinearParameter(
+    "half_difference_of_stiffness", "{y}/{x}", 0, symbol="k_pm", latex=r"k_\pm"
+)
+_ADDED = LinearParameter("added_stiffness", "{y}/{x}", sign=0, symbol="kd")
 
 QUADRATIC = Effect(
     name="quadratic_stiffness",
@@ -75,60 +69,45 @@ QUADRATIC = Effect(
     forms=(
         Form(
             name="quadratic",
-            equation=r"k_2 z^2",
+            equation="k2*z**2",
             place=Place.PARALLEL,
-            linear=(LinearParameter("quadratic_stiffness", "{y}/{x}^2", sign=0),),
-            columns=lambda motion, _: [motion.position**2],
-            c_step=CStep("quadratic_stiffness * (position * position)"),
+            linear=(LinearParameter("quadratic_stiffness", "{y}/{x}^2", sign=0, symbol="k2"),),
         ),
         Form(
             name="two_sided",
-            equation=r"k_\pm |z|",
+            equation="k_pm*abs(z)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("half_difference_of_stiffness", "{y}/{x}", sign=0),),
-            columns=lambda motion, _: [np.abs(motion.position)],
-            c_step=CStep("half_difference_of_stiffness * fabs(position)"),
+            linear=(_HALF_DIFFERENCE,),
         ),
         Form(
             name="rounded",
-            equation=r"k_\pm (\sqrt{z^2 + r^2} - r)",
+            equation="k_pm*(hypot(z, r) - r)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("half_difference_of_stiffness", "{y}/{x}", sign=0),),
+            linear=(_HALF_DIFFERENCE,),
             nonlinear=(
-                NonlinearParameter("corner_radius", "{x}", "position", 0.05, 0.8, 4, reach=(0.2, 3.0)),
-            ),
-            columns=lambda motion, nonlinear: [np.hypot(motion.position, nonlinear[0]) - nonlinear[0]],
-            c_step=CStep(
-                "half_difference_of_stiffness"
-                " * (sqrt(position * position + corner_radius * corner_radius) - corner_radius)"
+                NonlinearParameter(
+                    "corner_radius", "{x}", "position", 0.05, 0.8, 4, reach=(0.2, 3.0), symbol="r"
+                ),
             ),
         ),
         Form(
             name="deep",
-            equation=r"k_d \max(z - z_d, 0)",
+            equation="kd*max(z - zd, 0)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("added_stiffness", "{y}/{x}", sign=0),),
-            nonlinear=(_KNEE,),
-            columns=lambda motion, nonlinear: [np.maximum(motion.position - nonlinear[0], 0.0)],
-            c_step=CStep("added_stiffness * (position > knee ? position - knee : 0.0)"),
+            linear=(_ADDED,),
+            nonlinear=(_knee("zd"),),
         ),
         Form(
             name="shallow",
-            equation=r"k_d \min(z + z_d, 0)",
+            equation="kd*min(z + zd, 0)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("added_stiffness", "{y}/{x}", sign=0),),
-            nonlinear=(_KNEE,),
-            columns=lambda motion, nonlinear: [np.minimum(motion.position + nonlinear[0], 0.0)],
-            c_step=CStep("added_stiffness * (position < -knee ? position + knee : 0.0)"),
+            linear=(_ADDED,),
+            nonlinear=(_knee("zd"),),
         ),
     ),
 )
 
-
-def _worn(motion, share, length):
-    """Stiffness lost after the path travelled, as a share between 0 and `share`."""
-    return -share * np.expm1(-motion.path / length)
-
+_LOST = LinearParameter("stiffness_lost", "{y}/{x}", sign=-1, symbol="ks")
 
 SOFTENING = Effect(
     name="softening",
@@ -139,46 +118,37 @@ SOFTENING = Effect(
     forms=(
         Form(
             name="path",
-            equation=r"-k_s z\,(1 - e^{-s/s_0}),\quad s = \int|\dot z|\,dt",
+            equation="-ks*z*expm1(-s/s0)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("stiffness_lost", "{y}/{x}", sign=-1),),
-            nonlinear=(NonlinearParameter("path_constant", "{x}", "path", 0.02, 3.0, 6),),
-            columns=lambda motion, nonlinear: [-motion.position * np.expm1(-motion.path / nonlinear[0])],
-            c_step=CStep("stiffness_lost * (-position * portable_expm1(-path / path_constant))"),
+            linear=(_LOST,),
+            nonlinear=(NonlinearParameter("path_constant", "{x}", "path", 0.02, 3.0, 6, symbol="s0"),),
         ),
         Form(
             name="time",
-            equation=r"-k_s z\,(1 - e^{-t/T_s})",
+            equation="-ks*z*expm1(-t/Ts)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("stiffness_lost", "{y}/{x}", sign=-1),),
-            nonlinear=(NonlinearParameter("time_constant", "s", "duration", 0.02, 3.0, 6),),
-            columns=lambda motion, nonlinear: [-motion.position * np.expm1(-motion.time / nonlinear[0])],
-            c_step=CStep("stiffness_lost * (-position * portable_expm1(-time / time_constant))"),
+            linear=(_LOST,),
+            nonlinear=(NonlinearParameter("time_constant", "s", "duration", 0.02, 3.0, 6, symbol="Ts"),),
         ),
         Form(
             name="path_to_floor",
-            equation=r"-k_s z \min(s/s_0, 1)",
+            equation="ks*z*min(s/s0, 1)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("stiffness_lost", "{y}/{x}", sign=-1),),
-            nonlinear=(NonlinearParameter("path_constant", "{x}", "path", 0.05, 1.0, 5, reach=(0.2, 1.5)),),
-            columns=lambda motion, nonlinear: [motion.position * np.minimum(motion.path / nonlinear[0], 1.0)],
-            c_step=CStep(
-                "stiffness_lost * (position * (share < 1 ? share : 1.0))",
-                "double share = path / path_constant;",
+            linear=(_LOST,),
+            nonlinear=(
+                NonlinearParameter(
+                    "path_constant", "{x}", "path", 0.05, 1.0, 5, reach=(0.2, 1.5), symbol="s0"
+                ),
             ),
         ),
         Form(
             name="whole_force",
-            equation=r"F \to F\,(1 - a\,(1 - e^{-s/s_0}))",
+            equation="F*(1 + a_s*expm1(-s/s0))",
             place=Place.OUTPUT,
             nonlinear=(
-                NonlinearParameter("share_lost", "1", "one", 0.05, 0.6, 3, reach=(0.02, 1.6)),
-                NonlinearParameter("path_constant", "{x}", "path", 0.05, 1.0, 3),
+                NonlinearParameter("share_lost", "1", "one", 0.05, 0.6, 3, reach=(0.02, 1.6), symbol="a_s"),
+                NonlinearParameter("path_constant", "{x}", "path", 0.05, 1.0, 3, symbol="s0"),
             ),
-            output_transform=lambda force, motion, nonlinear: (
-                force * (1 - _worn(motion, nonlinear[0], nonlinear[1]))
-            ),
-            c_step=CStep("force * (1.0 + share_lost * portable_expm1(-path / path_constant))"),
         ),
     ),
 )
@@ -191,14 +161,16 @@ SECOND_RELAXATION = Effect(
     forms=(
         Form(
             name="maxwell_branch",
-            equation=r"k_3 q,\quad \dot q = \dot z - q/\tau_2",
+            equation="k3*q",
             place=Place.PARALLEL,
-            linear=(LinearParameter("branch_stiffness", "{y}/{x}"),),
+            linear=(LinearParameter("branch_stiffness", "{y}/{x}", symbol="k3"),),
             nonlinear=(
-                NonlinearParameter("relaxation_time", "s", "time", 0.008, 20.0, 12, reach=(0.4, 5.0)),
+                NonlinearParameter(
+                    "relaxation_time", "s", "time", 0.008, 20.0, 12, reach=(0.4, 5.0), symbol="tau_2"
+                ),
             ),
-            columns=lambda motion, nonlinear: [relaxation(motion, nonlinear[0])],
-            c_step=CStep("branch_stiffness * next[0]", RELAX, memory=1, constants=ramp_relaxation),
+            state=(("q", "v - q/tau_2"),),
+            solution=elongation,
         ),
     ),
 )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.models.c_step import CStep
-from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
+from lumbar.models.form import Effect, Form, Place
 from lumbar.models.motion import Motion
+from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter
+
+_FORCE = LinearParameter("drift_force", "{y}", sign=0, symbol="Fd")
 
 DRIFT = Effect(
     name="drift",
@@ -17,29 +19,30 @@ DRIFT = Effect(
     forms=(
         Form(
             name="linear",
-            equation=r"r\,t",
+            equation="r*t",
             place=Place.PARALLEL,
-            linear=(LinearParameter("drift_rate", "{y}/s", sign=0),),
-            columns=lambda motion, _: [motion.time],
-            c_step=CStep("drift_rate * time"),
+            linear=(LinearParameter("drift_rate", "{y}/s", sign=0, symbol="r"),),
         ),
         Form(
             name="settling",
-            equation=r"F_d (1 - e^{-t/T_d})",
+            equation="-Fd*expm1(-t/Td)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("drift_force", "{y}", sign=0),),
-            nonlinear=(NonlinearParameter("settling_time", "s", "duration", 0.01, 1.0, 7, reach=(0.3, 5.0)),),
-            columns=lambda motion, nonlinear: [-np.expm1(-motion.time / nonlinear[0])],
-            c_step=CStep("drift_force * -portable_expm1(-time / settling_time)"),
+            linear=(_FORCE,),
+            nonlinear=(
+                NonlinearParameter(
+                    "settling_time", "s", "duration", 0.01, 1.0, 7, reach=(0.3, 5.0), symbol="Td"
+                ),
+            ),
         ),
         Form(
             name="power",
-            equation=r"F_d\,(t/t_1)^p,\quad t_1 = \text{1 s}",
+            equation="Fd*(t/t_1)**p",
             place=Place.PARALLEL,
-            linear=(LinearParameter("drift_force", "{y}", sign=0),),
-            nonlinear=(NonlinearParameter("exponent", "1", "one", 0.3, 2.0, 3, reach=(0.5, 1.5)),),
-            columns=lambda motion, nonlinear: [motion.time ** nonlinear[0]],
-            c_step=CStep("drift_force * portable_power(time, exponent)"),
+            linear=(_FORCE,),
+            nonlinear=(
+                NonlinearParameter("exponent", "1", "one", 0.3, 2.0, 3, reach=(0.5, 1.5), symbol="p"),
+            ),
+            constants=(Constant("t_1", 1.0, "s"),),
         ),
     ),
 )
@@ -73,19 +76,7 @@ def strongest_lines(motion: Motion, residual: np.ndarray) -> list[np.ndarray]:
 
 _OVERTONES = 7
 """Highest multiple of a disturbance's frequency."""
-
-
-_OVERTONES_IN_C = " + ".join(
-    f"sine_amplitude_{order} * portable_sine({order} * turns)"
-    f" + cosine_amplitude_{order} * portable_cosine({order} * turns)"
-    for order in range(1, _OVERTONES + 1)
-)
-
-
-def _overtones(motion, nonlinear):
-    phase = 2 * np.pi * nonlinear[0] * motion.time
-    return [wave(order * phase) for order in range(1, _OVERTONES + 1) for wave in (np.sin, np.cos)]
-
+_FREQUENCY = NonlinearParameter("frequency", "Hz", "time", 0.01, 50.0, 1, lines=0.7, symbol="f")
 
 PERIODIC_DISTURBANCE = Effect(
     name="periodic_disturbance",
@@ -95,35 +86,25 @@ PERIODIC_DISTURBANCE = Effect(
     forms=(
         Form(
             name="sine",
-            equation=r"A \sin(2\pi f t) + B \cos(2\pi f t)",
+            equation="A*sin(2*pi*f*t) + B*cos(2*pi*f*t)",
             place=Place.PARALLEL,
             linear=(
-                LinearParameter("sine_amplitude", "{y}", sign=0),
-                LinearParameter("cosine_amplitude", "{y}", sign=0),
+                LinearParameter("sine_amplitude", "{y}", sign=0, symbol="A"),
+                LinearParameter("cosine_amplitude", "{y}", sign=0, symbol="B"),
             ),
-            nonlinear=(NonlinearParameter("frequency", "Hz", "time", 0.01, 50.0, 1, lines=0.7),),
-            columns=lambda motion, nonlinear: [
-                np.sin(2 * np.pi * nonlinear[0] * motion.time),
-                np.cos(2 * np.pi * nonlinear[0] * motion.time),
-            ],
+            nonlinear=(_FREQUENCY,),
             starts=strongest_lines,
-            c_step=CStep(
-                "sine_amplitude * portable_sine(turns) + cosine_amplitude * portable_cosine(turns)",
-                "double turns = frequency * time;",
-            ),
         ),
         Form(
             name="overtones",
-            equation=r"\sum_{n=1}^{7} A_n \sin(2\pi n f t) + B_n \cos(2\pi n f t)",
+            equation=f"sum(n, 1, {_OVERTONES}, A_n*sin(n*(2*pi*f*t)) + B_n*cos(n*(2*pi*f*t)))",
             place=Place.PARALLEL,
             linear=tuple(
-                LinearParameter(f"{name}_amplitude_{order}", "{y}", sign=0)
+                LinearParameter(f"{name}_amplitude_{order}", "{y}", sign=0, symbol=f"{symbol}_{order}")
                 for order in range(1, _OVERTONES + 1)
-                for name in ("sine", "cosine")
+                for name, symbol in (("sine", "A"), ("cosine", "B"))
             ),
-            nonlinear=(NonlinearParameter("frequency", "Hz", "time", 0.01, 50.0, 1, lines=0.7),),
-            columns=_overtones,
-            c_step=CStep(_OVERTONES_IN_C, "double turns = frequency * time;"),
+            nonlinear=(_FREQUENCY,),
             starts=strongest_lines,
         ),
     ),

@@ -17,20 +17,10 @@ _LINES = 3
 """How many of the strongest frequencies are tried."""
 
 
-def held_between(time: np.ndarray, start: float, stop: float) -> np.ndarray:
-    """1 between two instants, 0 elsewhere, with cubic transitions of `TAKE_OVER` seconds about them."""
-
-    def step(instant):
-        share = np.clip((time - instant) / TAKE_OVER + 0.5, 0.0, 1.0)
-        return share**2 * (3 - 2 * share)
-
-    return step(start) - step(stop)
-
-
 def interval_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndarray]) -> list[np.ndarray]:
     """Start and stop (s) of the interval in which two carriers explain most of the residual, jointly with the base.
 
-    The base of equation 4.1 is refitted for every interval: sums over an interval are differences of cumulative sums.
+    The base of Eq. 4.1 is refitted for every interval: sums over an interval are differences of cumulative sums.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ class FreeRun:
 
 
 def free_run(model: TransferFunction, data: IdentificationData) -> FreeRun | None:
-    """Errors of the free run (eqs 3.10 to 3.12); None for an unstable model, which has no free run."""
+    """Errors of the free run (Eqs 3.10–3.12); None for an unstable model, which has no free run."""
     if not model.stable:
         return None
     modelled = model.simulate(data.inputs)[data.skip :]
@@ -103,7 +103,7 @@ def free_run(model: TransferFunction, data: IdentificationData) -> FreeRun | Non
 
 
 def one_step_nmse(model: TransferFunction, data: IdentificationData) -> float:
-    """NMSE (eq. 3.13) of the one-step-ahead prediction."""
+    """NMSE (Eq. 3.13) of the one-step-ahead prediction."""
     predicted = model.predict_one_step(data.inputs, data.outputs)
     return normalized_mean_squared_error(data.outputs[model.largest_lag :], predicted)
 

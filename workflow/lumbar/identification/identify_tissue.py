@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -46,32 +47,12 @@ from lumbar.models.tissue_models import (
 from lumbar.models.transfer_function import TransferFunction
 from lumbar.records.record import Record, same_units
 
-
-@dataclass(frozen=True)
-class IdentificationSettings:
-    """How to identify; the keys of the configuration's section ``tissue``."""
-
-    order_max: int
-    condition_max: float
-    selection: str
-    alpha_min: float
-    alpha_max: float
-    alpha_points: int
-    settling_s: float
-    block_s: float
-    resamples: int
-    confidence: float
-
-    @classmethod
-    def from_config(cls, tissue: dict) -> IdentificationSettings:
-        """Take the settings from the section ``tissue`` of a checked configuration."""
-        return cls(
-            **tissue["search"], **tissue["ridge"], settling_s=tissue["settling_s"], **tissue["bootstrap"]
-        )
+if TYPE_CHECKING:
+    from lumbar.settings.tissue import TissueSettings
 
 
 def identify(
-    training: Record, tests: list[Record], settings: IdentificationSettings, seed: int
+    training: Record, tests: list[Record], settings: TissueSettings, seed: int
 ) -> tuple[list[FittedModel], list[dict]]:
     """Identify LE, MW, Maxwell, KB and HO on one record by both estimators.
 
@@ -81,7 +62,7 @@ def identify(
         Channels ``input`` and ``output``.
     tests : list of Record
         Records with another excitation; in the order of `Scores.tests`.
-    settings : IdentificationSettings
+    settings : TissueSettings
     seed : int
         Seed of the bootstrap.
 
@@ -101,11 +82,11 @@ def identify(
     _same_sampling_time([training, *tests])
     data = IdentificationData.from_record(training, settings.settling_s)
     others = [IdentificationData.from_record(test, settings.settling_s) for test in tests]
-    if settings.selection == "test" and not others:
+    if settings.search.selection == "test" and not others:
         raise InputError(
             "tissue.search.selection is 'test', but the study has a single record: use 'training'"
         )
-    lag = settings.order_max
+    lag = settings.search.order_max
     if len(training) - lag <= 2 * (2 * lag + 1):
         raise InputError(
             f"{training.source or training.name}: {len(training)} samples are too few for order {lag}"
@@ -192,7 +173,7 @@ class _Identification:
         record: Record,
         data: IdentificationData,
         tests: list[IdentificationData],
-        settings: IdentificationSettings,
+        settings: TissueSettings,
         seed: int,
     ):
         self.record = record
@@ -200,20 +181,22 @@ class _Identification:
         self.tests = tests
         self.settings = settings
         self.seed = seed
-        self.regression = ReducedRegression(data.inputs, data.outputs, settings.order_max)
-        self.block_rows = max(1, round(settings.block_s / data.sampling_time))
+        self.regression = ReducedRegression(data.inputs, data.outputs, settings.search.order_max)
+        self.block_rows = max(1, round(settings.bootstrap.block_s / data.sampling_time))
 
     def run(self) -> tuple[list[FittedModel], list[dict]]:
         """Fits in the order of Table 3.1, and the grid they were picked from."""
         settings = self.settings
-        alphas = ridge_grid(settings.alpha_min, settings.alpha_max, settings.alpha_points)
+        alphas = ridge_grid(settings.ridge.alpha_min, settings.ridge.alpha_max, settings.ridge.alpha_points)
         fits, grid = [], []
         nested: TransferFunction | None = None
         for model in (*FIXED_STRUCTURE, HO):
-            structures = [model.structure] if model.structure else higher_order_structures(settings.order_max)
+            structures = (
+                [model.structure] if model.structure else higher_order_structures(settings.search.order_max)
+            )
             candidates = search(model.name, structures, alphas, self.regression, self.data, self.tests)
-            cap = None if model.structure else settings.condition_max
-            chosen, remark = select(candidates, settings.selection, cap)
+            cap = None if model.structure else settings.search.condition_max
+            chosen, remark = select(candidates, settings.search.selection, cap)
             grid += [grid_row(item, self.data.name, item is chosen) for item in candidates]
             fits.append(self.arx_fit(model, chosen, remark))
             fit, found = self.output_error_fit(model, chosen, nested)
@@ -274,7 +257,9 @@ class _Identification:
         models, estimators = sorted(MODELS), (ARX, OUTPUT_ERROR)
         stream = [self.seed, models.index(model.name), estimators.index(estimator), *self.data.name.encode()]
         rng = np.random.default_rng(stream)
-        return block_bootstrap(regressors, target, self.block_rows, self.settings.resamples, rng, alpha)
+        return block_bootstrap(
+            regressors, target, self.block_rows, self.settings.bootstrap.resamples, rng, alpha
+        )
 
     def described(
         self,
@@ -330,7 +315,7 @@ class _Identification:
                 resampled.append(model.physical_parameters(structure.transfer_function(draw), sampling_time))
             except NumericalError:
                 lost += 1
-        tail = (1.0 - self.settings.confidence) / 2.0
+        tail = (1.0 - self.settings.bootstrap.confidence) / 2.0
         if draws is None or lost > tail * len(draws):
             reason = (
                 "rank deficient"

@@ -1,4 +1,4 @@
-"""Error and uncertainty measures of the thesis, eqs 3.10 to 3.16, each defined once."""
+"""Error and uncertainty measures of the thesis, Eqs 3.10–3.16, each defined once."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from lumbar.errors import NumericalError
 
 
 def mean_residual(measured: np.ndarray, modelled: np.ndarray) -> float:
-    """Mean of the absolute residuals, eq. 3.10, in the output's unit."""
+    """Mean of the absolute residuals, Eq. 3.10, in the output's unit."""
     return float(np.mean(np.abs(measured - modelled)))
 
 
 def variance_accounted_for(measured: np.ndarray, modelled: np.ndarray) -> float:
-    """%VAF, eq. 3.12: 100 (1 − var(ŷ − y)/var(y)).
+    """%VAF, Eq. 3.12: 100 (1 − var(ŷ − y)/var(y)).
 
     Raises
     ------
@@ -24,7 +24,7 @@ def variance_accounted_for(measured: np.ndarray, modelled: np.ndarray) -> float:
 
 
 def fit_ratio(measured: np.ndarray, modelled: np.ndarray) -> float:
-    """FIT, eq. 3.11, in percent: 100 (1 − rms(ŷ − y)/σ_y).
+    """FIT, Eq. 3.11, in percent: 100 (1 − rms(ŷ − y)/σ_y).
 
     For errors of zero mean FIT = 100 (1 − √(1 − VAF/100)), as in every row of the thesis's Table 3.1.
 
@@ -47,7 +47,7 @@ def _variance(measured: np.ndarray) -> float:
 
 
 def normalized_mean_squared_error(measured: np.ndarray, predicted: np.ndarray) -> float:
-    """NMSE, eq. 3.13: ‖b − A x‖²/‖b‖² of the one-step-ahead prediction A x."""
+    """NMSE, Eq. 3.13: ‖b − A x‖²/‖b‖² of the one-step-ahead prediction A x."""
     return float(np.sum((measured - predicted) ** 2) / np.sum(measured**2))
 
 
@@ -60,13 +60,13 @@ def numerical_rank(singular_values: np.ndarray, rows: int) -> int:
 
 
 def condition_number(singular_values: np.ndarray, rows: int) -> float | None:
-    """σ_max/σ_min, eq. 3.14; None where the matrix is rank deficient."""
+    """σ_max/σ_min, Eq. 3.14; None where the matrix is rank deficient."""
     if numerical_rank(singular_values, rows) < singular_values.size:
         return None
     return float(singular_values.max() / singular_values.min())
 
 
 def relative_uncertainties(coefficients: np.ndarray, standard_deviations: np.ndarray) -> np.ndarray:
-    """RU, eq. 3.16: 100 σ_i/|x_i| for every coefficient that is not zero."""
+    """RU, Eq. 3.16: 100 σ_i/|x_i| for every coefficient that is not zero."""
     nonzero = coefficients != 0
     return 100.0 * standard_deviations[nonzero] / np.abs(coefficients[nonzero])

@@ -121,7 +121,7 @@ def relaxation_starts(
 ) -> list[TransferFunction]:
     """Return starting values that span all relaxation times: the best numerator for each of some poles.
 
-    The simulation error of a single-pole model can have several minima over its pole (eq. 3.3 has), but for a
+    The simulation error of a single-pole model can have several minima over its pole (Eq. 3.3 has), but for a
     given pole the numerator follows from linear least squares.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Ridge regression of ARX models, eqs 3.6 to 3.8: one factorisation serves every order and every α.
+"""Ridge regression of ARX models, Eqs 3.6–3.8: one factorisation serves every order and every α.
 
 The full regressor matrix, with all lags up to the largest order of the search, is reduced once to the
 triangular factor R of a QR decomposition. The regressors of a smaller structure are combinations of its
@@ -6,7 +6,7 @@ columns, so the singular values of a structure are those of a small matrix made 
 product with it.
 
 Scaling. Input and output are demeaned before; every column of A, and b, is then divided by its root mean
-square, so that condition number and α do not depend on units. α enters as in eq. 3.7, ‖Ax − b‖² + α²‖x‖²,
+square, so that condition number and α do not depend on units. α enters as in Eq. 3.7, ‖Ax − b‖² + α²‖x‖²,
 with these columns (norm √N).
 """
 
@@ -104,22 +104,22 @@ class RidgePath:
 
     @property
     def condition_number(self) -> float | None:
-        """cond(A) of eq. 3.14 with standardised columns; None where A is rank deficient."""
+        """cond(A) of Eq. 3.14 with standardised columns; None where A is rank deficient."""
         return condition_number(self.singular_values, self.rows)
 
     def standardised_solution(self, alpha: float) -> np.ndarray:
-        """Solution of eq. 3.8 in standardised coefficients; of least norm where A is rank deficient."""
+        """Solution of Eq. 3.8 in standardised coefficients; of least norm where A is rank deficient."""
         kept = self.singular_values[: self.rank]
         filtered = kept / (kept**2 + alpha**2) * self._projected_target[: self.rank]
         return self._right[: self.rank].T @ filtered
 
     def solution(self, alpha: float) -> np.ndarray:
-        """Solution of eq. 3.8 in the units of the signals.
+        """Minimiser of Eq. 3.7, the solution of Eq. 3.8, in the units of the signals.
 
         Parameters
         ----------
         alpha : float
-            Ridge coefficient of eq. 3.7, ≥ 0.
+            Ridge coefficient of Eq. 3.7, ≥ 0.
         """
         return self.standardised_solution(alpha) * self.target_scale / self.column_scale
 
@@ -131,7 +131,7 @@ class RidgePath:
         return float(inside @ inside + max(outside, 0.0))
 
     def standard_deviations(self, alpha: float) -> np.ndarray | None:
-        """σ_i of eq. 3.15 in standardised coefficients; None where AᵀA has no inverse.
+        """σ_i of Eq. 3.15 in standardised coefficients; None where AᵀA has no inverse.
 
         Biased where the regressors carry noise, as measured past outputs do: see `lumbar.identification.bootstrap`.
         """

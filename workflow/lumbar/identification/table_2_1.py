@@ -35,11 +35,11 @@ def table_2_1(data: str) -> Table:
             "equation": "force f from position x; f' and x' are time derivatives",
             "parameter_definition": "coefficients of the equation from the mechanical elements",
             "discrete_transfer_function": "ramp-invariant form: exact at the samples of a motion in ramps",
-            "proper": "whether the discrete transfer function needs no future position (eq. 3.5)",
+            "proper": "whether the discrete transfer function needs no future position (Eq. 3.5)",
             "static_force": "whether a held position meets a force, H(z = 1) ≠ 0",
         },
         notes=(
-            f"{MW.name}, eq. 3.3 of the thesis, {MW.transfer}, is not the Maxwell model of this table: "
+            f"{MW.name}, Eq. 3.3 of the thesis, {MW.transfer}, is not the Maxwell model of this table: "
             f"{MW.no_parameters_because}.",
         ),
     )

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
 from lumbar.models.fitted_model import ARX, GIVEN, OUTPUT_ERROR, FittedModel
 from lumbar.models.tissue_models import HO, IL, KB, LE, MAXWELL, MW
 from lumbar.tables import Table
 
+if TYPE_CHECKING:
+    from lumbar.settings.tissue import TissueSettings
+
 _ROWS = (MW.name, MAXWELL.name, KB.name, HO.name, LE.name)
 """Order of the rows within each training record and estimator: the thesis's, with Maxwell and LE more."""
 
 
-def table_3_1(models: list[FittedModel], settings: dict, data: str) -> Table:
+def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) -> Table:
     """Table 3.1: error metrics of all models; the thesis's rows are MW, KB, HO with estimator ``arx``.
 
     Parameters
     ----------
     models : list of FittedModel
         Those of the first training record first, and so on; all with the same number of unseen records.
-    settings : dict
-        Section ``tissue`` of the configuration, for the notes.
+    settings : TissueSettings
+        For the notes.
     data : str
         Where the data come from.
     """
@@ -90,32 +94,32 @@ def _row(model: FittedModel, unit: str) -> dict:
     }
 
 
-def _definitions(unit: str, tests: int, settings: dict) -> dict[str, str]:
-    free = f"free run from the input alone, on demeaned signals, from {settings['settling_s']:g} s on"
+def _definitions(unit: str, tests: int, settings: TissueSettings) -> dict[str, str]:
+    free = f"free run from the input alone, on demeaned signals, from {settings.settling_s:g} s on"
     numbers = range(1, tests + 1)
     return {
         "trained_on": "record the model was fitted to (IL: judged on)",
         "model": (
-            "MW: eq. 3.3 as published; Maxwell: spring and dashpot in series of Table 2.1; KB: eq. 3.4; "
-            "HO: eq. 3.9; LE: linear elastic; IL: inverted linear, not identified"
+            "MW: Eq. 3.3 as published; Maxwell: spring and dashpot in series of Table 2.1; KB: Eq. 3.4; "
+            "HO: Eq. 3.9; LE: linear elastic; IL: inverted linear, not identified"
         ),
         "order": "poles of the discrete transfer function",
         "condition_number": (
-            "eq. 3.14; signals demeaned, every column divided by its root mean square; arx: of the "
+            "Eq. 3.14; signals demeaned, every column divided by its root mean square; arx: of the "
             "regressors, output_error: of the sensitivities at the minimum; empty where rank deficient"
         ),
-        "vaf_percent": f"eq. 3.12, %; {free}",
+        "vaf_percent": f"Eq. 3.12, %; {free}",
         "mru_percent": (
-            "eqs 3.15 and 3.16, %; assumes exact regressors and white residuals: biased for arx on noisy "
+            "Eqs 3.15 and 3.16, %; assumes exact regressors and white residuals: biased for arx on noisy "
             "output"
         ),
-        "fit_percent": f"eq. 3.11, %; {free}",
-        f"mean_residual_{unit_slug(unit)}": f"eq. 3.10, mean |y − ŷ| in {unit}; {free}",
-        "nmse_train": "eq. 3.13; one-step-ahead prediction from measured past forces, on the training record",
-        **{f"nmse_test_{n}": f"eq. 3.13; one-step-ahead, on test record {n}" for n in numbers},
-        "alpha": "ridge coefficient of eq. 3.7 for the standardised columns; empty where none is used",
+        "fit_percent": f"Eq. 3.11, %; {free}",
+        f"mean_residual_{unit_slug(unit)}": f"Eq. 3.10, mean |y − ŷ| in {unit}; {free}",
+        "nmse_train": "Eq. 3.13; one-step-ahead prediction from measured past forces, on the training record",
+        **{f"nmse_test_{n}": f"Eq. 3.13; one-step-ahead, on test record {n}" for n in numbers},
+        "alpha": "ridge coefficient of Eq. 3.7 for the standardised columns; empty where none is used",
         "estimator": (
-            "arx: one-step-ahead error (eq. 3.8), the thesis's way; output_error: free-run error; "
+            "arx: one-step-ahead error (Eq. 3.8), the thesis's way; output_error: free-run error; "
             "given: prescribed, not fitted"
         ),
         "stable": "whether all poles lie inside the unit circle; an unstable model has no free run",
@@ -125,11 +129,11 @@ def _definitions(unit: str, tests: int, settings: dict) -> dict[str, str]:
             "not identifiable"
         ),
         "mru_bootstrap_percent": (
-            f"MRU with σ as half the central 68 % of {settings['bootstrap']['resamples']} block-bootstrap "
-            f"resamples, blocks of {settings['bootstrap']['block_s']:g} s, %"
+            f"MRU with σ as half the central 68 % of {settings.bootstrap.resamples} block-bootstrap "
+            f"resamples, blocks of {settings.bootstrap.block_s:g} s, %"
         ),
         **{
-            f"vaf_test_{n}_percent": f"eq. 3.12, %; free run on test record {n}, less its own mean"
+            f"vaf_test_{n}_percent": f"Eq. 3.12, %; free run on test record {n}, less its own mean"
             for n in numbers
         },
         "test_records": "names of the test records, in the order of their numbers",
@@ -137,15 +141,15 @@ def _definitions(unit: str, tests: int, settings: dict) -> dict[str, str]:
     }
 
 
-def _notes(settings: dict) -> tuple[str, ...]:
-    search, ridge = settings["search"], settings["ridge"]
-    picked = {"training": "the training record", "test": "the other records (mean)"}[search["selection"]]
+def _notes(settings: TissueSettings) -> tuple[str, ...]:
+    search, ridge = settings.search, settings.ridge
+    picked = {"training": "the training record", "test": "the other records (mean)"}[search.selection]
     return (
         f"Every model and α is picked by the %VAF of the free run on {picked}; α is 0 or one of "
-        f"{ridge['alpha_points']} values from {ridge['alpha_min']:g} to {ridge['alpha_max']:g} in geometric "
+        f"{ridge.alpha_points} values from {ridge.alpha_min:g} to {ridge.alpha_max:g} in geometric "
         "progression.",
-        f"HO: orders 2 to {search['order_max']}, proper and biproper, condition number up to "
-        f"{search['condition_max']:g}; its output-error fit has the structure that arx picked.",
+        f"HO: orders 2 to {search.order_max}, proper and biproper, condition number up to "
+        f"{search.condition_max:g}; its output-error fit has the structure that arx picked.",
         "Free runs start from rest at the first position. NMSE and %VAF are not comparable: one step ahead "
         "against a free run.",
     )

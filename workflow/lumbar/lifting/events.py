@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,10 @@ from lumbar.errors import InputError, Problems
 from lumbar.lifting.filtering import derivative
 from lumbar.lifting.gaps import runs
 from lumbar.records.markers import MarkerRecording
+
+if TYPE_CHECKING:
+    from lumbar.settings.lifting import EventSettings
+    from lumbar.settings.subject import DeclaredEvents
 
 EVENTS = ("lift_off", "toe_off", "deposit_start", "release")
 """In the order in which they happen. There may be no toe-off: the lifter deposits without a step."""
@@ -83,17 +88,19 @@ def wrist_centre(recording: MarkerRecording) -> np.ndarray | None:
     return np.mean(present, axis=0) if present else None
 
 
-def find_events(recording: MarkerRecording, settings: dict, declared: dict | None = None) -> dict[str, Event]:
+def find_events(
+    recording: MarkerRecording, settings: EventSettings, declared: DeclaredEvents | None = None
+) -> dict[str, Event]:
     """Find the events of a lift; those declared by hand replace detected ones.
 
     Parameters
     ----------
     recording : MarkerRecording
         Filtered.
-    settings : dict
-        Thresholds: section ``lifting.events``.
-    declared : dict, optional
-        ``events`` of the trial in the subject's file: ``<event>_s`` and ``reason``.
+    settings : EventSettings
+        Thresholds.
+    declared : DeclaredEvents, optional
+        Of the trial in the subject's file.
 
     Returns
     -------
@@ -105,8 +112,9 @@ def find_events(recording: MarkerRecording, settings: dict, declared: dict | Non
     InputError
         If an event can neither be detected nor is declared, or if events are out of order.
     """
-    declared = declared or {}
-    _check_order(recording, {name: declared[f"{name}_s"] for name in EVENTS if f"{name}_s" in declared})
+    times = {name: getattr(declared, f"{name}_s", None) for name in EVENTS}
+    given = {name: time for name, time in times.items() if time is not None}
+    _check_order(recording, given)
     found: dict[str, Event] = {}
     finders = {
         "lift_off": lambda: _lift_off(recording, settings),
@@ -117,23 +125,19 @@ def find_events(recording: MarkerRecording, settings: dict, declared: dict | Non
         ),
     }
     for name, finder in finders.items():
-        if f"{name}_s" in declared:
-            found[name] = _declared(name, declared, finder)
-        else:
-            found[name] = finder()
+        found[name] = _declared(given[name], declared.reason, finder) if name in given else finder()
     _check_order(recording, {name: found[name].time_s for name in EVENTS if found[name].time_s is not None})
     return {name: found[name] for name in EVENTS}
 
 
-def _declared(name: str, declared: dict, finder) -> Event:
+def _declared(time: float, reason: str | None, finder) -> Event:
     try:
         detected = finder().time_s
     except InputError:
         detected = None
-    reason = declared.get("reason", "no reason given")
     says = "detection finds none" if detected is None else f"detection says {detected:.2f} s"
     return Event(
-        float(declared[f"{name}_s"]), "declared", f"set in the subject's file ({reason}); {says}", detected
+        time, "declared", f"set in the subject's file ({reason or 'no reason given'}); {says}", detected
     )
 
 
@@ -168,9 +172,9 @@ def _needed(recording: MarkerRecording, points: np.ndarray | None, what: str, ev
     return points
 
 
-def _lift_off(recording: MarkerRecording, settings: dict) -> Event:
+def _lift_off(recording: MarkerRecording, settings: EventSettings) -> Event:
     box = _needed(recording, box_centre(recording), "box", "lift_off")
-    threshold, lasting = settings["box_speed_m_s"], settings["box_sustained_s"]
+    threshold, lasting = settings.box_speed_m_s, settings.box_sustained_s
     moving = speed(box, recording.rate)
     first = _first_run(moving > threshold, max(1, round(lasting * recording.rate)))
     advice = "set lift_off_s in the subject's file"
@@ -183,17 +187,17 @@ def _lift_off(recording: MarkerRecording, settings: dict) -> Event:
         raise InputError(
             f"{recording.source}: the box moves from the first frame, its lift-off is not there; {advice}"
         )
-    rest = np.flatnonzero(moving[:first] <= settings["box_rest_m_s"])
+    rest = np.flatnonzero(moving[:first] <= settings.box_rest_m_s)
     onset = int(rest[-1]) + 1 if rest.size else first
     how = (
-        f"last rest of the box (slower than {settings['box_rest_m_s']:g} m/s) before it first moves faster "
+        f"last rest of the box (slower than {settings.box_rest_m_s:g} m/s) before it first moves faster "
         f"than {threshold:g} m/s for at least {lasting:g} s"
     )
     return Event(float(recording.time[onset]), "detected", how)
 
 
-def _release(recording: MarkerRecording, settings: dict, lift_off: float) -> Event:
-    time, threshold = recording.time, settings["box_speed_m_s"]
+def _release(recording: MarkerRecording, settings: EventSettings, lift_off: float) -> Event:
+    time, threshold = recording.time, settings.box_speed_m_s
     box = _needed(recording, box_centre(recording), "box", "release")
     separation = _separation(recording, box, settings, lift_off)
     end = len(time) - 1 if separation is None else separation
@@ -204,9 +208,9 @@ def _release(recording: MarkerRecording, settings: dict, lift_off: float) -> Eve
     parted = "" if separation is None else f"; the wrists part from it at {time[separation]:.2f} s"
     if moving[-1] < end:
         # Slow placing goes on below the threshold of movement; it ends at rest, or when the hands leave.
-        rest = np.flatnonzero(pace[moving[-1] : end + 1] <= settings["box_rest_m_s"])
+        rest = np.flatnonzero(pace[moving[-1] : end + 1] <= settings.box_rest_m_s)
         stop = int(moving[-1] + rest[0]) if rest.size else end
-        how = f"the box comes to rest (slower than {settings['box_rest_m_s']:g} m/s){parted}"
+        how = f"the box comes to rest (slower than {settings.box_rest_m_s:g} m/s){parted}"
         return Event(float(time[stop]), "detected", how)
     if separation is None:
         raise InputError(
@@ -216,33 +220,35 @@ def _release(recording: MarkerRecording, settings: dict, lift_off: float) -> Eve
     return Event(
         float(time[separation]),
         "detected",
-        f"the wrists part from the moving box by more than {settings['separation_m']:g} m",
+        f"the wrists part from the moving box by more than {settings.separation_m:g} m",
     )
 
 
-def _separation(recording: MarkerRecording, box: np.ndarray, settings: dict, lift_off: float) -> int | None:
+def _separation(
+    recording: MarkerRecording, box: np.ndarray, settings: EventSettings, lift_off: float
+) -> int | None:
     """Index at which the wrists leave the box; None without wrists or if they stay."""
     wrists = wrist_centre(recording)
     if wrists is None:
         return None
     distance = np.linalg.norm(wrists - box, axis=1)
     after = recording.time >= lift_off
-    grip = distance[after & (recording.time <= lift_off + settings["grip_s"])]
+    grip = distance[after & (recording.time <= lift_off + settings.grip_s)]
     if not np.isfinite(grip).any():
         raise InputError(
-            f"{recording.source}: the wrists are not seen within {settings['grip_s']:g} s of the lift-off, "
+            f"{recording.source}: the wrists are not seen within {settings.grip_s:g} s of the lift-off, "
             "so it is not known when they leave the box; set release_s in the subject's file"
         )
     held = np.nanmedian(grip)
-    apart = after & (distance > held + settings["separation_m"])
-    return _first_run(apart, max(1, round(settings["box_sustained_s"] * recording.rate)))
+    apart = after & (distance > held + settings.separation_m)
+    return _first_run(apart, max(1, round(settings.box_sustained_s * recording.rate)))
 
 
-def _toe_off(recording: MarkerRecording, settings: dict, lift_off: float, release: float) -> Event:
+def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: float, release: float) -> Event:
     toes = [name for name in TOES if name in recording]
     if not toes:
         return Event(None, "absent", "no toe markers: the end of the lift is not known")
-    threshold, lasting = settings["toe_speed_m_s"], settings["toe_sustained_s"]
+    threshold, lasting = settings.toe_speed_m_s, settings.toe_sustained_s
     searched = (recording.time > lift_off) & (recording.time < release)
     # 65 ms are 13 frames at 200 Hz, whatever the rounding of the product.
     samples = max(1, int(np.ceil(lasting * recording.rate - 1e-9)))
@@ -262,7 +268,9 @@ def _toe_off(recording: MarkerRecording, settings: dict, lift_off: float, releas
     return Event(starts[first_toe], "detected", f"{first_toe} first: {rule}{gaps}")
 
 
-def _deposit_start(recording: MarkerRecording, settings: dict, start: float, release: float) -> Event:
+def _deposit_start(
+    recording: MarkerRecording, settings: EventSettings, start: float, release: float
+) -> Event:
     from scipy.signal import find_peaks
 
     wrists = _needed(recording, wrist_centre(recording), "wrist", "deposit_start")
@@ -280,14 +288,13 @@ def _deposit_start(recording: MarkerRecording, settings: dict, start: float, rel
         )
     top = int(height.argmax())
     descent = float(height[top] - height[-1])
-    if descent < settings["descent_m"]:
+    if descent < settings.descent_m:
         raise InputError(
             f"{recording.source}: the wrists descend by {descent:.3f} m before the release at "
-            f"{release:.2f} s, a deposit needs {settings['descent_m']:g} m (lifting.events.descent_m); "
-            + advice
+            f"{release:.2f} s, a deposit needs {settings.descent_m:g} m (lifting.events.descent_m); " + advice
         )
     onset = int(np.flatnonzero(height >= height[top] - DESCENT_ONSET * descent)[-1])
-    minima, _ = find_peaks(-slow, prominence=settings["prominence_m_s"])
+    minima, _ = find_peaks(-slow, prominence=settings.prominence_m_s)
     minima = minima[minima <= onset]
     if minima.size == 0:
         raise InputError(

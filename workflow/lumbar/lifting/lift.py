@@ -15,9 +15,13 @@ from lumbar.lifting.gaps import Gap, fill_gaps
 from lumbar.lifting.pendulum_states import PendulumStates, heading, pendulum_states, pivot_trajectory, turn
 from lumbar.lifting.segments import MID_HIP, SegmentTable, segment_table
 from lumbar.records.markers import MarkerRecording
+from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from lumbar.settings.lifting import LiftingSettings
+    from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 FRAMES = ("laboratory", "pelvis")
 """Axes of the planes: those of the laboratory, or turned about the vertical with the hips at the deposit's
@@ -57,7 +61,13 @@ class Lift:
     states: dict[tuple[str, str], PendulumStates]
 
 
-def analyse_lift(recording: MarkerRecording, name: str, subject: dict, trial: dict, settings: dict) -> Lift:
+def analyse_lift(
+    recording: MarkerRecording,
+    name: str,
+    subject: SubjectSettings,
+    trial: TrialSettings,
+    settings: LiftingSettings,
+) -> Lift:
     """Fill gaps, filter, find the events, the centres of mass and the pendulum's states during the deposit.
 
     Parameters
@@ -66,12 +76,10 @@ def analyse_lift(recording: MarkerRecording, name: str, subject: dict, trial: di
         As read.
     name : str
         Name of the lift.
-    subject : dict
-        Subject's file: ``mass_kg``, ``sex``.
-    trial : dict
-        Its trial: ``box_mass_kg``, ``events`` declared by hand.
-    settings : dict
-        Section ``lifting`` of the configuration.
+    subject : SubjectSettings
+    trial : TrialSettings
+        Of the subject.
+    settings : LiftingSettings
 
     Returns
     -------
@@ -82,22 +90,22 @@ def analyse_lift(recording: MarkerRecording, name: str, subject: dict, trial: di
     InputError, NumericalError
         Naming the file and what is wrong with it.
     """
-    complete, gaps = fill_gaps(recording, settings["gaps"]["maximum_s"], settings["gaps"]["longer"])
-    smooth = filter_markers(complete, settings["filter"]["cutoff_Hz"], settings["filter"]["order"])
-    events = find_events(smooth, settings["events"], trial.get("events"))
+    complete, gaps = fill_gaps(recording, settings.gaps.maximum_s, settings.gaps.longer)
+    smooth = filter_markers(complete, settings.filter.cutoff_Hz, settings.filter.order)
+    events = find_events(smooth, settings.events, trial.events)
     start, stop = events["deposit_start"].time_s, events["release"].time_s
-    angle = _frame_angle(smooth, settings["frame"], start)
+    angle = _frame_angle(smooth, settings.frame, start)
     if angle:
         smooth = _turned(smooth, angle)
-    table = segment_table(settings["segments"], subject["sex"])
-    box = settings["box"]
-    centres = centres_of_mass(smooth, table, subject["mass_kg"], trial["box_mass_kg"], box["share"], events)
-    pivot = pivot_trajectory(smooth, settings["pivot"])
+    table = segment_table(settings.segments, subject.sex)
+    box = settings.box
+    centres = centres_of_mass(smooth, table, subject.mass_kg, trial.box_mass_kg, box.share, events)
+    pivot = pivot_trajectory(smooth, settings.pivot)
     states = {}
     for com, centre in centres.items():
-        position = centre.position_with_box if box["in_position"] else centre.position
+        position = centre.position_with_box if box.in_position else centre.position
         planar = pendulum_states(
-            smooth.time, position - pivot, start, stop, settings["points"], f"{recording.source}, {com}"
+            smooth.time, position - pivot, start, stop, settings.points, f"{recording.source}, {com}"
         )
         states.update({(com, plane): values for plane, values in planar.items()})
     return Lift(name, smooth, gaps, events, table, centres, pivot, angle, states)
@@ -203,7 +211,7 @@ def landmarks_frame(lift: Lift) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["event", "time_s", "point", "x_m", "y_m", "z_m"])
 
 
-def summary(lift: Lift, subject: dict, trial: dict, settings: dict) -> dict:
+def summary(lift: Lift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings) -> dict:
     """Say what the pendulums are made of: masses, mean lengths, pivot, rules, assumptions; data for JSON."""
     start, stop = lift.events["deposit_start"].time_s, lift.events["release"].time_s
     lengths: dict[str, dict[str, float]] = {com: {} for com in lift.centres}
@@ -212,26 +220,26 @@ def summary(lift: Lift, subject: dict, trial: dict, settings: dict) -> dict:
     return {
         "schema": "lumbar.pendulum/1",
         "lift": lift.name,
-        "subject": subject["name"],
-        "experience": subject["experience"],
-        "sex": subject["sex"],
-        "body_mass_kg": subject["mass_kg"],
-        "box_mass_kg": trial["box_mass_kg"],
-        "pivot": settings["pivot"],
-        "frame": settings["frame"],
+        "subject": subject.name,
+        "experience": subject.experience,
+        "sex": subject.sex,
+        "body_mass_kg": subject.mass_kg,
+        "box_mass_kg": trial.box_mass_kg,
+        "pivot": settings.pivot,
+        "frame": settings.frame,
         "heading_rad": lift.heading,
         "angle": "from straight up, to the right (lateral bending) or forward (flexion/extension)",
         "start_s": start,
         "stop_s": stop,
         "duration_s": stop - start,
-        "points": settings["points"],
-        "filter_cutoff_Hz": settings["filter"]["cutoff_Hz"],
+        "points": settings.points,
+        "filter_cutoff_Hz": settings.filter.cutoff_Hz,
         "mass_kg": {
             com: {"without_box": centre.mass_kg, "with_box": centre.mass_with_box_kg}
             for com, centre in lift.centres.items()
         },
         "length_m": lengths,
-        "box": settings["box"],
+        "box": plain(settings.box),
         "segments": {
             "table": lift.table.name,
             "source": lift.table.source,
@@ -242,12 +250,16 @@ def summary(lift: Lift, subject: dict, trial: dict, settings: dict) -> dict:
     }
 
 
-def assumptions(lift: Lift, subject: dict, trial: dict) -> list[str]:
+def _shown(value) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def assumptions(lift: Lift, subject: SubjectSettings, trial: TrialSettings) -> list[str]:
     """Say in sentences what behind the result was not measured."""
-    values = {**subject, **trial}
+    values = {**plain(subject), **plain(trial)}
     said = [
-        f"{key} = {values[key]} is assumed" if key in values else f"{key} is assumed"
-        for key in subject.get("assumed", [])
+        f"{key} = {_shown(values[key])} is assumed" if key in values else f"{key} is assumed"
+        for key in subject.assumed
     ]
     said += [f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())]
     said += [

@@ -1,4 +1,4 @@
-"""From a centre of mass to the states of a planar pendulum (thesis, section 4.2.3.1 and eq. 4.1).
+"""From a centre of mass to the states of a planar pendulum (thesis, section 4.2.3.1 and Eq. 4.1).
 
 The angle is zero where the centre of mass is straight above the pivot and grows to the right (lateral
 bending, xz plane) or forward (flexion/extension, yz plane): θ = atan2(r, z) with r the horizontal coordinate

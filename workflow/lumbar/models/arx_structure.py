@@ -16,7 +16,7 @@ class ArxStructure:
     Attributes
     ----------
     order : int
-        Lags of the output, i.e. poles (n of eq. 3.9).
+        Lags of the output, i.e. poles (n of Eq. 3.9).
     input_lags : tuple of int
         Lags of the input, increasing; 0 makes the transfer function biproper.
     zero_static_gain : bool
@@ -92,7 +92,7 @@ class ArxStructure:
 
 
 def full_regressors(inputs: np.ndarray, outputs: np.ndarray, lag: int) -> np.ndarray:
-    """Regressor matrix of eq. 3.6 with every lag up to `lag`.
+    """Regressor matrix of Eq. 3.6 with every lag up to `lag`.
 
     Returns
     -------

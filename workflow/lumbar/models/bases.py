@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from lumbar.models.c_step import RELAX, CStep, ramp_relaxation
-from lumbar.models.form import Columns, LinearParameter, NonlinearParameter
+from lumbar.models.c_step import CStep
+from lumbar.models.equation import Solution
+from lumbar.models.form import Form, LinearParameter, NonlinearParameter, Place
+from lumbar.models.motion import Motion
 from lumbar.models.operators import relaxation
+
+_RESPONSES = {"tissue": "F", "pendulum": "M"}
+"""Symbol of what a base of each system gives."""
 
 
 @dataclass(frozen=True)
@@ -21,13 +26,13 @@ class Base:
     name : str
         As in the thesis: ``"KB"`` ….
     equation : str
-        LaTeX.
+        Expression of its force, as of a parallel `Form`.
     linear, nonlinear : tuple
-        Parameters in the order in which `columns` takes them.
-    columns : callable
-        From motion and nonlinear parameters to one force per linear parameter, each of shape (samples,).
-    c_step : CStep
-        The sum of these forces in C, sample by sample.
+        Parameters.
+    state : tuple of (str, str)
+        States and their rates of change, as of a `Form`.
+    solution : callable, optional
+        The states in closed form.
     system : str
         What it is a model of, which decides the catalogue of effects: ``tissue`` or ``pendulum``.
     """
@@ -35,69 +40,66 @@ class Base:
     name: str
     equation: str
     linear: tuple[LinearParameter, ...]
-    nonlinear: tuple[NonlinearParameter, ...]
-    columns: Columns
-    c_step: CStep
+    nonlinear: tuple[NonlinearParameter, ...] = ()
+    state: tuple[tuple[str, str], ...] = ()
+    solution: Solution | None = None
     system: str = "tissue"
 
+    @cached_property
+    def form(self) -> Form:
+        """The base as a form: what it adds to the force is all of it."""
+        return Form(
+            name=self.name,
+            equation=self.equation,
+            place=Place.PARALLEL,
+            linear=self.linear,
+            nonlinear=self.nonlinear,
+            state=self.state,
+            solution=self.solution,
+            effect="base",
+        )
 
-_SPRING = LinearParameter("spring_stiffness", "{y}/{x}")
-_BRANCH = LinearParameter("branch_stiffness", "{y}/{x}")
-_RELAXATION = NonlinearParameter("relaxation_time", "s", "time", 0.02, 2.0, 5, reach=(0.4, 4.0))
+    @property
+    def latex(self) -> str:
+        """The equation in LaTeX."""
+        return f"{_RESPONSES[self.system]} = {self.form.latex}"
+
+    @property
+    def c_step(self) -> CStep | None:
+        """The sum of its forces in C, sample by sample."""
+        return self.form.c_step
+
+    def columns(self, motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
+        """Forces, one per linear parameter at size 1, each of shape (samples,)."""
+        return self.form.columns(motion, nonlinear)
+
+
+_SPRING = LinearParameter("spring_stiffness", "{y}/{x}", symbol="k_e")
+_BRANCH = LinearParameter("branch_stiffness", "{y}/{x}", symbol="k_b")
+_RELAXATION = NonlinearParameter("relaxation_time", "s", "time", 0.02, 2.0, 5, reach=(0.4, 4.0), symbol="tau")
+MAXWELL_STATE = (("q", "v - q/tau"),)
+"""Elongation of the spring of a Maxwell branch."""
+
+
+def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
+    """State of a Maxwell branch whose relaxation time is the only nonlinear parameter."""
+    return (relaxation(motion, nonlinear[0]),)
+
 
 BASES = {
     base.name: base
     for base in (
-        Base(
-            "LE",
-            r"F = k z",
-            (_SPRING,),
-            (),
-            lambda motion, _: [motion.position],
-            CStep("spring_stiffness * position"),
-        ),
-        Base(
-            "Maxwell",
-            r"F = k q,\quad \dot q = \dot z - q/\tau",
-            (_BRANCH,),
-            (_RELAXATION,),
-            lambda motion, nonlinear: [relaxation(motion, nonlinear[0])],
-            CStep("branch_stiffness * next[0]", RELAX, memory=1, constants=ramp_relaxation),
-        ),
-        Base(
-            "KV",
-            r"F = k z + b \dot z",
-            (_SPRING, LinearParameter("viscosity", "{y} s/{x}")),
-            (),
-            lambda motion, _: [motion.position, motion.velocity],
-            CStep("spring_stiffness * position + viscosity * velocity"),
-        ),
-        Base(
-            "KB",
-            r"F = k_e z + k_b q,\quad \dot q = \dot z - q/\tau",
-            (_SPRING, _BRANCH),
-            (_RELAXATION,),
-            lambda motion, nonlinear: [motion.position, relaxation(motion, nonlinear[0])],
-            CStep(
-                "spring_stiffness * position + branch_stiffness * next[0]",
-                RELAX,
-                memory=1,
-                constants=ramp_relaxation,
-            ),
-        ),
+        Base("LE", "k_e*z", (_SPRING,)),
+        Base("Maxwell", "k_b*q", (_BRANCH,), (_RELAXATION,), MAXWELL_STATE, elongation),
+        Base("KV", "k_e*z + b*v", (_SPRING, LinearParameter("viscosity", "{y} s/{x}", symbol="b"))),
+        Base("KB", "k_e*z + k_b*q", (_SPRING, _BRANCH), (_RELAXATION,), MAXWELL_STATE, elongation),
         Base(
             "pendulum",
-            r"M = I \ddot\theta + b \dot\theta + m g \ell \sin\theta",
+            "I*theta_ddot + b*theta_dot + G*sin(theta)",
             (
-                LinearParameter("inertia", "{y} s^2/{x}"),
-                LinearParameter("damping", "{y} s/{x}"),
-                LinearParameter("gravity_moment", "{y}", sign=0),
-            ),
-            (),
-            lambda motion, _: [motion.acceleration, motion.velocity, np.sin(motion.position)],
-            CStep(
-                "inertia * acceleration + damping * velocity + gravity_moment * portable_sine(position / turn)",
-                constants=lambda parameters, sampling_time: {"turn": 2 * math.pi},
+                LinearParameter("inertia", "{y} s^2/{x}", symbol="I"),
+                LinearParameter("damping", "{y} s/{x}", symbol="b"),
+                LinearParameter("gravity_moment", "{y}", 0, symbol="G", latex=r"m g \ell"),
             ),
             system="pendulum",
         ),
@@ -105,7 +107,7 @@ BASES = {
 }
 """Base models by name.
 
-KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch. The pendulum is equation 4.1: M is the moment that
+KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch. The pendulum is Eq. 4.1: M is the moment that
 the person exerts at the pivot, positive with the angle θ from the vertical (not centred). Its gravity moment has the
 sign the data give it: m g ℓ > 0 where θ counts from straight down (hanging, as published), −m g ℓ < 0 where it counts
 from straight up (inverted).

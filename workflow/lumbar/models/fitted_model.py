@@ -93,9 +93,9 @@ class Scores:
     Attributes
     ----------
     vaf_percent, fit_percent, mean_residual : float or None
-        Of the free run on the training record (eqs 3.12, 3.11, 3.10).
+        Of the free run on the training record (Eqs 3.12, 3.11, 3.10).
     nmse_train : float or None
-        Of the prediction one step ahead (eq. 3.13).
+        Of the prediction one step ahead (Eq. 3.13).
     tests : tuple of str
         Names of the unseen records.
     vaf_tests_percent, nmse_tests : tuple of (float or None)
@@ -107,7 +107,7 @@ class Scores:
     condition_number : float or None
         Eq. 3.14.
     mru_percent, mru_bootstrap_percent : float or None
-        Largest relative uncertainty (eqs 3.15, 3.16), by covariance and by bootstrap.
+        Largest relative uncertainty (Eqs 3.15, 3.16), by covariance and by bootstrap.
     """
 
     vaf_percent: float | None = None
@@ -146,7 +146,7 @@ class FittedModel:
     trained_on : str or None
         Record; None for a given model.
     alpha : float or None
-        Ridge coefficient (eq. 3.7), where one is used.
+        Ridge coefficient (Eq. 3.7), where one is used.
     parameters : tuple of FittedParameter
         Of base and effects, then the derived ones.
     no_parameters_because : str
@@ -288,7 +288,7 @@ class FittedModel:
         return control.TransferFunction([system.nu, system.k], [system.gamma, 1.0])
 
     def to_state_space(self) -> control.StateSpace:
-        """State space of python-control (eqs 3.17 and 3.18 for a discrete model).
+        """State space of python-control (Eqs 3.17 and 3.18 for a discrete model).
 
         Raises
         ------

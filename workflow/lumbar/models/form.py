@@ -4,21 +4,26 @@ A model's force is composed in this order::
 
     motion --(input forms: delay, play)--> motion' --> base force + parallel forms' forces --(output forms)--> force
 
-A parallel form contributes a sum of *linear parameters* times *columns*, so that they can be solved for directly (separable
-least squares); what enters otherwise is a *nonlinear parameter*, positive, searched over decades. Input and output forms have
-nonlinear parameters only.
+A form is one equation (`lumbar.models.expression` says what may stand in it); its simulation, its LaTeX and its C code
+follow. A parallel form is a sum of terms that *linear parameters* are factors of, so that they can be solved for
+directly (separable least squares); what enters otherwise is a *nonlinear parameter*, positive, searched over decades. Output
+forms have nonlinear parameters only. What no equation can say (play, delay) is a `HandWritten` form.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
+from lumbar.errors import Problems
 from lumbar.models.c_step import CStep
+from lumbar.models.equation import Equation, Solution
 from lumbar.models.motion import Motion
+from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter
 
 
 class Place(StrEnum):
@@ -29,68 +34,34 @@ class Place(StrEnum):
     OUTPUT = "output"
 
 
-@dataclass(frozen=True)
-class LinearParameter:
-    """A parameter the force is proportional to.
-
-    Attributes
-    ----------
-    name : str
-        E.g. ``"coulomb_force"``.
-    unit : str
-        In terms of the output's unit ``{y}`` and the input's ``{x}``, e.g. ``"{y}/{x}^3"``.
-    sign : int
-        1: not negative, -1: not positive, 0: any.
-    """
-
-    name: str
-    unit: str
-    sign: int = 1
-
-
-@dataclass(frozen=True)
-class NonlinearParameter:
-    """A positive parameter the force depends on otherwise.
-
-    Attributes
-    ----------
-    name, unit : str
-        As for `LinearParameter`.
-    scale : str
-        Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (largest
-        of the record), ``time`` (1 s), ``sampling`` (interval), ``one``.
-    low, high : float
-        Range in which starting values are looked for, in that scale.
-    points : int
-        Number of starting values, spaced evenly in the logarithm.
-    reach : tuple of float
-        How far below and above the range the fit may go, as factors.
-    lines : float or None
-        For frequencies: the fit stays within this many lines (1/duration) of its start.
-    """
-
-    name: str
-    unit: str
-    scale: str
-    low: float
-    high: float
-    points: int
-    reach: tuple[float, float] = (0.1, 10.0)
-    lines: float | None = None
-
-    def grid(self, size: float) -> np.ndarray:
-        """Return the starting values for a scale of this size."""
-        return size * np.geomspace(self.low, self.high, self.points)
-
-    def bounds(self, size: float) -> tuple[float, float]:
-        """Return the bounds of the fit for a scale of this size."""
-        return self.low * self.reach[0] * size, self.high * self.reach[1] * size
-
-
 Columns = Callable[[Motion, np.ndarray], list[np.ndarray]]
 InputTransform = Callable[[Motion, np.ndarray], Motion]
 OutputTransform = Callable[[np.ndarray, Motion, np.ndarray], np.ndarray]
 Starts = Callable[[Motion, np.ndarray], list[np.ndarray]]
+
+
+@dataclass(frozen=True)
+class HandWritten:
+    """Simulation and C code of a form that no equation can say, both by hand.
+
+    Attributes
+    ----------
+    columns : callable, optional
+        Parallel forms: from motion and nonlinear parameters to one force per linear parameter, each of shape (samples,).
+    input_transform, output_transform : callable, optional
+        Input forms: from motion and nonlinear parameters to the motion the tissue sees. Output forms: from force, motion and
+        nonlinear parameters to the measured force.
+    c_step : CStep, optional
+        The same in C, sample by sample; a form without it cannot be exported to a haptic device.
+    channels : tuple of str
+        Roles of channels beside input and output that it needs.
+    """
+
+    columns: Columns | None = None
+    input_transform: InputTransform | None = None
+    output_transform: OutputTransform | None = None
+    c_step: CStep | None = None
+    channels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -102,21 +73,27 @@ class Form:
     name : str
         Unique within its effect, e.g. ``"cubic"``.
     equation : str
-        LaTeX; what the form contributes or does.
+        Expression in the parameters' symbols and the signals of `lumbar.models.motion_signals`: the force that a
+        parallel form adds, or what an output form makes of the force ``F``. LaTeX where `hand_written`.
     place : Place
+        Input forms are hand-written.
     linear, nonlinear : tuple
-        Parameters in the order in which `columns` and the transforms take them.
-    columns : callable, optional
-        Parallel forms: from motion and nonlinear parameters to one force per linear parameter, each of shape (samples,).
-    input_transform, output_transform : callable, optional
-        Input forms: from motion and nonlinear parameters to the motion the tissue sees. Output forms: from force, motion and
-        nonlinear parameters to the measured force.
+        Parameters.
+    state : tuple of (str, str)
+        Symbol of each state and its rate of change per second; 0 when a record begins.
+    constants : tuple of Constant
     starts : callable, optional
         Starting nonlinear parameters from the motion and the residual force, instead of the nonlinear parameters' grids.
-    channels : tuple of str
-        Roles of channels beside input and output that the form needs; without them it is left out of a search.
-    c_step : CStep, optional
-        The same in C, sample by sample; a form without it cannot be exported to a haptic device.
+    solution : callable, optional
+        The states in closed form, from motion and nonlinear parameters; faster or more exact than the solver's.
+    c_solution : str
+        C statements that write the states of the next sample, where the solver's step is less exact.
+    hand_written : HandWritten, optional
+        Instead of the equation.
+    effect : str
+        Name of the effect, which sets it.
+
+    Its equation is read and checked when it is first needed: `check` does so at once.
     """
 
     name: str
@@ -124,18 +101,86 @@ class Form:
     place: Place
     linear: tuple[LinearParameter, ...] = ()
     nonlinear: tuple[NonlinearParameter, ...] = ()
-    columns: Columns | None = None
-    input_transform: InputTransform | None = None
-    output_transform: OutputTransform | None = None
+    state: tuple[tuple[str, str], ...] = ()
+    constants: tuple[Constant, ...] = ()
     starts: Starts | None = None
-    c_step: CStep | None = None
-    channels: tuple[str, ...] = ()
+    solution: Solution | None = None
+    c_solution: str = ""
+    hand_written: HandWritten | None = None
     effect: str = field(default="", compare=True)
+
+    def check(self) -> None:
+        """Refuse an equation that cannot be used.
+
+        Raises
+        ------
+        InputError
+            If it uses symbols that nobody declares, or is not proportional to the linear parameters: all problems at
+            once.
+        """
+        problems = Problems(f"form {self.key.strip('/')}")
+        for where, found in self.problems():
+            problems.add(where, found)
+        problems.raise_if_any()
+
+    def problems(self) -> list[tuple[str, str]]:
+        """What is wrong with the equation: where, and what was found and is allowed."""
+        if self.hand_written:
+            return []
+        if self.place is Place.INPUT:
+            return [("place", "no equation transforms a motion; a form at the input is hand-written")]
+        return self._unchecked.problems()
 
     @property
     def key(self) -> str:
         """Name of effect and form, e.g. ``"hardening_stiffness/cubic"``."""
         return f"{self.effect}/{self.name}"
+
+    @cached_property
+    def _equation(self) -> Equation:
+        self.check()
+        return self._unchecked
+
+    @cached_property
+    def _unchecked(self) -> Equation:
+        transforms = self.place is Place.OUTPUT
+        return Equation(
+            self.equation, transforms, self.linear, self.nonlinear, self.constants, tuple(self.state)
+        )
+
+    @cached_property
+    def latex(self) -> str:
+        """What the form contributes or does, in LaTeX."""
+        if self.hand_written:
+            return self.equation
+        arrow = r"F \to " if self.place is Place.OUTPUT else ""
+        return arrow + self._equation.latex
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Roles of channels beside input and output that it needs; without them it is left out of a search."""
+        return self.hand_written.channels if self.hand_written else self._equation.channels
+
+    @cached_property
+    def c_step(self) -> CStep | None:
+        """The same in C, sample by sample; None where it cannot be exported to a haptic device."""
+        return self.hand_written.c_step if self.hand_written else self._equation.c_step(self.c_solution)
+
+    def columns(self, motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
+        """Forces of a parallel form, one per linear parameter at size 1, each of shape (samples,)."""
+        if self.hand_written:
+            return self.hand_written.columns(motion, nonlinear)
+        return self._equation.forces(motion, nonlinear, self.solution)
+
+    def input_transform(self, motion: Motion, nonlinear: np.ndarray) -> Motion:
+        """Motion that an input form lets the tissue see."""
+        return self.hand_written.input_transform(motion, nonlinear)
+
+    def output_transform(self, force: np.ndarray, motion: Motion, nonlinear: np.ndarray) -> np.ndarray:
+        """Measured force that an output form makes of a force."""
+        if self.hand_written:
+            return self.hand_written.output_transform(force, motion, nonlinear)
+        return self._equation.forces(motion, nonlinear, self.solution, force)[0]
 
 
 @dataclass(frozen=True)
@@ -166,8 +211,4 @@ class Effect:
     accumulates: bool = False
 
     def __post_init__(self):
-        named = tuple(
-            form if form.effect == self.name else Form(**{**form.__dict__, "effect": self.name})
-            for form in self.forms
-        )
-        object.__setattr__(self, "forms", named)
+        object.__setattr__(self, "forms", tuple(replace(form, effect=self.name) for form in self.forms))

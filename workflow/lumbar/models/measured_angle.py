@@ -41,13 +41,13 @@ def for_base(record: Record, base: Base) -> Record:
     return smoothed(record)
 
 
-def smoothed(record: Record, role: str = "input") -> Record:
-    """Return the record with a channel freed from noise, or as it is where it has none that a spline could tell.
+def smoothed(record: Record) -> Record:
+    """Return the record with its input freed from noise, or as it is where it has none that a spline could tell.
 
     The knots' distance is the one with the least generalised cross-validation error (Craven and Wahba, Numer. Math. 31
     (1979) 377-403).
     """
-    channel = record.channels[role]
+    channel = record.channels["input"]
     samples = len(channel.values)
     best, least = None, np.inf
     for spacing in SPACINGS[samples / FEWEST_KNOTS > SPACINGS]:
@@ -59,7 +59,7 @@ def smoothed(record: Record, role: str = "input") -> Record:
             break
     if best is None:
         return record
-    return replace(record, channels={**record.channels, role: replace(channel, values=best)})
+    return replace(record, channels={**record.channels, "input": replace(channel, values=best)})
 
 
 def _least_squares_spline(values: np.ndarray, spacing: float) -> tuple[np.ndarray, int]:

@@ -1,4 +1,4 @@
-"""Discrete state-space form of a transfer function (eqs 3.17 and 3.18 of the thesis)."""
+"""Discrete state-space form of a transfer function (Eqs 3.17 and 3.18 of the thesis)."""
 
 from __future__ import annotations
 

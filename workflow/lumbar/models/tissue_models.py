@@ -182,8 +182,9 @@ KV = TissueModel(
     elements=(_K, _B),
     network=Parallel((Spring("k"), Dashpot("b"))),
     derive=_kelvin_voigt_elements,
-    no_parameters_because="its transfer function b1 z − b0 (eq. 3.5) is improper: it is not identified",
+    no_parameters_because="its transfer function b1 z − b0 (Eq. 3.5) is improper: it is not identified",
 )
+"""Eq. 3.5: improper, not identified."""
 KB = TissueModel(
     name="KB",
     base=BASES["KB"],
@@ -203,18 +204,20 @@ KB = TissueModel(
     structure=ArxStructure(order=1, input_lags=(0, 1)),
     derive=_kelvin_boltzmann_elements,
 )
+"""Eq. 3.4."""
 MW = TissueModel(
     name="MW",
-    title="Maxwell, eq. 3.3",
+    title="Maxwell, Eq. 3.3",
     equation="f[k] = a0 f[k−1] + b0 x[k−1]",
     transfer="b0/(z − a0) (eq. 3.3)",
     network=MAXWELL.network,
     structure=ArxStructure(order=1, input_lags=(1,)),
     no_parameters_because=(
-        "eq. 3.3 has a static force, a spring and dashpot in series has none: "
+        "Eq. 3.3 has a static force, a spring and dashpot in series has none: "
         "k and b are recovered from Maxwell only"
     ),
 )
+"""Eq. 3.3, as published: no spring and dashpot in series, which is `MAXWELL`."""
 HO = TissueModel(
     name="HO",
     title="Higher order",
@@ -222,6 +225,7 @@ HO = TissueModel(
     transfer="eq. 3.9, n ≥ 2, proper or biproper",
     no_parameters_because="a black box has no mechanical elements",
 )
+"""Eq. 3.9."""
 IL = TissueModel(
     name="IL",
     title="Inverted linear",
@@ -255,7 +259,7 @@ def inverted_linear(force_max: float, travel: float) -> TransferFunction:
 
 
 def higher_order_structures(order_max: int) -> list[ArxStructure]:
-    """Structures of eq. 3.9 that the search for HO goes through.
+    """Structures of Eq. 3.9 that the search for HO goes through.
 
     Orders n = 2 … `order_max`, numerators up to z⁻ⁿ; biproper (current position enters) and strictly proper.
     """

@@ -80,7 +80,7 @@ class TransferFunction:
         return lfilter(self.numerator, self.denominator, inputs - held) + self.static_gain * held
 
     def predict_one_step(self, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
-        """One-step-ahead prediction A x of eq. 3.6: measured past outputs, no free run.
+        """One-step-ahead prediction A x of Eq. 3.6: measured past outputs, no free run.
 
         Returns
         -------

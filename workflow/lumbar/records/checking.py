@@ -8,6 +8,9 @@ from pathlib import Path
 
 from lumbar.errors import InputError, Problems
 from lumbar.progress import track
+from lumbar.settings.layout import ColumnLayout, MarkerLayout
+from lumbar.settings.plain import typed
+from lumbar.settings.survey import RatingsLayout
 
 
 def check_recordings(plan: list[dict]) -> dict[str, list[dict]]:
@@ -76,7 +79,7 @@ def _columns(item: dict) -> tuple[object, dict]:
 
     record = read_record(
         item["path"],
-        item["layout"],
+        typed(ColumnLayout, item["layout"]),
         name=item.get("name"),
         period=item.get("period_s"),
         rate=item.get("rate_Hz"),
@@ -97,7 +100,7 @@ def _columns(item: dict) -> tuple[object, dict]:
 def _markers(item: dict) -> tuple[object, dict]:
     from lumbar.records.markers import read_markers
 
-    recording = read_markers(item["path"], item["layout"])
+    recording = read_markers(item["path"], typed(MarkerLayout, item["layout"]))
     return recording, {
         "name": recording.name,
         "samples": len(recording.time),
@@ -113,7 +116,7 @@ def _markers(item: dict) -> tuple[object, dict]:
 def _ratings(item: dict) -> tuple[object, dict]:
     from lumbar.records.ratings import read_ratings
 
-    ratings = read_ratings(item["path"], item["layout"])
+    ratings = read_ratings(item["path"], typed(RatingsLayout, item["layout"]))
     return ratings, {
         "participants": len(ratings),
         "models": list(ratings.models),

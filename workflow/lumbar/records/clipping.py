@@ -6,12 +6,13 @@ repeat to the last digit; a converter's limit does. What a clipped channel would
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lumbar.errors import Problems
-from lumbar.records.record import Record
+from lumbar.records.record import Record, place_of
 
 _SHORTEST_RUN = 3
 """Samples in a row at the extreme that make a flat top."""
@@ -67,8 +68,14 @@ def _is_hold(top: FlatTop, values: np.ndarray) -> bool:
     return len(entries) < _FEWEST_TOPS or speeds.max() <= _ENTRY_SPREAD * speeds.min()
 
 
-def check_clipping(record: Record) -> None:
+def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
     """Refuse a record whose force is clipped, or whose position is and does not merely rest there.
+
+    Parameters
+    ----------
+    record : Record
+    lines : sequence of int, optional
+        Line of each sample in the file that it was read from.
 
     Raises
     ------
@@ -85,7 +92,7 @@ def check_clipping(record: Record) -> None:
             problems.add(
                 role,
                 f"clipped: {top.samples} samples lie exactly at {top.level:g} {channel.unit}, in {len(top.starts)} stretches "
-                f"from data row {top.starts[0] + 1} on",
+                f"from {place_of(top.starts[0], lines)} on",
                 "record with a larger range, cut the stretches out, or accept them with the layout's 'clipped: accept'",
             )
     problems.raise_if_any()

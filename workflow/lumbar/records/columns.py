@@ -1,6 +1,6 @@
 """Reading column files (CSV, TXT, MAT; gzip too) through a layout: which column is what, in which unit.
 
-A layout is plain data from a study's YAML::
+A layout is `lumbar.settings.layout.ColumnLayout`; in a study's YAML::
 
     format: text            # text or mat
     delimiter: ","          # one character, or "whitespace"
@@ -30,13 +30,14 @@ import numpy as np
 from lumbar.errors import InputError, Problems
 from lumbar.records.clipping import check_clipping
 from lumbar.records.record import Channel, Record, check_record
+from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 TIME = "time"
 
 
 def read_record(
     path: str | os.PathLike,
-    layout: dict,
+    layout: ColumnLayout,
     name: str | None = None,
     period: float | None = None,
     rate: float | None = None,
@@ -47,8 +48,7 @@ def read_record(
     ----------
     path : path
         Text file (``.gz`` is unpacked) or MATLAB file.
-    layout : dict
-        See the module's description.
+    layout : ColumnLayout
     name : str, optional
         Name of the record; default the file's stem.
     period : float, optional
@@ -68,18 +68,21 @@ def read_record(
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    raw = _read_mat(path, layout) if layout.get("format", "text") == "mat" else _read_text(path, layout)
-    columns = {role: column for role, column in layout["columns"].items() if role in raw}
-    scaled = {
-        role: raw[role] * float(column.get("scale", 1.0)) + float(column.get("offset", 0.0))
-        for role, column in columns.items()
-    }
+    if layout.format == "mat":
+        raw, lines = _read_mat(path, layout), None
+    else:
+        raw, lines = _read_text(path, layout)
+    columns = {role: column for role, column in layout.columns.items() if role in raw}
+    with np.errstate(over="ignore"):  # what overflows is refused below, with its place
+        scaled = {
+            role: raw[role] * float(column.scale) + float(column.offset) for role, column in columns.items()
+        }
     channels = {
-        role: Channel(scaled[role], column.get("quantity", role), column.get("unit", ""))
+        role: Channel(scaled[role], column.quantity or role, column.unit)
         for role, column in columns.items()
         if role != TIME
     }
-    time_unit = layout["columns"][TIME].get("unit", "s")
+    time_unit = layout.columns[TIME].unit
     if time_unit not in _SECONDS:
         raise InputError(f"{path}: time is in {time_unit!r}; allowed are {', '.join(_SECONDS)}")
     record = Record(
@@ -89,9 +92,10 @@ def read_record(
         source=str(path),
         period=period,
     )
-    check_record(record, may_rest=[role for role, column in columns.items() if column.get("optional")])
-    if layout.get("clipped", "refuse") == "refuse":
-        check_clipping(record)
+    may_rest = [role for role, column in columns.items() if column.optional]
+    check_record(record, may_rest=may_rest, lines=lines)
+    if layout.clipped == "refuse":
+        check_clipping(record, lines)
     if rate is not None:
         from lumbar.records.resampling import resample
 
@@ -111,26 +115,28 @@ def _lines(path: Path):
             raise InputError(f"{path}: not a readable text file ({error})") from error
 
 
-def _read_text(path: Path, layout: dict) -> dict[str, np.ndarray]:
-    delimiter = layout.get("delimiter", ",")
+def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], list[int]]:
+    """Columns by role, and the line of each sample."""
+    delimiter = layout.delimiter
     separator = None if delimiter == "whitespace" else delimiter
-    comment = layout.get("comment")
-    decimal = layout.get("decimal", ".")
+    comment = layout.comment
+    decimal = layout.decimal
     positions: dict[str, int] | None = None
     problems = Problems(str(path))
     if decimal == separator:
         raise InputError(f"{path}: the layout has {decimal!r} both as delimiter and as decimal mark")
-    by_name = any(isinstance(column["column"], str) for column in layout["columns"].values())
+    by_name = any(isinstance(column.column, str) for column in layout.columns.values())
     width: int | None = None
     rows: list[list[float]] = []
+    lines: list[int] = []
     for number, line in _lines(path):
         text = line.strip()
         if not text or (comment and text.startswith(comment)):
             continue
         cells = _split(line, separator)
         if positions is None:
-            header = cells if layout.get("header", True) else None
-            positions = _positions(path, layout["columns"], header)
+            header = cells if layout.header else None
+            positions = _positions(path, layout.columns, header)
             if header is not None:
                 width = len(header) if by_name else None
                 continue
@@ -142,6 +148,7 @@ def _read_text(path: Path, layout: dict) -> dict[str, np.ndarray]:
             )
         else:
             rows.append(_numbers(cells, positions, number, decimal, problems))
+            lines.append(number)
         if len(problems.entries) >= 20:
             problems.add("", "reading stopped after 20 problems")
             break
@@ -149,7 +156,7 @@ def _read_text(path: Path, layout: dict) -> dict[str, np.ndarray]:
     if positions is None or not rows:
         raise InputError(f"{path}: no data rows")
     table = np.array(rows)
-    return dict(zip(positions, table.T, strict=True))
+    return dict(zip(positions, table.T, strict=True)), lines
 
 
 def _split(line: str, separator: str | None) -> list[str]:
@@ -159,12 +166,12 @@ def _split(line: str, separator: str | None) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line.rstrip("\r\n")], delimiter=separator))]
 
 
-def _positions(path: Path, columns: dict, header: list[str] | None) -> dict[str, int]:
+def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str] | None) -> dict[str, int]:
     """Zero-based position of each role's column."""
     problems = Problems(str(path))
     positions = {}
     for role, column in columns.items():
-        wanted = column["column"]
+        wanted = column.column
         if isinstance(wanted, int):
             positions[role] = wanted - 1
         elif header is None:
@@ -173,7 +180,7 @@ def _positions(path: Path, columns: dict, header: list[str] | None) -> dict[str,
             )
         elif wanted in header:
             positions[role] = header.index(wanted)
-        elif not column.get("optional"):
+        elif not column.optional:
             problems.add(role, f"no column {wanted!r}", f"the header has {', '.join(header)}")
     problems.raise_if_any()
     return positions
@@ -198,7 +205,7 @@ def _numbers(
     return values
 
 
-def _read_mat(path: Path, layout: dict) -> dict[str, np.ndarray]:
+def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
     from scipy.io import loadmat
 
     try:
@@ -208,14 +215,14 @@ def _read_mat(path: Path, layout: dict) -> dict[str, np.ndarray]:
     problems = Problems(str(path))
     values = {}
     names = [name for name in content if not name.startswith("__")]
-    for role, column in layout["columns"].items():
-        found = content.get(str(column["column"]))
-        if found is None and column.get("optional"):
+    for role, column in layout.columns.items():
+        found = content.get(str(column.column))
+        if found is None and column.optional:
             continue
         if found is None:
-            problems.add(role, f"no variable {column['column']!r}", f"the file has {', '.join(names)}")
+            problems.add(role, f"no variable {column.column!r}", f"the file has {', '.join(names)}")
         elif np.ndim(found) != 1 or np.asarray(found).dtype.kind not in "fiu":
-            problems.add(role, f"{column['column']} is not a vector of real numbers")
+            problems.add(role, f"{column.column} is not a vector of real numbers")
         else:
             values[role] = np.asarray(found, dtype=float)
     if len({len(value) for value in values.values()}) > 1:

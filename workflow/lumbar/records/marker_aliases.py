@@ -16,16 +16,17 @@ measured is listed with its rule, so that results can say so.
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lumbar.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile
+from lumbar.settings.layout import Alias, MeanOfMarkers, PointBetween, Rule
 
 KEEP, STRIP = "keep", "strip"
 _LISTED = 60
-_RULES = ({"mean"}, {"between", "share"}, {"from", "offset_m"})
 
 
 @dataclass(frozen=True)
@@ -96,18 +97,18 @@ def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
 
 
 def resolve_aliases(
-    aliases: dict,
+    aliases: dict[str, Alias],
     points: dict[str, np.ndarray],
     model_points: dict[str, np.ndarray],
     dropped: dict[str, str],
     source: str,
-    required: list[str] | None = None,
+    required: Sequence[str] | None = None,
 ) -> ResolvedMarkers:
     """Fill every alias from the markers of a file.
 
     Parameters
     ----------
-    aliases : dict
+    aliases : dict of str to Alias
         Standard name to alias; see the module's description. Empty: every marker keeps its label.
     points, model_points : dict of str to ndarray, shape (n_frames, 3)
         Markers and computed points by label; metres, standard axes.
@@ -186,14 +187,7 @@ class _Resolver:
     def term(self, term) -> tuple[np.ndarray, str]:
         if isinstance(term, str):
             return self.label(term)
-        if isinstance(term, list) and term:
-            return self.first(term)
-        if isinstance(term, dict) and set(term) in _RULES:
-            return self.rule(term)
-        raise InputError(
-            f"markers.aliases.{self.open[0]} is {term!r}; allowed are a label, a list of alternatives, "
-            "{mean: [...]}, {between: [A, B], share: s} and {from: A, offset_m: [x, y, z]}"
-        )
+        return self.first(term) if isinstance(term, tuple) else self.rule(term)
 
     def part(self, term) -> np.ndarray:
         """Positions of a part of a rule."""
@@ -213,7 +207,7 @@ class _Resolver:
             raise _Unresolved(f"{label} is left out: {self.dropped[label]}")
         raise _Unresolved(f"no {label} in the file")
 
-    def first(self, alternatives: list) -> tuple[np.ndarray, str]:
+    def first(self, alternatives: tuple) -> tuple[np.ndarray, str]:
         reasons = []
         for alternative in alternatives:
             try:
@@ -222,25 +216,25 @@ class _Resolver:
                 reasons.append(str(reason))
         raise _Unresolved("; ".join(reasons))
 
-    def rule(self, rule: dict) -> tuple[np.ndarray, str]:
-        if "mean" in rule:
-            return np.mean([self.part(part) for part in rule["mean"]], axis=0), _described(rule)
-        if "between" in rule:
-            first, last = (self.part(part) for part in rule["between"])
-            return first + float(rule["share"]) * (last - first), _described(rule)
-        return self.part(rule["from"]) + np.array(rule["offset_m"], dtype=float), _described(rule)
+    def rule(self, rule: Rule) -> tuple[np.ndarray, str]:
+        if isinstance(rule, MeanOfMarkers):
+            return np.mean([self.part(part) for part in rule.mean], axis=0), _described(rule)
+        if isinstance(rule, PointBetween):
+            first, last = (self.part(part) for part in rule.between)
+            return first + rule.share * (last - first), _described(rule)
+        return self.part(rule.start) + np.array(rule.offset_m), _described(rule)
 
 
 def _described(term) -> str:
     """Put an alias in words."""
     if isinstance(term, str):
         return term
-    if isinstance(term, list):
+    if isinstance(term, tuple):
         return " or ".join(map(_described, term))
-    if "mean" in term:
-        return f"mean of {' and '.join(map(_described, term['mean']))}"
-    if "between" in term:
-        start, end = map(_described, term["between"])
-        return f"{term['share']:g} of the way from {start} to {end}"
-    offset = ", ".join(f"{value:g}" for value in term["offset_m"])
-    return f"{_described(term['from'])}, moved by ({offset}) m to the right, forward and up"
+    if isinstance(term, MeanOfMarkers):
+        return f"mean of {' and '.join(map(_described, term.mean))}"
+    if isinstance(term, PointBetween):
+        start, end = map(_described, term.between)
+        return f"{term.share:g} of the way from {start} to {end}"
+    offset = ", ".join(f"{value:g}" for value in term.offset_m)
+    return f"{_described(term.start)}, moved by ({offset}) m to the right, forward and up"

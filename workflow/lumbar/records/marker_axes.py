@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.errors import InputError, Problems
+from lumbar.settings.layout import MarkerLayout
 
 _UPPER = ("C7", "T12", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER", "SACRUM", "L5", "L_HIP", "R_HIP")
 _FEET = ("L_ANKLE", "R_ANKLE", "L_HEEL", "R_HEEL", "L_TOE", "R_TOE")
@@ -44,7 +45,7 @@ def rotation_to_standard(up: str, forward: str) -> np.ndarray:
     return np.array([np.cross(forward_vector, up_vector), forward_vector, up_vector])
 
 
-def check_axes(positions: dict[str, np.ndarray], layout: dict, source: str) -> None:
+def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: str) -> None:
     """Raise when the markers contradict the declared axes.
 
     Three segments are compared, each the median over time, and only where the markers exist: feet to trunk
@@ -61,14 +62,12 @@ def check_axes(positions: dict[str, np.ndarray], layout: dict, source: str) -> N
         Naming the axis of the file along which the segment really lies.
     """
     problems = Problems(source)
-    rotation = rotation_to_standard(layout.get("up", "+z"), layout.get("forward", "+y"))
+    rotation = rotation_to_standard(layout.up, layout.forward)
     upward = _segment(positions, _FEET, _UPPER)
     upward = _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
     if upward is not None and _contradicts(upward, 2):
         found = _file_axis(upward, rotation)
-        problems.add(
-            "markers.up", f"{layout.get('up', '+z')}, but the body stands along {found}", f'set up: "{found}"'
-        )
+        problems.add("markers.up", f"{layout.up}, but the body stands along {found}", f'set up: "{found}"')
         problems.raise_if_any()
     heels, toes = ("L_HEEL", "R_HEEL"), ("L_TOE", "R_TOE")
     feet = [_segment(positions, (heel,), (toe,)) for heel, toe in zip(heels, toes, strict=True)]
@@ -77,7 +76,7 @@ def check_axes(positions: dict[str, np.ndarray], layout: dict, source: str) -> N
         facing = np.mean(feet, axis=0) * [1, 1, 0]
         if _contradicts(facing, 1):
             found = _file_axis(facing, rotation)
-            declared = layout.get("forward", "+y")
+            declared = layout.forward
             problems.add(
                 "markers.forward",
                 f"{declared}, but the toes are ahead of the heels along {found}",

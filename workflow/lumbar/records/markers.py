@@ -26,6 +26,7 @@ import numpy as np
 
 from lumbar.errors import InputError
 from lumbar.records.marker_file import MarkerFile
+from lumbar.settings.layout import MarkerLayout
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _UNIT_NAMES = {
@@ -96,7 +97,10 @@ class MarkerRecording:
 
 
 def read_markers(
-    path: str | os.PathLike, layout: dict | None = None, name: str | None = None, minimum_frames: int = 2
+    path: str | os.PathLike,
+    layout: MarkerLayout | None = None,
+    name: str | None = None,
+    minimum_frames: int = 2,
 ) -> MarkerRecording:
     """Read a C3D or TRC file.
 
@@ -104,7 +108,7 @@ def read_markers(
     ----------
     path : path
         The suffix decides: ``.c3d`` or ``.trc``.
-    layout : dict, optional
+    layout : MarkerLayout, optional
         See the module's description. Without aliases every marker keeps its label.
     name : str, optional
         Name of the recording; default the file's stem.
@@ -124,26 +128,24 @@ def read_markers(
     from lumbar.records.marker_aliases import resolve_aliases, select_subject
     from lumbar.records.marker_axes import check_axes, rotation_to_standard
 
-    layout = layout or {}
+    layout = layout or MarkerLayout()
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    file = select_subject(_read_file(path), layout.get("subject_prefix", "strip"))
+    file = select_subject(_read_file(path), layout.subject_prefix)
     if len(file.time) < minimum_frames:
         raise InputError(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
             f"a trajectory needs at least {minimum_frames}"
         )
-    matrix = _metres_per_unit(file, layout.get("unit", "file")) * rotation_to_standard(
-        layout.get("up", "+z"), layout.get("forward", "+y")
-    )
+    matrix = _metres_per_unit(file, layout.unit) * rotation_to_standard(layout.up, layout.forward)
     points = {label: values @ matrix.T for label, values in file.positions.items()}
     model_points = {label: values @ matrix.T for label, values in file.model_points.items()}
     _check_spread(points, file)
     resolved = resolve_aliases(
-        layout.get("aliases") or {}, points, model_points, file.dropped, file.source, layout.get("required")
+        layout.aliases, points, model_points, file.dropped, file.source, layout.required
     )
-    if layout.get("check_axes", True):
+    if layout.check_axes:
         check_axes(resolved.positions, layout, file.source)
     return MarkerRecording(
         name=name or path.stem,

@@ -1,6 +1,6 @@
 """Reading the answers of a survey: one row per participant, with declared columns, checked as a whole.
 
-A layout is plain data from a study's YAML::
+A layout is `lumbar.settings.survey.RatingsLayout`; in a study's YAML::
 
     delimiter: ","
     participant: participant            # column that names the participant
@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.errors import InputError, Problems
+from lumbar.settings.survey import RatingsLayout
 
 NOT_REAL = "reconstructed_not_real"
 """Value of the source column that marks answers nobody gave."""
@@ -97,7 +98,7 @@ class Ratings:
         return f"{not_real}, {data}" if NOT_REAL in self.sources else data
 
 
-def read_ratings(path: str | os.PathLike, layout: dict) -> Ratings:
+def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     """Read a participants' sheet.
 
     Parameters
@@ -134,39 +135,39 @@ def read_ratings(path: str | os.PathLike, layout: dict) -> Ratings:
     return _ratings(list(lines.values()), layout)
 
 
-def _check_layout(layout: dict) -> None:
+def _check_layout(layout: RatingsLayout) -> None:
     """Contradictions inside the layout that a schema cannot see."""
     problems = Problems("survey.layout")
-    names = [model["name"] for model in layout["models"]]
+    names = [model.name for model in layout.models]
     for name in sorted({name for name in names if names.count(name) > 1}):
         problems.add("models", f"{name} stands twice", "each model has one column")
     columns = _columns(layout)
     for column in sorted({column for column in columns if columns.count(column) > 1}):
         problems.add("", f"column {column!r} is used twice", "each answer has a column of its own")
-    if layout.get("experience") and not layout.get("experience_levels"):
+    if layout.experience and not layout.experience_levels:
         problems.add("experience_levels", "missing", "list the levels that could be chosen")
     problems.raise_if_any()
 
 
-def _columns(layout: dict) -> list[str]:
-    optional = [layout.get("experience"), layout.get("source")]
+def _columns(layout: RatingsLayout) -> list[str]:
+    optional = [layout.experience, layout.source]
     return [
-        layout["participant"],
-        *(model["column"] for model in layout["models"]),
-        layout["best"],
-        *layout.get("yes_no", []),
+        layout.participant,
+        *(model.column for model in layout.models),
+        layout.best,
+        *layout.yes_no,
         *(column for column in optional if column),
     ]
 
 
-def _read_rows(path: Path, layout: dict) -> tuple[list[str], dict[int, list[str]]]:
+def _read_rows(path: Path, layout: RatingsLayout) -> tuple[list[str], dict[int, list[str]]]:
     """Return the declared columns, and the cells of each line that is not blank; the header has key 0."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     rows: dict[int, list[str]] = {}
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, delimiter=layout.get("delimiter", ","), strict=True)
+            reader = csv.reader(stream, delimiter=layout.delimiter, strict=True)
             for cells in reader:
                 stripped = [cell.strip() for cell in cells]
                 if any(stripped):
@@ -197,19 +198,21 @@ def _cells(rows: dict[int, list[str]], problems: Problems) -> dict[int, dict[str
     return lines
 
 
-def _allowed(layout: dict, columns: list[str]) -> dict[str, tuple[str, ...]]:
+def _allowed(layout: RatingsLayout, columns: list[str]) -> dict[str, tuple[str, ...]]:
     """Values that may stand in each column."""
-    models = tuple(model["name"] for model in layout["models"])
-    points = tuple(str(point) for point in range(1, layout["scale_points"] + 1))
-    allowed = {model["column"]: points for model in layout["models"]}
-    allowed[layout["best"]] = models
-    allowed.update(dict.fromkeys(layout.get("yes_no", []), (*_YES, *_NO)))
-    if layout.get("experience"):
-        allowed[layout["experience"]] = tuple(layout["experience_levels"])
+    models = tuple(model.name for model in layout.models)
+    points = tuple(str(point) for point in range(1, layout.scale_points + 1))
+    allowed = {model.column: points for model in layout.models}
+    allowed[layout.best] = models
+    allowed.update(dict.fromkeys(layout.yes_no, (*_YES, *_NO)))
+    if layout.experience:
+        allowed[layout.experience] = tuple(layout.experience_levels)
     return {column: values for column, values in allowed.items() if column in columns}
 
 
-def _validate(lines: dict[int, dict[str, str]], columns: list[str], layout: dict, problems: Problems) -> None:
+def _validate(
+    lines: dict[int, dict[str, str]], columns: list[str], layout: RatingsLayout, problems: Problems
+) -> None:
     """Check all cells at once and note every one that is wrong."""
     import pandas as pd
     import pandera.pandas as pa
@@ -218,13 +221,13 @@ def _validate(lines: dict[int, dict[str, str]], columns: list[str], layout: dict
     checks = {column: pa.Column(str, pa.Check.isin(values)) for column, values in allowed.items()}
     for column in columns:
         checks.setdefault(column, pa.Column(str, pa.Check.str_length(min_value=1)))
-    participant = layout["participant"]
+    participant = layout.participant
     if participant in columns:
         checks[participant] = pa.Column(
             str, pa.Check.str_length(min_value=1), unique=True, report_duplicates="exclude_first"
         )
     frame = pd.DataFrame.from_dict(lines, orient="index", columns=columns, dtype=str)
-    for column in layout.get("yes_no", []):
+    for column in layout.yes_no:
         if column in columns:
             frame[column] = frame[column].str.lower()
     try:
@@ -244,20 +247,17 @@ def _validate(lines: dict[int, dict[str, str]], columns: list[str], layout: dict
                 )
 
 
-def _ratings(rows: list[dict[str, str]], layout: dict) -> Ratings:
+def _ratings(rows: list[dict[str, str]], layout: RatingsLayout) -> Ratings:
     """Build the record from rows that have passed every check."""
-    experience, source = layout.get("experience"), layout.get("source")
+    experience, source = layout.experience, layout.source
     return Ratings(
-        participants=tuple(row[layout["participant"]] for row in rows),
-        models=tuple(model["name"] for model in layout["models"]),
-        scores=np.array([[int(row[model["column"]]) for model in layout["models"]] for row in rows]),
-        scale_points=layout["scale_points"],
-        best=tuple(row[layout["best"]] for row in rows),
-        groups={
-            column: np.array([row[column].lower() in _YES for row in rows])
-            for column in layout.get("yes_no", [])
-        },
+        participants=tuple(row[layout.participant] for row in rows),
+        models=tuple(model.name for model in layout.models),
+        scores=np.array([[int(row[model.column]) for model in layout.models] for row in rows]),
+        scale_points=layout.scale_points,
+        best=tuple(row[layout.best] for row in rows),
+        groups={column: np.array([row[column].lower() in _YES for row in rows]) for column in layout.yes_no},
         experience=tuple(row[experience] for row in rows) if experience else (),
-        experience_levels=tuple(layout["experience_levels"]) if experience else (),
+        experience_levels=tuple(layout.experience_levels) if experience else (),
         sources=tuple(sorted({row[source] for row in rows})) if source else (),
     )

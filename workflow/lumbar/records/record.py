@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,8 @@ from lumbar.errors import Problems
 
 CLOCK_TOLERANCE = 0.25
 """How far a sample may lie from an even clock, as a share of the sampling interval."""
+LARGEST = 1e100
+"""Largest size of a value: sums of the squares of such values are finite, and no quantity here comes near it."""
 
 
 @dataclass(frozen=True)
@@ -87,51 +89,65 @@ class Record:
         return replace(self, time=self.time[keep], channels=channels)
 
 
-def check_record(record: Record, minimum_samples: int = 8, may_rest: Collection[str] = ()) -> Record:
+FEWEST_SAMPLES = 8
+"""Fewest samples of a record that can be analysed."""
+
+
+def place_of(sample: int, lines: Sequence[int] | None) -> str:
+    """Name the place of a sample (counted from 0): its line in the file, or the sample where a file has no lines."""
+    return f"sample {sample + 1}" if lines is None else f"line {lines[sample]}"
+
+
+def check_record(
+    record: Record,
+    may_rest: Collection[str] = (),
+    lines: Sequence[int] | None = None,
+) -> Record:
     """Return `record` when it can be analysed, else raise with all reasons.
 
     Parameters
     ----------
     record : Record
-    minimum_samples : int
     may_rest : collection of str
         Roles of channels that may be constant.
+    lines : sequence of int, optional
+        Line of each sample in the file that it was read from.
 
     Raises
     ------
     InputError
-        Too few samples, a value that is not finite, time that does not increase or is not even, a constant
-        channel. Line numbers count the data rows of the file from 1.
+        Too few samples, a value that is not finite or too large to compute with, time that does not increase or is not
+        even, a constant channel.
     """
     problems = Problems(record.source or record.name)
-    if len(record.time) < minimum_samples:
-        problems.add("", f"{len(record.time)} samples", f"at least {minimum_samples} are needed")
+    if len(record.time) < FEWEST_SAMPLES:
+        problems.add("", f"{len(record.time)} samples", f"at least {FEWEST_SAMPLES} are needed")
         problems.raise_if_any()
     for name, values in {"time": record.time, **{r: c.values for r, c in record.channels.items()}}.items():
-        bad = np.flatnonzero(~np.isfinite(values))
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
         if bad.size:
             more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
             problems.add(
-                f"data row {bad[0] + 1}{more}",
+                place_of(bad[0], lines) + more,
                 f"{name} is {values[bad[0]]}",
-                "every value must be a finite number",
+                f"every value must be a finite number, of at most {LARGEST:g} in size",
             )
         elif name != "time" and name not in may_rest and np.ptp(values) == 0:
             problems.add(name, f"constant ({values[0]:g})", "a channel that does not move cannot be analysed")
     problems.raise_if_any()
-    _check_clock(record, problems)
+    _check_clock(record, problems, lines)
     problems.raise_if_any()
     return record
 
 
-def _check_clock(record: Record, problems: Problems) -> None:
+def _check_clock(record: Record, problems: Problems, lines: Sequence[int] | None) -> None:
     steps = np.diff(record.time)
     backward = np.flatnonzero(steps <= 0)
     if backward.size:
-        row = backward[0] + 2
+        first = int(backward[0])
         problems.add(
-            f"data row {row}",
-            f"time {record.time[row - 1]:g} s after {record.time[row - 2]:g} s",
+            place_of(first + 1, lines),
+            f"time {record.time[first + 1]:g} s after {record.time[first]:g} s",
             "time must increase",
         )
         return
@@ -141,10 +157,10 @@ def _check_clock(record: Record, problems: Problems) -> None:
     even = record.time[0] + record.sampling_time * np.arange(len(record.time))
     uneven = np.flatnonzero(np.abs(record.time - even)[1:] > CLOCK_TOLERANCE * step)
     if uneven.size:
-        row = int(np.abs(steps - step).argmax()) + 2
+        worst = int(np.abs(steps - step).argmax())
         problems.add(
-            f"data row {row}",
-            f"step of {steps[row - 2]:g} s where the median step is {step:g} s",
+            place_of(worst + 1, lines),
+            f"step of {steps[worst]:g} s where the median step is {step:g} s",
             "records are sampled evenly: resample the recording or cut it before the gap",
         )
 

@@ -10,18 +10,22 @@ import numpy as np
 from lumbar.errors import InputError
 from lumbar.records.record import Record
 
+_ZERO_CROSSINGS = 10
+"""Half length of the anti-aliasing filter, in samples of the lower of the two rates."""
+
 
 def resample(record: Record, rate: float) -> Record:
-    """Return `record` at `rate` hertz.
+    """Return `record` at `rate` hertz, without the samples at its ends that the filter cannot see whole.
 
-    A polyphase FIR filter (Kaiser window, zero phase, `scipy.signal.resample_poly`) removes what lies above
-    the lower of the two Nyquist frequencies. The signal is continued by its end values, so that an offset
-    makes no transient.
+    A polyphase FIR filter (Kaiser window, zero phase, `scipy.signal.resample_poly`) removes what lies above the lower
+    of the two Nyquist frequencies. Near an end it would have to guess how the signal goes on; whatever is guessed, a
+    signal in full motion rings there, and a ringing force looks like a mechanism. Ten samples of the lower rate are
+    therefore left out at either end.
 
     Raises
     ------
     InputError
-        If the ratio of the rates is no fraction with terms up to 1000.
+        If the ratio of the rates is no fraction with terms up to 1000, or hardly anything is left between the ends.
     """
     from scipy.signal import resample_poly
 
@@ -33,11 +37,23 @@ def resample(record: Record, rate: float) -> Record:
         )
     if ratio == 1:
         return record
+    left_out = -(-_ZERO_CROSSINGS * max(ratio.numerator, ratio.denominator) // ratio.denominator)
+    samples = -(-len(record) * ratio.numerator // ratio.denominator)
+    # The last sample at the new rate may lie up to one old interval beyond the last one recorded.
+    seen_whole = slice(left_out, samples - left_out)
+    time = record.time[0] + np.arange(samples)[seen_whole] / rate
+    if len(time) < 8:
+        raise InputError(
+            f"{record.source}: {record.duration:g} s are too short to be resampled to {rate:g} Hz: "
+            f"{left_out} samples are left out at either end; at least 8 must remain"
+        )
     channels = {
         role: replace(
-            channel, values=resample_poly(channel.values, ratio.numerator, ratio.denominator, padtype="line")
+            channel,
+            values=resample_poly(channel.values, ratio.numerator, ratio.denominator, padtype="line")[
+                seen_whole
+            ],
         )
         for role, channel in record.channels.items()
     }
-    length = len(next(iter(channels.values())).values)
-    return replace(record, time=record.time[0] + np.arange(length) / rate, channels=channels)
+    return replace(record, time=time, channels=channels)

@@ -15,6 +15,7 @@ import numpy as np
 from lumbar.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile, mark_missing
 from lumbar.records.point_kinds import split_points
+from lumbar.records.record import LARGEST
 
 _CLOCK_TOLERANCE = 0.05
 """How far a frame may lie from an even clock, in frames, beyond the rounding of what is printed."""
@@ -93,7 +94,7 @@ def _rows(path: Path, lines: list[str], n_markers: int) -> tuple[np.ndarray, np.
     """
     width = 2 + 3 * n_markers
     problems = Problems(str(path))
-    rows = []
+    rows, places = [], []
     decimals = 0
     for number, line in enumerate(lines[4:], start=5):
         cells = [cell.strip() for cell in line.split("\t")]
@@ -111,6 +112,7 @@ def _rows(path: Path, lines: list[str], n_markers: int) -> tuple[np.ndarray, np.
         else:
             try:
                 rows.append([float(cell) if cell else np.nan for cell in cells])
+                places.append(number)
                 decimals = max(decimals, len(cells[1].partition(".")[2]))
             except ValueError as error:
                 problems.add(f"line {number}", str(error), "numbers are needed")
@@ -122,8 +124,14 @@ def _rows(path: Path, lines: list[str], n_markers: int) -> tuple[np.ndarray, np.
         raise InputError(f"{path}: no data rows")
     table = np.array(rows)
     if not np.isfinite(table[:, :2]).all():
+        untimed = int((~np.isfinite(table[:, :2])).any(axis=1).argmax())
+        raise InputError(f"{path}: line {places[untimed]}: no time")
+    large = np.argwhere(np.abs(table) > LARGEST)
+    if len(large):
+        row, column = large[0]
         raise InputError(
-            f"{path}: data row {int((~np.isfinite(table[:, :2])).any(axis=1).argmax()) + 1}: no time"
+            f"{path}: line {places[row]}: {table[row, column]:g} in column {column + 1}; numbers of at most "
+            f"{LARGEST:g} in size are needed"
         )
     return table[:, 1], table[:, 2:].reshape(len(table), n_markers, 3), 10.0**-decimals
 

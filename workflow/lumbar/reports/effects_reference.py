@@ -57,7 +57,7 @@ REFERENCES = {
         "effects",
         _HEAD.format(
             title="The catalogue of effects",
-            symbols="Position z about the record's zero, speed v, force F",
+            symbols="Position z about the record's zero, velocity v, acceleration a, path s travelled, time t, force F",
             moved="position",
             response="force",
             base="a Kelvin–Boltzmann tissue with kₑ = k_b = 1 and τ = 0.1 s",
@@ -72,10 +72,12 @@ REFERENCES = {
         "pendulum_effects",
         _HEAD.format(
             title="The pendulum's catalogue of effects",
-            symbols="Angle θ from the vertical, its speed v, moment M that the person exerts",
+            symbols="Angle θ from the vertical, its rate v = θ̇, moment M that the person exerts; time t; "
+            "step(x) = 3x² − 2x³ from 0 to 1, constant outside; channels h (share of the box held), "
+            "ℓ (length) and the pivot's acceleration",
             moved="angle",
             response="moment",
-            base="a pendulum of eq. 4.1",
+            base="a pendulum of Eq. 4.1",
         ),
         {
             Place.INPUT: "on the way from the angle to the pendulum",
@@ -110,7 +112,7 @@ def _section(effect: Effect, reference: CataloguePage) -> str:
     needed = any(form.channels for form in effect.forms)
     head = "| form | equation | needs |\n|---|---|---|" if needed else "| form | equation |\n|---|---|"
     forms = "\n".join(
-        f"| `{form.name}` | ${_escaped(form.equation)}$ |" + (_needs(form) if needed else "")
+        f"| `{form.name}` | ${_escaped(form.latex)}$ |" + (_needs(form) if needed else "")
         for form in effect.forms
     )
     return f"""
@@ -120,8 +122,8 @@ def _section(effect: Effect, reference: CataloguePage) -> str:
 {picture}{head}
 {forms}
 
-| form | parameter | unit | range | starts |
-|---|---|---|---|---|
+| form | symbol | parameter | unit | range | starts |
+|---|---|---|---|---|---|
 {rows}
 
 Source: {effect.source}. Experiment that shows it: {effect.experiment}.
@@ -140,7 +142,7 @@ def _escaped(latex: str) -> str:
 
 def _rows(form: Form) -> list[str]:
     rows = [
-        f"| `{form.name}` | `{item.name}` | {_unit(item.unit)} | {_SIGNS[item.sign]} | solved for |"
+        f"| `{form.name}` | ${item.in_latex}$ | `{item.name}` | {_unit(item.unit)} | {_SIGNS[item.sign]} | solved for |"
         for item in form.linear
     ]
     for item in form.nonlinear:
@@ -152,7 +154,9 @@ def _rows(form: Form) -> list[str]:
             if item.lines is not None
             else f"{low:.3g} to {high:.3g} × {scale}"
         )
-        rows.append(f"| `{form.name}` | `{item.name}` | {_unit(item.unit)} | {span} | {starts} |")
+        rows.append(
+            f"| `{form.name}` | ${item.in_latex}$ | `{item.name}` | {_unit(item.unit)} | {span} | {starts} |"
+        )
     return rows
 
 

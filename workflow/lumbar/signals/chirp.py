@@ -1,4 +1,4 @@
-"""Linear chirp (thesis eq. 3.2)."""
+"""Linear chirp (thesis Eq. 3.2)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lumbar.errors import InputError
 
 
 def linear_chirp(duration: float, lowest: float, highest: float, rate: float) -> np.ndarray:
-    """sin((a t + b) t) that sweeps from `lowest` to `highest` Hz; thesis eq. 3.2 with amplitude 1.
+    """sin((a t + b) t) that sweeps from `lowest` to `highest` Hz; thesis Eq. 3.2 with amplitude 1.
 
     The instantaneous frequency is the derivative of the phase a t² + b t, (2 a t + b)/2π. To begin at f0 and
     to end at f1 after T seconds it needs b = 2π f0 and a = π (f1 − f0)/T; with a = 2π (f1 − f0)/T the sweep

@@ -24,7 +24,7 @@ def crest_factor(values: np.ndarray) -> float:
 
 
 def one_period(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray, samples: int) -> np.ndarray:
-    """One period of Σ A cos(2πk t/T + φ) (thesis eq. 3.1) on an even grid, by inverse Fourier transform.
+    """One period of Σ A cos(2πk t/T + φ) (thesis Eq. 3.1) on an even grid, by inverse Fourier transform.
 
     Parameters
     ----------

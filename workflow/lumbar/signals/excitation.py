@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from lumbar.signals.band_limited_noise import band_limited_noise
 from lumbar.signals.chirp import linear_chirp
 from lumbar.signals.machine_limits import Kinematics, check_machine_limits, peak_kinematics
 from lumbar.signals.multisine import Multisine, design_multisine
+
+if TYPE_CHECKING:
+    from lumbar.settings.signals import AmplitudeSettings, SignalsSettings
 
 
 @dataclass(frozen=True)
@@ -79,15 +83,14 @@ class Excitation:
     multisine: Multisine
 
 
-def excited_band(bandwidths: dict, settings: dict) -> float:
+def excited_band(bandwidths: dict, settings: SignalsSettings) -> float:
     """Upper end of the band to excite: a factor times the surgeons' bandwidth, rounded.
 
     Parameters
     ----------
     bandwidths : dict
         As `lumbar.signals.surgeon_motion.motion_bandwidths` returns it.
-    settings : dict
-        The study's ``signals``: ``bandwidth`` (quantity, rule), ``band_factor``, ``round_Hz``.
+    settings : SignalsSettings
 
     Returns
     -------
@@ -99,34 +102,32 @@ def excited_band(bandwidths: dict, settings: dict) -> float:
     InputError
         The surgeons' spectrum has no bandwidth by the rule asked for.
     """
-    quantity, rule = settings["bandwidth"]["quantity"], settings["bandwidth"]["rule"]
+    quantity, rule = settings.bandwidth.quantity, settings.bandwidth.rule
     bandwidth = bandwidths[quantity][rule]["value_Hz"]
     if bandwidth is None:
         raise InputError(
             f"signals.bandwidth: the surgeons' {quantity} spectrum has no bandwidth by the rule {rule!r} "
             "within the analysis band: raise surgeon.bandwidth.maximum_Hz or choose the rule power_share"
         )
-    step = settings["round_Hz"]
-    band = round(settings["band_factor"] * bandwidth / step) * step
-    if not 0 < band < settings["rate_Hz"] / 2:
+    step = settings.round_Hz
+    band = round(settings.band_factor * bandwidth / step) * step
+    if not 0 < band < settings.rate_Hz / 2:
         raise InputError(
-            f"signals: {settings['band_factor']:g} times the bandwidth of {bandwidth:.3g} Hz, rounded to "
+            f"signals: {settings.band_factor:g} times the bandwidth of {bandwidth:.3g} Hz, rounded to "
             f"{step:g} Hz, is {band:g} Hz; it must lie between 0 and half of signals.rate_Hz "
-            f"({settings['rate_Hz'] / 2:g} Hz)"
+            f"({settings.rate_Hz / 2:g} Hz)"
         )
     return band
 
 
-def design_excitation(band: float, settings: dict, seed: int) -> Excitation:
+def design_excitation(band: float, settings: SignalsSettings, seed: int) -> Excitation:
     """Design multisine, noise and chirp up to `band`, scaled and checked against the testing machine.
 
     Parameters
     ----------
     band : float
         Upper end of the band, Hz.
-    settings : dict
-        The study's ``signals``: ``rate_Hz``, ``amplitude``, ``ramp_s``, ``multisine``, ``noise``, ``chirp``,
-        ``machine``.
+    settings : SignalsSettings
     seed : int
         For the noise and the detection lines.
 
@@ -139,56 +140,54 @@ def design_excitation(band: float, settings: dict, seed: int) -> Excitation:
     InputError
         A signal cannot be designed with these settings, or asks more than the machine can do.
     """
-    rate, options = settings["rate_Hz"], settings["multisine"]
+    rate, options = settings.rate_Hz, settings.multisine
     multisine = design_multisine(
-        options["period_s"],
+        options.period_s,
         band,
-        options["grid"],
-        options["detection_group"],
-        options["phases"],
-        options["amplitude_exponent"],
+        options.grid,
+        options.detection_group,
+        options.phases,
+        options.amplitude_exponent,
         seed,
     )
-    if multisine.lines[-1] >= options["period_s"] * rate / 2:
+    if multisine.lines[-1] >= options.period_s * rate / 2:
         raise InputError(
             f"multisine up to {multisine.frequencies[-1]:g} Hz: signals.rate_Hz of {rate:g} is too low"
         )
     # The multisine's peak between samples is known exactly; the others' is that of their spline.
-    scale = _scale(1.0, multisine.peak, settings["amplitude"])
+    scale = _scale(1.0, multisine.peak, settings.amplitude)
     multisine = replace(multisine, amplitudes=scale * multisine.amplitudes)
-    period, periods = options["period_s"], options["periods"]
+    period, periods = options.period_s, options.periods
     plain = {
         "multisine": multisine.sampled(rate, periods),
-        "noise": band_limited_noise(
-            settings["noise"]["duration_s"], band, rate, settings["noise"]["filter_order"], seed
-        ),
-        "chirp": linear_chirp(settings["chirp"]["duration_s"], settings["chirp"]["lowest_Hz"], band, rate),
+        "noise": band_limited_noise(settings.noise.duration_s, band, rate, settings.noise.filter_order, seed),
+        "chirp": linear_chirp(settings.chirp.duration_s, settings.chirp.lowest_Hz, band, rate),
     }
     signals = []
     for name, values in plain.items():
         if name != "multisine":
             rms = float(np.sqrt(np.mean(values**2)))
-            values = values * _scale(rms, peak_kinematics(values, rate).displacement, settings["amplitude"])
+            values = values * _scale(rms, peak_kinematics(values, rate).displacement, settings.amplitude)
         window = (period * min(1, periods - 1), period * min(2, periods))
         signals.append(
             Signal(
                 name,
-                _ramped(name, values, rate, settings["ramp_s"], at_end=name != "multisine"),
+                _ramped(name, values, rate, settings.ramp_s, at_end=name != "multisine"),
                 rate,
                 window if name == "multisine" else (0.0, len(values) / rate),
             )
         )
-    machine = settings["machine"]
+    machine = settings.machine
     check_machine_limits(
         {signal.name: peak_kinematics(signal.position, rate) for signal in signals},
-        Kinematics(machine["displacement_mm"], machine["velocity_mm_s"], machine["acceleration_mm_s2"]),
+        Kinematics(machine.displacement_mm, machine.velocity_mm_s, machine.acceleration_mm_s2),
     )
     return Excitation(band, tuple(signals), multisine)
 
 
-def _scale(rms: float, peak: float, amplitude: dict) -> float:
+def _scale(rms: float, peak: float, amplitude: AmplitudeSettings) -> float:
     """Factor that gives a signal the RMS or the peak asked for."""
-    return amplitude["value_mm"] / (rms if amplitude["measure"] == "rms" else peak)
+    return amplitude.value_mm / (rms if amplitude.measure == "rms" else peak)
 
 
 def _ramped(name: str, values: np.ndarray, rate: float, ramp: float, at_end: bool) -> np.ndarray:

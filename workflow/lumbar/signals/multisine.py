@@ -1,4 +1,4 @@
-"""Multisine: which lines are excited, with which amplitudes and phases (thesis eq. 3.1)."""
+"""Multisine: which lines are excited, with which amplitudes and phases (thesis Eq. 3.1)."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def design_multisine(
         ``"schroeder"`` (thesis), ``"clipped"`` (lowest crest factor, see
         `lumbar.signals.crest_factor.clipped_phases`) or ``"zero"`` (an impulse train; only to compare with).
     amplitude_exponent : float
-        Amplitudes are in proportion to f to this power; 0 is flat as in eq. 3.1.
+        Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1.
     seed : int
         For the detection lines.
 

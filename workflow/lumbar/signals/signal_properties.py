@@ -12,6 +12,7 @@ from lumbar.signals.machine_limits import peak_kinematics
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.signals import SignalsSettings
     from lumbar.tables import Table
 
 
@@ -22,17 +23,17 @@ def machine_file(signal: Signal) -> pd.DataFrame:
     return pd.DataFrame({"time_s": np.round(signal.time, 9), "position_mm": np.round(signal.position, 6)})
 
 
-def multisine_description(excitation: Excitation, settings: dict) -> dict:
+def multisine_description(excitation: Excitation, settings: SignalsSettings) -> dict:
     """Lines, amplitudes, phases and detection lines of the multisine, as plain data."""
     multisine = excitation.multisine
     return {
         "schema": "lumbar.multisine/1",
         "period_s": multisine.period,
-        "periods": settings["multisine"]["periods"],
-        "rate_Hz": settings["rate_Hz"],
-        "ramp_s": settings["ramp_s"],
-        "grid": settings["multisine"]["grid"],
-        "phase_rule": settings["multisine"]["phases"],
+        "periods": settings.multisine.periods,
+        "rate_Hz": settings.rate_Hz,
+        "ramp_s": settings.ramp_s,
+        "grid": settings.multisine.grid,
+        "phase_rule": settings.multisine.phases,
         "crest_factor": multisine.crest_factor,
         "lines": multisine.lines,
         "frequency_Hz": multisine.frequencies,
@@ -96,7 +97,7 @@ def signal_properties(excitation: Excitation, data: str) -> Table:
 
 
 _DEFINITIONS = {
-    "signal": "multisine: eq. 3.1; noise: Gaussian, low-pass filtered without phase shift; chirp: eq. 3.2",
+    "signal": "multisine: Eq. 3.1; noise: Gaussian, low-pass filtered without phase shift; chirp: Eq. 3.2",
     "duration_s": "samples over sampling rate, s",
     "rate_Hz": "samples per second, Hz",
     "band_Hz": "upper end of the excited band: band factor times the surgeons' bandwidth, rounded, Hz",

@@ -11,39 +11,16 @@ import numpy as np
 from lumbar.errors import InputError
 from lumbar.records.record import Record
 from lumbar.signals.bandwidth import level_frequency, power_share_frequency
-from lumbar.signals.welch import QUANTITIES, WelchSettings, position_psd, velocity_psd
+from lumbar.signals.welch import QUANTITIES, position_psd, velocity_psd
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.surgeon import BandwidthSettings, WelchSettings
+
 POOLED = "pooled"
 """Name of the mean of all trials in the table of spectra."""
 PSD_UNITS = {"position": "mm²/Hz", "velocity": "(mm/s)²/Hz"}
-
-
-@dataclass(frozen=True)
-class BandwidthSettings:
-    """The rules by which bandwidths are read off.
-
-    Attributes
-    ----------
-    power_share : float
-        Share of the power for the rule ``power_share``.
-    level : float
-        Decibels under the peak for the rule ``level`` (negative).
-    maximum : float
-        Upper end of the analysis band in Hz.
-    confidence : float
-        Coverage aimed at by the interval, e.g. 0.95.
-    resamples : int
-        Bootstrap resamples.
-    """
-
-    power_share: float
-    level: float
-    maximum: float
-    confidence: float
-    resamples: int
 
 
 @dataclass(frozen=True)
@@ -183,8 +160,8 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
     freedom = (people if people > 1 else len(spectra.names)) - 1
     result: dict = {
         "schema": "lumbar.bandwidth/1",
-        "analysis_band_Hz": [float(spectra.frequency[1]), settings.maximum],
-        "rules": {"power_share": settings.power_share, "level_dB": settings.level},
+        "analysis_band_Hz": [float(spectra.frequency[1]), settings.maximum_Hz],
+        "rules": {"power_share": settings.power_share, "level_dB": settings.level_dB},
     }
     for quantity in QUANTITIES:
         pooled = spectra.pooled(quantity)
@@ -192,7 +169,7 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
         result[quantity] = {}
         for rule, value in _by_rule(spectra.frequency, pooled, settings).items():
             low, high = _interval(
-                value, [draw[rule] for draw in draws], settings.confidence, freedom, settings.maximum
+                value, [draw[rule] for draw in draws], settings.confidence, freedom, settings.maximum_Hz
             )
             result[quantity][rule] = {"value_Hz": value, "low_Hz": low, "high_Hz": high}
         result[quantity]["power_share"]["without_limit_Hz"] = power_share_frequency(
@@ -212,8 +189,8 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
 
 def _by_rule(frequency: np.ndarray, psd: np.ndarray, settings: BandwidthSettings) -> dict[str, float | None]:
     return {
-        "power_share": power_share_frequency(frequency, psd, settings.power_share, settings.maximum),
-        "level": level_frequency(frequency, psd, settings.level, settings.maximum),
+        "power_share": power_share_frequency(frequency, psd, settings.power_share, settings.maximum_Hz),
+        "level": level_frequency(frequency, psd, settings.level_dB, settings.maximum_Hz),
     }
 
 

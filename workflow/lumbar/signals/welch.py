@@ -2,36 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.errors import InputError
 
+if TYPE_CHECKING:
+    from lumbar.settings.surgeon import WelchSettings
+
 QUANTITIES = ("position", "velocity")
 """Quantities whose spectra are analysed, each from the same position recording."""
-
-
-@dataclass(frozen=True)
-class WelchSettings:
-    """How a recording is cut into segments.
-
-    Attributes
-    ----------
-    segment : float
-        Length of a segment in seconds; the frequency lines lie ``1/segment`` Hz apart.
-    overlap : float
-        Share of a segment that it has in common with the next, 0 <= overlap < 1.
-    window : str
-        Name of a window of `scipy.signal.get_window`.
-    detrend : str
-        ``"constant"`` or ``"linear"``: what is taken off every segment before it is windowed.
-    """
-
-    segment: float
-    overlap: float = 0.5
-    window: str = "hann"
-    detrend: str = "constant"
 
 
 def position_psd(position: np.ndarray, rate: float, settings: WelchSettings) -> tuple[np.ndarray, np.ndarray]:
@@ -103,16 +84,16 @@ def _welch(
     """Call `scipy.signal.welch` on values made from a recording `needed_besides` samples longer."""
     from scipy.signal import welch
 
-    samples = round(settings.segment * rate)
+    samples = round(settings.segment_s * rate)
     if samples < 8:
         raise InputError(
-            f"Welch segment of {settings.segment:g} s has {samples} samples at {rate:g} Hz; 8 are needed"
+            f"Welch segment of {settings.segment_s:g} s has {samples} samples at {rate:g} Hz; 8 are needed"
         )
     if samples > len(values):
         recorded = len(values) + needed_besides
         raise InputError(
             f"the recording has {recorded} samples ({recorded / rate:g} s); a Welch segment of "
-            f"{settings.segment:g} s needs {samples + needed_besides}: shorten "
+            f"{settings.segment_s:g} s needs {samples + needed_besides}: shorten "
             "surgeon.welch.segment_s or leave the recording out"
         )
     return welch(

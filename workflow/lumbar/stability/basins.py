@@ -1,10 +1,11 @@
-"""All basins of one lift: three engines, both signs of gravity, and what was checked of each.
+"""All basins of one lift: three methods, both signs of gravity, and what was checked of each.
 
 Settings are the section ``stability`` of a study's configuration.
 """
 
 from __future__ import annotations
 
+import math
 import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,16 +13,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, reachable_area, regulate
-from lumbar.stability.funnel.monte_carlo_check import attack
-from lumbar.stability.funnel.saturation import NO_LIMITS, Limits, disturbance_of
-from lumbar.stability.methods import ENGINES, EngineResult, chosen_engines
-from lumbar.stability.model.failures import Failure, computed
+from lumbar.stability.funnel.monte_carlo_check import monte_carlo_check
+from lumbar.stability.funnel.saturation import UNSATURATED, Saturation, disturbance_of
+from lumbar.stability.methods import METHODS, MethodResult, chosen_methods
+from lumbar.stability.model.failures import Failure, all_or_each
 from lumbar.stability.model.pendulum_loop import SIGNS, feedforward_torque, gather
 from lumbar.stability.model.riccati import Weights, check_weights
 from lumbar.stability.model.trajectory import Trajectory
+from lumbar.stability.programme.bilinear_alternation import RESOLUTION
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from lumbar.settings.stability import PendulumSettings, StabilitySettings
 
 COLUMNS = {
     "subject": "who lifted",
@@ -29,9 +33,12 @@ COLUMNS = {
     "box_mass_kg": "mass of the box",
     "com": "centre of mass taken for the pendulum's",
     "plane": "plane onto which the trajectory is projected: lateral bending (xz) or flexion/extension (yz)",
-    "method": "engine: exact (largest V̇ on the boundary with the true sine), sum_of_squares (certificates of "
-    "the sine's Taylor polynomial at some knots), thesis (ρ̇ frozen: no certificate, goal set free)",
-    "sign": "sign of gravity in equation 4.1: hanging (as published) or inverted",
+    "method": "method: exact (largest V̇ on the boundary with the true sine), sum_of_squares (certificates of "
+    "the sine's Taylor polynomial at some knots), thesis (ρ̇ frozen: no certificate, goal set free; its areas hang on "
+    "the multiplier that a solver happens to return and have the digits printed, ±"
+    + ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())
+    + ")",
+    "sign": "sign of gravity in Eq. 4.1: hanging (as published) or inverted",
     "pivot": "point about which the pendulum turns",
     "duration_s": "duration T of the trajectory",
     "mass_kg": "mass m of the pendulum",
@@ -46,7 +53,7 @@ COLUMNS = {
     "simulated_starts": "simulated starts, half on the boundary at t = 0, half inside",
     "exits": "starts that left the basin",
     "exits_high": "upper end of the exact 95 % interval of the share that leaves",
-    "control_exits": "exits from a basin made too large on purpose (positive control: must not be 0)",
+    "control_exits": "exits from a basin made too large on purpose (negative control: must not be 0)",
     "proved_share": "share of the time axis on which the funnel with a margin is proved invariant between the "
     "knots too (interval arithmetic, true sine, cubic interpolants)",
     "proved_area_ratio": "average cross-section of the funnel with a margin, divided by mean_area",
@@ -55,10 +62,11 @@ COLUMNS = {
     "sos_taylor_difference": "largest difference in 1/s of certified rate and maximum with the true sine",
     "sos_taylor_optimism": "largest V̇/ρ with the true sine less ρ̇/ρ in 1/s: positive where the certificate of "
     "the Taylor polynomial does not hold for the sine",
-    "sos_rational_share": "share of the intervals whose certificate was proved in rational arithmetic",
+    "sos_cvxpy_difference": "largest difference in 1/s of the rates that the method's own programme and Eq. 4.6 written "
+    "out in cvxpy certify, at some knots",
     "violation_share": "share of the knots at which ρ̇ is below the largest V̇ on the boundary (true sine)",
     "unsolved_share": "share of the thesis's programmes without multiplier or maximum",
-    "euler_error": "relative error of the initial ellipse's area by Euler integration of equation 4.2",
+    "euler_error": "relative error of the initial ellipse's area by Euler integration of Eq. 4.2",
 }
 """Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method."""
 
@@ -100,31 +108,30 @@ class LiftBasins:
     failures: list[Failure]
 
 
-def weights_of(settings: dict) -> Weights:
+def weights_of(settings: StabilitySettings) -> Weights:
     """Return the regulator's weights of the configuration, checked."""
-    regulator = settings["regulator"]
-    return check_weights(regulator["state_weight"], regulator["control_weight"], regulator["terminal_weight"])
+    regulator = settings.regulator
+    return check_weights(regulator.state_weight, regulator.control_weight, regulator.terminal_weight)
 
 
-def close_loops(trajectories: list[Trajectory], sign: str, settings: dict) -> ClosedLoops:
+def close_loops(trajectories: list[Trajectory], sign: str, settings: StabilitySettings) -> ClosedLoops:
     """Put the trajectories under the regulator of the configuration."""
-    pendulum = settings["pendulum"]
-    damping = [pendulum["damping_N_m_s"]] * len(trajectories)
+    pendulum = settings.pendulum
+    damping = [pendulum.damping_N_m_s] * len(trajectories)
     pendulums = gather(
-        trajectories, [sign] * len(trajectories), damping, pendulum["gravity_m_s2"], settings["knots"]
+        trajectories, [sign] * len(trajectories), damping, pendulum.gravity_m_s2, settings.knots
     )
     return regulate(pendulums, weights_of(settings))
 
 
-def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) -> LiftBasins:
+def basins_of_lift(trajectories: list[Trajectory], settings: StabilitySettings, seed: int) -> LiftBasins:
     """Compute and check every basin of one lift.
 
     Parameters
     ----------
     trajectories : list of Trajectory
         Of one subject and box.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
     seed : int
         Of the simulated starts.
 
@@ -140,58 +147,71 @@ def basins_of_lift(trajectories: list[Trajectory], settings: dict, seed: int) ->
     import pandas as pd
 
     weights_of(settings)
-    published = settings["pendulum"]["sign"]
+    published = settings.pendulum.sign
     rows: list[dict] = []
     frames: list[pd.DataFrame] = []
     failures: list[Failure] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
-        for method in chosen_engines(settings) if sign == published else ["exact"]:
-
-            def compute(items, sign=sign, method=method):
-                loops = close_loops(items, sign, settings)
-                result = ENGINES[method](loops, settings)
-                return loops, result, basin_rows(items, loops, result, settings, seed, sign)
-
-            results, failed = computed(trajectories, compute, f"{method}, {sign}")
+        for method in chosen_methods(settings) if sign == published else ["exact"]:
+            results, failed = all_or_each(
+                method_basins, trajectories, method, sign, settings, seed, basin=f"{method}, {sign}"
+            )
             failures += failed
-            for items, (loops, result, own) in results:
+            for items, (loops, funnels, own) in results:
                 rows += own
                 if sign == published and method == "exact":
-                    frames.append(_funnel_frame(items, loops, result.funnels, settings))
+                    frames.append(_funnel_frame(items, loops, funnels, settings))
     summary = pd.DataFrame(rows, columns=list(COLUMNS)).astype(DTYPES)
     empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
     return LiftBasins(summary, pd.concat(frames, ignore_index=True) if frames else empty, failures)
 
 
+def method_basins(
+    trajectories: list[Trajectory], method: str, sign: str, settings: StabilitySettings, seed: int
+) -> tuple[ClosedLoops, Funnels, list[dict]]:
+    """Compute and check the basins of some trajectories by one method and with one sign of gravity.
+
+    Returns
+    -------
+    loops : ClosedLoops
+    funnels : Funnels
+    rows : list of dict
+        Of `basin_rows`.
+    """
+    loops = close_loops(trajectories, sign, settings)
+    result = METHODS[method](loops, settings)
+    return loops, result.funnels, basin_rows(trajectories, loops, result, settings, seed, sign)
+
+
 def basin_rows(
     trajectories: list[Trajectory],
     loops: ClosedLoops,
-    result: EngineResult,
-    settings: dict,
+    result: MethodResult,
+    settings: StabilitySettings,
     seed: int,
     sign: str,
-    limits: Limits = NO_LIMITS,
+    saturation: Saturation = UNSATURATED,
 ) -> list[dict]:
-    """Attack the basins of one engine and return a row of `COLUMNS` per trajectory."""
+    """Check the basins of one method and return a row of `COLUMNS` per trajectory."""
     first, funnels = trajectories[0], result.funnels
     name = f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}"
-    stream = [seed, zlib.crc32((name if not limits.active else f"{name} {limits}").encode())]
-    starts = settings["attack"]["starts"]
-    disturbance = disturbance_of(loops, limits, starts, [*stream, 1]) if limits.active else None
-    attacked = attack(loops, funnels, starts, stream, disturbance)
+    stream = [seed, zlib.crc32((name if not saturation.active else f"{name} {saturation}").encode())]
+    starts = settings.attack.starts
+    disturbance = disturbance_of(loops, saturation, starts, [*stream, 1]) if saturation.active else None
+    checked = monte_carlo_check(loops, funnels, starts, stream, disturbance)
     columns = {
         "mean_area": funnels.mean_area,
         "initial_area": funnels.initial_area,
         "minimum_area": funnels.minimum_area,
         "final_area": funnels.area[-1],
-        "liouville_area": reachable_area(loops, settings["goal_level"]),
-        "exits": attacked.exits,
-        "exits_high": attacked.share_high,
+        "liouville_area": reachable_area(loops, settings.goal_level),
+        "exits": checked.exits,
+        "exits_high": checked.share_high,
         **result.checks,
     }
     if result.control is not None:
-        columns["control_exits"] = attack(loops, result.control, starts, stream, disturbance).exits
-    pendulum = settings["pendulum"]
+        columns["control_exits"] = monte_carlo_check(loops, result.control, starts, stream, disturbance).exits
+    pendulum = settings.pendulum
     return [
         {
             **_identity(item),
@@ -199,10 +219,20 @@ def basin_rows(
             "sign": sign,
             "peak_torque_N_m": float(np.abs(_torque(item, sign, pendulum)).max()),
             "simulated_starts": starts,
-            **{name: values[index].item() for name, values in columns.items()},
+            **{
+                name: meaningful(values[index].item(), result.resolution.get(name))
+                for name, values in columns.items()
+            },
         }
         for index, item in enumerate(trajectories)
     ]
+
+
+def meaningful(value: float, resolution: float | None) -> float:
+    """Round a value to the first digit of its uncertainty `resolution`·|value|; None leaves it as it is."""
+    if resolution is None or value == 0:
+        return value
+    return round(value, -math.floor(math.log10(resolution * abs(value))))
 
 
 def _identity(item: Trajectory) -> dict:
@@ -210,23 +240,23 @@ def _identity(item: Trajectory) -> dict:
     return {**{name: getattr(item, name) for name in names}, "duration_s": item.duration}
 
 
-def _torque(item: Trajectory, sign: str, pendulum: dict) -> np.ndarray:
-    return feedforward_torque(item, sign, pendulum["damping_N_m_s"], pendulum["gravity_m_s2"])
+def _torque(item: Trajectory, sign: str, pendulum: PendulumSettings) -> np.ndarray:
+    return feedforward_torque(item, sign, pendulum.damping_N_m_s, pendulum.gravity_m_s2)
 
 
 def _funnel_frame(
-    trajectories: list[Trajectory], loops: ClosedLoops, funnels: Funnels, settings: dict
+    trajectories: list[Trajectory], loops: ClosedLoops, funnels: Funnels, settings: StabilitySettings
 ) -> pd.DataFrame:
     import pandas as pd
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, 1.0, len(funnels.level))
-    sign, area = settings["pendulum"]["sign"], funnels.area
+    sign, area = settings.pendulum.sign, funnels.area
     frames = []
     for index, item in enumerate(trajectories):
         at_knots = CubicSpline(
             (item.time - item.time[0]) / item.duration,
-            np.stack([item.angular_velocity, _torque(item, sign, settings["pendulum"])], axis=1),
+            np.stack([item.angular_velocity, _torque(item, sign, settings.pendulum)], axis=1),
         )(phase)
         frames.append(
             pd.DataFrame(

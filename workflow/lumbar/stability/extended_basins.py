@@ -1,23 +1,23 @@
 """Beyond the thesis's loop: each basin with limited torque, with an uncertain mass, and with a better V.
 
-By all engines with the study's sign of gravity, limits by the exact one with the other sign too. Every funnel is
-attacked by simulation and, where the configuration asks for it, proved between its knots as those of `basins` are.
+By all methods with the study's sign of gravity, limits by the exact one with the other sign too. Every funnel is
+checked by simulation and, where the configuration asks for it, proved between its knots as those of `basins` are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.stability.basins import COLUMNS as BASIN_COLUMNS
-from lumbar.stability.basins import basin_rows, close_loops
+from lumbar.stability.basins import basin_rows, close_loops, meaningful
 from lumbar.stability.funnel.funnel import ClosedLoops, exact_funnels
 from lumbar.stability.funnel.lyapunov_family import best_of_family
-from lumbar.stability.funnel.saturation import Limits
-from lumbar.stability.methods import ENGINES, EngineResult, chosen_engines
-from lumbar.stability.model.failures import Failure, computed
+from lumbar.stability.funnel.saturation import Saturation
+from lumbar.stability.methods import METHODS, MethodResult, chosen_methods
+from lumbar.stability.model.failures import Failure, all_or_each
 from lumbar.stability.model.pendulum_loop import SIGNS
 from lumbar.stability.model.trajectory import Trajectory
 from lumbar.stability.proof.interval_proof import proved_share
@@ -25,6 +25,8 @@ from lumbar.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from lumbar.settings.stability import StabilitySettings
 
 _SHARED = (
     "initial_area",
@@ -35,7 +37,6 @@ _SHARED = (
     "proved_area_ratio",
     "sos_margin_difference",
     "sos_taylor_optimism",
-    "sos_rational_share",
     "violation_share",
 )
 COLUMNS = {
@@ -46,7 +47,7 @@ COLUMNS = {
     "method": BASIN_COLUMNS["method"],
     "sign": BASIN_COLUMNS["sign"],
     "mean_area": BASIN_COLUMNS["mean_area"],
-    "area_ratio": "mean_area divided by that of the nominal loop with V the Riccati solution (exact engine)",
+    "area_ratio": "mean_area divided by that of the nominal loop with V the Riccati solution (exact method)",
     "best_share": "λ of the best V: −Ṡ = A_cᵀS + SA_c + λ(Q + KᵀRK), S(T) = Qf; λ = 1 is the Riccati solution",
     **{name: BASIN_COLUMNS[name] for name in _SHARED},
 }
@@ -55,25 +56,24 @@ COLUMNS = {
 COUNTS = {"control_exits": "Int64"}
 
 
-def loops_with_limits(settings: dict) -> dict[str, Limits]:
+def saturated_loops(settings: StabilitySettings) -> dict[str, Saturation]:
     """Limits of the configuration by the name in the column ``loop``."""
-    limits = settings["limits"]
+    saturation = settings.limits
     return {
-        "torque_limited": Limits(torque=limits["torque_N_m"]),
-        "uncertain_mass": Limits(mass_share=limits["mass_share"]),
+        "torque_limited": Saturation(torque=saturation.torque_N_m),
+        "uncertain_mass": Saturation(mass_share=saturation.mass_share),
     }
 
 
 def extended_basins(
-    trajectories: list[Trajectory], settings: dict, seed: int
+    trajectories: list[Trajectory], settings: StabilitySettings, seed: int
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Compute the extended basins of one lift.
 
     Parameters
     ----------
     trajectories : list of Trajectory
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
     seed : int
 
     Returns
@@ -86,94 +86,111 @@ def extended_basins(
     import pandas as pd
 
     settings = _with_fewer_knots(settings)
-    published = settings["pendulum"]["sign"]
+    published = settings.pendulum.sign
     rows: list[dict] = []
     failures: list[Failure] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
         plans = [
-            (name, method, limits)
-            for name, limits in loops_with_limits(settings).items()
-            for method in (chosen_engines(settings) if sign == published else ["exact"])
+            (name, method, saturation)
+            for name, saturation in saturated_loops(settings).items()
+            for method in (chosen_methods(settings) if sign == published else ["exact"])
         ]
         if sign == published:
-            plans.append(("better_v", "exact", Limits()))
-        nominal_loops = _nominal_loops(sign, settings)
-        for name, method, limits in plans:
-
-            def compute(
-                items, sign=sign, name=name, method=method, limits=limits, nominal_loops=nominal_loops
-            ):
-                loops, nominal = nominal_loops(items)
-                own, result, extra = _result(loops, name, method, limits, settings)
-                found = basin_rows(items, own, result, settings, seed, sign, limits)
-                return [
-                    {
-                        **row,
-                        "loop": name,
-                        "method": method,
-                        "area_ratio": row["mean_area"] / nominal[index].item(),
-                        **{key: values[index].item() for key, values in extra.items()},
-                    }
-                    for index, row in enumerate(found)
-                ]
-
-            results, failed = computed(trajectories, compute, f"{name}, {method}, {sign}")
+            plans.append(("better_v", "exact", Saturation()))
+        nominal = NominalLoops(sign, settings)
+        for plan in plans:
+            results, failed = all_or_each(
+                extended_rows,
+                trajectories,
+                *plan,
+                nominal,
+                settings,
+                seed,
+                basin=f"{plan[0]}, {plan[1]}, {sign}",
+            )
             rows += [row for _, own in results for row in own]
             failures += failed
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COUNTS), failures
 
 
-def _nominal_loops(sign: str, settings: dict) -> Callable[[list[Trajectory]], tuple]:
-    """Return a function from trajectories to loops and areas without limits, each computed once."""
-    known: dict[tuple, tuple] = {}
+class NominalLoops:
+    """Loops without limits and their exact areas with one sign of gravity, each computed once."""
 
-    def nominal_loops(items: list[Trajectory]) -> tuple[ClosedLoops, np.ndarray]:
-        key = tuple(item.label for item in items)
-        if key not in known:
-            loops = close_loops(items, sign, settings)
-            known[key] = loops, exact_funnels(loops, settings["goal_level"]).mean_area
-        return known[key]
+    def __init__(self, sign: str, settings: StabilitySettings):
+        self.sign = sign
+        self._settings = settings
+        self._known: dict[tuple, tuple[ClosedLoops, np.ndarray]] = {}
 
-    return nominal_loops
+    def of(self, trajectories: list[Trajectory]) -> tuple[ClosedLoops, np.ndarray]:
+        """Return the loops of some trajectories and their average cross-sections."""
+        key = tuple(item.label for item in trajectories)
+        if key not in self._known:
+            loops = close_loops(trajectories, self.sign, self._settings)
+            self._known[key] = loops, exact_funnels(loops, self._settings.goal_level).mean_area
+        return self._known[key]
+
+
+def extended_rows(
+    trajectories: list[Trajectory],
+    name: str,
+    method: str,
+    saturation: Saturation,
+    nominal: NominalLoops,
+    settings: StabilitySettings,
+    seed: int,
+) -> list[dict]:
+    """Compute and check the basins of some trajectories in one of the extended loops: a row of `COLUMNS` each."""
+    loops, areas = nominal.of(trajectories)
+    own, result, extra = _result(loops, name, method, saturation, settings)
+    found = basin_rows(trajectories, own, result, settings, seed, nominal.sign, saturation)
+    return [
+        {
+            **row,
+            "loop": name,
+            "method": method,
+            "area_ratio": meaningful(
+                row["mean_area"] / areas[index].item(), result.resolution.get("mean_area")
+            ),
+            **{key: values[index].item() for key, values in extra.items()},
+        }
+        for index, row in enumerate(found)
+    ]
 
 
 def _result(
-    loops: ClosedLoops, name: str, method: str, limits: Limits, settings: dict
-) -> tuple[ClosedLoops, EngineResult, dict[str, np.ndarray]]:
-    """Run one engine; a better V changes the loops that are attacked too."""
+    loops: ClosedLoops, name: str, method: str, saturation: Saturation, settings: StabilitySettings
+) -> tuple[ClosedLoops, MethodResult, dict[str, np.ndarray]]:
+    """Run one method; a better V changes the loops that are checked too."""
     if name != "better_v":
-        return loops, ENGINES[method](loops, settings, limits), {}
-    proof = settings["proof"]
+        return loops, METHODS[method](loops, settings, saturation), {}
+    proof = settings.proof
     best = best_of_family(
         loops,
-        settings["goal_level"],
-        settings["lyapunov_shares"],
-        proof["margin_1_s"] if proof else 0.0,
-        settings["attack"]["control_overstated"],
+        settings.goal_level,
+        settings.lyapunov_shares,
+        proof.margin_1_s if proof else 0.0,
+        settings.attack.control_overstated,
     )
     checks = {}
     if proof:
         checks["proved_share"] = proved_share(best.loops, best.with_margin)
         checks["proved_area_ratio"] = best.with_margin.mean_area / best.funnels.mean_area
-    return best.loops, EngineResult(best.funnels, checks, best.overstated), {"best_share": best.share}
+    return best.loops, MethodResult(best.funnels, checks, best.negative_control), {"best_share": best.share}
 
 
-def _with_fewer_knots(settings: dict) -> dict:
-    """Return the settings with knots and proof of the section ``limits`` for every engine."""
-    limits = settings["limits"]
-    certified = settings["sum_of_squares"] and {
-        **settings["sum_of_squares"],
-        "knots": limits["certified_knots"],
-    }
-    proof = settings["proof"] if limits["proved"] else None
-    return {**settings, "knots": limits["knots"], "sum_of_squares": certified, "proof": proof}
+def _with_fewer_knots(settings: StabilitySettings) -> StabilitySettings:
+    """Return the settings with knots and proof of the section ``limits`` for every method."""
+    saturation = settings.limits
+    certified = settings.sum_of_squares and replace(settings.sum_of_squares, knots=saturation.certified_knots)
+    proof = settings.proof if saturation.proved else None
+    return replace(settings, knots=saturation.knots, sum_of_squares=certified, proof=proof)
 
 
-def extended_table(frame: pd.DataFrame, settings: dict, data: str) -> Table:
+def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
     """Return the extended basins of all lifts as a published table."""
     import pandas as pd
 
-    limits = settings["limits"]
+    saturation = settings.limits
     counts = pd.Series(
         [None if pd.isna(item) else int(item) for item in frame["control_exits"]], dtype=object
     )
@@ -184,10 +201,10 @@ def extended_table(frame: pd.DataFrame, settings: dict, data: str) -> Table:
         definitions=COLUMNS,
         data=data,
         notes=(
-            f"U = {limits['torque_N_m']:g} N·m, the same for all; the mass lies within "
-            f"±{100 * limits['mass_share']:g} % of the nominal one, the pendulum's mass "
-            f"{settings['pendulum']['mass'].replace('_', ' ')}; λ tried: "
-            + ", ".join(f"{share:g}" for share in settings["lyapunov_shares"]),
+            f"U = {saturation.torque_N_m:g} N·m, the same for all; the mass lies within "
+            f"±{100 * saturation.mass_share:g} % of the nominal one, the pendulum's mass "
+            f"{settings.pendulum.mass.replace('_', ' ')}; λ tried: "
+            + ", ".join(f"{share:g}" for share in settings.lyapunov_shares),
         ),
         may_be_empty=frozenset({*optional, "best_share"}),
     )

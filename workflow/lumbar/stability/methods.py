@@ -1,15 +1,15 @@
-"""The three engines behind one interface: closed loops and settings in, funnels and their checks out.
+"""The three methods behind one interface: closed loops and settings in, funnels and their checks out.
 
 ========================= ======================================================================================
 `exact`                   largest funnel of the given V, with the true sine (`funnel`); proved between its knots
-                          (`between_knots`) with a small margin
+                          (`interval_proof`) with a small margin
 `sum_of_squares`          certificates of the sine's Taylor polynomial, ρ̇ a variable, ρ(T) fixed
                           (`certified_funnel`)
-`thesis`                  equations 4.5 to 4.7 to the letter, ρ̇ frozen: no certificate (`bilinear_alternation`)
+`thesis`                  Eqs 4.5–4.7 to the letter, ρ̇ frozen: no certificate (`bilinear_alternation`)
 ========================= ======================================================================================
 
 All read the same keys of the section ``stability``, take the same loops (either sign of gravity, any Q, R, Qf,
-b, mass) and the same `Limits` of torque and mass, and raise `NumericalError` naming subject, COM and plane rather
+b, mass) and the same `Saturation` of torque and mass, and raise `NumericalError` naming subject, COM and plane rather
 than return what is not a result.
 """
 
@@ -17,20 +17,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.errors import NumericalError
 from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, funnel_variants
-from lumbar.stability.funnel.saturation import NO_LIMITS, Limits, limited_funnels
-from lumbar.stability.programme.bilinear_alternation import alternate
+from lumbar.stability.funnel.saturation import UNSATURATED, Saturation, saturated_funnels
+from lumbar.stability.programme.bilinear_alternation import RESOLUTION, alternate
 from lumbar.stability.programme.certified_funnel import certified_funnels
 from lumbar.stability.proof.interval_proof import proved_share
 
+if TYPE_CHECKING:
+    from lumbar.settings.stability import StabilitySettings
+
 
 @dataclass(frozen=True)
-class EngineResult:
-    """What an engine returns.
+class MethodResult:
+    """What a method returns.
 
     Attributes
     ----------
@@ -38,69 +42,75 @@ class EngineResult:
     checks : dict of str to numpy.ndarray, shape (pendulums,)
         By column of `basins.COLUMNS`.
     control : Funnels or None
-        Funnels that are too large on purpose, for the positive control of the attack.
+        Funnels that are too large on purpose, for the negative control of the Monte Carlo check.
+    resolution : dict of str to float
+        How far an area may be trusted, relative, by column; an area without entry has all its digits.
     """
 
     funnels: Funnels
     checks: dict[str, np.ndarray] = field(default_factory=dict)
     control: Funnels | None = None
+    resolution: dict[str, float] = field(default_factory=dict)
 
 
-def exact(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> EngineResult:
+def exact(
+    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
+) -> MethodResult:
     """Compute the largest funnels and prove those with a margin between the knots."""
-    goal, overstated = settings["goal_level"], settings["attack"]["control_overstated"]
-    proof = settings["proof"]
-    margin = proof["margin_1_s"] if proof else 0.0
-    if limits.active:
-        found = limited_funnels(loops, goal, limits, margin, overstated)
+    goal, negative_control = settings.goal_level, settings.attack.control_overstated
+    proof = settings.proof
+    margin = proof.margin_1_s if proof else 0.0
+    if saturation.active:
+        found = saturated_funnels(loops, goal, saturation, margin, negative_control)
         for label, reason in zip(loops.pendulums.labels, found.reason, strict=True):
             if reason:
                 raise NumericalError(f"{label}: {reason}")
-        largest, smaller, control = found.exact, found.with_margin, found.overstated
+        largest, smaller, control = found.exact, found.with_margin, found.negative_control
     else:
-        largest, smaller, control = funnel_variants(loops, goal, margin, overstated)
+        largest, smaller, control = funnel_variants(loops, goal, margin, negative_control)
     checks = {}
     if proof:
-        checks["proved_share"] = proved_share(loops, smaller, limits)
+        checks["proved_share"] = proved_share(loops, smaller, saturation)
         checks["proved_area_ratio"] = smaller.mean_area / largest.mean_area
-    return EngineResult(largest, checks, control)
+    return MethodResult(largest, checks, control)
 
 
-def sum_of_squares(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> EngineResult:
+def sum_of_squares(
+    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
+) -> MethodResult:
     """Compute funnels by certificates at the knots."""
-    options = settings["sum_of_squares"]
+    options = settings.sum_of_squares
     funnels, agreement = certified_funnels(
         loops,
-        settings["goal_level"],
-        degree=options["degree"],
-        knots=options["knots"],
-        alternations=options["alternations"],
-        margin=options["margin_1_s"],
-        rational=options["rational"],
-        limits=limits,
+        settings.goal_level,
+        degree=options.degree,
+        knots=options.knots,
+        alternations=options.alternations,
+        margin=options.margin_1_s,
+        saturation=saturation,
     )
     checks = {
         "sos_margin_difference": agreement.margin_difference,
         "sos_taylor_difference": agreement.taylor_difference,
         "sos_taylor_optimism": agreement.taylor_optimism,
     }
-    if agreement.rational_share is not None:
-        checks["sos_rational_share"] = agreement.rational_share
-    return EngineResult(funnels, checks)
+    return MethodResult(funnels, checks)
 
 
-def thesis(loops: ClosedLoops, settings: dict, limits: Limits = NO_LIMITS) -> EngineResult:
+def thesis(
+    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
+) -> MethodResult:
     """Run the thesis's procedure and count where its result breaks its own condition."""
-    found = alternate(loops, **settings["thesis_method"], limits=limits)
+    found = alternate(loops, **vars(settings.thesis_method), saturation=saturation)
     checks = {
         "violation_share": found.violation_share,
         "unsolved_share": found.unsolved_share,
         "euler_error": found.euler_error,
     }
-    return EngineResult(found.funnels, checks)
+    return MethodResult(found.funnels, checks, resolution=RESOLUTION)
 
 
-ENGINES: dict[str, Callable[[ClosedLoops, dict, Limits], EngineResult]] = {
+METHODS: dict[str, Callable[[ClosedLoops, dict, Saturation], MethodResult]] = {
     "exact": exact,
     "sum_of_squares": sum_of_squares,
     "thesis": thesis,
@@ -108,7 +118,7 @@ ENGINES: dict[str, Callable[[ClosedLoops, dict, Limits], EngineResult]] = {
 """By the name in the column ``method``."""
 
 
-def chosen_engines(settings: dict) -> list[str]:
-    """Names of the engines a configuration asks for; the exact one always."""
-    optional = {"sum_of_squares": settings["sum_of_squares"], "thesis": settings["thesis_method"]}
+def chosen_methods(settings: StabilitySettings) -> list[str]:
+    """Names of the methods a configuration asks for; the exact one always."""
+    optional = {"sum_of_squares": settings.sum_of_squares, "thesis": settings.thesis_method}
     return ["exact", *(name for name, options in optional.items() if options)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from lumbar.records.ratings import Ratings
 from lumbar.survey.signed_rank import SignedRank, signed_rank_test
 from lumbar.survey.table_3_2 import Overall, holm, pairs, reality_notes
 from lumbar.tables import Table
+
+if TYPE_CHECKING:
+    from lumbar.settings.survey import SurveySettings
 
 
 def friedman(ratings: Ratings) -> tuple[Overall, float]:
@@ -198,18 +202,18 @@ def compare_pairs(
     return comparisons
 
 
-def paired_table(ratings: Ratings, comparisons: list[PairedComparison], settings: dict, data: str) -> Table:
+def paired_table(
+    ratings: Ratings, comparisons: list[PairedComparison], settings: SurveySettings, data: str
+) -> Table:
     """Table of the within-subject analysis: one row per pair of models.
 
     Parameters
     ----------
-    settings : dict
-        ``zeros``, ``confidence``, ``resamples`` and ``negligible_A`` of the configuration's section
-        ``survey``.
+    settings : SurveySettings
     """
     import pandas as pd
 
-    margin = settings["negligible_A"]
+    margin = settings.negligible_A
     frame = pd.DataFrame(
         {
             "model_a": [item.first for item in comparisons],
@@ -238,14 +242,14 @@ def paired_table(ratings: Ratings, comparisons: list[PairedComparison], settings
     )
 
 
-def _definitions(settings: dict) -> dict[str, str]:
-    percent = f"{100 * settings['confidence']:g} %"
+def _definitions(settings: SurveySettings) -> dict[str, str]:
+    percent = f"{100 * settings.confidence:g} %"
     zeros = {
         "pratt": "zero differences are ranked with the others and their ranks dropped (Pratt)",
         "wilcox": "zero differences are dropped before ranking (Wilcoxon)",
-    }[settings["zeros"]]
-    bound = f"{percent} percentile bootstrap interval of A, {settings['resamples']} samples of participants"
-    margin = settings["negligible_A"]
+    }[settings.zeros]
+    bound = f"{percent} percentile bootstrap interval of A, {settings.resamples} samples of participants"
+    margin = settings.negligible_A
     return {
         "model_a": "First model of the pair",
         "model_b": "Second model of the pair",
@@ -263,7 +267,7 @@ def _definitions(settings: dict) -> dict[str, str]:
         "A_low": f"Lower end of the {bound}",
         "A_high": "Upper end of the same interval",
         "equivalent": f"yes: A is shown to lie within 0.5 ± {margin:g} (two one-sided tests at "
-        f"{1 - settings['confidence']:.2g})",
+        f"{1 - settings.confidence:.2g})",
     }
 
 

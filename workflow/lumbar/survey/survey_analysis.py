@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from lumbar.survey.best_picks import PickShares, best_picks_table, equal_shares_
 from lumbar.survey.paired_analysis import PairedComparison, compare_pairs, friedman, paired_table
 from lumbar.survey.table_3_2 import holm, kruskal_wallis, mann_whitney, pairs, table_3_2
 from lumbar.tables import Table
+
+if TYPE_CHECKING:
+    from lumbar.settings.survey import SurveySettings
 
 
 @dataclass(frozen=True)
@@ -29,15 +33,13 @@ class SurveyAnalysis:
     results: dict
 
 
-def analyse_survey(ratings: Ratings, settings: dict, seed: int, data: str) -> SurveyAnalysis:
+def analyse_survey(ratings: Ratings, settings: SurveySettings, seed: int, data: str) -> SurveyAnalysis:
     """Analyse the answers as the thesis did, and within participants.
 
     Parameters
     ----------
     ratings : Ratings
-    settings : dict
-        The configuration's section ``survey``: ``note``, ``baseline``, ``zeros``, ``confidence``,
-        ``resamples``, ``negligible_A``.
+    settings : SurveySettings
     seed : int
         Seed of the bootstrap.
     data : str
@@ -48,9 +50,9 @@ def analyse_survey(ratings: Ratings, settings: dict, seed: int, data: str) -> Su
     NumericalError
         If the answers do not differ at all.
     """
-    label = ratings.label(data, settings["note"])
-    confidence, baseline = settings["confidence"], settings["baseline"]
-    comparisons = compare_pairs(ratings, settings["zeros"], confidence, settings["resamples"], seed)
+    label = ratings.label(data, settings.note)
+    confidence, baseline = settings.confidence, settings.baseline
+    comparisons = compare_pairs(ratings, settings.zeros, confidence, settings.resamples, seed)
     shares = pick_shares(ratings, confidence)
     tables = {
         "table_3_2": table_3_2(ratings, label),

@@ -1,11 +1,13 @@
-"""Moment at the hip of a lifter, beside each lift and in trials of their own; what eq. 4.1 leaves out is hidden in it.
+"""Moment at the hip of a lifter, beside each lift and in trials of their own; what Eq. 4.1 leaves out is hidden in it.
 
 Head, arms and trunk swing about the hip like a pendulum whose angle counts forward from straight up. The box in the hands
-and the stiffness of the passive tissues at the end of the range are no part of eq. 4.1; `hidden` in the configuration says
+and the stiffness of the passive tissues at the end of the range are no part of Eq. 4.1; `hidden` in the configuration says
 which of them there are.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,18 +15,35 @@ from lumbar.errors import InputError
 from lumbar.synthetic.lifter import Movement
 from lumbar.synthetic.swinging_body import Mass, Signal, Swing, constant, rate
 
+if TYPE_CHECKING:
+    from lumbar.settings.twin import (
+        SyntheticLift,
+        SyntheticLiftingSettings,
+        SyntheticMomentSettings,
+        SyntheticPerson,
+        TrueEvents,
+    )
+
 HAT_MASS, HAT_COM, HAT_GYRATION = 0.678, 0.626, 0.496
 """Head, arms and trunk (Winter 2009, Table 4.1): share of body mass; distance of the centre of mass from the greater
 trochanter, and radius of gyration about the centre of mass, as shares of the distance from there to the glenohumeral
 joint."""
 TROCHANTER_TO_SHOULDER = 0.288
 """Share of stature (Drillis and Contini, 1966)."""
+DECIMALS = {"time_s": 6, "angle_rad": 9, "moment_Nm": 3, "box_held": 9}
+"""Digits after the point that are recorded."""
 TAKE_OVER_S = 0.1
 """How long the hands take to load the whole box."""
 
 
 def hip_moment(
-    time: np.ndarray, angle: Signal, held: Signal, box_mass: float, person: dict, settings: dict, rng
+    time: np.ndarray,
+    angle: Signal,
+    held: Signal,
+    box_mass: float,
+    person: SyntheticPerson,
+    settings: SyntheticMomentSettings,
+    rng,
 ):
     """Record the hip moment of one movement.
 
@@ -36,10 +55,8 @@ def hip_moment(
         Inclination of the trunk (rad) and share of the box that the hands carry, over time.
     box_mass : float
         kg.
-    person : dict
-        ``mass_kg`` and ``height_m``.
-    settings : dict
-        Section ``twin.lifting.hip_moment``.
+    person : SyntheticPerson
+    settings : SyntheticMomentSettings
     rng : numpy.random.Generator
 
     Returns
@@ -49,18 +66,19 @@ def hip_moment(
     """
     import pandas as pd
 
-    hidden, segment = settings["hidden"], TROCHANTER_TO_SHOULDER * person["height_m"]
-    mass = HAT_MASS * person["mass_kg"]
+    hidden, segment = settings.hidden, TROCHANTER_TO_SHOULDER * person.height_m
+    mass = HAT_MASS * person.mass_kg
     masses = [Mass(mass, constant(HAT_COM * segment))]
-    if hidden["hand_distance_m"]:
-        masses.append(Mass(box_mass, constant(hidden["hand_distance_m"]), held))
+    if hidden.hand_distance_m:
+        masses.append(Mass(box_mass, constant(hidden.hand_distance_m), held))
     trunk = Swing(angle, tuple(masses), mass * (HAT_GYRATION * segment) ** 2, hanging=False)
-    moment = trunk.moment(time) + settings["damping_N_m_s"] * rate(angle, time)
-    moment += hidden["stiffening_N_m"] * np.expm1(angle(time) / hidden["stiffening_angle_rad"])
-    moment += rng.normal(0, settings["noise_N_m"], len(time))
-    return pd.DataFrame(
-        {"time_s": time, "angle_rad": angle(time), "moment_Nm": moment, "box_held": held(time)}
-    )
+    moment = trunk.moment(time) + settings.damping_N_m_s * rate(angle, time)
+    moment += hidden.stiffening_N_m * np.expm1(angle(time) / hidden.stiffening_angle_rad)
+    moment += rng.normal(0, settings.noise_N_m, len(time))
+    columns = {"time_s": time, "angle_rad": angle(time), "moment_Nm": moment, "box_held": held(time)}
+    # As an instrument writes: what rounding leaves in further digits differs between processors, and at rest, where it
+    # is all there is, a diagnosis would take it for motion. Adding zero turns −0 into 0.
+    return pd.DataFrame({name: np.round(column, DECIMALS[name]) + 0.0 for name, column in columns.items()})
 
 
 def trunk_angle(movement: Movement) -> Signal:
@@ -71,30 +89,36 @@ def trunk_angle(movement: Movement) -> Signal:
     return lambda time: spline(np.clip(time, movement.time[0], movement.time[-1]))
 
 
-def box_held(events: dict) -> Signal:
+def box_held(events: TrueEvents) -> Signal:
     """Share of the box that the hands carry: from lift-off to release."""
 
     def held(time):
-        taken = np.clip((time - events["lift_off"]) / TAKE_OVER_S, 0, 1)
-        left = np.clip((time - events["release"]) / TAKE_OVER_S, 0, 1)
+        taken = np.clip((time - events.lift_off) / TAKE_OVER_S, 0, 1)
+        left = np.clip((time - events.release) / TAKE_OVER_S, 0, 1)
         return np.sin(0.5 * np.pi * taken) ** 2 - np.sin(0.5 * np.pi * left) ** 2
 
     return held
 
 
-def trial_moment(name: str, settings: dict, movement: Movement, lift: dict, person: dict, rng):
+def trial_moment(
+    name: str,
+    settings: SyntheticLiftingSettings,
+    movement: Movement,
+    lift: SyntheticLift,
+    person: SyntheticPerson,
+    rng,
+):
     """Record the hip moment of a trial: one lift again and again, faster or slower.
 
     Parameters
     ----------
     name : str
         Of the trial, in ``twin.lifting.hip_moment.trials``.
-    settings : dict
-        Section ``twin.lifting``.
+    settings : SyntheticLiftingSettings
     movement : Movement
         Of the lift that is repeated.
-    lift, person : dict
-        Content of that lift and person.
+    lift : SyntheticLift
+    person : SyntheticPerson
     rng : numpy.random.Generator
         For the noise and for the differences between repetitions.
 
@@ -103,14 +127,14 @@ def trial_moment(name: str, settings: dict, movement: Movement, lift: dict, pers
     pandas.DataFrame
         As `hip_moment`.
     """
-    trial = settings["hip_moment"]["trials"][name]
-    once, cycle = trunk_angle(movement), settings["duration_s"]
-    scale = 1 + trial["variation"] * rng.standard_normal(trial["repetitions"])
-    held_once = box_held(lift["events_s"])
+    trial = settings.hip_moment.trials[name]
+    once, cycle = trunk_angle(movement), settings.duration_s
+    scale = 1 + trial.variation * rng.standard_normal(trial.repetitions)
+    held_once = box_held(lift.events_s)
 
     def phase(time):
         """Which repetition, and the time within the lift."""
-        lifting = np.clip(time * trial["pace"], 0, cycle * trial["repetitions"] - 1e-9)
+        lifting = np.clip(time * trial.pace, 0, cycle * trial.repetitions - 1e-9)
         return (lifting // cycle).astype(int), lifting % cycle
 
     def angle(time):
@@ -118,20 +142,19 @@ def trial_moment(name: str, settings: dict, movement: Movement, lift: dict, pers
         return scale[repetition] * once(within)
 
     def held(time):
-        return trial["with_box"] * held_once(phase(time)[1])
+        return trial.with_box * held_once(phase(time)[1])
 
-    samples = round(cycle * trial["repetitions"] / trial["pace"] * settings["rate_Hz"])
-    time = np.arange(samples) / settings["rate_Hz"]
-    return hip_moment(time, angle, held, lift["box_mass_kg"], person, settings["hip_moment"], rng)
+    samples = round(cycle * trial.repetitions / trial.pace * settings.rate_Hz)
+    time = np.arange(samples) / settings.rate_Hz
+    return hip_moment(time, angle, held, lift.box_mass_kg, person, settings.hip_moment, rng)
 
 
-def write_trials(settings: dict, names: list[str], paths: list, seed: list[int]) -> None:
+def write_trials(settings: SyntheticLiftingSettings, names: list[str], paths: list, seed: list[int]) -> None:
     """Write the trials of a study as CSV files.
 
     Parameters
     ----------
-    settings : dict
-        Section ``twin.lifting``.
+    settings : SyntheticLiftingSettings
     names : list of str
         Trials of ``hip_moment.trials``.
     paths : list of path
@@ -146,15 +169,15 @@ def write_trials(settings: dict, names: list[str], paths: list, seed: list[int])
     from lumbar.files import write_csv
     from lumbar.synthetic.lifting_recordings import true_movement
 
-    known = settings["hip_moment"]["trials"]
+    known = settings.hip_moment.trials
     for name, path in zip(names, paths, strict=True):
         if name not in known:
             raise InputError(
                 f"twin.lifting.hip_moment.trials: no trial {name!r}; the twin has {', '.join(known)}: add it there"
             )
-        lift = known[name]["lift"]
+        lift = known[name].lift
         movement = true_movement(settings, lift)
-        content = settings["lifts"][lift]
+        content = settings.lifts[lift]
         rng = np.random.default_rng([*seed, list(known).index(name)])
-        person = settings["people"][content["person"]]
+        person = settings.people[content.person]
         write_csv(path, trial_moment(name, settings, movement, content, person, rng))

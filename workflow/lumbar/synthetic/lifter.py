@@ -8,8 +8,12 @@ around, so that they are known exactly.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from lumbar.settings.twin import SyntheticLift, SyntheticPerson, WorkplaceSettings
 
 # Heights of joints and landmarks and lengths of segments as shares of stature: ankle, hip, shoulder, arm and
 # widths after Drillis and Contini (1966); levels of the spine as on a person standing.
@@ -66,67 +70,68 @@ def _column(*values) -> np.ndarray:
     return np.stack(np.broadcast_arrays(*values), axis=-1).astype(float)
 
 
-def simulate(time: np.ndarray, person: dict, lift: dict, workplace: dict) -> Movement:
+def simulate(
+    time: np.ndarray, person: SyntheticPerson, lift: SyntheticLift, workplace: WorkplaceSettings
+) -> Movement:
     """Move one person through one lift.
 
     Parameters
     ----------
     time : ndarray, shape (n,)
         Seconds.
-    person : dict
-        ``height_m``.
-    lift : dict
-        Postures and ``events_s`` of the lift (``twin.lifting.lifts``).
-    workplace : dict
-        Pallet, table, way between them and size of the box (``twin.lifting.workplace``).
+    person : SyntheticPerson
+    lift : SyntheticLift
+        Postures and events.
+    workplace : WorkplaceSettings
+        Pallet, table, way between them and size of the box.
     """
-    height, events = person["height_m"], lift["events_s"]
-    lift_off, toe_off = events["lift_off"], events["toe_off"]
-    deposit, release = events["deposit_start"], events["release"]
+    height, events = person.height_m, lift.events_s
+    lift_off, toe_off = events.lift_off, events.toe_off
+    deposit, release = events.deposit_start, events.release
     upright_again = release + 1.4
-    feet = _feet(time, height, lift, workplace["walk_m"])
-    walked = workplace["walk_m"] * breakaway(time, toe_off - 0.05, deposit)
+    feet = _feet(time, height, lift, workplace.walk_m)
+    walked = workplace.walk_m * breakaway(time, toe_off - 0.05, deposit)
     bending_down = minimum_jerk(time, 0.5, lift_off - 0.3)
     straightening = minimum_jerk(time, lift_off, toe_off - 0.1)
     depositing = minimum_jerk(time, deposit, release) - minimum_jerk(time, release + 0.1, upright_again)
     stooping = bending_down - straightening
     flexion = (
-        np.deg2rad(lift["lift_flexion_deg"]) * stooping
+        np.deg2rad(lift.lift_flexion_deg) * stooping
         + CARRY_FLEXION * (straightening - minimum_jerk(time, release + 0.1, upright_again))
-        + np.deg2rad(lift["deposit_flexion_deg"]) * depositing
+        + np.deg2rad(lift.deposit_flexion_deg) * depositing
         + _hesitation(time, lift)
     )
     side = _pulse(time, lift_off, (lift_off + toe_off) / 2, toe_off) + _pulse(
         time, deposit, release - 0.25 * (release - deposit), upright_again
     )
-    sway = lift["lateral_sway_m"] * side + 0.015 * np.sin(2 * np.pi * 0.9 * (time - toe_off)) * _pulse(
+    sway = lift.lateral_sway_m * side + 0.015 * np.sin(2 * np.pi * 0.9 * (time - toe_off)) * _pulse(
         time, toe_off, (toe_off + deposit) / 2, deposit
     )
     mid_hip = _column(
         sway,
         walked + HIPS_AHEAD - HIPS_BACK * np.sin(flexion),
-        HIP_HEIGHT * height - lift["lift_squat_m"] * stooping - lift["deposit_squat_m"] * depositing,
+        HIP_HEIGHT * height - lift.lift_squat_m * stooping - lift.deposit_squat_m * depositing,
     )
-    trunk, neck = _trunk(mid_hip, flexion, np.deg2rad(lift["lateral_bending_deg"]) * side, height)
+    trunk, neck = _trunk(mid_hip, flexion, np.deg2rad(lift.lateral_bending_deg) * side, height)
     box = _box(time, events, height, workplace)
-    markers = {**trunk, **feet, **_wrists(time, events, trunk, box, height, workplace["box_width_m"])}
+    markers = {**trunk, **feet, **_wrists(time, events, trunk, box, height, workplace.box_width_m)}
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-    size = np.array([workplace["box_width_m"], workplace["box_depth_m"], workplace["box_height_m"]])
+    size = np.array([workplace.box_width_m, workplace.box_depth_m, workplace.box_height_m])
     markers.update({f"BOX_{i}": box + corner * size for i, corner in enumerate(corners, start=1)})
     line = neck - mid_hip
     return Movement(time, markers, np.arctan2(line[:, 1], line[:, 2]))
 
 
-def _hesitation(time: np.ndarray, lift: dict) -> np.ndarray:
+def _hesitation(time: np.ndarray, lift: SyntheticLift) -> np.ndarray:
     """Corrections of the trunk while the box is placed: many for a novice, few for an expert."""
-    start, stop = lift["events_s"]["deposit_start"], lift["events_s"]["release"]
-    swing = np.sin(2 * np.pi * lift["hesitation_Hz"] * (time - start))
-    return np.deg2rad(lift["hesitation_deg"]) * swing * _pulse(time, start, (start + stop) / 2, stop + 0.3)
+    start, stop = lift.events_s.deposit_start, lift.events_s.release
+    swing = np.sin(2 * np.pi * lift.hesitation_Hz * (time - start))
+    return np.deg2rad(lift.hesitation_deg) * swing * _pulse(time, start, (start + stop) / 2, stop + 0.3)
 
 
-def _feet(time: np.ndarray, height: float, lift: dict, walk: float) -> dict[str, np.ndarray]:
+def _feet(time: np.ndarray, height: float, lift: SyntheticLift, walk: float) -> dict[str, np.ndarray]:
     """Ankle, heel and toe of both feet: the right foot leads with half the way, the left swings through."""
-    toe_off, deposit = lift["events_s"]["toe_off"], lift["events_s"]["deposit_start"]
+    toe_off, deposit = lift.events_s.toe_off, lift.events_s.deposit_start
     step = (deposit - toe_off) / 3.2
     swing = 0.75 * step
     swings = {
@@ -140,7 +145,7 @@ def _feet(time: np.ndarray, height: float, lift: dict, walk: float) -> dict[str,
             moved = breakaway(time, start, start + swing)
             forward = forward + length * moved
             raised = raised + 0.07 * np.sin(np.pi * moved) ** 2
-        if lift["foot_adjustment"] and side == "L":
+        if lift.foot_adjustment and side == "L":
             # A shuffle to the box before the lift: not the end of the lift.
             forward = forward - 0.12 + 0.12 * breakaway(time, 0.3, 0.65)
         ankle = _column(sign * STANCE_HALF_WIDTH * height, forward, ANKLE_HEIGHT * height + raised)
@@ -195,23 +200,21 @@ def _trunk(mid_hip, flexion, bending, height) -> tuple[dict[str, np.ndarray], np
 
 def _box(time, events, height, workplace) -> np.ndarray:
     """Centre of the box: on the pallet, held, carried, on the table."""
-    half = workplace["box_height_m"] / 2
-    pallet = np.array([0.0, workplace["pallet_distance_m"], workplace["pallet_height_m"] + half])
+    half = workplace.box_height_m / 2
+    pallet = np.array([0.0, workplace.pallet_distance_m, workplace.pallet_height_m + half])
     held = np.array([0.0, CARRY_REACH, CARRY_HEIGHT * height])
-    carried = held + np.array([0, workplace["walk_m"], 0])
-    table = np.array(
-        [0.0, workplace["walk_m"] + workplace["table_distance_m"], workplace["table_height_m"] + half]
-    )
-    lifted = breakaway(time, events["lift_off"], events["toe_off"] - 0.1)[:, None]
-    walked = breakaway(time, events["toe_off"] - 0.05, events["deposit_start"])[:, None]
-    placed = breakaway(time, events["deposit_start"], events["release"])[:, None]
+    carried = held + np.array([0, workplace.walk_m, 0])
+    table = np.array([0.0, workplace.walk_m + workplace.table_distance_m, workplace.table_height_m + half])
+    lifted = breakaway(time, events.lift_off, events.toe_off - 0.1)[:, None]
+    walked = breakaway(time, events.toe_off - 0.05, events.deposit_start)[:, None]
+    placed = breakaway(time, events.deposit_start, events.release)[:, None]
     return pallet + lifted * (held - pallet) + walked * (carried - held) + placed * (table - carried)
 
 
 def _wrists(time, events, trunk, box, height, width) -> dict[str, np.ndarray]:
     """Wrists: hanging, at the handles from just before lift-off until the release, hanging again."""
-    reaching = minimum_jerk(time, 1.0, events["lift_off"] - 0.15)
-    leaving = minimum_jerk(time, events["release"], events["release"] + 0.9)
+    reaching = minimum_jerk(time, 1.0, events.lift_off - 0.15)
+    leaving = minimum_jerk(time, events.release, events.release + 0.9)
     holding = (reaching - leaving)[:, None]
     markers = {}
     for side, sign in (("R", 1), ("L", -1)):

@@ -18,11 +18,13 @@ from lumbar.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.twin import SyntheticSurgeon, SyntheticSurgeonSettings
+
 _RESOLUTION_DECIMALS = 4
 """Digits of a millimetre that the recording keeps."""
 
 
-def surgeon_trial(name: str, surgeon: str, settings: dict, seed: int) -> pd.DataFrame:
+def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, seed: int) -> pd.DataFrame:
     """One recording of the tool tip.
 
     Parameters
@@ -30,9 +32,8 @@ def surgeon_trial(name: str, surgeon: str, settings: dict, seed: int) -> pd.Data
     name : str
         Name of the trial: every trial has random numbers of its own, whatever other trials there are.
     surgeon : str
-        One of ``settings["surgeons"]``.
-    settings : dict
-        The section ``twin.surgeon`` of the configuration.
+        One of ``settings.surgeons``.
+    settings : SyntheticSurgeonSettings
     seed : int
         Seed of the twin.
 
@@ -48,17 +49,17 @@ def surgeon_trial(name: str, surgeon: str, settings: dict, seed: int) -> pd.Data
     """
     import pandas as pd
 
-    known = settings["surgeons"]
+    known = settings.surgeons
     if surgeon not in known:
         raise InputError(
             f"surgeon.records: {name} is by {surgeon!r}; twin.surgeon.surgeons has {', '.join(known)}"
         )
     person = known[surgeon]
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
-    samples = round(settings["duration_s"] * settings["rate_Hz"])
-    time = np.arange(samples) / settings["rate_Hz"]
+    samples = round(settings.duration_s * settings.rate_Hz)
+    time = np.arange(samples) / settings.rate_Hz
     depth, twist = _movements(person, settings, rng)
-    radius = settings["lateral_mm"]
+    radius = settings.lateral_mm
     angle = np.radians(minimum_jerk_chain(time, *twist))
     motion = {
         "x_mm": radius * np.sin(angle),
@@ -67,10 +68,10 @@ def surgeon_trial(name: str, surgeon: str, settings: dict, seed: int) -> pd.Data
     }
     frame = {"time_s": np.round(time, 6)}
     for axis, values in motion.items():
-        tremor = person["tremor_rms_mm"] * tremor_noise(
-            samples, settings["rate_Hz"], person["tremor_Hz"], settings["tremor_bandwidth_Hz"], rng
+        tremor = person.tremor_rms_mm * tremor_noise(
+            samples, settings.rate_Hz, person.tremor_Hz, settings.tremor_bandwidth_Hz, rng
         )
-        noise = settings["noise_rms_mm"] * rng.standard_normal(samples)
+        noise = settings.noise_rms_mm * rng.standard_normal(samples)
         frame[axis] = np.round(values + tremor + noise, _RESOLUTION_DECIMALS)
     return pd.DataFrame(frame)
 
@@ -130,38 +131,40 @@ def tremor_noise(
     return np.fft.irfft(samples * amplitudes * phasors, samples)
 
 
-def _movements(person: dict, settings: dict, rng: np.random.Generator) -> tuple[tuple, tuple]:
+def _movements(
+    person: SyntheticSurgeon, settings: SyntheticSurgeonSettings, rng: np.random.Generator
+) -> tuple[tuple, tuple]:
     """Plan of a trial: for the depth and the twist each start times, durations and targets."""
 
     def varied(mean: float) -> float:
-        return float(mean * np.exp(settings["variation"] * rng.standard_normal()))
+        return float(mean * np.exp(settings.variation * rng.standard_normal()))
 
-    clock = varied(settings["pause_s"])
-    depth, twist = _Plan(-settings["approach_mm"]), _Plan(0.0)
-    clock = depth.move(clock, varied(settings["approach_s"]), 0.0) + varied(settings["pause_s"])
-    reached = settings["puncture_mm"]
-    clock = depth.move(clock, varied(settings["puncture_s"]), reached) + varied(settings["pause_s"])
-    end = settings["duration_s"] - settings["pause_s"]
+    clock = varied(settings.pause_s)
+    depth, twist = _Plan(-settings.approach_mm), _Plan(0.0)
+    clock = depth.move(clock, varied(settings.approach_s), 0.0) + varied(settings.pause_s)
+    reached = settings.puncture_mm
+    clock = depth.move(clock, varied(settings.puncture_s), reached) + varied(settings.pause_s)
+    end = settings.duration_s - settings.pause_s
     while clock < end:
         # Between bouts the tool is set anew, off the depth reached: the slow, large part of the motion.
-        floor = reached + settings["reposition_mm"] * rng.standard_normal()
-        clock = depth.move(clock, varied(settings["reposition_s"]), floor) + varied(settings["pause_s"])
-        for _ in range(1 + rng.poisson(settings["strokes_per_bout"] - 1)):
+        floor = reached + settings.reposition_mm * rng.standard_normal()
+        clock = depth.move(clock, varied(settings.reposition_s), floor) + varied(settings.pause_s)
+        for _ in range(1 + rng.poisson(settings.strokes_per_bout - 1)):
             # Strokes become shallower as the access deepens.
-            done = min(clock / settings["duration_s"], 1.0)
-            stroke = varied(person["stroke_mm"]) * (1 - (1 - settings["last_stroke_share"]) * done)
-            floor += settings["gain_mm_per_stroke"]
-            reached += settings["gain_mm_per_stroke"]
-            half = varied(person["stroke_s"])
+            done = min(clock / settings.duration_s, 1.0)
+            stroke = varied(person.stroke_mm) * (1 - (1 - settings.last_stroke_share) * done)
+            floor += settings.gain_mm_per_stroke
+            reached += settings.gain_mm_per_stroke
+            half = varied(person.stroke_s)
             side = 1 if rng.random() < 0.5 else -1
-            twist.move(clock, half, side * varied(settings["twist_deg"]))
+            twist.move(clock, half, side * varied(settings.twist_deg))
             clock = depth.move(clock, half, floor + stroke)
-            half = varied(person["stroke_s"])
+            half = varied(person.stroke_s)
             twist.move(clock, half, 0.0)
             clock = depth.move(clock, half, floor)
             if clock >= end:
                 break
-        clock += varied(settings["pause_s"])
+        clock += varied(settings.pause_s)
     return depth.arrays(), twist.arrays()
 
 

@@ -11,11 +11,15 @@ import csv
 import math
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.errors import InputError
 from lumbar.files import write_text
+
+if TYPE_CHECKING:
+    from lumbar.settings.twin import SyntheticTissueSettings
 
 
 def tissue_force(
@@ -59,15 +63,16 @@ def tissue_force(
     return k2 * (position - elongation) + cubic * position**3
 
 
-def tissue_test(time: np.ndarray, position: np.ndarray, tissue: dict, rng: np.random.Generator) -> np.ndarray:
+def tissue_test(
+    time: np.ndarray, position: np.ndarray, tissue: SyntheticTissueSettings, rng: np.random.Generator
+) -> np.ndarray:
     """Return the recorded force: that of the tissue and white noise of the load cell.
 
     Parameters
     ----------
     time, position : numpy.ndarray, shape (samples,)
         Command of the testing machine, seconds and millimetres.
-    tissue : dict
-        Section ``twin.tissue`` of the configuration.
+    tissue : SyntheticTissueSettings
     rng : numpy.random.Generator
 
     Returns
@@ -78,18 +83,22 @@ def tissue_test(time: np.ndarray, position: np.ndarray, tissue: dict, rng: np.ra
     force = tissue_force(
         time,
         position,
-        tissue["k1_N_per_mm"],
-        tissue["k2_N_per_mm"],
-        tissue["relaxation_s"],
-        tissue["cubic_N_per_mm3"],
+        tissue.k1_N_per_mm,
+        tissue.k2_N_per_mm,
+        tissue.relaxation_s,
+        tissue.cubic_N_per_mm3,
     )
-    share = tissue["noise_variance_share"]
+    share = tissue.noise_variance_share
     noise = math.sqrt(share / (1.0 - share)) * force.std()
     return force + noise * rng.standard_normal(len(force))
 
 
 def play(
-    signal: str | os.PathLike, recording: str | os.PathLike, tissue: dict, seed: int, number: int
+    signal: str | os.PathLike,
+    recording: str | os.PathLike,
+    tissue: SyntheticTissueSettings,
+    seed: int,
+    number: int,
 ) -> None:
     """Play one signal file on the synthetic tissue and write the recording.
 
@@ -99,8 +108,7 @@ def play(
         CSV ``time_s,position_mm``.
     recording : path
         CSV ``time_s,position_mm,force_N`` that is written.
-    tissue : dict
-        Section ``twin.tissue``.
+    tissue : SyntheticTissueSettings
     seed, number : int
         Seed of the twin and number of the recording: every recording has noise of its own.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from lumbar.effects.catalogue import without_channels
 from lumbar.models.form import Effect
 from lumbar.records.record import Record
 from lumbar.signals.machine_limits import Kinematics
+
+if TYPE_CHECKING:
+    from lumbar.settings.signals import MachineSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +61,7 @@ def gather_evidence(
     records: list[Record],
     settings: DiagnosisSettings,
     seed: int,
-    machine: dict | None = None,
+    machine: MachineSettings | None = None,
 ) -> Evidence:
     """Gather the evidence for a diagnosis.
 
@@ -70,17 +74,15 @@ def gather_evidence(
         Those it was made with.
     seed : int
         Of the intervals.
-    machine : dict, optional
-        Limits ``displacement_mm``, ``velocity_mm_s``, ``acceleration_mm_s2``; taken where the input is in mm.
+    machine : MachineSettings, optional
+        Its limits; taken where the input is in mm.
     """
     experiment = diagnosis.experiment
     null = shipped(diagnosis.base.fit.structure.base.system)
     catalogue, _ = without_channels(settings.candidates, experiment.training.motion.channels)
     limits = None
     if machine and experiment.input_unit == "mm":
-        limits = Kinematics(
-            machine["displacement_mm"], machine["velocity_mm_s"], machine["acceleration_mm_s2"]
-        )
+        limits = Kinematics(machine.displacement_mm, machine.velocity_mm_s, machine.acceleration_mm_s2)
     forms = sum(len(effect.forms) for effect in catalogue.values())
     return Evidence(
         remaining=compare_and_locate(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.effects.catalogue import catalogue_of, catalogue_with
@@ -12,6 +13,9 @@ from lumbar.models.bases import BASES
 from lumbar.models.form import Effect
 from lumbar.models.measured_angle import for_base
 from lumbar.records.record import Record
+
+if TYPE_CHECKING:
+    from lumbar.settings.improvement import ImprovementSettings
 
 
 @dataclass(frozen=True)
@@ -47,22 +51,22 @@ class DiagnosisSettings:
         return catalogue_of(self.base) if self.catalogue is None else self.catalogue
 
     @classmethod
-    def from_config(
+    def from_improvement(
         cls,
-        config: dict,
+        improvement: ImprovementSettings,
         base: str | None = None,
         train: str | Sequence[str] | None = None,
         periods: dict[str, float] | None = None,
     ) -> DiagnosisSettings:
-        """Settings from a study's section ``improvement``; what is given beside it comes first."""
-        base = base or config["base"]
+        """Settings from a study's chapter improvement; what is given beside it comes first."""
+        base = base or improvement.base
         return cls(
             base=base,
-            train=train or config.get("train"),
+            train=train or improvement.train,
             periods=periods or {},
-            catalogue=catalogue_with(config["effect_files"], base),
-            most_effects=config["most_effects"],
-            centre=config["centre"],
+            catalogue=catalogue_with(improvement.effect_files, base),
+            most_effects=improvement.most_effects,
+            centre=improvement.centre,
         )
 
 

@@ -7,7 +7,7 @@ all parameters are searched together, from the linear solution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -119,7 +119,11 @@ def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np
     return [np.array(point) for point in product(*grids)]
 
 
-def fit(structure: Structure, data: FitData, start: np.ndarray, evaluations: int = 40) -> Fit:
+EVALUATIONS = 40
+"""Of the error, at most, per search."""
+
+
+def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     """Fit a structure to a record from one start.
 
     Parameters
@@ -128,23 +132,17 @@ def fit(structure: Structure, data: FitData, start: np.ndarray, evaluations: int
     data : FitData
     start : numpy.ndarray
         Nonlinear parameters to start from, base first.
-    evaluations : int
-        Most steps of the optimiser.
 
     Returns
     -------
     Fit
     """
     if not len(start):
-        return (
-            _at(structure, data, start)
-            if structure.is_linear
-            else _search_all(structure, data, start, evaluations)
-        )
+        return _at(structure, data, start) if structure.is_linear else _search_all(structure, data, start)
     low, high = shape_bounds(structure, data, start)
     start = np.clip(start, low * 1.0001, high * 0.9999)
     search = _search_nonlinear if structure.is_linear else _search_all
-    return search(structure, data, start, evaluations, low, high)
+    return search(structure, data, start, low, high)
 
 
 def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: bool = True) -> Fit:
@@ -156,7 +154,7 @@ def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: b
     return Fit(structure, linear, nonlinear, float(error @ error), converged)
 
 
-def _search_nonlinear(structure, data, start, evaluations, low, high) -> Fit:
+def _search_nonlinear(structure, data, start, low, high) -> Fit:
     from scipy.optimize import least_squares
 
     force = data.counted(data.force)
@@ -167,12 +165,12 @@ def _search_nonlinear(structure, data, start, evaluations, low, high) -> Fit:
 
     found = least_squares(
         error, np.log(start), bounds=(np.log(low), np.log(high)), diff_step=1e-5, xtol=1e-7, ftol=1e-9,
-        max_nfev=evaluations,
+        max_nfev=EVALUATIONS,
     )  # fmt: skip
     return _at(structure, data, np.exp(found.x), found.status > 0)
 
 
-def _search_all(structure, data, start, evaluations, low=(), high=()) -> Fit:
+def _search_all(structure, data, start, low=(), high=()) -> Fit:
     """Search all parameters together: the output forms' derivative by differences, the rest by columns."""
     from scipy.optimize import least_squares
 
@@ -211,7 +209,7 @@ def _search_all(structure, data, start, evaluations, low=(), high=()) -> Fit:
         [np.log(start), np.clip(first / size, lower[count:] + 1e-9, upper[count:] - 1e-9)]
     )
     found = least_squares(
-        error, vector, jac=jacobian, bounds=(lower, upper), xtol=1e-8, ftol=1e-9, max_nfev=evaluations
+        error, vector, jac=jacobian, bounds=(lower, upper), xtol=1e-8, ftol=1e-9, max_nfev=EVALUATIONS
     )
     nonlinear, linear = parts(found.x)
     linear = np.where(signs > 0, np.maximum(linear, 0), np.where(signs < 0, np.minimum(linear, 0), linear))
@@ -288,12 +286,26 @@ def linear_with_new(previous: Fit, form: Form) -> np.ndarray:
 
 
 def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
-    """Refit a model with one form more, jointly, from the best starting values; never worse than before.
+    """Refit a model with one form more, jointly, from the best starting values.
 
-    Raises
-    ------
-    AssertionError
-        If the larger model fits worse than the smaller one it contains, which only a failing optimiser can do.
+    A parallel form contains the smaller model, at amplitude 0: its fit is never worse. Where the optimiser ends above the
+    smaller model, that one stands in its place, not converged.
+
+    An input or output form comes to the smaller model only in the limit of a parameter (no play, no delay, saturation at
+    an infinite force), beyond its bounds. Its fit may therefore be worse, with the parameter at a bound; where none of its
+    parameters is, it has not converged.
+
+    Parameters
+    ----------
+    previous : Fit
+    form : Form
+    data : FitData
+    starts : int
+        How many of the starting values, best first, are refined.
+
+    Returns
+    -------
+    Fit
     """
     structure = previous.structure.with_form(form)
     best = min(
@@ -303,13 +315,18 @@ def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
         ),
         key=lambda item: item.squared_error,
     )
-    if best.squared_error > previous.squared_error * (1 + 1e-6) and form.place is Place.PARALLEL:
-        best = Fit(
-            structure,
-            linear_with_new(previous, form),
-            best.nonlinear.copy(),
-            previous.squared_error,
-            converged=False,
+    if best.squared_error <= previous.squared_error * (1 + 1e-6):
+        return best
+    new = best.nonlinear[len(previous.nonlinear) :]
+    if form.place is Place.PARALLEL:
+        nonlinear = np.concatenate([previous.nonlinear, new])
+        return Fit(
+            structure, linear_with_new(previous, form), nonlinear, previous.squared_error, converged=False
         )
-        best.nonlinear[: len(previous.nonlinear)] = previous.nonlinear
-    return best
+    low, high = (bound[len(previous.nonlinear) :] for bound in shape_bounds(structure, data, best.nonlinear))
+    bounded = np.any((new <= low * (1 + _AT_BOUND)) | (new >= high * (1 - _AT_BOUND)))
+    return replace(best, converged=best.converged and bool(bounded))
+
+
+_AT_BOUND = 1e-3
+"""Relative distance within which a parameter counts as at its bound."""

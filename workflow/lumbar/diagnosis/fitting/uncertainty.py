@@ -37,7 +37,7 @@ def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> lis
     return [
         FittedParameter(
             item.name,
-            getattr(item, "symbol", ""),
+            item.in_latex,
             unit_of(item.unit, input_unit, output_unit),
             float(value),
             float(low),

@@ -126,9 +126,7 @@ def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
     return np.concatenate([[1.0], -coefficients]), float(covariance[0] / max(error, 1e-12 * covariance[0]))
 
 
-def noise_floor(
-    record: Record, period: float | None = None, role: str = "output", input_role: str = "input"
-) -> NoiseFloor | None:
+def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | None:
     """Return the noise floor of a periodic record, or None where its input, or another input beside it, does not repeat.
 
     Parameters
@@ -136,29 +134,27 @@ def noise_floor(
     record : Record
     period : float, optional
         Seconds; by default the record's own, else found by `find_period`.
-    role, input_role : str
-        Channels of the response and of the excitation.
 
     Raises
     ------
     InputError
         If a period is given that the record is too short for, or with which its input does not repeat.
     """
-    period = period or record.period or find_period(record, input_role)
+    period = period or record.period or find_period(record)
     if period is None:
         return None
-    folding = fold_periods(record, period, input_role)
-    beside = record.channels.keys() - {role, input_role}
+    folding = fold_periods(record, period)
+    beside = record.channels.keys() - {"output", "input"}
     if not all(repeats(record, folding, other) for other in beside):
         return None  # what was measured beside the input moves the output too, and does not repeat
-    folded = folding.fold(record[role])
+    folded = folding.fold(record["output"])
     mean_period = folded.mean(axis=0)
-    deviations, input_driven = _without_input_deviations(folded - mean_period, record[input_role], folding)
+    deviations, input_driven = _without_input_deviations(folded - mean_period, record["input"], folding)
     scale = np.abs(folded).max()
     if np.abs(deviations).max() <= 1e-12 * scale:
         deviations = np.zeros_like(deviations)
     noise, parts, degrees = remove_structure(
-        deviations, mean_period, folding.fold(record[input_role]).mean(axis=0)
+        deviations, mean_period, folding.fold(record["input"]).mean(axis=0)
     )
     variance = float(np.sum(noise**2)) / degrees
     power = line_power(noise, degrees / folding.samples)
@@ -169,7 +165,7 @@ def noise_floor(
         rms=float(np.sqrt(variance)),
         low=float(np.sqrt(low)),
         high=float(np.sqrt(high)),
-        structured=_described(parts, variance, record, folding, role),
+        structured=_described(parts, variance, record, folding),
         structured_rms=_rms_together(parts, variance),
         input_driven_rms=input_driven,
         spectrum=_density(power, folding.samples, record.sampling_time),
@@ -232,10 +228,10 @@ def _density(power: np.ndarray, samples: int, sampling_time: float) -> tuple[np.
 
 
 def _described(
-    parts: list[Part], variance: float, record: Record, folding: Folding, role: str
+    parts: list[Part], variance: float, record: Record, folding: Folding
 ) -> tuple[tuple[str, float], ...]:
-    unit = record.channels[role].unit
-    mean_period = folding.fold(record[role]).mean(axis=0)
+    unit = record.channels["output"].unit
+    mean_period = folding.fold(record["output"]).mean(axis=0)
     described = [
         (_words(part, mean_period, unit, record.sampling_time), part.rms(variance)) for part in parts
     ]

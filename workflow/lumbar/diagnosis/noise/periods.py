@@ -68,7 +68,7 @@ def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
     return np.maximum(overlapping - 2.0 * products, 0.0) / (2.0 * variance * (size - lag))
 
 
-def find_period(record: Record, role: str = "input") -> float | None:
+def find_period(record: Record) -> float | None:
     """Return the period of the input in seconds, or None where it does not repeat.
 
     The shortest lag at which the input agrees with itself as well as at any other, within
@@ -78,10 +78,8 @@ def find_period(record: Record, role: str = "input") -> float | None:
     Parameters
     ----------
     record : Record
-    role : str
-        Channel that excites.
     """
-    values = record[role]
+    values = record["input"]
     lags = int(len(values) * (1 + _MISSING_END) / FEWEST_PERIODS)
     if lags < 3:
         return None
@@ -101,7 +99,7 @@ def find_period(record: Record, role: str = "input") -> float | None:
     return float(candidates[difference[candidates] <= enough][0] * record.sampling_time)
 
 
-def fold_periods(record: Record, period: float, role: str = "input") -> Folding:
+def fold_periods(record: Record, period: float) -> Folding:
     """Cut a record into the whole periods after its first one.
 
     Parameters
@@ -109,8 +107,6 @@ def fold_periods(record: Record, period: float, role: str = "input") -> Folding:
     record : Record
     period : float
         Seconds.
-    role : str
-        Channel that excites; it has to repeat with this period.
 
     Raises
     ------
@@ -132,7 +128,7 @@ def fold_periods(record: Record, period: float, role: str = "input") -> Folding:
     starts = size - np.round(length * np.arange(periods - 1, 0, -1)).astype(int)
     starts = np.minimum(starts, size - samples)
     folding = Folding(period, samples, starts[:, None] + np.arange(samples))
-    unlike = _unlike(folding.fold(record[role]))
+    unlike = _unlike(folding.fold(record["input"]))
     # A period that is no whole number of samples is cut up to half a sample beside its place.
     if unlike > 5 * REPEATS_WITHIN:
         raise InputError(

@@ -120,7 +120,6 @@ def compare_record(
     floor_from: str = "",
     one_step: np.ndarray | None = None,
     start: float = SETTLING,
-    role: str = "output",
     seed: int = 0,
 ) -> Comparison:
     """Compare a free-run simulation with a record.
@@ -143,8 +142,6 @@ def compare_record(
         One-step-ahead prediction over the whole record.
     start : float
         Seconds left out at the beginning, where the initial state is not known.
-    role : str
-        Channel that is compared.
     seed : int
         Of the resampling.
 
@@ -156,13 +153,13 @@ def compare_record(
         If the output does not move.
     """
     first = counted_from(record, simulated, start)
-    measured, modelled = record[role][first:], np.asarray(simulated, dtype=float)[first:]
+    measured, modelled = record["output"][first:], np.asarray(simulated, dtype=float)[first:]
     repeats = floor is not None and floor_from in ("", record.name)
     period = round(floor.period / record.sampling_time) if repeats else None
     estimates = _estimates(measured, modelled, period, seed)
     return Comparison(
         record=record.name,
-        unit=record.channels[role].unit,
+        unit=record.channels["output"].unit,
         samples=measured.size,
         start=start,
         **dict(zip(("rms", "vaf", "fit", "mean_residual"), estimates, strict=True)),
@@ -307,13 +304,13 @@ _DEFINITIONS = {
     "rms": "root mean square of the residual of the free run",
     "rms_low": "lower end of the interval",
     "rms_high": "upper end of the interval",
-    "vaf_percent": "eq. 3.12: 100 (1 − var(residual)/var(output)), free run",
+    "vaf_percent": "Eq. 3.12: 100 (1 − var(residual)/var(output)), free run",
     "vaf_low": "lower end of the interval, %",
     "vaf_high": "upper end of the interval, %",
-    "fit_percent": "eq. 3.11: 100 (1 − rms(residual)/σ(output)), free run",
+    "fit_percent": "Eq. 3.11: 100 (1 − rms(residual)/σ(output)), free run",
     "fit_low": "lower end of the interval, %",
     "fit_high": "upper end of the interval, %",
-    "mean_residual": "eq. 3.10: mean of the absolute residual, free run",
+    "mean_residual": "Eq. 3.10: mean of the absolute residual, free run",
     "mean_residual_low": "lower end of the interval",
     "mean_residual_high": "upper end of the interval",
     "noise_floor_rms": "noise per sample: spread of the periods about their mean without what is structured in it",
@@ -323,5 +320,5 @@ _DEFINITIONS = {
     "explainable_rms": "√(rms² − noise floor²), 0 where the error is below the floor",
     "explainable_percent": "100 explainable_rms²/var(output)",
     "explainable_vaf_percent": "100 (1 − explainable_rms²/(var(output) − noise floor²))",
-    "nmse_one_step": "eq. 3.13 of the one-step-ahead prediction: beside the free run only, it says little about a model",
+    "nmse_one_step": "Eq. 3.13 of the one-step-ahead prediction: beside the free run only, it says little about a model",
 }

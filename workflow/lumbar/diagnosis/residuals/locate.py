@@ -105,9 +105,6 @@ def locate(
     simulated: np.ndarray,
     floor: NoiseFloor | None = None,
     floor_from: str = "",
-    start: float = SETTLING,
-    role: str = "output",
-    input_role: str = "input",
 ) -> Location:
     """See where a free-run simulation fails.
 
@@ -120,28 +117,24 @@ def locate(
         Noise of this record, or of another one with the same set-up.
     floor_from : str
         Name of the record that `floor` comes from; default this one.
-    start : float
-        Seconds left out at the beginning.
-    role, input_role : str
-        Channels of response and excitation.
 
     Raises
     ------
     InputError
-        If the simulation does not fit the record, is not finite, or nothing is left after `start`.
+        If the simulation does not fit the record, is not finite, or nothing is left after the settling time.
     """
-    first = counted_from(record, simulated, start)
+    first = counted_from(record, simulated, SETTLING)
     own_floor = floor is not None and floor_from in ("", record.name)
-    folding = _counted_folding(fold_periods(record, floor.period, input_role), first) if own_floor else None
+    folding = _counted_folding(fold_periods(record, floor.period), first) if own_floor else None
     residual = Residual(
-        values=(record[role] - simulated)[first:],
+        values=(record["output"] - simulated)[first:],
         time=record.time[first:] - record.time[0],
-        position=record[input_role][first:],
-        velocity=steady_velocity(record[input_role], record.sampling_time)[first:],
+        position=record["input"][first:],
+        velocity=steady_velocity(record["input"], record.sampling_time)[first:],
         sampling_time=record.sampling_time,
-        unit=record.channels[role].unit,
-        position_unit=record.channels[input_role].unit,
-        moved=record.channels[input_role].quantity,
+        unit=record.channels["output"].unit,
+        position_unit=record.channels["input"].unit,
+        moved=record.channels["input"].quantity,
         floor=floor,
         folding=folding,
     )

@@ -233,13 +233,13 @@ def reversal_view(residual: Residual) -> View:
     return View("reversals", _counted(average), average.p_value, sentence, table, numbers)
 
 
-def _since_reversal(residual: Residual, turns: np.ndarray, directions: np.ndarray, bins: int = 8):
-    """Means over the time since the last reversal, in equally filled bins, by direction."""
+def _since_reversal(residual: Residual, turns: np.ndarray, directions: np.ndarray):
+    """Means over the time since the last reversal, in eight equally filled bins, by direction."""
     samples = np.arange(len(residual.values))
     last = np.searchsorted(turns, samples, side="right") - 1
     since = samples - turns[np.maximum(last, 0)]
     known = last >= 0
-    edges = np.unique(np.quantile(since[known], np.linspace(0, 1, bins + 1)[1:-1]))
+    edges = np.unique(np.quantile(since[known], np.linspace(0, 1, 9)[1:-1]))
     bin_number = np.searchsorted(edges, since, side="right")
     upward = directions[np.maximum(last, 0)] > 0
     groups = np.where(known, bin_number + (len(edges) + 1) * upward, -1)

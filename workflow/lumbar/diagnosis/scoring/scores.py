@@ -13,6 +13,8 @@ from lumbar.tables import SYNTHETIC_TWIN, Table
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.hidden_effects import HiddenEffectsSettings
+
 NAMED, TIED, EXTRA, PARTLY = "named", "tied", "extra", "partly"
 WRONG, UNEXPLAINED, MISSED = "wrong", "unexplained", "missed"
 INCOMPLETE = "incomplete"
@@ -170,20 +172,19 @@ def _groups(frame: pd.DataFrame, strong: float):
         yield f"nothing hidden, {colour}", null[null["noise_colour"] == colour]
 
 
-def accuracy_table(frame: pd.DataFrame, settings: dict) -> Table:
+def accuracy_table(frame: pd.DataFrame, settings: HiddenEffectsSettings) -> Table:
     """How often the diagnosis is right, by kind, strength and colour of the noise.
 
     Parameters
     ----------
     frame : pandas.DataFrame
         Of `scores`.
-    settings : dict
-        Section ``hidden_effects`` of the configuration.
+    settings : HiddenEffectsSettings
     """
     import pandas as pd
 
-    confidence, rows = settings["confidence"], []
-    for name, group in _groups(frame, settings["strong_residual_over_noise"]):
+    confidence, rows = settings.confidence, []
+    for name, group in _groups(frame, settings.strong_residual_over_noise):
         if group.empty:
             continue
         counts = group["outcome"].value_counts()
@@ -227,11 +228,11 @@ def _median(values: pd.Series) -> float | None:
     return float(known.median()) if len(known) else None
 
 
-def forms_table(frame: pd.DataFrame, settings: dict) -> Table:
+def forms_table(frame: pd.DataFrame, settings: HiddenEffectsSettings) -> Table:
     """How often each mathematical form is named for what it is, and from which strength each mechanism is."""
     import pandas as pd
 
-    strong, confidence, rows = settings["strong_residual_over_noise"], settings["confidence"], []
+    strong, confidence, rows = settings.strong_residual_over_noise, settings.confidence, []
     hidden = frame[frame["kind"].isin(["single", "outside"]) & (frame["residual_over_noise"] >= strong)]
     # Experiments stand in the catalogue's order; what is outside it comes last.
     for form, group in hidden.sort_values("kind", ascending=False, kind="stable").groupby(
@@ -312,7 +313,7 @@ def power_curve(frame: pd.DataFrame) -> PowerCurve:
     return fit_power_curve(single["residual_over_noise"], single["right"])
 
 
-def power_summary(frame: pd.DataFrame, settings: dict, seed: int) -> dict:
+def power_summary(frame: pd.DataFrame, settings: HiddenEffectsSettings, seed: int) -> dict:
     """Strength from which the wanted share of single effects is named, by both curves.
 
     Returns
@@ -322,13 +323,13 @@ def power_summary(frame: pd.DataFrame, settings: dict, seed: int) -> dict:
         the share is not reached within it.
     """
     curve = power_curve(frame)
-    share = settings["named_share"]
-    low, high = strength_interval(curve, share, settings["confidence"], settings["bootstrap_resamples"], seed)
+    share = settings.named_share
+    low, high = strength_interval(curve, share, settings.confidence, settings.bootstrap_resamples, seed)
     return {
         "share": share,
         "experiments": len(curve.strength),
         "tested": [float(curve.strength[0]), float(curve.strength[-1])],
         "logistic": {"value": curve.strength_at(share), "low": low, "high": high},
         "isotonic": curve.isotonic_strength_at(share),
-        "confidence": settings["confidence"],
+        "confidence": settings.confidence,
     }

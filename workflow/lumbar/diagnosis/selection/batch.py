@@ -10,14 +10,9 @@ from lumbar.errors import InputError, NumericalError
 from lumbar.progress import track
 from lumbar.records.columns import read_record
 from lumbar.records.record import Record
+from lumbar.settings.tissue import TissueSettings
 
-LAYOUT = {
-    "columns": {
-        "time": {"column": "time_s", "quantity": "time", "unit": "s"},
-        "input": {"column": "position_mm", "quantity": "position", "unit": "mm"},
-        "output": {"column": "force_N", "quantity": "force", "unit": "N"},
-    }
-}
+LAYOUT = TissueSettings().layout
 """Columns of the recordings."""
 
 

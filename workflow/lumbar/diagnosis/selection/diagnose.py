@@ -12,6 +12,7 @@ from lumbar.diagnosis.fitting.joint_fit import Fit, add, fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import estimates
 from lumbar.diagnosis.selection.forward_selection import (
+    REFITTED,
     Candidate,
     best_by_effect,
     exchange,
@@ -40,9 +41,7 @@ from lumbar.models.structure import Structure
 from lumbar.records.record import Record
 
 
-def diagnose(
-    records: list[Record], settings: DiagnosisSettings | None = None, null: NullGains | None = None
-) -> Diagnosis:
+def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -> Diagnosis:
     """Diagnose what a base model is missing on a set of records.
 
     Parameters
@@ -50,8 +49,6 @@ def diagnose(
     records : list of Record
         One per excitation, with channels ``input`` and ``output``.
     settings : DiagnosisSettings, optional
-    null : NullGains, optional
-        Gains where nothing is missing; default the table that comes with the project.
 
     Returns
     -------
@@ -66,7 +63,7 @@ def diagnose(
     catalogue = settings.candidates
     experiment = prepare_for(records, settings)
     usable, not_tried = without_channels(catalogue, experiment.training.motion.channels)
-    null = null or shipped(BASES[settings.base].system)
+    null = shipped(BASES[settings.base].system)
     found = _searched(experiment, replace(settings, catalogue=usable), null)
     if experiment.error_dwarfs_noise(found.model.train_rms):
         found = _searched(experiment.unwhitened(), replace(settings, catalogue=usable), null)
@@ -95,16 +92,18 @@ class _Selection:
         model = ladder[-1]
         tied = self.tied(model)
         share = self.share_removed(model)
+        verdict = self.verdict(model, tied, share)
+        further = self.further(model)
         return Diagnosis(
             experiment=self.experiment,
             base=self.base,
-            verdict=self.verdict(model, tied, share),
-            complete=self.complete(model),
+            verdict=verdict,
             ladder=ladder,
             tied_with=tied,
             ranking=self.ranking(model),
             explainable_share_removed=share,
-            verdict_after=self.verdict_after(model),
+            verdict_after=verdict if model is self.base else self.verdict_after(model, further),
+            further=further,
         )
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
@@ -237,16 +236,25 @@ class _Selection:
             return "unexplained"
         return "tied" if tied else "named"
 
-    def verdict_after(self, model: Candidate) -> str:
-        """Verdict on a model to which no further effect could be added."""
-        if model is self.base:
-            return self.verdict(model, [], 0.0)
-        known = self.experiment.floor is not None
-        return "unexplained" if known and not is_adequate(model, self.experiment) else "adequate"
+    def further(self, model: Candidate) -> Candidate | None:
+        """Diagnose the refined model: what one more step of the search would add, however many effects it has.
 
-    def complete(self, model: Candidate) -> bool | None:
-        floor = self.experiment.floor
-        return None if floor is None else bool(model.test_rms <= COMPLETE * floor.rms)
+        Nothing is looked for beyond a model that leaves only noise, nor beyond the base, whose every single effect has
+        been tried. A step that the search has made from this very model is not made again.
+        """
+        if model is self.base or is_adequate(model, self.experiment):
+            return None
+        forms = {form.key for form in model.fit.structure.forms}
+        made = [item for item in self.tried if {form.key for form in item.fit.structure.forms[:-1]} == forms]
+        found = made or extend(model, self.settings.catalogue, self.experiment, REFITTED)
+        found = [item for item in found if self.passes(model, item) and self.worthwhile(model, item)]
+        return min(found, key=lambda item: item.score, default=None)
+
+    def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
+        if further is not None:
+            return "named"
+        unknown = self.experiment.floor is None
+        return "adequate" if unknown or is_adequate(model, self.experiment, COMPLETE) else "unexplained"
 
     def ranking(self, model: Candidate) -> list[Ranked]:
         """The selected set first, then every other set tried, best first."""

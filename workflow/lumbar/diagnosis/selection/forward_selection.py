@@ -136,13 +136,13 @@ def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
     return mean * size / float(np.sqrt(variance))
 
 
-def is_adequate(candidate: Candidate, experiment: Experiment) -> bool:
-    """Whether nothing but noise is left, as far as the floor is known."""
+def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
+    """Whether the errors are within this factor of the noise floor, or of what it may scatter to; False without one."""
     if experiment.floor is None:
         return False
     floor, training, tests = experiment.floor, experiment.training, experiment.tests
     return all(
-        rms <= floor.rms * max(ADEQUATE, floor.largest_ratio(sum(item.size for item in records)))
+        rms <= floor.rms * max(factor, floor.largest_ratio(sum(item.size for item in records)))
         for rms, records in ((candidate.train_rms, [training]), (candidate.test_rms, tests))
     )
 

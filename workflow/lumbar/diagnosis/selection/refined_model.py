@@ -76,7 +76,7 @@ def _free_run(fit: Fit, data: FitData) -> tuple[float, float, float]:
 
 
 def _largest_relative_uncertainty(parameters: list[FittedParameter]) -> float | None:
-    """MRU (eq. 3.16) from the intervals; a parameter at its bound 0, to rounding, has no relative uncertainty."""
+    """MRU (Eq. 3.16) from the intervals; a parameter at its bound 0, to rounding, has no relative uncertainty."""
     relative = [
         100 * (item.high - item.low) / (2 * 1.96 * abs(item.value))
         for item in parameters

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lumbar.diagnosis.selection.forward_selection import is_adequate
 from lumbar.diagnosis.selection.thresholds import LEVEL
 from lumbar.diagnosis.selection.verdict import Diagnosis, Ranked
 from lumbar.effects.pendulum_load import CHANNELS
@@ -36,7 +37,7 @@ def headline(diagnosis: Diagnosis) -> str:
             f"Something is missing; {named} explains it ({fall}), but {others} cannot be told apart from it."
         )
     tail = f"; the best candidate, {named}, removes too little of it" if diagnosis.selected else ""
-    return f"Something is missing from the {base} model and nothing in the catalogue explains it{tail}."
+    return f"Something is missing from the {base} model and no effect of the catalogue explains it{tail}."
 
 
 def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
@@ -100,14 +101,20 @@ def not_tried(diagnosis: Diagnosis) -> list[str]:
 
 
 def _diagnosed_again(diagnosis: Diagnosis) -> str:
-    unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
+    unit, floor, model = diagnosis.experiment.output_unit, diagnosis.experiment.floor, diagnosis.model
+    if diagnosis.further is not None:
+        return (
+            f"Diagnosed again, {readable(diagnosis.further.effects[-1])} is missing too: with it the error on unseen "
+            f"records falls to {diagnosis.further.test_rms:.3g} {unit}."
+        )
     if floor is None:
-        return "Diagnosed again, no further effect passes."
-    rms = max(diagnosis.model.train_rms, diagnosis.model.test_rms)
-    left = f"its error is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} {unit})"
-    if diagnosis.verdict_after == "adequate":
-        return f"Diagnosed again, the refined model is adequate: {left}."
-    return f"Diagnosed again, something is left that no further effect of the catalogue explains: {left}."
+        return "Diagnosed again, none of the most promising further effects passes."
+    rms = max(model.train_rms, model.test_rms)
+    left = f"the error of the refined model is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} {unit})"
+    if is_adequate(model, diagnosis.experiment):
+        return f"What is left is noise as far as can be told: {left}."
+    something = "" if diagnosis.complete else "something is left and "
+    return f"Diagnosed again, {something}none of the most promising further effects passes: {left}."
 
 
 def runner_up(diagnosis: Diagnosis) -> Ranked | None:

@@ -5,7 +5,8 @@ LEVEL = 0.01
 UNSEEN = 2.33
 """Standard errors by which the squared error on unseen records must fall (one-sided 1 %)."""
 COMPLETE = 1.2
-"""Remaining error, in noise floors, up to which a model counts as complete."""
+"""Error in noise floors, on training and unseen records, up to which a refined model that nothing further improves counts
+as complete: its parameters are estimates, and cost a little on records that they were not fitted to."""
 TIED = 9.2
 """Difference in twice the log-likelihood below which two effects cannot be told apart (odds of 100 to 1)."""
 STRUCTURED = 0.2

@@ -39,8 +39,6 @@ class Diagnosis:
         The base alone.
     verdict : str
         ``adequate``, ``named``, ``tied`` or ``unexplained``.
-    complete : bool or None
-        Whether what remains on unseen records is noise; None where the floor is unknown.
     ladder : list of Candidate
         Base, base and first effect, ….
     tied_with : list of Candidate
@@ -50,7 +48,11 @@ class Diagnosis:
     explainable_share_removed : float
         Share of the base's explainable variance on unseen records that the selected effects remove.
     verdict_after : str
-        The refined model diagnosed again: ``adequate`` or ``unexplained``; what could be named is in it already.
+        Verdict on the refined model: ``named`` (`further` passes what an effect must pass to be selected), else
+        ``adequate`` (its error is within `COMPLETE` of the noise floor, or that is not known) or ``unexplained``.
+    further : Candidate or None
+        Refined model with the effect that one more step of the search would add. None as well where the refined model
+        leaves only noise, so that no step was made.
     not_tried : list of (Form, tuple of str)
         Forms that need channels which the records do not have, with these channels.
     """
@@ -58,12 +60,12 @@ class Diagnosis:
     experiment: Experiment
     base: Candidate
     verdict: str
-    complete: bool | None
     ladder: list[Candidate]
     tied_with: list[Candidate]
     ranking: list[Ranked]
     explainable_share_removed: float
     verdict_after: str
+    further: Candidate | None = None
     not_tried: list[tuple[Form, tuple[str, ...]]] = field(default_factory=list)
 
     @property
@@ -76,6 +78,11 @@ class Diagnosis:
         """Names of the selected effects, in the order added."""
         return self.model.effects
 
+    @property
+    def complete(self) -> bool | None:
+        """Whether the verdict on the refined model is ``adequate``; None where the noise floor is unknown."""
+        return None if self.experiment.floor is None else self.verdict_after == "adequate"
+
     def to_json(self) -> dict:
         """Return the content of ``diagnosis.json`` (schema ``lumbar.diagnosis/1``)."""
         floor = self.experiment.floor
@@ -87,6 +94,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "complete": self.complete,
             "verdict_after": self.verdict_after,
+            "further": None if self.further is None else self.further.effects[-1],
             "selected": list(self.selected),
             "tied_with": [_new_effects(item, self.selected) for item in self.tied_with],
             "noise_floor_rms": None if floor is None else floor.rms,

@@ -73,6 +73,17 @@ FLAGS = (
 )
 
 
+def cache_folder(folder: str | None) -> Path:
+    """Return the compiler's cache: the folder given, or one below the user's folder for caches.
+
+    That is ``XDG_CACHE_HOME``, ``LOCALAPPDATA`` on Windows, ``~/.cache`` elsewhere.
+    """
+    if folder is not None:
+        return Path(folder)
+    user = os.environ.get("LOCALAPPDATA" if system() == "Windows" else "XDG_CACHE_HOME")
+    return (Path(user) if user else Path.home() / ".cache") / "lumbar" / "zig"
+
+
 def host_target() -> str:
     """Return the target of this machine.
 

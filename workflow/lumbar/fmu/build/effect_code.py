@@ -44,12 +44,19 @@ def _functions() -> dict[str, str]:
 
 def step_problems(form: Form) -> list[tuple[str, str]]:
     """Return what keeps a form from becoming a C function: what was found and what is needed."""
+    if form.c_step is None and form.channels:
+        return [
+            (
+                f"needs {', '.join(form.channels)}, which an FMU does not have",
+                "export the model with a form that needs position and force alone",
+            )
+        ]
     if form.c_step is None:
         return [
             (
                 "has no C code",
-                'give its Form a c_step=CStep("…") (lumbar.models.c_step says what stands in it), or export the '
-                "model without this effect",
+                'write it as an equation, or give its HandWritten a c_step=CStep("…") (lumbar.models.c_step says what '
+                "stands in it), or export the model without this effect",
             )
         ]
     problems = []
@@ -107,9 +114,7 @@ def c_function(name: str, form: Form, numbers: dict[str, float]) -> str:
     body = "\n".join(
         f"    {line}".rstrip() for line in ["(void)memory, (void)next, (void)now, (void)force;", *lines]
     )
-    return (
-        f"/* {_comment(f'{form.key}: {form.equation}')} */\nstatic double {name}({parameters}) {{\n{body}\n}}"
-    )
+    return f"/* {_comment(f'{form.key}: {form.latex}')} */\nstatic double {name}({parameters}) {{\n{body}\n}}"
 
 
 def _comment(text: str) -> str:

@@ -6,7 +6,7 @@ import math
 
 from lumbar.errors import Problems
 from lumbar.fmu.build.effect_code import step_problems
-from lumbar.fmu.build.effect_model import EffectModel, base_form, form_numbers
+from lumbar.fmu.build.effect_model import EffectModel, form_numbers
 from lumbar.models.fitted_model import FittedModel
 from lumbar.models.form import Form
 
@@ -32,7 +32,7 @@ def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
     problems = Problems(f"model {model.name!r}")
     base, forms = model.structure.base, model.structure.forms
     base_numbers, *numbers = (model.values_of(part) for part in (base, *forms))
-    for form, values in zip((base_form(base), *forms), (base_numbers, *numbers), strict=True):
+    for form, values in zip((base.form, *forms), (base_numbers, *numbers), strict=True):
         unusable = step_problems(form)
         for found, needed in unusable:
             problems.add(form.key, found, needed)

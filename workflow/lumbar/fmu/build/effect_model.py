@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
+from lumbar.errors import NumericalError
+from lumbar.fmu.build.effect_code import c_function
 from lumbar.models.bases import Base
 from lumbar.models.form import Form, Place
 from lumbar.models.sampled_motion import SampledMotion
 from lumbar.models.structure import Structure
-from lumbar.errors import NumericalError
-from lumbar.fmu.build.effect_code import c_function
 
 MAX_STATES = 512
 """Numbers that a model may keep from sample to sample."""
@@ -74,7 +74,7 @@ class EffectModel:
     @cached_property
     def terms(self) -> tuple[Term, ...]:
         """Input forms, base and parallel forms, output forms: the order of evaluation. The base is a term too."""
-        given = [(base_form(self.base), *self.base_numbers), *self.forms]
+        given = [(self.base.form, *self.base_numbers), *self.forms]
         ordered = [item for place in Place for item in given if item[0].place is place]
         # One number counts the samples taken.
         memory = 1 + _MOTION_STATES * (1 + sum(form.place is Place.INPUT for form, _, _ in given))
@@ -169,20 +169,6 @@ class EffectModel:
             rows.append(f"{{{name}, {term.memory}}}")
         counts = [f"#define MODEL_{place.upper()}_FORMS {len(self.at(place))}" for place in Place]
         return [*functions, *counts, f"static const term MODEL_TERMS[] = {{{', '.join(rows)}}};"]
-
-
-def base_form(base: Base) -> Form:
-    """Return a base as a form of its own: what it adds to the force is the sum of its linear parameters' forces."""
-    return Form(
-        name=base.name,
-        equation=base.equation,
-        place=Place.PARALLEL,
-        linear=base.linear,
-        nonlinear=base.nonlinear,
-        columns=base.columns,
-        c_step=base.c_step,
-        effect="base",
-    )
 
 
 def form_numbers(form: Form, linear, nonlinear, sampling_time: float) -> dict[str, float]:

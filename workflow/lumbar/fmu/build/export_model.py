@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from lumbar.errors import NumericalError, Problems
 from lumbar.fmu.build.effect_entry import effect_model
@@ -12,6 +13,9 @@ from lumbar.fmu.build.effect_model import EffectModel
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.resampled_model import at_rate
 from lumbar.models.fitted_model import FittedModel, Port, identifier
+
+if TYPE_CHECKING:
+    from lumbar.settings.runtime import RuntimeSettings
 
 MAX_WINDOW = 16
 """Room for the moving average in an FMU's memory, as in ``model.h``."""
@@ -101,21 +105,19 @@ class ExportModel:
         return self.dynamics.largest_pole < 1.0
 
 
-def select_models(fitted: list[FittedModel], settings: dict) -> list[ExportModel]:
+def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
     """Pick the models to export from the identified ones.
 
     Parameters
     ----------
     fitted : list of FittedModel
         Those of ``tissue/models.json``.
-    settings : dict
-        Section ``runtime`` of the configuration: ``models``, ``trained_on``, ``estimator``, ``unstable``,
-        ``moving_average``, ``output_limit``, ``gain_limit``, ``rate_Hz``.
+    settings : RuntimeSettings
 
     Returns
     -------
     list of ExportModel
-        In the order of ``settings["models"]``. A model without a training record (IL is prescribed, not
+        In the order of ``settings.models``. A model without a training record (IL is prescribed, not
         identified) is taken whatever ``trained_on`` and ``estimator`` say.
 
     Raises
@@ -126,15 +128,15 @@ def select_models(fitted: list[FittedModel], settings: dict) -> list[ExportModel
         A model is unstable and ``unstable`` is ``"refuse"``.
     """
     problems = Problems("runtime.models")
-    for text in _duplicate_identifiers(settings["models"]):
+    for text in _duplicate_identifiers(settings.models):
         problems.add("", text, "rename one: both would have the same name in C")
     models = []
-    for name in settings["models"]:
+    for name in settings.models:
         found = _find(fitted, name, settings, problems)
         if found is not None:
             models.append(_export_model(found, settings))
     problems.raise_if_any()
-    if settings["unstable"] == "refuse":
+    if settings.unstable == "refuse":
         _refuse_unstable(models)
     return models
 
@@ -149,7 +151,7 @@ def _duplicate_identifiers(names: list[str]) -> list[str]:
 
 
 def _find(
-    models: list[FittedModel], name: str, settings: dict, problems: Problems
+    models: list[FittedModel], name: str, settings: RuntimeSettings, problems: Problems
 ) -> FittedModel | None:
     named = [model for model in models if model.name == name]
     fitting = [
@@ -157,9 +159,9 @@ def _find(
         for model in named
         if model.trained_on is None
         or (
-            model.trained_on == settings["trained_on"]
+            model.trained_on == settings.trained_on
             # A model with effects has one fit, by the error of its free run.
-            and (not model.discrete or model.estimator == settings["estimator"])
+            and (not model.discrete or model.estimator == settings.estimator)
         )
     ]
     if len(fitting) == 1:
@@ -171,15 +173,15 @@ def _find(
         there = "; ".join(f"{model.estimator} on {model.trained_on}" for model in named)
         problems.add(
             name,
-            f"{len(fitting)} fits by {settings['estimator']!r} on {settings['trained_on']!r}",
+            f"{len(fitting)} fits by {settings.estimator!r} on {settings.trained_on!r}",
             f"set runtime.estimator and runtime.trained_on to one of: {there}",
         )
     return None
 
 
-def _export_model(model: FittedModel, settings: dict) -> ExportModel:
+def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
     """Model at the rate asked for."""
-    wanted = model.sampling_time if settings["rate_Hz"] is None else 1.0 / settings["rate_Hz"]
+    wanted = model.sampling_time if settings.rate_Hz is None else 1.0 / settings.rate_Hz
     if model.discrete:
         linear = LinearModel(model.structure.numerator, model.structure.denominator, name=model.name)
         dynamics = at_rate(linear, model.sampling_time, wanted)
@@ -191,9 +193,9 @@ def _export_model(model: FittedModel, settings: dict) -> ExportModel:
         sampling_time=wanted,
         input=model.input,
         output=model.output,
-        moving_average=settings["moving_average"],
-        output_limit=float(settings["output_limit"]),
-        gain_limit=float(settings["gain_limit"]),
+        moving_average=settings.moving_average,
+        output_limit=float(settings.output_limit),
+        gain_limit=float(settings.gain_limit),
         fit=_fit_texts(model),
     )
 

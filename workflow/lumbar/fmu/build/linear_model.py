@@ -39,7 +39,7 @@ class LinearModel:
 
     @cached_property
     def state_space(self) -> control.StateSpace:
-        """The model as eqs 3.17 and 3.18 of the thesis."""
+        """The model as Eqs 3.17 and 3.18 of the thesis."""
         return observer_form(TransferFunction(self.numerator, self.denominator))
 
     @property
@@ -104,7 +104,11 @@ class LinearModel:
         system = self.state_space
         # C has no arrays of length 0: a static gain gets one unused element.
         missing = (0, 0 if system.nstates else 1)
-        matrix, column, row = np.pad(system.A, missing), np.pad(system.B[:, 0], missing), np.pad(system.C[0], missing)
+        matrix, column, row = (
+            np.pad(system.A, missing),
+            np.pad(system.B[:, 0], missing),
+            np.pad(system.C[0], missing),
+        )
         size = len(matrix)
         return [
             f"#define LINEAR_STATES {system.nstates}",

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from lumbar.errors import InputError
 from lumbar.files import replacing
-from lumbar.fmu.build.extras import attachments, resources
 from lumbar.fmu.build.compiler import TARGETS, compile_library, resolve_targets
 from lumbar.fmu.build.description import FMI_VERSIONS, build_description, model_description
 from lumbar.fmu.build.documentation import documentation_html
 from lumbar.fmu.build.export_model import ExportModel
+from lumbar.fmu.build.extras import attachments, resources
+from lumbar.fmu.build.mach_o import universal_library
 from lumbar.fmu.build.reference_response import reference_push
 from lumbar.fmu.build.sources import c_files, source_files
-from lumbar.fmu.build.mach_o import universal_library
 
 _COMPRESSION = 9
 _EARLIEST = (1980, 1, 1, 0, 0, 0)

@@ -7,8 +7,8 @@ import uuid
 from functools import cache
 from pathlib import Path
 
-from lumbar.fmu.c import c_source
 from lumbar.fmu.build.export_model import ExportModel
+from lumbar.fmu.c import c_source
 
 _C_FILES = ("sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
 _ROOMS = (16, 32, 64, 128, 256, 512)

@@ -31,6 +31,70 @@ static inline double clipped(double value, double low, double high) {
     return value < low ? low : value > high ? high : value;
 }
 
+static inline double smaller(double a, double b) { return a < b ? a : b; }
+
+static inline double larger(double a, double b) { return a > b ? a : b; }
+
+/* 3 x^2 - 2 x^3 between 0 and 1, constant outside. */
+static inline double smoothstep(double x) {
+    double share = clipped(x, 0.0, 1.0);
+    return share * share * (3.0 - 2.0 * share);
+}
+
+/* (e^x - 1) / x: the mean of e^x over a step. */
+static inline double phi1(double x) { return x == 0 ? 1.0 : portable_expm1(x) / x; }
+
+/* Exponential Rosenbrock-Euler step of a few states: next = memory + phi1(matrix) increments.
+ *
+ * `matrix` has `size` rows; of the sum the first `states` count, for a clock may be among the unknowns. The series is that
+ * of a matrix whose norm is at most 1/2, which is then doubled; at the first sample nothing moves. */
+enum { LARGEST_SYSTEM = 5, SERIES_TERMS = 14 };
+static inline void linearised_step(int states, int size, bool first, const double increments[], const double matrix[],
+                                   const double memory[], double next[]) {
+    double small[LARGEST_SYSTEM * LARGEST_SYSTEM], stretch[LARGEST_SYSTEM * LARGEST_SYSTEM] = {0};
+    double product[LARGEST_SYSTEM * LARGEST_SYSTEM], norm = 0.0, scale = 1.0;
+    int halvings = 0;
+    for (int i = 0; i < size; ++i) {
+        double sum = 0.0;
+        for (int j = 0; j < size; ++j) sum += fabs(matrix[i * size + j]);
+        norm = larger(norm, sum);
+        stretch[i * size + i] = 1.0;
+    }
+    for (; norm * scale > 0.5 && halvings < 1000; ++halvings) scale *= 0.5;
+    for (int i = 0; i < size * size; ++i) small[i] = matrix[i] * scale;
+    for (int round = SERIES_TERMS; round >= 2 - halvings; --round) {
+        for (int i = 0; i < size; ++i) {
+            for (int j = 0; j < size; ++j) {
+                double sum = 0.0;
+                for (int k = 0; k < size; ++k) sum += small[i * size + k] * stretch[k * size + j];
+                product[i * size + j] = sum;
+            }
+        }
+        if (round >= 2) { /* Horner's rule: 1 + small stretch / round */
+            for (int i = 0; i < size * size; ++i) stretch[i] = product[i] / round + (i % (size + 1) == 0);
+            continue;
+        }
+        /* phi1(2 A) = (1 + A phi1(A) / 2) phi1(A) */
+        double doubled[LARGEST_SYSTEM * LARGEST_SYSTEM];
+        for (int i = 0; i < size; ++i) {
+            for (int j = 0; j < size; ++j) {
+                double sum = 0.0;
+                for (int k = 0; k < size; ++k) sum += product[i * size + k] * stretch[k * size + j];
+                doubled[i * size + j] = stretch[i * size + j] + 0.5 * sum;
+            }
+        }
+        for (int i = 0; i < size * size; ++i) {
+            stretch[i] = doubled[i];
+            small[i] *= 2.0;
+        }
+    }
+    for (int i = 0; i < states; ++i) {
+        double sum = 0.0;
+        for (int j = 0; j < size; ++j) sum += stretch[i * size + j] * increments[j];
+        next[i] = first ? 0.0 : memory[i] + sum;
+    }
+}
+
 /* Position behind a gap of half-width `gap`; at the start it is in the middle. */
 static inline double behind_gap(double before, double position, double gap, bool first) {
     return clipped(first ? position : before, position - gap, position + gap);

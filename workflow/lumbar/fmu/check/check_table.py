@@ -47,14 +47,14 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
             "file": "FMU, a co-simulation unit",
             "model": "Name of the model",
             "fmi_version": "Version of the FMI standard",
-            "states": "Numbers kept from sample to sample; for linear models the states of eq. 3.17",
+            "states": "Numbers kept from sample to sample; for linear models the states of Eq. 3.17",
             "largest_pole": "Largest magnitude of a pole of the discrete model",
             "stable": (
                 "Whether all poles lie inside the unit circle; "
                 "the output of an unstable model runs into its limit"
             ),
             "feedthrough": (
-                "When the input of a sample acts in the output (D of eq. 3.18): at once (FMI 3.0 event mode) "
+                "When the input of a sample acts in the output (D of Eq. 3.18): at once (FMI 3.0 event mode) "
                 "or one sample late (FMI 2.0, where a client sets the input after it has read the output); "
                 "none where D = 0"
             ),

@@ -1,21 +1,25 @@
-"""One section in one picture: the engines' basins at t = 0, a better V, and everything that reaches the goal."""
+"""One section in one picture: the methods' basins at t = 0, a better V, and everything that reaches the goal."""
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.reports.figures.stability_figures import NO_BASIN, PLANE_TITLES, shared_legend
 from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, new_figure
 from lumbar.stability.basins import close_loops
-from lumbar.stability.funnel.funnel import ClosedLoops, Funnels
+from lumbar.stability.funnel.funnel import Funnels
 from lumbar.stability.funnel.invariance import normal_axes
 from lumbar.stability.funnel.lyapunov_family import best_of_family
 from lumbar.stability.funnel.monte_carlo_check import preimage
-from lumbar.stability.methods import ENGINES, chosen_engines
-from lumbar.stability.model.failures import computed
+from lumbar.stability.methods import METHODS, chosen_methods
+from lumbar.stability.model.failures import all_or_each
 from lumbar.stability.model.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from lumbar.settings.stability import StabilitySettings
 
 STYLES = {
     "exact": ("exact", {"color": SEGMENTS["abdomen"], "linewidth": 1.8}),
@@ -26,15 +30,14 @@ STYLES = {
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 241)
 
 
-def comparison_figure(trajectories: list[Trajectory], settings: dict):
+def comparison_figure(trajectories: list[Trajectory], settings: StabilitySettings):
     """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates.
 
     Parameters
     ----------
     trajectories : list of Trajectory
         Of one lift.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
 
     Returns
     -------
@@ -53,28 +56,19 @@ def comparison_figure(trajectories: list[Trajectory], settings: dict):
     return figure
 
 
-def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
+def _draw(axis, shown: list[Trajectory], settings: StabilitySettings) -> bool:
     """Draw the sections of one trajectory; return whether it has an exact basin."""
     # A picture needs no more knots than the other variants, and no proof.
-    fewer = {**settings, "knots": settings["limits"]["knots"], "proof": None}
-    goal = settings["goal_level"]
-    engines = {
-        **{name: partial(_engine, name, fewer) for name in chosen_engines(settings)},
-        "best": lambda loops: best_of_family(loops, goal, settings["lyapunov_shares"]).funnels,
-    }
+    fewer = replace(settings, knots=settings.limits.knots, proof=None)
     sections = {}
-    for name, engine in engines.items():
-
-        def funnels(items, engine=engine):
-            return engine(close_loops(items, settings["pendulum"]["sign"], fewer))
-
-        results, _ = computed(shown, funnels, name)
+    for name in (*chosen_methods(settings), "best"):
+        results, _ = all_or_each(_funnels, shown, name, fewer, basin=name)
         for _, found in results:
             sections[name] = found
     if "exact" not in sections:
         return False
     edge = _section(sections["exact"], -1)
-    reached = preimage(close_loops(shown, settings["pendulum"]["sign"], fewer), edge)
+    reached = preimage(close_loops(shown, settings.pendulum.sign, fewer), edge)
     grey = {"facecolor": "#00000014", "edgecolor": "#777777", "linewidth": 0.8}
     axis.fill(*reached[:, 0], label="all that reach the goal", **grey)
     for name, found in sections.items():
@@ -84,8 +78,11 @@ def _draw(axis, shown: list[Trajectory], settings: dict) -> bool:
     return True
 
 
-def _engine(name: str, settings: dict, loops: ClosedLoops) -> Funnels:
-    return ENGINES[name](loops, settings).funnels
+def _funnels(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> Funnels:
+    loops = close_loops(trajectories, settings.pendulum.sign, settings)
+    if name == "best":
+        return best_of_family(loops, settings.goal_level, settings.lyapunov_shares).funnels
+    return METHODS[name](loops, settings).funnels
 
 
 def _section(funnels: Funnels, knot: int) -> np.ndarray:

@@ -70,7 +70,8 @@ def fmu_force_figure(
     return figure
 
 
-def _around_largest_difference(first: np.ndarray, second: np.ndarray, samples: int = 20) -> slice:
+def _around_largest_difference(first: np.ndarray, second: np.ndarray) -> slice:
+    samples = 20
     centre = int(np.abs(first - second).argmax())
     start = min(max(0, centre - samples // 2), max(0, len(first) - samples))
     return slice(start, start + samples)

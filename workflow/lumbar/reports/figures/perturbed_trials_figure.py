@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, new_figure
@@ -14,11 +16,15 @@ from lumbar.stability.comparison.perturbed_trials import (
 )
 from lumbar.stability.funnel.invariance import normal_axes
 
+if TYPE_CHECKING:
+    from lumbar.settings.perturbations import PerturbationsSettings
+    from lumbar.settings.stability import StabilitySettings
+
 COLOURS = {"unperturbed": SEGMENTS["thorax"], "perturbed": SEGMENTS["pelvis"]}
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 121)
 
 
-def trials_figure(trials: list[Trial], settings: dict, stability: dict):
+def trials_figure(trials: list[Trial], settings: PerturbationsSettings, stability: StabilitySettings):
     """Draw sections of the basin with all trials, and V/ρ of every trial over phase.
 
     Returns

@@ -60,7 +60,7 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
             label=f"{rate:g} Hz",
         )
     added.set_ylabel(f"Added {response}")
-    added.set_title(f"${form.equation}$", loc="left")
+    added.set_title(f"${form.latex}$", loc="left")
     for axis in (whole, added):
         axis.set_xlabel(moved)
     _draw_course(course, slow, moved.lower(), response)

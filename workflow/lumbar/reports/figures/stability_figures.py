@@ -37,14 +37,14 @@ def ellipses(rows: pd.DataFrame, level: np.ndarray) -> tuple[np.ndarray, np.ndar
     ] + velocity
 
 
-def figure_4_3(funnels: pd.DataFrame, goal_level: float):
+def figure_4_3(funnels: pd.DataFrame, terminal_level: float):
     """Draw the abdomen's funnel over time: the regulator's ellipses and the basin computed from them.
 
     Parameters
     ----------
     funnels : pandas.DataFrame
         Columns ``com, plane, time_s, rho, s11, s12, s22, theta0_rad, thetadot0_rad_s``.
-    goal_level : float
+    terminal_level : float
         ρ(T).
 
     Returns
@@ -56,14 +56,14 @@ def figure_4_3(funnels: pd.DataFrame, goal_level: float):
         rows = funnels[(funnels["com"] == "abdomen") & (funnels["plane"] == plane)]
         axis.set_title(title)
         if len(rows):
-            _draw_funnel(axis, rows, goal_level)
+            _draw_funnel(axis, rows, terminal_level)
         else:
             axis.text2D(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
     shared_legend(figure, axes, ncols=4)
     return figure
 
 
-def _draw_funnel(axis, rows: pd.DataFrame, goal_level: float) -> None:
+def _draw_funnel(axis, rows: pd.DataFrame, terminal_level: float) -> None:
     from matplotlib.ticker import MaxNLocator
 
     every = rows.iloc[np.linspace(0, len(rows) - 1, 40).round().astype(int)]
@@ -73,7 +73,7 @@ def _draw_funnel(axis, rows: pd.DataFrame, goal_level: float) -> None:
         time, angle, velocity, color=SEGMENTS["abdomen"], alpha=0.3, linewidth=0, rstride=1, cstride=4
     )
     few = rows.iloc[np.linspace(0, len(rows) - 1, 9).round().astype(int)]
-    regulator = ellipses(few, np.full(len(few), goal_level))
+    regulator = ellipses(few, np.full(len(few), terminal_level))
     basin = ellipses(few, few["rho"].to_numpy())
     for index, moment in enumerate(few["time_s"]):
         at = np.full(len(_CIRCLE), moment)

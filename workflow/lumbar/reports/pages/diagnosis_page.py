@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lumbar.diagnosis.design.discrimination import separation_sentence
 from lumbar.diagnosis.evidence.evidence import Evidence
@@ -15,8 +16,11 @@ from lumbar.diagnosis.selection.ties import ALIKE
 from lumbar.diagnosis.selection.verdict import Diagnosis, Ranked
 from lumbar.fmu.build.equation_svg import equation_svg
 from lumbar.models.form import Effect
-from lumbar.reports.pages.html import Markup, document, figure, heading, listing, paragraph, picture, table
+from lumbar.reports.pages.html import document, figure, heading, listing, paragraph, picture, table
 from lumbar.reports.pages.record_pages import comparison_blocks
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
 
 
 def diagnosis_page(
@@ -58,7 +62,7 @@ def diagnosis_page(
     return document(f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model", data, blocks)
 
 
-def _errors(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
+def _errors(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
     experiment = diagnosis.experiment
     unit, floor = experiment.output_unit, experiment.floor
     tests = ", ".join(item.name for item in experiment.tests)
@@ -113,7 +117,7 @@ def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Diagnosis
     )
 
 
-def _false_alarm(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
+def _false_alarm(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
     told = (
         f"Where nothing is missing, the best of all candidates still gains: in {len(evidence.null.gains)} simulated "
         "experiments of the base alone, refitted each time, twice the logarithm of the likelihood rose by more than "
@@ -131,7 +135,7 @@ def _false_alarm(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
     return [paragraph(told), paragraph(f"Here {effects_text(diagnosis.selected)} {verb} {found:.4g}.")]
 
 
-def _parameters(diagnosis: Diagnosis) -> list[str]:
+def _parameters(diagnosis: Diagnosis) -> list[Markup]:
     blocks = []
     other = runner_up(diagnosis)
     selected = diagnosis.ranking[0] if diagnosis.selected else None
@@ -140,10 +144,8 @@ def _parameters(diagnosis: Diagnosis) -> list[str]:
             continue
         structure = item.candidate.fit.structure
         owners = ["", *structure.effects]
-        equations = [("base", structure.base.name, _equation(structure.base.equation))]
-        equations += [
-            (readable(form.effect), form.name, _equation(form.equation)) for form in structure.forms
-        ]
+        equations = [("base", structure.base.name, _equation(structure.base.latex))]
+        equations += [(readable(form.effect), form.name, _equation(form.latex)) for form in structure.forms]
         rows = [
             (
                 readable(found.effect) or "base",
@@ -166,7 +168,7 @@ def _equation(latex: str) -> Markup:
     return picture(equation_svg(latex), latex, "equation")
 
 
-def _ties(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
+def _ties(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
     ties = evidence.ties
     names = [effects_text(item.effects) for item in ties.candidates]
     alike = [names[index] for index in ties.clusters[0] if index != 0]
@@ -196,7 +198,7 @@ def _ties(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
     return blocks
 
 
-def _remains(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
+def _remains(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
     floor, unit = diagnosis.experiment.floor, diagnosis.experiment.output_unit
     after = diagnosis.model.test_rms
     told = (

@@ -1,39 +1,42 @@
-"""Building blocks of a page: no script, no outside resource; pictures lie in the page itself."""
+"""Building blocks of a page, macros of ``page.html.jinja``: what they are given is escaped, blocks are not again."""
 
 from __future__ import annotations
 
 import base64
-import html
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.templates import template
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+PAGE = "reports/pages/page.html.jinja"
 
 
-def heading(text: str, level: int = 2) -> str:
+def _macros():
+    return template(PAGE).make_module({"title": "", "data": "", "blocks": ()})
+
+
+def heading(text: str, level: int = 2) -> Markup:
     """Heading of a section."""
-    return f"<h{level}>{html.escape(text)}</h{level}>"
+    return _macros().heading(text, level)
 
 
-def paragraph(text: str, kind: str = "") -> str:
+def paragraph(text: str, kind: str = "") -> Markup:
     """Paragraph; `kind` is a class of the page's style: ``headline`` or ``note``."""
-    return f"<p{_class(kind)}>{html.escape(text)}</p>"
+    return _macros().paragraph(text, kind)
 
 
-def listing(lines: Iterable[str]) -> str:
+def listing(lines: Iterable[str]) -> Markup:
     """Bulleted list."""
-    return "<ul>\n" + "\n".join(f"<li>{html.escape(line)}</li>" for line in lines) + "\n</ul>"
+    return _macros().listing(lines)
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Table of texts. A cell that is a `Markup` goes in as it is."""
-    first = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
-    body = "\n".join("<tr>" + "".join(f"<td>{_cell(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<table><thead><tr>{first}</tr></thead><tbody>\n{body}\n</tbody></table>"
-
-
-class Markup(str):
-    """HTML that is not escaped again."""
-
-    __slots__ = ()
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
+    """Table of texts and pictures."""
+    return _macros().table(head, rows)
 
 
 def picture(svg: str | Path, description: str, kind: str = "") -> Markup:
@@ -48,19 +51,15 @@ def picture(svg: str | Path, description: str, kind: str = "") -> Markup:
     kind : str
         Class of the page's style: ``equation`` stands in a line of text.
     """
-    content = svg.read_bytes() if isinstance(svg, Path) else svg.encode()
-    coded = base64.b64encode(content).decode("ascii")
-    return Markup(
-        f'<img{_class(kind)} src="data:image/svg+xml;base64,{coded}" alt="{html.escape(description, quote=True)}">'
-    )
+    return _macros().picture(_coded(svg), description, kind)
 
 
-def figure(svg: str | Path, caption: str) -> str:
+def figure(svg: str | Path, caption: str) -> Markup:
     """Picture with a caption."""
-    return f"<figure>{picture(svg, caption)}<figcaption>{html.escape(caption)}</figcaption></figure>"
+    return _macros().figure(_coded(svg), caption)
 
 
-def document(title: str, data: str, blocks: Iterable[str]) -> str:
+def document(title: str, data: str, blocks: Iterable[Markup]) -> str:
     """Return a whole page.
 
     Parameters
@@ -68,43 +67,12 @@ def document(title: str, data: str, blocks: Iterable[str]) -> str:
     title : str
     data : str
         Where the data come from; empty for pages without data.
-    blocks : iterable of str
+    blocks : iterable of Markup
         From the functions of this module.
     """
-    label = f"<p><b>Data: {html.escape(data)}</b></p>\n" if data else ""
-    return _PAGE.format(title=html.escape(title), label=label, body="\n".join(blocks))
+    return template(PAGE).render(title=title, data=data, blocks=blocks)
 
 
-def _class(kind: str) -> str:
-    return f' class="{kind}"' if kind else ""
-
-
-def _cell(text: str) -> str:
-    return text if isinstance(text, Markup) else html.escape(text)
-
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>{title}</title>
-<style>
-body {{ font-family: "DejaVu Sans", Arial, sans-serif; margin: 2em auto; padding: 0 1em; max-width: 62em; color: #111; }}
-table {{ border-collapse: collapse; font-variant-numeric: tabular-nums; margin-bottom: 1.5em; }}
-th, td {{ padding: 0.25em 0.8em; text-align: left; vertical-align: middle; }}
-thead tr {{ border-top: 2px solid #111; border-bottom: 1px solid #111; }}
-tbody tr:last-child {{ border-bottom: 2px solid #111; }}
-figure {{ margin: 1em 0 1.8em; }}
-figure img {{ max-width: 100%; }}
-figcaption, .note {{ color: #444; font-size: 0.9em; }}
-img.equation {{ vertical-align: middle; }}
-li {{ margin-bottom: 0.3em; }}
-.headline {{ font-size: 1.15em; font-weight: bold; }}
-</style>
-</head>
-<body>
-<h1>{title}</h1>
-{label}{body}
-</body>
-</html>
-"""
+def _coded(svg: str | Path) -> str:
+    content = svg.read_bytes() if isinstance(svg, Path) else svg.encode()
+    return base64.b64encode(content).decode("ascii")

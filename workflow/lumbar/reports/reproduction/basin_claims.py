@@ -152,7 +152,7 @@ def sentences(synthetic: bool) -> list[Claim]:
               "yes", "less than half is left when every trajectory is replaced by θ0 = 0", table,
               _trajectories_matter),
         Claim("alternation_certifies", "4.2.5", "The sum-of-squares programmes certify that the basins are invariant",
-              "yes", "no knot of the thesis's procedure violates eq. 4.6", areas, _alternation_certifies),
+              "yes", "no knot of the thesis's procedure violates Eq. 4.6", areas, _alternation_certifies),
         Claim("exact_is_invariant", "4.2.5", "Simulation confirms that the basins reach the goal", "proposed as future work",
               "no simulated start leaves the exact funnel", areas, _exact_is_invariant),
         Claim("expands_backward", "4.2.4", "The basin expands away from the goal set", "Figure 4.3",

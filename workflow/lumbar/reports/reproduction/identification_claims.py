@@ -98,7 +98,7 @@ def _vaf_sorts_all(results: Results) -> Finding:
 
 def _maxwell(results: Results) -> Finding:
     table = results["table_3_1"]
-    text = "eq. 3.3 has the static gain b0/(1 − a0); a spring and dashpot in series have none"
+    text = "Eq. 3.3 has the static gain b0/(1 − a0); a spring and dashpot in series have none"
     arx = table[(table.estimator == "arx") & table.model.isin(["MW", "Maxwell"])]
     pair = arx.pivot(index="trained_on", columns="model", values="vaf_percent").dropna()
     if "Maxwell" not in pair.columns:
@@ -164,7 +164,7 @@ def sentences() -> list[Claim]:
         Claim("vaf_sorts_all", "3.2.3.1", "Sorting by %VAF gives the best results of the other metrics as well",
               "yes", "same order of models in FIT, mean residual and NMSE for every training record", table,
               _vaf_sorts_all),
-        Claim("mw_is_maxwell", "3.2.3.1, Table 2.1", "Equation 3.3 is the Maxwell model", "yes",
+        Claim("mw_is_maxwell", "3.2.3.1, Table 2.1", "Eq. 3.3 is the Maxwell model", "yes",
               "algebra: static gain of both forms", table, _maxwell),
         Claim("models_stable", "3.2.3.1", "The identified models are stable", "yes", "all poles inside the unit circle",
               table, _all_stable),

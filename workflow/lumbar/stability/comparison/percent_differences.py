@@ -23,6 +23,8 @@ from lumbar.stability.model.trajectory import COMS, PLANES, Trajectory
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.stability import StabilitySettings
+
 EXPERIENCES = ("expert", "novice")
 TAYLOR_DEGREES = (3, 5, 7)
 VARIANTS = ("base", "null", *(f"{name}{change}" for name in ("Q", "R", "b") for change in ("/", "*")))
@@ -109,16 +111,15 @@ def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None):
 
 
 def varied_areas(
-    trajectories: list[Trajectory], settings: dict, names: Iterable[str] = VARIANTS
+    trajectories: list[Trajectory], settings: StabilitySettings, names: Iterable[str] = VARIANTS
 ) -> dict[str, np.ndarray]:
-    """Average cross-sections (exact engine) under the null control and with Q, R and b changed.
+    """Average cross-sections (exact method) under the null control and with Q, R and b changed.
 
     Parameters
     ----------
     trajectories : list of Trajectory
         All of the study.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
     names : iterable of str
         Of `VARIANTS`.
 
@@ -133,9 +134,9 @@ def varied_areas(
         One of them has no basin.
     """
     names = tuple(names)
-    factors = {"/": 1 / settings["sensitivity_factor"], "*": settings["sensitivity_factor"]}
+    factors = {"/": 1 / settings.sensitivity_factor, "*": settings.sensitivity_factor}
     changes = [{name[0]: factors[name[1]]} if name[1:] in factors else {} for name in names]
-    pendulum, count = settings["pendulum"], len(trajectories)
+    pendulum, count = settings.pendulum, len(trajectories)
     still = [replace(item, angle=np.zeros_like(item.angle)) for item in trajectories]
     items = [item for name in names for item in (still if name == "null" else trajectories)]
     scale = {
@@ -144,15 +145,15 @@ def varied_areas(
     }
     base = weights_of(settings)
     weights = Weights(base.state * scale["Q"][:, None], base.control * scale["R"], base.terminal)
-    damping = pendulum["damping_N_m_s"] * scale["b"]
-    signs = [pendulum["sign"]] * len(items)
-    pendulums = gather(items, signs, list(damping), pendulum["gravity_m_s2"], settings["knots"])
-    areas = exact_funnels(regulate(pendulums, weights), settings["goal_level"]).mean_area
+    damping = pendulum.damping_N_m_s * scale["b"]
+    signs = [pendulum.sign] * len(items)
+    pendulums = gather(items, signs, list(damping), pendulum.gravity_m_s2, settings.knots)
+    areas = exact_funnels(regulate(pendulums, weights), settings.goal_level).mean_area
     return dict(zip(names, areas.reshape(len(names), count), strict=True))
 
 
-def taylor_areas(trajectories: list[Trajectory], settings: dict, degree: int) -> np.ndarray:
-    """Average cross-sections (exact engine) with the sine replaced by its Taylor polynomial of a degree.
+def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, degree: int) -> np.ndarray:
+    """Average cross-sections (exact method) with the sine replaced by its Taylor polynomial of a degree.
 
     Raises
     ------
@@ -160,9 +161,9 @@ def taylor_areas(trajectories: list[Trajectory], settings: dict, degree: int) ->
         The polynomial has no basin that is finite.
     """
     # Percentages need no more knots than the other variants.
-    fewer = {**settings, "knots": settings["limits"]["knots"]}
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], fewer)
-    goal = np.full(len(trajectories), np.log(settings["goal_level"]))
+    fewer = replace(settings, knots=settings.limits.knots)
+    loops = close_loops(trajectories, settings.pendulum.sign, fewer)
+    goal = np.full(len(trajectories), np.log(settings.goal_level))
 
     def slope(point, log_level):
         polynomial = growth_polynomial(loops.form(point), np.exp(log_level), degree)

@@ -9,7 +9,7 @@ person; one that was pushed on the way does not, as no funnel covers disturbance
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +27,10 @@ from lumbar.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from lumbar.settings.lifting import LiftingSettings
+    from lumbar.settings.perturbations import PerturbationsSettings
+    from lumbar.settings.stability import StabilitySettings
 
 PHASE_POINTS = 401
 FEWEST_UNPERTURBED = 3
@@ -69,30 +73,31 @@ class Trial:
     length: float
 
 
-def trial_of(recording: MarkerRecording, group: str, settings: dict, lifting: dict) -> Trial:
+def trial_of(
+    recording: MarkerRecording, group: str, settings: PerturbationsSettings, lifting: LiftingSettings
+) -> Trial:
     """Return the pendulum of one recording: from the mean of some markers towards the mean of others.
 
     Parameters
     ----------
     recording : MarkerRecording
     group : str
-    settings : dict
-        Section ``perturbations`` of the configuration: ``pivot``, ``top``, ``centre_share``, ``plane``.
-    lifting : dict
-        Its section ``lifting``: gaps and filter.
+    settings : PerturbationsSettings
+    lifting : LiftingSettings
+        Gaps and filter.
 
     Raises
     ------
     InputError
         A marker is missing or has a gap that cannot be filled.
     """
-    complete, _ = fill_gaps(recording, lifting["gaps"]["maximum_s"], lifting["gaps"]["longer"])
-    smooth = filter_markers(complete, lifting["filter"]["cutoff_Hz"], lifting["filter"]["order"])
-    pivot, top = (np.mean([smooth[name] for name in settings[end]], axis=0) for end in ("pivot", "top"))
-    relative = settings["centre_share"] * (top - pivot)
+    complete, _ = fill_gaps(recording, lifting.gaps.maximum_s, lifting.gaps.longer)
+    smooth = filter_markers(complete, lifting.filter.cutoff_Hz, lifting.filter.order)
+    pivot, top = (np.mean([smooth[name] for name in end], axis=0) for end in (settings.pivot, settings.top))
+    relative = settings.centre_share * (top - pivot)
     start, stop = float(smooth.time[0]), float(smooth.time[-1])
     states = pendulum_states(smooth.time, relative, start, stop, PHASE_POINTS, recording.name)
-    chosen = states[settings["plane"]]
+    chosen = states[settings.plane]
     return Trial(
         recording.name,
         group,
@@ -103,7 +108,7 @@ def trial_of(recording: MarkerRecording, group: str, settings: dict, lifting: di
     )
 
 
-def mean_trajectory(trials: list[Trial], settings: dict) -> Trajectory:
+def mean_trajectory(trials: list[Trial], settings: PerturbationsSettings) -> Trajectory:
     """Return the mean movement of some trials: angles averaged at equal phase, mean duration.
 
     Its velocity is the derivative of the mean angle, so that it is a motion of the pendulum.
@@ -116,27 +121,27 @@ def mean_trajectory(trials: list[Trial], settings: dict) -> Trajectory:
     time = np.linspace(0.0, duration, PHASE_POINTS)
     spline = CubicSpline(time, np.mean([trial.angle for trial in trials], axis=0))
     mean = Trajectory(
-        subject=settings["subject"],
+        subject=settings.subject,
         experience="unknown",
         box_mass_kg=0.0,
         com="trunk",
-        plane=settings["plane"],
-        pivot="+".join(settings["pivot"]),
+        plane=settings.plane,
+        pivot="+".join(settings.pivot),
         time=time,
         angle=spline(time),
         angular_velocity=spline(time, 1),
         angular_acceleration=spline(time, 2),
-        mass_kg=settings["mass_share"] * settings["body_mass_kg"],
+        mass_kg=settings.mass_share * settings.body_mass_kg,
         length_m=float(np.mean([trial.length for trial in trials])),
     )
     find_problems(mean).raise_if_any()
     return mean
 
 
-def funnel_of(mean: Trajectory, stability: dict) -> Funnels:
+def funnel_of(mean: Trajectory, stability: StabilitySettings) -> Funnels:
     """Return the exact funnel of a mean movement, with a knot at every phase point."""
-    loops = close_loops([mean], stability["pendulum"]["sign"], {**stability, "knots": PHASE_POINTS})
-    return exact_funnels(loops, stability["goal_level"])
+    loops = close_loops([mean], stability.pendulum.sign, replace(stability, knots=PHASE_POINTS))
+    return exact_funnels(loops, stability.goal_level)
 
 
 def relative_value(trial: Trial, mean: Trajectory, funnel: Funnels) -> np.ndarray:
@@ -147,7 +152,9 @@ def relative_value(trial: Trial, mean: Trajectory, funnel: Funnels) -> np.ndarra
     return (s11 * error**2 + 2 * s12 * error * velocity + s22 * velocity**2) / funnel.level[:, 0]
 
 
-def compare_trials(trials: list[Trial], settings: dict, stability: dict) -> pd.DataFrame:
+def compare_trials(
+    trials: list[Trial], settings: PerturbationsSettings, stability: StabilitySettings
+) -> pd.DataFrame:
     """Compare every trial with the funnel of the unperturbed mean.
 
     Returns
@@ -188,7 +195,11 @@ def compare_trials(trials: list[Trial], settings: dict, stability: dict) -> pd.D
 
 
 def trials_table(
-    frame: pd.DataFrame, trials: list[Trial], settings: dict, stability: dict, data: str
+    frame: pd.DataFrame,
+    trials: list[Trial],
+    settings: PerturbationsSettings,
+    stability: StabilitySettings,
+    data: str,
 ) -> Table:
     """Return the comparison as a published table, with one sentence of what is seen."""
     notes = [_finding(frame, group) for group in ("unperturbed", "perturbed")]
@@ -204,9 +215,9 @@ def trials_table(
         value = "" if exponent.value is None else f"{exponent.value:.3g} 1/s, "
         notes.append(f"Maximum Lyapunov exponent, {group}: {value}{exponent.remark}")
     notes.append(
-        f"Pendulum: {settings['mass_share']:g} of an assumed {settings['body_mass_kg']:g} kg at "
-        f"{settings['centre_share']:g} of the way from {' + '.join(settings['pivot'])} to "
-        f"{' + '.join(settings['top'])}; {stability['pendulum']['sign']} sign; the regulator is the study's, not the "
+        f"Pendulum: {settings.mass_share:g} of an assumed {settings.body_mass_kg:g} kg at "
+        f"{settings.centre_share:g} of the way from {' + '.join(settings.pivot)} to "
+        f"{' + '.join(settings.top)}; {stability.pendulum.sign} sign; the regulator is the study's, not the "
         "person's"
     )
     return Table(
@@ -218,11 +229,12 @@ def trials_table(
     )
 
 
-def _finding_with(trials: list[Trial], settings: dict, stability: dict, factor: float) -> str:
+def _finding_with(
+    trials: list[Trial], settings: PerturbationsSettings, stability: StabilitySettings, factor: float
+) -> str:
     """Say what is seen with another control weight: the regulator is an assumption."""
-    regulator = stability["regulator"]
-    weight = factor * regulator["control_weight"]
-    changed = {**stability, "regulator": {**regulator, "control_weight": weight}}
+    weight = factor * stability.regulator.control_weight
+    changed = replace(stability, regulator=replace(stability.regulator, control_weight=weight))
     frame = compare_trials(trials, settings, changed)
     counts = frame[frame["whole_inside"] == "yes"].groupby("group").size()
     return (

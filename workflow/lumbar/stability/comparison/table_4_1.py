@@ -1,6 +1,6 @@
 """Table 4.1: percent differences of average cross-sections, with what they rest on.
 
-Beside each percentage stand the same number from the thesis's own engine, of the sections at t = 0 and of the
+Beside each percentage stand the same number from the thesis's own method, of the sections at t = 0 and of the
 smallest ones, with the other sign of gravity and the other convention for the box's mass, the null control, its
 range when Q, R and b are halved and doubled and with the sine's Taylor polynomials, the maximum Lyapunov exponents
 of the movements compared, and a sentence that says whether it survives all this. A basin that could not be computed
@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import NumericalError
-from lumbar.stability.basins import COLUMNS, close_loops
+from lumbar.settings.plain import plain
+from lumbar.stability.basins import COLUMNS
 from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.stability.comparison.percent_differences import (
     TAYLOR_DEGREES,
@@ -25,27 +26,34 @@ from lumbar.stability.comparison.percent_differences import (
     varied_areas,
 )
 from lumbar.stability.comparison.verdicts import bootstrap_percent, verdict
-from lumbar.stability.funnel.funnel import exact_funnels
-from lumbar.stability.model.failures import Failure, computed, failures_frame, joined
+from lumbar.stability.model.failures import Failure, all_or_each, failures_frame, joined
 from lumbar.stability.model.trajectory import PLANES, Trajectory
 from lumbar.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.stability import StabilitySettings
+
+THESIS_DECIMALS = 1
+"""Digits after the point that the thesis's engine has in a percentage: with areas of the digits they have
+(`bilinear_alternation.RESOLUTION`) it may be off by some tenths."""
+
 _KEYS = ("subject", "experience", "box_mass_kg", "com", "plane")
+TAYLOR = {f"taylor_{degree}": degree for degree in TAYLOR_DEGREES}
+"""Degree of the sine's polynomial by change."""
 _CHANGES = {
     "null": "null control",
     "other_sign": "the other sign of gravity",
     "other_mass": "the box's mass counted the other way",
     **{f"{name}/": f"{name} divided" for name in ("Q", "R", "b")},
     **{f"{name}*": f"{name} multiplied" for name in ("Q", "R", "b")},
-    **{f"taylor_{degree}": f"Taylor degree {degree}" for degree in TAYLOR_DEGREES},
+    **{name: f"Taylor degree {degree}" for name, degree in TAYLOR.items()},
 }
 
 
 def variants(
-    trajectories: list[Trajectory], other_mass: list[Trajectory], settings: dict
+    trajectories: list[Trajectory], other_mass: list[Trajectory], settings: StabilitySettings
 ) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     """Return average cross-sections under every change that Table 4.1 is examined with.
 
@@ -54,8 +62,7 @@ def variants(
     trajectories : list of Trajectory
     other_mass : list of Trajectory
         The same with the other convention for the box's mass.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
 
     Returns
     -------
@@ -64,54 +71,47 @@ def variants(
     failures : list of Failure
         Areas that could not be computed: they have no row.
     """
-    import pandas as pd
-
-    def other(items):
-        loops = close_loops(items, settings["pendulum"]["sign"], settings)
-        return exact_funnels(loops, settings["goal_level"]).mean_area
-
-    def table(results):
-        rows = [
-            {name: getattr(item, name) for name in _KEYS} | {"mean_area": area}
-            for items, areas in results
-            for item, area in zip(items, areas, strict=True)
-        ]
-        return pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
-
-    # All variants at once are fastest; only where one has no basin is each computed by itself.
+    # All changes of weights at once are fastest; only where one has no basin is each computed by itself.
     try:
         at_once = varied_areas(trajectories, settings) if trajectories else {}
     except NumericalError:
         at_once = {}
-    plans = {
-        **{
-            name: (trajectories, lambda items, name=name: varied_areas(items, settings, [name])[name])
-            for name in VARIANTS
-        },
-        **{
-            f"taylor_{degree}": (
-                trajectories,
-                lambda items, degree=degree: taylor_areas(items, settings, degree),
-            )
-            for degree in TAYLOR_DEGREES
-        },
-        "other_mass": (other_mass, other),
-    }
     areas, failures = {}, []
-    for name, (items, compute) in plans.items():
+    for name in (*VARIANTS, *TAYLOR, "other_mass"):
+        items = other_mass if name == "other_mass" else trajectories
         if name in at_once:
-            areas[name] = table([(trajectories, at_once[name])])
-            continue
-        results, failed = computed(items, compute, f"Table 4.1, {_CHANGES.get(name, 'exact')}")
-        areas[name] = table(results)
-        failures += failed
+            results = [(items, at_once[name])]
+        else:
+            results, failed = all_or_each(
+                variant_areas, items, name, settings, basin=f"Table 4.1, {_CHANGES.get(name, 'exact')}"
+            )
+            failures += failed
+        areas[name] = _areas_frame(results)
     return areas, failures
+
+
+def variant_areas(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> np.ndarray:
+    """Average cross-sections of some trajectories under one change."""
+    if name in TAYLOR:
+        return taylor_areas(trajectories, settings, TAYLOR[name])
+    return varied_areas(trajectories, settings, ["base" if name == "other_mass" else name]).popitem()[1]
+
+
+def _areas_frame(results: list[tuple[list[Trajectory], np.ndarray]]) -> pd.DataFrame:
+    import pandas as pd
+
+    rows = [
+        {name: getattr(item, name) for name in _KEYS} | {"mean_area": area}
+        for items, areas in results
+        for item, area in zip(items, areas, strict=True)
+    ]
+    return pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
 
 
 def table_4_1(
     boa: pd.DataFrame,
     trajectories: list[Trajectory],
-    settings: dict,
+    settings: StabilitySettings,
     data: str,
     other_mass: list[Trajectory],
     seed: int,
@@ -125,8 +125,7 @@ def table_4_1(
         Summaries of all lifts, columns `lumbar.stability.basins.COLUMNS`.
     trajectories : list of Trajectory
         The sound ones of all lifts.
-    settings : dict
-        Section ``stability`` of the configuration.
+    settings : StabilitySettings
     data : str
         Where the data come from.
     other_mass : list of Trajectory
@@ -144,16 +143,18 @@ def table_4_1(
     """
     import pandas as pd
 
-    sign = settings["pendulum"]["sign"]
+    sign = settings.pendulum.sign
     exact, published = boa["method"] == "exact", boa["sign"] == sign
     columns = {"percent": boa[exact & published], "other_sign": boa[exact & ~published]}
-    if settings["thesis_method"]:
+    if settings.thesis_method:
         columns["thesis_method"] = boa[(boa["method"] == "thesis") & published]
     varied, failed = variants(trajectories, other_mass, settings)
     missing = joined([*([] if failures is None else [failures]), failures_frame(failed)])
     compared = {
         name: percent_differences(areas, missing=missing) for name, areas in {**columns, **varied}.items()
     }
+    for row in compared.get("thesis_method", ()):
+        row |= {plane: None if row[plane] is None else round(row[plane], THESIS_DECIMALS) for plane in PLANES}
     for name in ("initial", "minimum"):
         compared[name] = percent_differences(columns["percent"], f"{name}_area", missing)
     exponents = {
@@ -172,7 +173,8 @@ def table_4_1(
         definitions=_definitions(settings),
         data=data,
         notes=(*_notes(frame, settings), *_missing_notes(missing)),
-        decimals=dict.fromkeys(numbers, 2),
+        decimals=dict.fromkeys(numbers, 2)
+        | {f"{plane}_thesis_method_percent": THESIS_DECIMALS for plane in PLANES},
         may_be_empty=numbers,
     )
     return table, missing
@@ -243,8 +245,8 @@ def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
     )
 
 
-def _definitions(settings: dict) -> dict[str, str]:
-    factor = settings["sensitivity_factor"]
+def _definitions(settings: StabilitySettings) -> dict[str, str]:
+    factor = settings.sensitivity_factor
     definitions = {
         "comparison": "expert_vs_novice: 100(A_expert − A_novice)/A_novice with the heaviest box of both; "
         "decrease_in_mass_…: 100(A_light − A_heavy)/A_heavy with that lifter's heaviest and lightest box; "
@@ -253,10 +255,10 @@ def _definitions(settings: dict) -> dict[str, str]:
         "status": "computed, or why the study cannot tell",
     }
     texts = {
-        "percent": f"percent difference in {{}}, exact engine, {settings['pendulum']['sign']} pendulum",
-        "thesis_method_percent": "the same in {} by the thesis's alternation (equations 4.5 to 4.7), "
-        "which is no certificate",
-        "other_sign_percent": "the same in {} with the other sign of gravity in equation 4.1",
+        "percent": f"percent difference in {{}}, exact method, {settings.pendulum.sign} pendulum",
+        "thesis_method_percent": "the same in {} by the thesis's alternation (Eqs 4.5–4.7), "
+        "which is no certificate; its areas, and so these percentages, have no more digits",
+        "other_sign_percent": "the same in {} with the other sign of gravity in Eq. 4.1",
         "null_percent": "null control: the same in {} with every trajectory replaced by θ0 = 0, so that only "
         "duration, mass and length are left",
         "initial_percent": "the same in {} of the cross-sections at t = 0",
@@ -279,12 +281,12 @@ def _definitions(settings: dict) -> dict[str, str]:
     return definitions
 
 
-def _notes(frame: pd.DataFrame, settings: dict) -> tuple[str, ...]:
-    regulator, pendulum = settings["regulator"], settings["pendulum"]
+def _notes(frame: pd.DataFrame, settings: StabilitySettings) -> tuple[str, ...]:
+    regulator, pendulum = settings.regulator, settings.pendulum
     notes = [
-        f"Regulator of all basins: Q = {regulator['state_weight']}, R = {regulator['control_weight']:g}, "
-        f"Qf = {regulator['terminal_weight']}; b = {pendulum['damping_N_m_s']:g} N·m·s/rad; pendulum's mass "
-        f"{pendulum['mass'].replace('_', ' ')}"
+        f"Regulator of all basins: Q = {plain(regulator.state_weight)}, R = {regulator.control_weight:g}, "
+        f"Qf = {plain(regulator.terminal_weight)}; b = {pendulum.damping_N_m_s:g} N·m·s/rad; pendulum's mass "
+        f"{pendulum.mass.replace('_', ' ')}"
     ]
     values, null = (
         np.concatenate([frame[f"{plane}_{name}"].dropna() for plane in PLANES])

@@ -1,1 +1,1 @@
-"""Basins of attraction as funnels, the exact engine, and their check by simulation."""
+"""Basins of attraction as funnels, the exact method, and their check by simulation."""

@@ -1,11 +1,11 @@
-"""Basins of attraction as funnels {x̄ᵀS(t)x̄ ≤ ρ(t)} around a trajectory, and the exact engine.
+"""Basins of attraction as funnels {x̄ᵀS(t)x̄ ≤ ρ(t)} around a trajectory, and the exact method.
 
 With two states no semidefinite programme is needed. The largest invariant funnel of the given V that ends
 in the goal set solves, backward from ρ(T), the scalar equation
 
     d ln ρ/dt = max over V = ρ of V̇/ρ
 
-with the true sine. The other engines (`certified_funnel`, `bilinear_alternation`) return the same `Funnels`.
+with the true sine. The other methods (`certified_funnel`, `bilinear_alternation`) return the same `Funnels`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from lumbar.errors import NumericalError
 from lumbar.stability.funnel.invariance import (
-    LARGEST_SWING,
+    LARGEST_SEMI_AXIS,
     NormalForm,
     boundary_growth,
     normal_axes,
@@ -74,7 +74,7 @@ class Funnels:
     Attributes
     ----------
     method : str
-        Engine that computed them.
+        Method that computed them.
     duration : numpy.ndarray, shape (pendulums,)
         Seconds.
     cost : numpy.ndarray, shape (knots, pendulums, 3)
@@ -112,7 +112,7 @@ class Funnels:
 
 
 def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
-    """Close the loop with the finite-horizon regulator (equations 4.2 and 4.4)."""
+    """Close the loop with the finite-horizon regulator (Eqs 4.2 and 4.4)."""
     return with_cost(pendulums, weights, cost_to_go(pendulums, weights))
 
 
@@ -122,13 +122,13 @@ def with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> Close
     return ClosedLoops(pendulums, weights, cost, decay_matrix(pendulums, weights, cost), gains)
 
 
-def exact_funnels(loops: ClosedLoops, goal_level: float = 1.0) -> Funnels:
-    """Compute the largest invariant funnels of V = x̄ᵀSx̄ that end in {V ≤ `goal_level`}.
+def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
+    """Compute the largest invariant funnels of V = x̄ᵀSx̄ that end in {V ≤ `terminal_level`}.
 
     Parameters
     ----------
     loops : ClosedLoops
-    goal_level : float
+    terminal_level : float
         ρ(T).
 
     Returns
@@ -138,32 +138,32 @@ def exact_funnels(loops: ClosedLoops, goal_level: float = 1.0) -> Funnels:
     Raises
     ------
     NumericalError
-        A basin reaches further than `LARGEST_SWING` from its trajectory: its settings make no sense.
+        A basin reaches further than `LARGEST_SEMI_AXIS` from its trajectory: its settings make no sense.
     """
-    return funnel_variants(loops, goal_level)[0]
+    return funnel_variants(loops, terminal_level)[0]
 
 
 def funnel_variants(
-    loops: ClosedLoops, goal_level: float = 1.0, margin: float = 0.0, overstated: float = 0.0
+    loops: ClosedLoops, terminal_level: float = 1.0, margin: float = 0.0, negative_control: float = 0.0
 ) -> tuple[Funnels, Funnels, Funnels]:
     """Compute the exact funnels, slightly smaller and wrong ones in one pass.
 
     Parameters
     ----------
     loops : ClosedLoops
-    goal_level : float
+    terminal_level : float
         ρ(T).
     margin : float
         In 1/s: in the second result d ln ρ/dt is greater by it than the largest V̇/ρ, so that a proof with
-        finite precision can succeed (`between_knots`); its area is about exp(−margin·T/2) of the exact one.
-    overstated : float
+        finite precision can succeed (`interval_proof`); its area is about exp(−margin·T/2) of the exact one.
+    negative_control : float
         In the third ρ falls faster by this share of |d ln ρ/dt|: it is too large and starts on its boundary
-        leave, the positive control of `simulation.attack`. (Scaling ρ itself would be no control: a linear
+        leave, the negative control of `monte_carlo_check`. (Scaling ρ itself would be no control: a linear
         loop's funnel stays invariant.)
 
     Returns
     -------
-    exact, with_margin, overstated : Funnels
+    exact, with_margin, negative_control : Funnels
 
     Raises
     ------
@@ -171,49 +171,50 @@ def funnel_variants(
         As `exact_funnels`.
     """
     pendulums = loops.pendulums
-    _require_goal_within_reach(loops, goal_level)
-    changes = np.unique([(0.0, 0.0), (margin, 0.0), (0.0, overstated)], axis=0)
+    _require_terminal_set_within_reach(loops, terminal_level)
+    changes = np.unique([(0.0, 0.0), (margin, 0.0), (0.0, negative_control)], axis=0)
     which = [
-        int(np.flatnonzero((changes == row).all(axis=1))[0]) for row in ((0, 0), (margin, 0), (0, overstated))
+        int(np.flatnonzero((changes == row).all(axis=1))[0])
+        for row in ((0, 0), (margin, 0), (0, negative_control))
     ]
-    level = _backward(loops, goal_level, changes)[:, which]
-    swing = normal_axes(loops.cost[::2])[0] * np.sqrt(level[:, 0])
-    lost = ~(swing < LARGEST_SWING)
+    level = _backward(loops, terminal_level, changes)[:, which]
+    semi_axis = normal_axes(loops.cost[::2])[0] * np.sqrt(level[:, 0])
+    lost = ~(semi_axis < LARGEST_SEMI_AXIS)
     if lost.any():
         index = int(np.argwhere(lost)[-1][1])
         raise NumericalError(
-            f"{pendulums.labels[index]}: the basin reaches {swing[:, index].max():.3g} rad from its "
-            f"trajectory; at most {LARGEST_SWING:g} rad are allowed: raise the regulator's control weight or "
+            f"{pendulums.labels[index]}: the basin reaches {semi_axis[:, index].max():.3g} rad from its "
+            f"trajectory; at most {LARGEST_SEMI_AXIS:g} rad are allowed: raise the regulator's control weight or "
             "lower its state weight"
         )
     exact = Funnels("exact", pendulums.duration, loops.cost[::2], level[:, 0])
     return (
         exact,
         replace(exact, method=f"exact, margin {margin:g} 1/s", level=level[:, 1]),
-        replace(exact, method=f"exact, overstated by {overstated:g}", level=level[:, 2]),
+        replace(exact, method="exact, negative control", level=level[:, 2]),
     )
 
 
-def _require_goal_within_reach(loops: ClosedLoops, goal_level: float) -> None:
+def _require_terminal_set_within_reach(loops: ClosedLoops, terminal_level: float) -> None:
     """Refuse a goal set that contains the pendulum in every position: no funnel about a trajectory holds it."""
-    swing = np.sqrt(goal_level) * normal_axes(loops.cost[-1])[0]
-    if (swing >= np.pi).any():
-        index = int(swing.argmax())
+    semi_axis = np.sqrt(terminal_level) * normal_axes(loops.cost[-1])[0]
+    if (semi_axis >= np.pi).any():
+        index = int(semi_axis.argmax())
         raise NumericalError(
-            f"{loops.pendulums.labels[index]}: the goal set reaches {swing[index]:.3g} rad from the trajectory's end, "
+            f"{loops.pendulums.labels[index]}: the goal set reaches {semi_axis[index]:.3g} rad from the trajectory's end, "
             "outside any funnel (π rad); lower stability.goal_level or raise the regulator's terminal_weight"
         )
 
 
-def _backward(loops: ClosedLoops, goal_level: float, changes: np.ndarray) -> np.ndarray:
-    """Return ρ, shape (knots, variants, pendulums); `changes` are margin and overstated share of each variant."""
-    margin, overstated = changes[:, :1], changes[:, 1:]
+def _backward(loops: ClosedLoops, terminal_level: float, changes: np.ndarray) -> np.ndarray:
+    """Return ρ, shape (knots, variants, pendulums); `changes` are margin and negative control of each variant."""
+    margin, negative_control = changes[:, :1], changes[:, 1:]
 
     def slope(point, log_level):
         growth = boundary_growth(loops.form(point), np.exp(log_level))
-        return growth + margin - overstated * np.abs(growth)
+        return growth + margin - negative_control * np.abs(growth)
 
-    goal = np.full((len(changes), len(loops.pendulums.labels)), np.log(goal_level))
+    goal = np.full((len(changes), len(loops.pendulums.labels)), np.log(terminal_level))
     return np.exp(integrate_backward(loops, goal, slope))
 
 
@@ -260,7 +261,7 @@ def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) ->
     return log_level
 
 
-def reachable_area(loops: ClosedLoops, goal_level: float = 1.0) -> np.ndarray:
+def reachable_area(loops: ClosedLoops, terminal_level: float = 1.0) -> np.ndarray:
     """Return the exact area of all states at t = 0 that reach the goal set, in rad²/s.
 
     By Liouville's theorem an area in phase space shrinks at the rate (b + K2)/I, whatever the
@@ -276,7 +277,7 @@ def reachable_area(loops: ClosedLoops, goal_level: float = 1.0) -> np.ndarray:
     pendulums = loops.pendulums
     rate = (pendulums.damping + loops.gains[..., 1]) / pendulums.inertia
     exponent = pendulums.duration * simpson(rate, x=np.linspace(0.0, 1.0, len(rate)), axis=0)
-    return np.pi * goal_level / np.sqrt(determinant(loops.cost[-1])) * np.exp(exponent)
+    return np.pi * terminal_level / np.sqrt(determinant(loops.cost[-1])) * np.exp(exponent)
 
 
 def even_knots(available: int, wanted: int) -> np.ndarray:

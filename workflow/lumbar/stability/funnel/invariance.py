@@ -8,8 +8,8 @@ so that s12·e + s22·ω = √(ρ·s22)·z2 and, along an S(t) with −Ṡ = M +
 
     V̇/ρ = −(α·z1² + 2β·z1·z2 + γ·z2²) − κ·z2·h(√ρ·a·z1),   κ = 2·(σmgℓ/I)·√(s22/ρ)
 
-where [[α, β], [β, γ]] is M in normal coordinates and h the remainder of the sine. For the Riccati equation
-4.2 with feedback 4.4 M is Q + SBR⁻¹BᵀS. On the circle this is a function of one angle; its maximum is found by
+where [[α, β], [β, γ]] is M in normal coordinates and h the remainder of the sine. For the solution of Eq. 4.2 with
+the feedback of Eq. 4.4 M is Q + SBR⁻¹BᵀS. On the circle this is a function of one angle; its maximum is found by
 sampling and Newton's method.
 """
 
@@ -24,14 +24,14 @@ from lumbar.stability.model.pendulum_loop import Pendulums, remainder
 from lumbar.stability.model.riccati import determinant
 
 SAMPLES = 48
-"""Points on the boundary among which Newton's starts are chosen, for swings up to `SMALL_SWING`."""
+"""Points on the boundary among which Newton's starts are chosen, for semi-axes up to `SMALL_SEMI_AXIS`."""
 SECTORS = 4
 """Parts of the boundary that each give one start, likewise."""
-SMALL_SWING = 2.0
+SMALL_SEMI_AXIS = 2.0
 """Largest |e| on the ellipse in rad for which these are enough: a wider one has more peaks."""
 MOST_DOUBLINGS = 4
 """How often samples and sectors are doubled for wider ellipses."""
-LARGEST_SWING = SMALL_SWING * 2**MOST_DOUBLINGS
+LARGEST_SEMI_AXIS = SMALL_SEMI_AXIS * 2**MOST_DOUBLINGS
 """Largest |e| in rad up to which the maximum is reliable: five turns, beyond any useful basin."""
 NEWTON_STEPS = 2
 
@@ -105,17 +105,17 @@ def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
         is not below it.
     """
     root = np.sqrt(level)
-    swing, kappa = form.amplitude * root, form.coupling / root
-    doublings = int(np.clip(np.ceil(np.log2(swing.max() / SMALL_SWING)), 0, MOST_DOUBLINGS))
-    values = _growth_samples(form, swing, kappa, SAMPLES << doublings)
+    semi_axis, kappa = form.amplitude * root, form.coupling / root
+    doublings = int(np.clip(np.ceil(np.log2(semi_axis.max() / SMALL_SEMI_AXIS)), 0, MOST_DOUBLINGS))
+    values = _growth_samples(form, semi_axis, kappa, SAMPLES << doublings)
     start, sampled = _candidates(values, SECTORS << doublings)
-    polished = _newton(form, swing, kappa, start, 2 * np.pi / values.shape[-1])
+    polished = _newton(form, semi_axis, kappa, start, 2 * np.pi / values.shape[-1])
     return np.maximum(sampled, polished).max(axis=-1)
 
 
-def _growth_samples(form: NormalForm, swing: np.ndarray, kappa: np.ndarray, samples: int) -> np.ndarray:
+def _growth_samples(form: NormalForm, semi_axis: np.ndarray, kappa: np.ndarray, samples: int) -> np.ndarray:
     c, s, c2, cs2, s2 = _circle(samples)
-    values = kappa[..., None] * s * remainder(form.angle[..., None], swing[..., None] * c)
+    values = kappa[..., None] * s * remainder(form.angle[..., None], semi_axis[..., None] * c)
     values += form.alpha[..., None] * c2
     values += form.beta[..., None] * cs2
     values += form.gamma[..., None] * s2
@@ -136,28 +136,28 @@ def _candidates(values: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]
 
 
 def _newton(
-    form: NormalForm, swing: np.ndarray, kappa: np.ndarray, start: np.ndarray, spacing: float
+    form: NormalForm, semi_axis: np.ndarray, kappa: np.ndarray, start: np.ndarray, spacing: float
 ) -> np.ndarray:
     """Climb from each start to its peak and return the heights, shape (..., starts)."""
-    angle, swing, kappa = form.angle[..., None], swing[..., None], kappa[..., None]
+    angle, semi_axis, kappa = form.angle[..., None], semi_axis[..., None], kappa[..., None]
     difference, beta = (form.alpha - form.gamma)[..., None], form.beta[..., None]
     cos_angle = np.cos(angle)
     position = start
     for _ in range(NEWTON_STEPS):
         c, s = np.cos(position), np.sin(position)
-        error = swing * c
+        error = semi_axis * c
         h = remainder(angle, error)
         h1 = np.cos(angle + error) - cos_angle
         h2 = -np.sin(angle + error)
-        slope = 2 * difference * c * s - 2 * beta * (c**2 - s**2) - kappa * (c * h - swing * s**2 * h1)
+        slope = 2 * difference * c * s - 2 * beta * (c**2 - s**2) - kappa * (c * h - semi_axis * s**2 * h1)
         bend = (
             2 * difference * (c**2 - s**2)
             + 8 * beta * c * s
-            + kappa * (s * h + 3 * swing * c * s * h1 - swing**2 * s**3 * h2)
+            + kappa * (s * h + 3 * semi_axis * c * s * h1 - semi_axis**2 * s**3 * h2)
         )
         # A step is taken only where the function bends down, and never past the neighbouring samples.
         step = np.where(bend < 0, -slope / np.where(bend < 0, bend, -1.0), 0.0)
         position = position + np.clip(step, -spacing, spacing)
     c, s = np.cos(position), np.sin(position)
     quadratic = form.alpha[..., None] * c**2 + 2 * beta * c * s + form.gamma[..., None] * s**2
-    return -quadratic - kappa * s * remainder(angle, swing * c)
+    return -quadratic - kappa * s * remainder(angle, semi_axis * c)

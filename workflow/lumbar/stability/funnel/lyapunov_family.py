@@ -6,7 +6,7 @@ The controller stays; V need not be its cost. For every share λ in [0, 1] the L
 
 gives a V = x̄ᵀSx̄. λ = 1 is the Riccati solution, the thesis's V. λ = 0 makes every ellipse the exact preimage of
 the goal set under the linear loop: without gravity's nonlinearity no funnel is larger (Liouville). With it the
-best share lies between, and the exact engine finds the largest funnel of each.
+best share lies between, and the exact method finds the largest funnel of each.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class BestOfFamily:
         λ of the largest average cross-section.
     loops : ClosedLoops
         With the V of that λ for each pendulum.
-    funnels, with_margin, overstated : Funnels
+    funnels, with_margin, negative_control : Funnels
         The exact funnels of `loops`, smaller and wrong ones (`funnel.funnel_variants`).
     """
 
@@ -39,7 +39,7 @@ class BestOfFamily:
     loops: ClosedLoops
     funnels: Funnels
     with_margin: Funnels
-    overstated: Funnels
+    negative_control: Funnels
 
 
 def with_lyapunov_function(loops: ClosedLoops, share: float) -> ClosedLoops:
@@ -98,7 +98,11 @@ def with_lyapunov_function(loops: ClosedLoops, share: float) -> ClosedLoops:
 
 
 def best_of_family(
-    loops: ClosedLoops, goal_level: float, shares: list[float], margin: float = 0.0, overstated: float = 0.0
+    loops: ClosedLoops,
+    terminal_level: float,
+    shares: list[float],
+    margin: float = 0.0,
+    negative_control: float = 0.0,
 ) -> BestOfFamily:
     """Search the family for the largest average cross-section of each pendulum.
 
@@ -106,15 +110,15 @@ def best_of_family(
     ----------
     loops : ClosedLoops
         With the Riccati solution.
-    goal_level : float
+    terminal_level : float
         ρ(T).
     shares : list of float
         λ to try.
-    margin, overstated : float
+    margin, negative_control : float
         As for `funnel.funnel_variants`.
     """
     members = [with_lyapunov_function(loops, share) for share in shares]
-    funnels = [funnel_variants(member, goal_level, margin, overstated) for member in members]
+    funnels = [funnel_variants(member, terminal_level, margin, negative_control) for member in members]
     areas = np.array([item[0].mean_area for item in funnels])
     chosen = areas.argmax(axis=0)
 

@@ -1,4 +1,4 @@
-"""Attack by simulation: start inside a basin, follow the true dynamics, count who leaves it."""
+"""Monte Carlo check: start inside a basin, follow the true dynamics, count who leaves it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LONGEST_STRIDE = 3
 
 
 @dataclass(frozen=True)
-class Attack:
+class MonteCarloCheck:
     """Simulated starts and how many left.
 
     Attributes
@@ -39,9 +39,9 @@ class Attack:
     share_high: np.ndarray
 
 
-def attack(
+def monte_carlo_check(
     loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int], disturbance: Callable | None = None
-) -> Attack:
+) -> MonteCarloCheck:
     """Simulate starts of the first cross-section, half of them on its boundary, half inside.
 
     Parameters
@@ -57,7 +57,7 @@ def attack(
 
     Returns
     -------
-    Attack
+    MonteCarloCheck
 
     Raises
     ------
@@ -86,7 +86,7 @@ def attack(
             value = quadratic_form(funnels.cost[index], state)
             inside &= value <= funnels.level[index][:, None] * (1 + LEVEL_TOLERANCE)
     exits = starts - inside.sum(axis=1)
-    return Attack(starts, exits, upper_share(exits, starts))
+    return MonteCarloCheck(starts, exits, upper_share(exits, starts))
 
 
 def simulate(loops: ClosedLoops, start: np.ndarray, disturbance: Callable | None = None):
@@ -190,7 +190,7 @@ def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> i
 
 
 def quadratic_form(cost: np.ndarray, state: np.ndarray) -> np.ndarray:
-    """Return V = x̄ᵀSx̄ of states of shape (2, pendulums, starts)."""
+    """Return V = x̄ᵀSx̄ (Eq. 4.7) of states of shape (2, pendulums, starts)."""
     s11, s12, s22 = (cost[:, entry, None] for entry in range(3))
     return s11 * state[0] ** 2 + 2 * s12 * state[0] * state[1] + s22 * state[1] ** 2
 

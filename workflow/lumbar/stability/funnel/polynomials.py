@@ -41,17 +41,17 @@ def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.nd
     coefficients[..., index[2, 0]] = -form.alpha
     coefficients[..., index[1, 1]] = -2 * form.beta
     coefficients[..., index[0, 2]] = -form.gamma
-    swing, kappa = form.amplitude * np.sqrt(level), form.coupling / np.sqrt(level)
+    semi_axis, kappa = form.amplitude * np.sqrt(level), form.coupling / np.sqrt(level)
     sine, cosine = np.sin(form.angle), np.cos(form.angle)
     derivatives = (sine, cosine, -sine, -cosine)
     for power in range(2, degree + 1):
         taylor = derivatives[power % 4] / factorial(power)
-        coefficients[..., index[power, 1]] = -kappa * taylor * swing**power
+        coefficients[..., index[power, 1]] = -kappa * taylor * semi_axis**power
     return coefficients
 
 
 TAYLOR_ERROR = 0.05
-"""Error of the sine's Taylor polynomial up to which an engine that uses it is in its range."""
+"""Error of the sine's Taylor polynomial up to which a method that uses it is in its range."""
 
 
 def require_taylor_range(pendulums: Pendulums, cost: np.ndarray, level: np.ndarray, degree: int) -> None:
@@ -74,14 +74,14 @@ def require_taylor_range(pendulums: Pendulums, cost: np.ndarray, level: np.ndarr
         Names the pendulum, how far its ellipse reaches and how far it may.
     """
     reach = (TAYLOR_ERROR * factorial(degree + 1)) ** (1 / (degree + 1))
-    swing = (np.sqrt(level) * normal_axes(cost)[0]).max(axis=0)
-    swing = np.where(pendulums.gravity_torque == 0, 0.0, swing)
-    if (swing > reach).any():
-        index = int(swing.argmax())
+    semi_axis = (np.sqrt(level) * normal_axes(cost)[0]).max(axis=0)
+    semi_axis = np.where(pendulums.gravity_torque == 0, 0.0, semi_axis)
+    if (semi_axis > reach).any():
+        index = int(semi_axis.argmax())
         raise NumericalError(
-            f"{pendulums.labels[index]}: the basin reaches {swing[index]:.3g} rad from its trajectory, beyond the "
+            f"{pendulums.labels[index]}: the basin reaches {semi_axis[index]:.3g} rad from its trajectory, beyond the "
             f"range of the sine's Taylor polynomial of degree {degree} ({reach:.3g} rad); raise the degree or use "
-            "the exact engine"
+            "the exact method"
         )
 
 

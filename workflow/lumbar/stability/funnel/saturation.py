@@ -1,4 +1,4 @@
-"""Basins with limited torque and uncertain mass: the exact engine for the loop as it really is.
+"""Basins with limited torque and uncertain mass: the exact method for the loop as it really is.
 
 The torque is u = clip(u0 + ū, −U, U) with ū = −K·x̄, the mass anywhere in an interval about the nominal m for
 which u0 and K were computed. With r = m/m_true the error obeys the nominal equation plus
@@ -18,7 +18,7 @@ import numpy as np
 
 from lumbar.errors import InputError, NumericalError
 from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, integrate_backward
-from lumbar.stability.funnel.invariance import LARGEST_SWING, normal_axes
+from lumbar.stability.funnel.invariance import LARGEST_SEMI_AXIS, normal_axes
 from lumbar.stability.model.pendulum_loop import Pendulums, remainder
 
 SAMPLES = 96
@@ -29,7 +29,7 @@ LEAST_LEVEL = 1e-6
 
 
 @dataclass(frozen=True)
-class Limits:
+class Saturation:
     """What the real loop adds to the nominal one.
 
     Attributes
@@ -65,7 +65,7 @@ class Limits:
         return 1 / (1 + self.mass_share), 1 / (1 - self.mass_share)
 
 
-NO_LIMITS = Limits()
+UNSATURATED = Saturation()
 
 
 @dataclass(frozen=True)
@@ -77,12 +77,12 @@ class SaturationReference:
 
 
 @dataclass(frozen=True)
-class LimitedFunnels:
-    """Largest funnels under `Limits`, and what is needed to check them.
+class SaturatedFunnels:
+    """Largest funnels under `Saturation`, and what is needed to check them.
 
     Attributes
     ----------
-    exact, with_margin, overstated : Funnels
+    exact, with_margin, negative_control : Funnels
         As `funnel.funnel_variants` returns; meaningful where `held`.
     reason : tuple of str, one per pendulum
         Why there is no basin; empty where there is one.
@@ -90,7 +90,7 @@ class LimitedFunnels:
 
     exact: Funnels
     with_margin: Funnels
-    overstated: Funnels
+    negative_control: Funnels
     reason: tuple[str, ...]
 
     @property
@@ -100,9 +100,9 @@ class LimitedFunnels:
 
 
 def reference_of(pendulums: Pendulums) -> SaturationReference:
-    """Return u0 and θ̇0 of the cubic spline through the knots of θ0 (equation 4.1 solved for u).
+    """Return u0 and θ̇0 of the cubic spline through the knots of θ0 (Eq. 4.1 solved for u).
 
-    The spline is the interpolant about which `between_knots` proves: its second derivative, and with it the
+    The spline is the interpolant about which `interval_proof` proves: its second derivative, and with it the
     saturated torque, is that of no finer one.
     """
     from scipy.interpolate import CubicSpline
@@ -119,58 +119,60 @@ def reference_of(pendulums: Pendulums) -> SaturationReference:
     return SaturationReference(torque, velocity)
 
 
-def limited_funnels(
-    loops: ClosedLoops, goal_level: float, limits: Limits, margin: float = 0.0, overstated: float = 0.0
-) -> LimitedFunnels:
+def saturated_funnels(
+    loops: ClosedLoops,
+    terminal_level: float,
+    saturation: Saturation,
+    margin: float = 0.0,
+    negative_control: float = 0.0,
+) -> SaturatedFunnels:
     """Compute the largest invariant funnels of V under limits, with the true sine.
 
     Parameters
     ----------
     loops : ClosedLoops
-    goal_level : float
+    terminal_level : float
         ρ(T).
-    limits : Limits
-    margin, overstated : float
+    saturation : Saturation
+    margin, negative_control : float
         As for `funnel.funnel_variants`.
     """
     reference = reference_of(loops.pendulums)
-    floor = np.log(goal_level * LEAST_LEVEL)
-    margins, shares = np.array([[0.0], [margin], [0.0]]), np.array([[0.0], [0.0], [overstated]])
+    floor = np.log(terminal_level * LEAST_LEVEL)
+    margins, shares = np.array([[0.0], [margin], [0.0]]), np.array([[0.0], [0.0], [negative_control]])
 
     def slope(point, log_level):
         # Below the floor the basin is lost; the rate there must only stay finite.
         level = np.exp(np.clip(log_level, floor, None))
-        growth = limited_growth(loops, point, level, limits, reference)
+        growth = saturated_growth(loops, point, level, saturation, reference)
         rate = growth + margins - shares * np.abs(growth)
         return np.where(log_level > floor, np.minimum(rate, 1e3), 0.0)
 
     count = len(loops.pendulums.labels)
-    log_level = integrate_backward(loops, np.full((3, count), np.log(goal_level)), slope)
+    log_level = integrate_backward(loops, np.full((3, count), np.log(terminal_level)), slope)
     peak = np.abs(reference.torque).max(axis=0)
-    swing = (normal_axes(loops.cost[::2])[0] * np.exp(0.5 * log_level[:, 0])).max(axis=0)
+    semi_axis = (normal_axes(loops.cost[::2])[0] * np.exp(0.5 * log_level[:, 0])).max(axis=0)
     lost = ~(log_level[:, :2] > floor).all(axis=(0, 1))
-    reason = tuple(_reason(peak[index], limits, lost[index], swing[index]) for index in range(count))
+    reason = tuple(_reason(peak[index], saturation, lost[index], semi_axis[index]) for index in range(count))
     variants = [
         Funnels(name, loops.pendulums.duration, loops.cost[::2], np.exp(log_level[:, index]))
-        for index, name in enumerate(("exact", f"exact, margin {margin:g} 1/s", "exact, overstated"))
+        for index, name in enumerate(("exact", f"exact, margin {margin:g} 1/s", "exact, negative control"))
     ]
-    return LimitedFunnels(*variants, reason)
+    return SaturatedFunnels(*variants, reason)
 
 
-def _reason(peak: float, limits: Limits, lost: bool, swing: float) -> str:
+def _reason(peak: float, saturation: Saturation, lost: bool, semi_axis: float) -> str:
     """Say why there is no basin, or nothing where there is one."""
-    if peak > limits.torque:
-        return f"the feedforward torque reaches {peak:.4g} N·m; the limit is {limits.torque:g} N·m"
+    if peak > saturation.torque:
+        return f"the feedforward torque reaches {peak:.4g} N·m; the limit is {saturation.torque:g} N·m"
     if lost:
-        return (
-            f"{limits}: no basin of the goal set is left (ρ falls below {LEAST_LEVEL:g} of its value there)"
-        )
-    if not swing < LARGEST_SWING:
-        return f"the basin reaches {swing:.3g} rad from its trajectory; at most {LARGEST_SWING:g} rad are allowed"
+        return f"{saturation}: no basin of the goal set is left (ρ falls below {LEAST_LEVEL:g} of its value there)"
+    if not semi_axis < LARGEST_SEMI_AXIS:
+        return f"the basin reaches {semi_axis:.3g} rad from its trajectory; at most {LARGEST_SEMI_AXIS:g} rad are allowed"
     return ""
 
 
-def require_torque(pendulums: Pendulums, reference: SaturationReference, limits: Limits) -> None:
+def require_torque(pendulums: Pendulums, reference: SaturationReference, saturation: Saturation) -> None:
     """Refuse references whose feedforward itself lies beyond the torque limit.
 
     Raises
@@ -179,17 +181,17 @@ def require_torque(pendulums: Pendulums, reference: SaturationReference, limits:
         Names the pendulum.
     """
     peak = np.abs(reference.torque).max(axis=0)
-    if (peak > limits.torque).any():
+    if (peak > saturation.torque).any():
         index = int(peak.argmax())
-        raise NumericalError(f"{pendulums.labels[index]}: {_reason(peak[index], limits, False, 0.0)}")
+        raise NumericalError(f"{pendulums.labels[index]}: {_reason(peak[index], saturation, False, 0.0)}")
 
 
-def limited_growth(
-    loops: ClosedLoops, point: int, level: np.ndarray, limits: Limits, reference: SaturationReference
+def saturated_growth(
+    loops: ClosedLoops, point: int, level: np.ndarray, saturation: Saturation, reference: SaturationReference
 ) -> np.ndarray:
     """Return the largest V̇/ρ on V = ρ over all masses, shape as `level`: (..., pendulums)."""
     position = np.linspace(0.0, 2 * np.pi, SAMPLES, endpoint=False)
-    values = _growth(loops, point, level, limits, reference, position)
+    values = _growth(loops, point, level, saturation, reference, position)
     best = values.reshape(*level.shape, SECTORS, -1).argmax(axis=-1)
     best += np.arange(SECTORS) * (SAMPLES // SECTORS)
     centre, width = position[best], 2 * np.pi / SAMPLES
@@ -197,7 +199,7 @@ def limited_growth(
     offsets = np.linspace(-1.0, 1.0, 9)
     for _ in range(ZOOMS):
         nearby = centre[..., None] + width * offsets
-        values = _growth(loops, point, level, limits, reference, nearby.reshape(*level.shape, -1))
+        values = _growth(loops, point, level, saturation, reference, nearby.reshape(*level.shape, -1))
         values = values.reshape(nearby.shape)
         centre = np.take_along_axis(nearby, values.argmax(axis=-1)[..., None], -1)[..., 0]
         result = np.maximum(result, values.max(axis=(-1, -2)))
@@ -205,7 +207,7 @@ def limited_growth(
     return result
 
 
-def _growth(loops, point, level, limits, reference, position) -> np.ndarray:
+def _growth(loops, point, level, saturation, reference, position) -> np.ndarray:
     """V̇/ρ at angles φ of the boundary, the largest of both extreme masses, shape (..., pendulums, angles)."""
     form = loops.form(point)
     c, s = np.cos(position), np.sin(position)
@@ -219,8 +221,8 @@ def _growth(loops, point, level, limits, reference, position) -> np.ndarray:
     )
     weight = 2 * np.sqrt(loops.cost[point][:, 2])[:, None] / root * s
     changes = [
-        extra_acceleration(loops, reference, limits.torque, ratio, point, state)
-        for ratio in sorted(set(limits.ratios))
+        extra_acceleration(loops, reference, saturation.torque, ratio, point, state)
+        for ratio in sorted(set(saturation.ratios))
     ]
     return nominal + np.max([weight * change for change in changes], axis=0)
 
@@ -237,15 +239,15 @@ def extra_acceleration(
     return (ratio * (applied - drag) - (wanted - drag)) / pendulums.inertia[:, None]
 
 
-def disturbance_of(loops: ClosedLoops, limits: Limits, starts: int, seed: list[int]):
-    """Return the disturbance for `simulation.attack`: a mass for every start, half of them an extreme one."""
+def disturbance_of(loops: ClosedLoops, saturation: Saturation, starts: int, seed: list[int]):
+    """Return the disturbance for `monte_carlo_check`: a mass for every start, half of them an extreme one."""
     reference = reference_of(loops.pendulums)
     generator = np.random.default_rng(seed)
-    low, high = limits.ratios
+    low, high = saturation.ratios
     ratio = 1 / generator.uniform(1 / high, 1 / low, starts)
     ratio[::4], ratio[1::4] = low, high
 
     def disturbance(point, state):
-        return extra_acceleration(loops, reference, limits.torque, ratio, point, state)
+        return extra_acceleration(loops, reference, saturation.torque, ratio, point, state)
 
     return disturbance

@@ -1,1 +1,1 @@
-"""The closed loop of eqs 4.1 to 4.3: trajectory, regulator, saturation."""
+"""The closed loop of Eqs 4.1–4.3: trajectory, regulator, saturation."""

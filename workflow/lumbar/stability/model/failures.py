@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.errors import NumericalError
+from lumbar.stability.model.trajectory import Trajectory
 from lumbar.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from lumbar.stability.model.trajectory import Trajectory
 
 NO_TRAJECTORY = "trajectory"
 """What is missing where the trajectory itself is unsound: all basins of it."""
@@ -28,7 +27,7 @@ COLUMNS = {
     "box_mass_kg": "mass of the box",
     "com": "centre of mass taken for the pendulum's",
     "plane": "plane onto which the trajectory is projected",
-    "basin": "what is missing: the engine with its sign of gravity and its limits, a variant of Table 4.1, or all "
+    "basin": "what is missing: the method with its sign of gravity and its limits, a variant of Table 4.1, or all "
     "basins of an unsound trajectory",
     "reason": "why, what was found and what is allowed",
 }
@@ -52,34 +51,36 @@ class Failure:
         return cls(item.subject, item.experience, item.box_mass_kg, item.com, item.plane, basin, reason)
 
 
-def computed(
-    trajectories: list[Trajectory], compute: Callable[[list[Trajectory]], Any], basin: str
+def all_or_each(
+    function: Callable, trajectories: list[Trajectory], *arguments, basin: str
 ) -> tuple[list[tuple[list[Trajectory], Any]], list[Failure]]:
-    """Compute something for all trajectories at once; where that fails, for each by itself.
+    """Call ``function(trajectories, *arguments)``; where that fails, once for each trajectory by itself.
 
     Parameters
     ----------
+    function : callable
+        Of a list of trajectories and `arguments`; raises `NumericalError` where one of them has no result.
     trajectories : list of Trajectory
-    compute : callable
-        Of a list of trajectories; raises `NumericalError` where one of them has no result.
+    *arguments
+        Handed on.
     basin : str
         What is computed, for `Failure.basin`.
 
     Returns
     -------
     results : list of (list of Trajectory, Any)
-        Trajectories and what `compute` returned for them: all in one, or one by one without those that failed.
+        Trajectories and what `function` returned for them: all in one, or one by one without those that failed.
     failures : list of Failure
     """
     if not trajectories:
         return [], []
     try:
-        return [(trajectories, compute(trajectories))], []
+        return [(trajectories, function(trajectories, *arguments))], []
     except NumericalError:
         results, failures = [], []
     for item in trajectories:
         try:
-            results.append(([item], compute([item])))
+            results.append(([item], function([item], *arguments)))
         except NumericalError as error:
             failures.append(Failure.of(item, basin, str(error)))
     return results, failures

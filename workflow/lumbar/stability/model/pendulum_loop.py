@@ -1,4 +1,4 @@
-"""The damped pendulum of equation 4.1 about a reference trajectory, for many pendulums at once.
+"""The damped pendulum of Eq. 4.1 about a reference trajectory, for many pendulums at once.
 
     I·θ̈ + b·θ̇ + σ·m·g·ℓ·sin θ = u,      I = m·ℓ²
 
@@ -7,7 +7,7 @@
 
     ė = ω,   ω̇ = a21·e + a22·ω − K·x̄/I − (σ·m·g·ℓ/I)·h(e),   h(e) = sin(θ0 + e) − sin θ0 − e·cos θ0
 
-in which h holds everything that the linearisation (equation 4.3) leaves out.
+in which h holds everything that the linearisation (Eq. 4.3) leaves out.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Pendulums:
     angle: np.ndarray
 
     def linearised(self, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return a21, a22 and b2 of A = [[0, 1], [a21, a22]] and B = [0, b2] (equation 4.3)."""
+        """Return a21, a22 and b2 of A = [[0, 1], [a21, a22]] and B = [0, b2] (Eq. 4.3)."""
         return (
             -self.gravity_torque * np.cos(angle) / self.inertia,
             -self.damping / self.inertia,
@@ -99,7 +99,7 @@ def gather(
 
 
 def feedforward_torque(trajectory: Trajectory, sign: str, damping: float, gravity: float) -> np.ndarray:
-    """Return u0(t) in N·m by inverse dynamics of the reference states (equation 4.1)."""
+    """Return u0(t) in N·m by inverse dynamics of the reference states (Eq. 4.1)."""
     inertia = trajectory.mass_kg * trajectory.length_m**2
     gravity_torque = SIGNS[sign] * trajectory.mass_kg * gravity * trajectory.length_m
     return (

@@ -1,4 +1,4 @@
-"""Finite-horizon linear-quadratic regulator: the differential Riccati equation 4.2, many pendulums at once.
+"""Finite-horizon linear-quadratic regulator: the differential Riccati equation (Eq. 4.2), many pendulums at once.
 
 A symmetric 2×2 matrix is held as its three entries (s11, s12, s22) along the last axis.
 """
@@ -82,7 +82,7 @@ def determinant(matrix: np.ndarray) -> np.ndarray:
 
 
 def gain(pendulums: Pendulums, control_weight: np.ndarray, cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return K1 (N·m/rad) and K2 (N·m·s/rad) of K = R⁻¹BᵀS (equation 4.4); `cost` has shape (..., 3)."""
+    """Return K1 (N·m/rad) and K2 (N·m·s/rad) of K = R⁻¹BᵀS (Eq. 4.4); `cost` has shape (..., 3)."""
     scale = 1 / (pendulums.inertia * control_weight)
     return scale * cost[..., 1], scale * cost[..., 2]
 
@@ -95,7 +95,7 @@ def decay_matrix(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> np
 
 
 def riccati_rate(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """Return −Ṡ = Q − SBR⁻¹BᵀS + SA + AᵀS (equation 4.2), shape (pendulums, 3)."""
+    """Return −Ṡ = Q − SBR⁻¹BᵀS + SA + AᵀS (Eq. 4.2), shape (pendulums, 3)."""
     a21, a22, b2 = pendulums.linearised(angle)
     s11, s12, s22 = np.moveaxis(cost, -1, 0)
     control = b2**2 / weights.control

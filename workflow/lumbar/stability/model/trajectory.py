@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.errors import Problems
-from lumbar.stability.model.failures import NO_TRAJECTORY, Failure
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 COMS = ("thorax", "abdomen", "pelvis")
 PLANES = ("lateral_bending", "flexion_extension")
@@ -65,54 +60,6 @@ class Trajectory:
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return float(self.time[-1] - self.time[0])
-
-
-def trajectories_of_lift(
-    states: pd.DataFrame, facts: dict, mass: str
-) -> tuple[list[Trajectory], list[Failure]]:
-    """Return the sound ones of a lift's six trajectories, and what is wrong with the others.
-
-    Parameters
-    ----------
-    states : pandas.DataFrame
-        Columns ``com, plane, time_s, angle_rad, angular_velocity_rad_s, angular_acceleration_rad_s2``.
-    facts : dict
-        ``subject, experience, box_mass_kg, pivot``, ``mass_kg`` (per COM ``with_box`` and
-        ``without_box``) and ``length_m`` (per COM and plane).
-    mass : {"with_box", "without_box"}
-        Whether the box counts to the pendulum's mass.
-
-    Returns
-    -------
-    trajectories : list of Trajectory
-        In the order of `COMS`, then `PLANES`.
-    failures : list of Failure
-        Of those that have no basin.
-    """
-    trajectories, failures = [], []
-    for com in COMS:
-        for plane in PLANES:
-            rows = states[(states["com"] == com) & (states["plane"] == plane)]
-            trajectory = Trajectory(
-                subject=facts["subject"],
-                experience=facts["experience"],
-                box_mass_kg=float(facts["box_mass_kg"]),
-                com=com,
-                plane=plane,
-                pivot=facts["pivot"],
-                time=rows["time_s"].to_numpy(float),
-                angle=rows["angle_rad"].to_numpy(float),
-                angular_velocity=rows["angular_velocity_rad_s"].to_numpy(float),
-                angular_acceleration=rows["angular_acceleration_rad_s2"].to_numpy(float),
-                mass_kg=float(facts["mass_kg"][com][mass]),
-                length_m=float(facts["length_m"][com][plane]),
-            )
-            problems = find_problems(trajectory).entries
-            if problems:
-                failures.append(Failure.of(trajectory, NO_TRAJECTORY, ". ".join(problems)))
-            else:
-                trajectories.append(trajectory)
-    return trajectories, failures
 
 
 def find_problems(trajectory: Trajectory) -> Problems:

@@ -1,4 +1,4 @@
-"""The thesis's own engine (equations 4.5 to 4.7), for comparison: bilinear alternation with ρ̇ frozen.
+"""The thesis's own method (Eqs 4.5–4.7), for comparison: bilinear alternation with ρ̇ frozen.
 
 At every knot by itself, −V̇ + ρ̇ + L·(V − ρ) is to be a sum of squares. An alternation
 
@@ -8,8 +8,12 @@ until there is,
 
 Because ρ̇ belongs to the ρ before the maximisation, the result is no certificate: `violation_share` says
 at how many knots the final ρ breaks the condition it was meant to meet. The Riccati equation is
-integrated by Euler's method, as in the thesis. ρ(T) is free too, as equation 4.6 has it: the goal set is
+integrated by Euler's method, as in the thesis. ρ(T) is free too, as Eq. 4.6 has it: the goal set is
 a result here and not a requirement.
+
+**Digits.** Eq. 4.5 does not determine L: with L every L − c·(1 − |z|²), c ≥ 0, is a multiplier too, for c·(1 − |z|²)²
+is a square. The dual programme therefore has no interior point, and the L that an interior-point solver returns hangs
+on where it stops; step 2 turns it into an area. Hence the fixed, moderate `ACCURACY` and the areas' `RESOLUTION`.
 
 With torque limits or an uncertain mass, which the thesis leaves out, its condition is imposed on every case of
 `saturation_cases`: a knot is feasible when all have a multiplier, and ρ is the smallest of their maxima.
@@ -25,16 +29,24 @@ from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, even_knots, wit
 from lumbar.stability.funnel.invariance import boundary_growth
 from lumbar.stability.funnel.polynomials import circle_map
 from lumbar.stability.funnel.saturation import (
-    NO_LIMITS,
-    Limits,
+    UNSATURATED,
+    Saturation,
     SaturationReference,
-    limited_growth,
     reference_of,
     require_torque,
+    saturated_growth,
 )
 from lumbar.stability.model.riccati import cost_to_go_euler, determinant
 from lumbar.stability.programme.saturation_cases import Case, saturation_cases
-from lumbar.stability.programme.sum_of_squares import Certificate, GramProgramme
+from lumbar.stability.programme.sum_of_squares import Certificate, SumOfSquares, grams
+
+ACCURACY = 1e-6
+"""At which the solver stops. Rounding (relative changes of 1e-13 in the polynomials) moves the areas of the default study
+by 3e-6 at most then; at the solver's own 1e-8 the last steps are made of rounding, which moves them by 2e-3."""
+
+RESOLUTION = {"mean_area": 0.01, "initial_area": 0.02, "minimum_area": 0.01, "final_area": 0.01}
+"""Relative: how far the areas of the default study move, at most, when the solver stops at 1e-4 to 1e-8 (no choice is
+better founded than another). Digits beyond it mean nothing and are not published."""
 
 MOST_DECREASES = 10
 """Geometric decreases after which a knot counts as infeasible and keeps its ρ."""
@@ -43,8 +55,8 @@ MOST_DECREASES = 10
 class LevelStep:
     """Step 2 at one knot: with L fixed, maximise s = ρ/ρ_before."""
 
-    def __init__(self, degree: int):
-        self._programme = GramProgramme(degree)
+    def __init__(self, degree: int, accuracy: float):
+        self._degree, self._accuracy = degree, accuracy
         self._ring = circle_map(degree)
 
     def solve(self, case: Case, rate: float, multiplier: np.ndarray) -> float | None:
@@ -66,14 +78,15 @@ class LevelStep:
         # −v + ρ̇/ρ_before + L·(|z|² − s) is to be a sum of squares, with L·|z|² = L − L·(1 − |z|²).
         constant = padded - self._ring @ multiplier - growth
         constant[0] += rate
-        constraints = self._programme.constraints(padded[:, None] / scale, case.side)
-        found = self._programme.solve(np.array([-1.0]), constraints, constant / scale)
+        free = padded[:, None] / scale
+        programme = SumOfSquares(np.array([-1.0]), free, grams(self._degree, case.side), self._accuracy)
+        found = programme.solve(constant / scale)
         return None if found is None or found[0] <= 0 else float(found[0])
 
 
 @dataclass(frozen=True)
 class Alternation:
-    """Result of the thesis's engine.
+    """Result of the thesis's method.
 
     Attributes
     ----------
@@ -101,9 +114,10 @@ def alternate(
     initial_level: float,
     ratio: float,
     alternations: int,
-    limits: Limits = NO_LIMITS,
+    saturation: Saturation = UNSATURATED,
+    accuracy: float = ACCURACY,
 ) -> Alternation:
-    """Run the thesis's bilinear alternation.
+    """Run the thesis's bilinear alternation of Eq. 4.6.
 
     Parameters
     ----------
@@ -119,8 +133,10 @@ def alternate(
         Of the geometric progression, between 0 and 1.
     alternations : int
         The thesis: 2.
-    limits : Limits
+    saturation : Saturation
         Of the loop; the thesis has none.
+    accuracy : float
+        At which the solver stops.
 
     Returns
     -------
@@ -131,10 +147,10 @@ def alternate(
     NumericalError
         A programme of step 1 ended without an optimum, or the feedforward lies beyond the torque limit.
     """
-    certificate, level_step = Certificate(degree), LevelStep(degree)
+    certificate, level_step = Certificate(degree, accuracy), LevelStep(degree, accuracy)
     chosen = even_knots(loops.knots, knots)
     pendulums, reference = loops.pendulums, reference_of(loops.pendulums)
-    require_torque(pendulums, reference, limits)
+    require_torque(pendulums, reference, saturation)
     reference = SaturationReference(reference.torque[2 * chosen], reference.velocity[2 * chosen])
     cost = cost_to_go_euler(pendulums, loops.weights)[chosen]
     at_knots = with_cost(replace(pendulums, angle=pendulums.angle[2 * chosen]), loops.weights, cost)
@@ -143,7 +159,9 @@ def alternate(
     unsolved = np.zeros(level.shape[1])
     for _ in range(alternations):
         frozen = _difference(level, step)
-        level, multipliers = _multiplier_step(certificate, at_knots, level, frozen, ratio, reference, limits)
+        level, multipliers = _multiplier_step(
+            certificate, at_knots, level, frozen, ratio, reference, saturation
+        )
         frozen = _difference(level, step)
         for knot, index in np.ndindex(level.shape):
             rate = frozen[knot, index] / level[knot, index]
@@ -155,9 +173,10 @@ def alternate(
                 level[knot, index] *= min(factors)
             else:
                 unsolved[index] += 1
-    if limits.active:
+    if saturation.active:
         required = [
-            limited_growth(at_knots, knot, level[knot], limits, reference) for knot in range(len(chosen))
+            saturated_growth(at_knots, knot, level[knot], saturation, reference)
+            for knot in range(len(chosen))
         ]
     else:
         required = boundary_growth(at_knots.form(slice(None)), level)
@@ -184,7 +203,7 @@ def _multiplier_step(
     frozen: np.ndarray,
     ratio: float,
     reference: SaturationReference,
-    limits: Limits,
+    saturation: Saturation,
 ) -> tuple[np.ndarray, dict[tuple[int, int], list[tuple[Case, np.ndarray]]]]:
     """Step 1: decrease ρ where needed; return it with the cases and multipliers of the feasible knots."""
     result, multipliers = level.copy(), {}
@@ -199,7 +218,7 @@ def _multiplier_step(
                 at_knots.gains[knot],
                 trial,
                 (reference.torque[knot], reference.velocity[knot]),
-                limits,
+                saturation,
                 certificate.degree,
             )
             for index in sorted(wanted):

@@ -1,10 +1,10 @@
-"""The sum-of-squares engine: funnels whose every rate ρ̇/ρ carries a certificate, backward from ρ(T).
+"""The sum-of-squares method: funnels whose every rate ρ̇/ρ carries a certificate, backward from ρ(T).
 
 Between two knots ρ̇/ρ is one number r, ln ρ is linear, and the condition −V̇ + ρ̇ + L·(V − ρ) ∈ SOS is imposed
 at the middle of the interval (an error of second order in the spacing). ρ̇ is a variable and ρ(T) is fixed, so
 that going backward each interval is a small bilinear problem in (r, L, ρ) of its own, solved by alternation:
 
-1. ρ at the middle fixed: the programme of `circle_certificate` finds L and the smallest certified r, which is
+1. ρ at the middle fixed: the programme of `circle_programme` finds L and the smallest certified r, which is
    the margin form, γ = ρ̇/ρ − r being maximised;
 2. L and r fixed: ρ follows from r, ρ(t) = ρ(t + Δt)·exp(−r·Δt).
 
@@ -12,7 +12,7 @@ The first guess of r is extrapolated from the later intervals. As ρ depends on 
 alternations suffice; the last programme is solved at the very ρ that is returned and its margin γ must not be
 negative: what is returned is certified, however it was found.
 
-With torque limits or an uncertain mass (`limits`) r is certified for every extreme mass and every part of the
+With torque limits or an uncertain mass (`saturation`) r is certified for every extreme mass and every part of the
 saturation (`saturation_cases`), each on its arc of the circle.
 """
 
@@ -29,14 +29,13 @@ from lumbar.stability.funnel.invariance import boundary_growth
 from lumbar.stability.funnel.polynomials import require_taylor_range
 from lumbar.stability.funnel.saturation import (
     LEAST_LEVEL,
-    NO_LIMITS,
-    Limits,
-    limited_growth,
+    UNSATURATED,
+    Saturation,
     reference_of,
     require_torque,
+    saturated_growth,
 )
-from lumbar.stability.programme.circle_certificate import CircleCertificate, CircleProgramme
-from lumbar.stability.programme.rational_certificate import rational_certificate
+from lumbar.stability.programme.circle_programme import CircleProgramme
 from lumbar.stability.programme.saturation_cases import Case, case_maximum, saturation_cases
 
 MOST_ALTERNATIONS = 8
@@ -60,8 +59,6 @@ class Agreement:
     taylor_optimism : numpy.ndarray, shape (pendulums,)
         Largest (largest V̇/ρ with the true sine − ρ̇/ρ of the funnel) in 1/s: where positive, the Taylor
         polynomial was optimistic and the certificate does not hold for the true sine.
-    rational_share : numpy.ndarray, shape (pendulums,), or None
-        Share of the intervals whose certificates were all proved in rational arithmetic, if asked for.
     alternations : int
         Most alternations that an interval took.
     """
@@ -69,26 +66,24 @@ class Agreement:
     margin_difference: np.ndarray
     taylor_difference: np.ndarray
     taylor_optimism: np.ndarray
-    rational_share: np.ndarray | None
     alternations: int
 
 
 def certified_funnels(
     loops: ClosedLoops,
-    goal_level: float,
+    terminal_level: float,
     degree: int,
     knots: int,
     alternations: int,
     margin: float,
-    rational: bool,
-    limits: Limits = NO_LIMITS,
+    saturation: Saturation = UNSATURATED,
 ) -> tuple[Funnels, Agreement]:
     """Compute funnels by sum-of-squares programmes.
 
     Parameters
     ----------
     loops : ClosedLoops
-    goal_level : float
+    terminal_level : float
         ρ(T).
     degree : {3, 5, 7}
         Taylor degree of the sine.
@@ -97,10 +92,8 @@ def certified_funnels(
     alternations : int
         Programmes per interval, at least 2 (more are taken where the margin is still negative).
     margin : float
-        In 1/s; γ that is left so that certificates can be made rational.
-    rational : bool
-        Whether every certificate is proved in rational arithmetic.
-    limits : Limits
+        In 1/s; γ that is left, above the solver's tolerance.
+    saturation : Saturation
         Of the loop.
 
     Raises
@@ -114,10 +107,10 @@ def certified_funnels(
     step = loops.step * (chosen[1] - chosen[0])
     count = len(loops.pendulums.labels)
     log_level = np.empty((len(chosen), count))
-    log_level[-1] = np.log(goal_level)
+    log_level[-1] = np.log(terminal_level)
     reference = reference_of(loops.pendulums)
-    require_torque(loops.pendulums, reference, limits)
-    differences, rational_knots, most = np.zeros((3, count)), np.zeros(count), 0
+    require_torque(loops.pendulums, reference, saturation)
+    differences, most = np.zeros((3, count)), 0
     differences[2] = -np.inf
     rates: list[np.ndarray] = []
     for interval in range(len(chosen) - 2, -1, -1):
@@ -125,14 +118,14 @@ def certified_funnels(
         form = loops.form(point)
 
         def largest(level, point=point, form=form):
-            if not limits.active:
+            if not saturation.active:
                 return boundary_growth(form, level)
-            return limited_growth(loops, point, level, limits, reference)
+            return saturated_growth(loops, point, level, saturation, reference)
 
         guess, before = _extrapolate(rates, largest, log_level[interval + 1]), None
         for alternation in range(1, MOST_ALTERNATIONS + 1):
             level = np.exp(log_level[interval + 1] - 0.5 * step * guess)
-            _require_basin(loops, level, goal_level, limits)
+            _require_basin(loops, level, terminal_level, saturation)
             cases = saturation_cases(
                 loops.pendulums,
                 form,
@@ -140,14 +133,15 @@ def certified_funnels(
                 loops.gains[point],
                 level,
                 (reference.torque[point], reference.velocity[point]),
-                limits,
+                saturation,
                 degree,
             )
-            certificates = [
-                [_certify(programme, case, label) for case in own]
-                for own, label in zip(cases, loops.pendulums.labels, strict=True)
-            ]
-            certified = np.array([max(item.rate for item in own) for own in certificates])
+            certified = np.array(
+                [
+                    max(_certified_rate(programme, case, label) for case in own)
+                    for own, label in zip(cases, loops.pendulums.labels, strict=True)
+                ]
+            )
             left = guess - certified
             if alternation >= alternations and (left >= 0.5 * margin).all():
                 break
@@ -166,19 +160,18 @@ def certified_funnels(
         taylor_growth = np.array([max(case_maximum(case, degree) for case in own) for own in cases])
         found = [np.abs(certified - taylor_growth), np.abs(certified - true_growth), true_growth - guess]
         differences = np.maximum(differences, found)
-        if rational:
-            rational_knots += _rational(certificates, cases, guess, degree)
     require_taylor_range(loops.pendulums, loops.cost[2 * chosen], np.exp(log_level), degree)
-    share = rational_knots / (len(chosen) - 1) if rational else None
     funnels = Funnels("sum_of_squares", loops.pendulums.duration, loops.cost[2 * chosen], np.exp(log_level))
-    return funnels, Agreement(*differences, share, most)
+    return funnels, Agreement(*differences, most)
 
 
-def _require_basin(loops: ClosedLoops, level: np.ndarray, goal_level: float, limits: Limits) -> None:
-    lost = level < LEAST_LEVEL * goal_level
+def _require_basin(
+    loops: ClosedLoops, level: np.ndarray, terminal_level: float, saturation: Saturation
+) -> None:
+    lost = level < LEAST_LEVEL * terminal_level
     if lost.any():
         raise NumericalError(
-            f"{loops.pendulums.labels[int(lost.argmax())]}: {limits}: no basin of the goal set is left (ρ falls below "
+            f"{loops.pendulums.labels[int(lost.argmax())]}: {saturation}: no basin of the goal set is left (ρ falls below "
             f"{LEAST_LEVEL:g} of its value there)"
         )
 
@@ -192,27 +185,27 @@ def _extrapolate(rates: list[np.ndarray], largest: Callable, log_level: np.ndarr
     return 3 * rates[0] - 3 * rates[1] + rates[2]
 
 
-def _certify(programme: CircleProgramme, case: Case, label: str) -> CircleCertificate:
+def _certified_rate(programme: CircleProgramme, case: Case, label: str) -> float:
     """Solve one programme; where an arc is no solvable problem, that of a longer one: it covers the arc too."""
     for longer in LONGER_ARCS if case.side is not None else ():
         constant, *slope = case.side
-        swing = np.hypot(*slope)
-        half = np.arccos(np.clip(-constant / swing, -1.0, 1.0)) + longer
+        amplitude = np.hypot(*slope)
+        half = np.arccos(np.clip(-constant / amplitude, -1.0, 1.0)) + longer
         if half >= np.pi:
             break
-        side = case.side if not longer else np.array([-swing * np.cos(half), *slope])
+        side = case.side if not longer else np.array([-amplitude * np.cos(half), *slope])
         try:
-            return programme.solve(case.coefficients, label, side)
+            return programme.rate(case.coefficients, label, side)
         except NumericalError:
             continue
-    return programme.solve(case.coefficients, label)
+    return programme.rate(case.coefficients, label)
 
 
 def _next_rate(guess: np.ndarray, certified: np.ndarray, margin: float, before: tuple | None) -> np.ndarray:
     """Return the next r: the certified one, or where the interval is long for the loop a step of the secant method.
 
     A larger r makes ρ at the middle smaller and with it the certified rate; where that falls faster than r rises,
-    taking the certified rate for the next r would swing ever wider.
+    taking the certified rate for the next r would oscillate ever wider.
     """
     change = certified + margin - guess
     if before is not None:
@@ -221,18 +214,3 @@ def _next_rate(guess: np.ndarray, certified: np.ndarray, margin: float, before: 
         steep = rise * run > 0
         change = np.where(steep, change * np.divide(run, rise, where=steep, out=np.ones_like(run)), change)
     return guess + change + SAFETY * np.abs(change)
-
-
-def _rational(
-    certificates: list[list[CircleCertificate]], cases: list[list[Case]], rate: np.ndarray, degree: int
-) -> np.ndarray:
-    """Whether all certificates of each pendulum are proved."""
-    return np.array(
-        [
-            all(
-                rational_certificate(item, case.coefficients, bound, degree) is not None
-                for item, case in zip(own, laws, strict=True)
-            )
-            for own, laws, bound in zip(certificates, cases, rate, strict=True)
-        ]
-    )

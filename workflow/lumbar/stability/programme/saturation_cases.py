@@ -1,7 +1,7 @@
-"""V̇/ρ under limits as polynomials, for the engines that certify polynomials: cases and where each applies.
+"""V̇/ρ under limits as polynomials, for the methods that certify polynomials: cases and where each applies.
 
 The saturated torque is one of three affine laws, u = −U, u = w or u = U with w = u0 − K·x̄, each where w lies on
-its side of ±U. For each law V̇ is affine in m/m_true (`limits`), so that it is largest for one of the two extreme
+its side of ±U. For each law V̇ is affine in m/m_true (`saturation`), so that it is largest for one of the two extreme
 masses. In the normal coordinates z of `invariance` every case is the nominal polynomial of V̇/ρ plus
 
     2·√(s22/ρ)·z2·Δω̇(z),   Δω̇ affine in z,
@@ -18,7 +18,7 @@ import numpy as np
 
 from lumbar.stability.funnel.invariance import NormalForm, normal_axes
 from lumbar.stability.funnel.polynomials import growth_polynomial, harmonics_of_monomials, monomials
-from lumbar.stability.funnel.saturation import Limits
+from lumbar.stability.funnel.saturation import Saturation
 from lumbar.stability.model.pendulum_loop import Pendulums
 
 ARC_OVERLAP = 1e-9
@@ -52,7 +52,7 @@ def saturation_cases(
     gains: np.ndarray,
     level: np.ndarray,
     reference: tuple[np.ndarray, np.ndarray],
-    limits: Limits,
+    saturation: Saturation,
     degree: int,
 ) -> list[list[Case]]:
     """Return the cases of every pendulum at one moment.
@@ -67,12 +67,12 @@ def saturation_cases(
         ρ.
     reference : tuple of numpy.ndarray, shape (pendulums,)
         u0 and θ̇0.
-    limits : Limits
+    saturation : Saturation
     degree : int
         Of the sine's Taylor polynomial.
     """
     nominal = growth_polynomial(form, level, degree)
-    if not limits.active:
+    if not saturation.active:
         return [[Case(row)] for row in nominal]
     torque, velocity = reference
     a, p, q = (np.sqrt(level) * axis for axis in normal_axes(cost))
@@ -82,9 +82,9 @@ def saturation_cases(
     index = [monomials(degree + 1).index(exponents) for exponents in ((0, 1), (1, 1), (0, 2))]
     weight = 2 * np.sqrt(cost[:, 2] / level) / pendulums.inertia
     result: list[list[Case]] = [[] for _ in range(len(nominal))]
-    for law, sides in _laws(wanted, limits.torque):
+    for law, sides in _laws(wanted, saturation.torque):
         changes = []
-        for ratio in sorted(set(limits.ratios)):
+        for ratio in sorted(set(saturation.ratios)):
             changed = nominal.copy()
             changed[:, index] += weight[:, None] * (ratio * (law - drag) - (wanted - drag))
             changes.append(changed)
@@ -107,10 +107,10 @@ def _laws(wanted: np.ndarray, torque: float):
 
 def _arcs(sides: list[np.ndarray]) -> list[np.ndarray | None]:
     """Return one function per arc on which all sides are ≥ 0; None stands for the whole circle."""
-    swings = [np.hypot(side[1], side[2]) for side in sides]
-    if any(side[0] + swing < 0 for side, swing in zip(sides, swings, strict=True)):
+    amplitudes = [np.hypot(side[1], side[2]) for side in sides]
+    if any(side[0] + amplitude < 0 for side, amplitude in zip(sides, amplitudes, strict=True)):
         return []
-    cutting = [side for side, swing in zip(sides, swings, strict=True) if side[0] - swing < 0]
+    cutting = [side for side, amplitude in zip(sides, amplitudes, strict=True) if side[0] - amplitude < 0]
     if not cutting:
         return [None]
     if len(cutting) == 1:
@@ -122,7 +122,10 @@ def _arcs(sides: list[np.ndarray]) -> list[np.ndarray | None]:
     # |w| ≤ U between two parallel chords: one arc on either side, each cut off by a chord of its own.
     upper, lower = cutting
     middle = np.arctan2(lower[2], lower[1])
-    start, end = (np.arccos(side[0] / swing) for side, swing in ((upper, swings[0]), (-lower, swings[0])))
+    start, end = (
+        np.arccos(side[0] / amplitude)
+        for side, amplitude in ((upper, amplitudes[0]), (-lower, amplitudes[0]))
+    )
     half = max(0.5 * (end - start) + ARC_OVERLAP, LEAST_HALF_ARC)
     centres = [middle + turn * 0.5 * (start + end) for turn in (1, -1)]
     return [np.array([-np.cos(half), np.cos(centre), np.sin(centre)]) for centre in centres]

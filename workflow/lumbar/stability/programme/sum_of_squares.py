@@ -1,17 +1,15 @@
-"""Sum-of-squares programmes with their multiplier written out, as equations 4.5 and 4.6 have them.
+"""Sum-of-squares programmes for Clarabel, and the one of Eqs 4.5 and 4.6 with its multiplier written out.
 
 At one knot, in the normal coordinates of `invariance`, with h expanded to a Taylor polynomial v(z) of V̇/ρ:
 
     minimise r  subject to  r − v(z) − L(z)·(1 − |z|²)  is a sum of squares,   L free of degree d − 1
 
-The thesis's alternation needs L and uses these; `certified_funnel` uses the smaller, equivalent programmes of
-`circle_certificate`. Where a law holds only on one side g(z) ≥ 0 of a line (`saturation_cases`), the S-procedure
-subtracts g(z)·σ(z), σ a sum of squares of degree d − 1. A status other than "solved" is never a result.
+The thesis's alternation needs L and uses this programme; `certified_funnel` needs r alone and uses the smaller,
+equivalent one of `circle_programme`. Where a law holds only on one side g(z) ≥ 0 of a line (`saturation_cases`), the
+S-procedure subtracts g(z)·σ(z), σ a sum of squares of degree d − 1. A status other than "solved" is never a result.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,84 +17,75 @@ from lumbar.errors import NumericalError
 from lumbar.stability.funnel.polynomials import circle_map, gram_map, monomials, side_map
 
 
-class Constraints(NamedTuple):
-    """Constraint matrix (scipy.sparse.csc_matrix) and cones of a programme."""
+class SumOfSquares:
+    """Minimise cᵀy so that polynomials, affine in y, are sums of squares: set up once, solved for many targets.
 
-    matrix: object
-    cones: list
+    In normal form: minimise cᵀy subject to F·y + Σ Γ·g = target, where each g holds the upper triangle, column by
+    column, of a positive semidefinite Gram matrix G (off-diagonal entries times √2) and Γ·g the coefficients of bᵀGb
+    (Eq. 2.13) in any basis of polynomials.
 
-
-class GramProgramme:
-    """Maximise one number so that a polynomial, affine in free coefficients, is a sum of squares.
-
-    In normal form: minimise cᵀy subject to F·y + Γ·g = target, where g holds the upper triangle of a
-    positive semidefinite Gram matrix G (off-diagonal entries times √2) and Γ·g the coefficients of bᵀGb
-    (equation 2.13).
+    Parameters
+    ----------
+    cost : numpy.ndarray, shape (free,)
+        c.
+    free : numpy.ndarray, shape (coefficients, free)
+        F.
+    grams : list of numpy.ndarray, shape (coefficients, triangle)
+        Γ of each Gram matrix.
+    tolerance : float
+        Of gaps and residuals.
     """
 
-    def __init__(self, degree: int):
+    def __init__(self, cost: np.ndarray, free: np.ndarray, grams: list[np.ndarray], tolerance: float = 1e-8):
         import clarabel
         from scipy import sparse
 
-        self._clarabel, self._sparse = clarabel, sparse
-        self._degree = degree
-        self._gram = gram_map(degree)
-        self._sizes = [len(monomials(order)) for order in ((degree + 1) // 2, (degree - 1) // 2)]
-        self._settings = clarabel.DefaultSettings()
-        self._settings.verbose = False
-
-    def constraints(self, free: np.ndarray, side: np.ndarray | None = None) -> Constraints:
-        """Return the constraints for F of shape (monomials, free coefficients), ready for `solve`.
-
-        With `side`, g over 1, z1, z2, they hold where g ≥ 0: g·σ is added to bᵀGb.
-        """
-        grams = [self._gram] if side is None else [self._gram, side_map(side, self._degree)]
-        gram = np.hstack(grams)
-        coefficients, entries = gram.shape
-        below = np.zeros((entries, free.shape[1]))
-        matrix = self._sparse.csc_matrix(np.block([[free, gram], [below, -np.eye(entries)]]))
-        sizes = self._sizes[: len(grams)]
-        cones = [self._clarabel.ZeroConeT(coefficients), *map(self._clarabel.PSDTriangleConeT, sizes)]
-        return Constraints(matrix, cones)
-
-    def solve(self, cost: np.ndarray, constraints: Constraints, target: np.ndarray) -> np.ndarray | None:
-        """Return y, or None where the solver does not say "solved" (almost solved is not solved).
-
-        Parameters
-        ----------
-        cost : numpy.ndarray, shape (free coefficients,)
-            c.
-        constraints : Constraints
-        target : numpy.ndarray, shape (monomials,)
-        """
-        variables = constraints.matrix.shape[1]
-        entries = variables - len(cost)
-        solver = self._clarabel.DefaultSolver(
-            self._sparse.csc_matrix((variables, variables)),
+        rows = np.hstack([free, *grams])
+        self._equations, variables = rows.shape
+        self._free = len(cost)
+        entries = variables - self._free
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.presolve_enable = False  # otherwise the target cannot be exchanged
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        # n(n + 1)/2 entries stand for a matrix of size n.
+        sizes = [int(np.sqrt(2 * gram.shape[1])) for gram in grams]
+        self._target = np.zeros(self._equations + entries)
+        self._solved = clarabel.SolverStatus.Solved
+        self._solver = clarabel.DefaultSolver(
+            sparse.csc_matrix((variables, variables)),
             np.concatenate([cost, np.zeros(entries)]),
-            constraints.matrix,
-            np.concatenate([target, np.zeros(entries)]),
-            constraints.cones,
-            self._settings,
+            sparse.csc_matrix(np.vstack([rows, np.eye(variables)[self._free :] * -1.0])),
+            self._target,
+            [clarabel.ZeroConeT(self._equations), *map(clarabel.PSDTriangleConeT, sizes)],
+            settings,
         )
-        solution = solver.solve()
+        self.status = ""
+
+    def solve(self, target: np.ndarray) -> np.ndarray | None:
+        """Return y, or None where the solver does not say "solved" (almost solved is not solved)."""
+        self._target[: self._equations] = target
+        self._solver.update(b=self._target)
+        solution = self._solver.solve()
         self.status = str(solution.status)
-        if solution.status != self._clarabel.SolverStatus.Solved:
-            return None
-        return np.array(solution.x[: len(cost)])
+        return np.array(solution.x[: self._free]) if solution.status == self._solved else None
+
+
+def grams(degree: int, side: np.ndarray | None) -> list[np.ndarray]:
+    """Return Γ of bᵀGb over the monomials, and with `side`, g over 1, z1, z2, that of g·σ."""
+    return [gram_map(degree)] if side is None else [gram_map(degree), side_map(side, degree)]
 
 
 class Certificate:
-    """The programme of one Taylor degree, for many knots."""
+    """Eq. 4.6 with ρ given and ρ̇ a variable, at one Taylor degree and many knots."""
 
-    def __init__(self, degree: int):
-        self.degree = degree
-        self._programme = GramProgramme(degree)
+    def __init__(self, degree: int, accuracy: float = 1e-8):
+        self.degree, self._accuracy = degree, accuracy
         constant = np.eye(len(monomials(degree + 1)))[:, :1]
         # r − v − L·(1 − |z|²) = bᵀGb
         self._free = np.hstack([-constant, circle_map(degree)])
-        self._constraints = self._programme.constraints(self._free)
         self._cost = np.eye(self._free.shape[1])[0]
+        self._programme = SumOfSquares(self._cost, self._free, grams(degree, None), accuracy)
 
     def solve(
         self, coefficients: np.ndarray, label: str, side: np.ndarray | None = None
@@ -109,8 +98,10 @@ class Certificate:
             The solver did not reach an optimum.
         """
         scale = float(np.abs(coefficients).max())
-        constraints = self._constraints if side is None else self._programme.constraints(self._free, side)
-        found = self._programme.solve(self._cost, constraints, -coefficients / scale)
+        programme = self._programme
+        if side is not None:
+            programme = SumOfSquares(self._cost, self._free, grams(self.degree, side), self._accuracy)
+        found = programme.solve(-coefficients / scale)
         if found is None:
-            raise NumericalError(f"{label}: the sum-of-squares programme ended as {self._programme.status}")
+            raise NumericalError(f"{label}: the sum-of-squares programme ended as {programme.status}")
         return float(found[0]) * scale, found[1:] * scale

@@ -1,6 +1,6 @@
 """Interval arithmetic on arrays with outward rounding: every result contains the exact one.
 
-Only what `between_knots` needs. A floating-point operation is correct to half a unit in the last place, so a
+Only what `interval_proof` needs. A floating-point operation is correct to half a unit in the last place, so a
 step of one unit outward encloses it; sine and cosine of numpy are correct to 4 units, for which 2⁻⁵⁰ is added (Moore,
 Kearfott & Cloud, Introduction to Interval Analysis, 2009).
 """

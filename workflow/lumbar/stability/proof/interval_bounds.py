@@ -1,7 +1,7 @@
 """Bounds of g, the growth of |z|² on a funnel's boundary, on boxes of time and angle in interval arithmetic.
 
-g and what is stated about it are in `between_knots`; what torque limits and uncertain masses add is in
-`limits_boxes`. The bound is the mean-value form: g in the middle of a box plus its derivatives over the box times
+g and what is stated about it are in `interval_proof`; what torque limits and uncertain masses add is in
+`saturation_intervals`. The bound is the mean-value form: g in the middle of a box plus its derivatives over the box times
 half its extent.
 """
 
@@ -13,11 +13,11 @@ import numpy as np
 
 from lumbar.stability.proof.interval import Interval
 from lumbar.stability.proof.saturation_intervals import (
-    limits_coefficient_rates,
-    limits_coefficients,
-    limits_part,
-    limits_part_arc,
-    limits_part_time,
+    saturation_coefficient_rates,
+    saturation_coefficients,
+    saturation_part,
+    saturation_part_arc,
+    saturation_part_time,
 )
 
 ARC_OVERLAP = 1e-13
@@ -52,7 +52,7 @@ class Interpolants:
     ratios: tuple[float, ...] = ()
 
 
-class BoundaryBoxes:
+class IntervalBounds:
     """Pieces of time times arcs of the boundary.
 
     Holds the coefficients of g on the pieces: in the middle, over the piece, and their rates over the piece.
@@ -94,9 +94,9 @@ class BoundaryBoxes:
         torque = self.torque[piece]
         bounds = []
         for ratio in self.ratios:
-            here = centre + limits_part(at, c, s, torque, ratio)
-            time_part = limits_part_time(over, rates, c, s, torque, ratio) * duration
-            arc_part = limits_part_arc(over, arc_c, arc_s, torque, ratio) * extent
+            here = centre + saturation_part(at, c, s, torque, ratio)
+            time_part = saturation_part_time(over, rates, c, s, torque, ratio) * duration
+            arc_part = saturation_part_arc(over, arc_c, arc_s, torque, ratio) * extent
             bounds.append((here.low, (here + change + time_part + arc_part).high))
         return tuple(np.max(bounds, axis=0))
 
@@ -122,9 +122,9 @@ def _coefficients(curves: dict, gravity: Interval, drag: Interval, limited: bool
     k1, k2 = curves["k1"][0], curves["k2"][0]
     w = (p - a1) / a
     n = k1 * a + k2 * p + p1 + p * w
-    limits = limits_coefficients(curves, gravity, drag) if limited else {}
+    saturation = saturation_coefficients(curves, gravity, drag) if limited else {}
     return {
-        **limits,
+        **saturation,
         "q11": w,
         "q12": q / a - n / q,
         "q22": -(k2 + q1 / q + p / a),
@@ -144,9 +144,9 @@ def _coefficient_rates(
     w, n = over["q11"], over["n"]
     w_rate = (p1 - a2 - w * a1) / a
     n_rate = k1_rate * a + k1 * a1 + k2_rate * p + k2 * p1 + p2 + p1 * w + p * w_rate
-    limits = limits_coefficient_rates(curves, gravity, drag) if limited else {}
+    saturation = saturation_coefficient_rates(curves, gravity, drag) if limited else {}
     return {
-        **limits,
+        **saturation,
         "q11": w_rate,
         "q12": (q1 - q / a * a1) / a - (n_rate - n / q * q1) / q,
         "q22": -(k2_rate + (q2 - (q1 / q) * q1) / q + (p1 - p / a * a1) / a),
@@ -166,16 +166,16 @@ def _quadratic(at: dict[str, Interval], c: Interval, s: Interval) -> Interval:
 
 
 def _g_time(over: dict, rates: dict, c: Interval, s: Interval) -> Interval:
-    swung = over["angle"] + over["A"] * c
-    gravity = swung.sin() - over["angle"].sin()
-    cosine = swung.cos()
+    displaced = over["angle"] + over["A"] * c
+    gravity = displaced.sin() - over["angle"].sin()
+    cosine = displaced.cos()
     change = rates["angle"] * (cosine - over["angle"].cos()) + rates["A"] * c * cosine
     return _quadratic(rates, c, s) - s * (rates["weight"] * gravity + over["weight"] * change)
 
 
 def _g_arc(over: dict, c: Interval, s: Interval) -> Interval:
-    swung = over["angle"] + over["A"] * c
-    gravity = swung.sin() - over["angle"].sin()
-    turned = c * gravity - s.square() * over["A"] * swung.cos()
+    displaced = over["angle"] + over["A"] * c
+    gravity = displaced.sin() - over["angle"].sin()
+    turned = c * gravity - s.square() * over["A"] * displaced.cos()
     quadratic = 2 * (over["q22"] - over["q11"]) * (c * s) + over["q12"] * (c.square() - s.square())
     return quadratic - over["weight"] * turned

@@ -10,13 +10,13 @@ With x̄ = N(t)·z the boundary is |z| = 1, and states stay inside where g = ½�
     g = q11·cos²φ + q12·cos φ·sin φ + q22·sin²φ − (G/Q)·sin φ·(sin(θ0 + A·cos φ) − sin θ0)
     q11 = W = (P − Ȧ)/A,   q12 = Q/A − (k1·A + k2·P + Ṗ + P·W)/Q,   q22 = −k2 − Q̇/Q − P/A
 
-with k1 = K1/I, k2 = (b + K2)/I, G = σmgℓ/I. Torque limits and an uncertain mass (`limits`) add to g, for both
+with k1 = K1/I, k2 = (b + K2)/I, G = σmgℓ/I. Torque limits and an uncertain mass (`saturation`) add to g, for both
 extreme masses,
 
     (1/Q)·sin φ·(r·y − x),   x = θ̈0 + G·sin θ0 − k1·e − k2·ω,   y = clip(x + d, ±U/I) − d,   d = (b/I)·(θ̇0 + ω)
 
 Time is cut into pieces and the circle into arcs; on each box g is bounded by the mean-value form in interval
-arithmetic (`boundary_boxes`). Arcs that are not proved are halved, pieces of time with an arc that resists are
+arithmetic (`interval_bounds`). Arcs that are not proved are halved, pieces of time with an arc that resists are
 halved too; what resists to the end is not proved, and its share is reported.
 """
 
@@ -27,8 +27,8 @@ import numpy as np
 from lumbar.errors import NumericalError
 from lumbar.stability.funnel.funnel import ClosedLoops, Funnels
 from lumbar.stability.funnel.invariance import normal_axes
-from lumbar.stability.funnel.saturation import NO_LIMITS, Limits
-from lumbar.stability.proof.interval_bounds import BoundaryBoxes, Interpolants
+from lumbar.stability.funnel.saturation import UNSATURATED, Saturation
+from lumbar.stability.proof.interval_bounds import Interpolants, IntervalBounds
 
 ARCS = 24
 """Arcs of the circle to begin with."""
@@ -37,7 +37,7 @@ TIME_HALVINGS = 3
 BOXES_AT_ONCE = 200_000
 
 
-def interpolants(loops: ClosedLoops, funnels: Funnels, limits: Limits = NO_LIMITS) -> Interpolants:
+def interpolants(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = UNSATURATED) -> Interpolants:
     """Return the stated interpolants through the funnel's knots.
 
     Raises
@@ -73,18 +73,18 @@ def interpolants(loops: ClosedLoops, funnels: Funnels, limits: Limits = NO_LIMIT
         step,
         gravity=pendulums.gravity_torque / pendulums.inertia,
         drag=pendulums.damping / pendulums.inertia,
-        torque=limits.torque / pendulums.inertia,
-        ratios=limits.ratios if limits.active else (),
+        torque=saturation.torque / pendulums.inertia,
+        ratios=saturation.ratios if saturation.active else (),
     )
 
 
-def proved_share(loops: ClosedLoops, funnels: Funnels, limits: Limits = NO_LIMITS) -> np.ndarray:
+def proved_share(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = UNSATURATED) -> np.ndarray:
     """Return the share of the time axis on which the funnel is proved invariant, shape (pendulums,).
 
     The funnel must have a margin (`funnel.funnel_variants`): the exact one touches g = 0 at all times and no
     finite precision can prove that.
     """
-    curves = interpolants(loops, funnels, limits)
+    curves = interpolants(loops, funnels, saturation)
     intervals, count = next(iter(curves.pieces.values())).shape[1:]
     index = np.arange(intervals * count)
     middle = np.full(len(index), 0.5)
@@ -105,11 +105,11 @@ def _prove(curves: Interpolants, index: np.ndarray, middle: np.ndarray, width: f
     chunk = BOXES_AT_ONCE // ARCS
     for start in range(0, len(index), chunk):
         part = slice(start, start + chunk)
-        holds[part] = _prove_arcs(BoundaryBoxes(curves, index[part], middle[part], width))
+        holds[part] = _prove_arcs(IntervalBounds(curves, index[part], middle[part], width))
     return holds
 
 
-def _prove_arcs(pieces: BoundaryBoxes) -> np.ndarray:
+def _prove_arcs(pieces: IntervalBounds) -> np.ndarray:
     holds = np.ones(pieces.size, dtype=bool)
     radius = np.pi / ARCS
     arcs = np.tile(2 * radius * np.arange(ARCS), pieces.size)

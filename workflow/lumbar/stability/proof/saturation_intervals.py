@@ -17,7 +17,7 @@ import numpy as np
 from lumbar.stability.proof.interval import Interval
 
 
-def limits_coefficients(curves: dict, gravity: Interval, drag: Interval) -> dict[str, Interval]:
+def saturation_coefficients(curves: dict, gravity: Interval, drag: Interval) -> dict[str, Interval]:
     """Coefficients of x and d and 1/Q; `curves` holds values and derivatives by name."""
     angle, velocity, acceleration, _ = curves["angle"]
     a, p, q, k1, k2 = (curves[name][0] for name in ("A", "P", "Q", "k1", "k2"))
@@ -32,8 +32,8 @@ def limits_coefficients(curves: dict, gravity: Interval, drag: Interval) -> dict
     }
 
 
-def limits_coefficient_rates(curves: dict, gravity: Interval, drag: Interval) -> dict[str, Interval]:
-    """Time derivatives of `limits_coefficients`."""
+def saturation_coefficient_rates(curves: dict, gravity: Interval, drag: Interval) -> dict[str, Interval]:
+    """Time derivatives of `saturation_coefficients`."""
     angle, velocity, acceleration, jerk = curves["angle"]
     (a, a1, *_), (p, p1, *_), (q, q1, *_) = curves["A"], curves["P"], curves["Q"]
     (k1, k1_rate, *_), (k2, k2_rate, *_) = curves["k1"], curves["k2"]
@@ -48,24 +48,24 @@ def limits_coefficient_rates(curves: dict, gravity: Interval, drag: Interval) ->
     }
 
 
-def limits_part(at: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
+def saturation_part(at: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
     """(1/Q)·sin φ·(r·y − x)."""
     x, d = _wanted(at, c, s)
     return at["inverse_q"] * s * _missing(x, d, torque, ratio)
 
 
-def limits_part_time(
+def saturation_part_time(
     over: dict, rates: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float
 ) -> Interval:
-    """Generalised time derivative of `limits_part`."""
+    """Generalised time derivative of `saturation_part`."""
     x, d = _wanted(over, c, s)
     x_rate, d_rate = _wanted(rates, c, s)
     change = _missing_rate(x + d, x_rate, d_rate, torque, ratio)
     return s * (rates["inverse_q"] * _missing(x, d, torque, ratio) + over["inverse_q"] * change)
 
 
-def limits_part_arc(over: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
-    """Generalised derivative of `limits_part` along the boundary."""
+def saturation_part_arc(over: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
+    """Generalised derivative of `saturation_part` along the boundary."""
     x, d = _wanted(over, c, s)
     x_turn, d_turn = (over[f"{name}s"] * c - over[f"{name}c"] * s for name in ("x", "d"))
     change = _missing_rate(x + d, x_turn, d_turn, torque, ratio)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from lumbar.synthetic.hidden_effects.hidden_form import OUTSIDE, Scales, log_uni
 from lumbar.synthetic.hidden_effects.hidden_tissue import Tissue
 from lumbar.synthetic.hidden_effects.load_cell_noise import draw_noise
 from lumbar.synthetic.hidden_effects.tool_motion import RATE_HZ, ToolMotion, draw_motions
+
+if TYPE_CHECKING:
+    from lumbar.settings.hidden_effects import HiddenEffectsSettings
 
 KINDS = ("single", "pair", OUTSIDE, "null")
 """One effect of the catalogue; two; one that the catalogue does not hold; none."""
@@ -67,7 +71,7 @@ class HiddenExperiment:
     label: dict
 
 
-def check_settings(settings: dict) -> None:
+def check_settings(settings: HiddenEffectsSettings) -> None:
     """Check what the schema cannot: ranges that run upward, and that some colour of noise occurs.
 
     Raises
@@ -76,15 +80,15 @@ def check_settings(settings: dict) -> None:
         With every wrong key.
     """
     problems = Problems("configuration: hidden_effects")
-    for key, value in settings.items():
-        if isinstance(value, list) and value[0] > value[1]:
+    for key, value in vars(settings).items():
+        if isinstance(value, tuple) and value[0] > value[1]:
             problems.add(key, f"[{value[0]:g}, {value[1]:g}]", "the smaller value comes first")
-    if sum(settings["noise_colours"].values()) <= 0:
+    if sum(vars(settings.noise_colours).values()) <= 0:
         problems.add("noise_colours", "all weights are 0", "at least one colour must occur")
     problems.raise_if_any()
 
 
-def plan_batch(kind: str, part: int, settings: dict) -> list[Plan]:
+def plan_batch(kind: str, part: int, settings: HiddenEffectsSettings) -> list[Plan]:
     """List the experiments of one batch.
 
     Parameters
@@ -94,20 +98,19 @@ def plan_batch(kind: str, part: int, settings: dict) -> list[Plan]:
     part : int
         Number of the batch. ``slices`` batches together hold each form, or each pair, once; a batch of nulls
         holds ``nulls_per_batch`` or what is left of ``nulls``.
-    settings : dict
-        Section ``hidden_effects`` of the configuration.
+    settings : HiddenEffectsSettings
     """
     if kind == "null":
-        first = part * settings["nulls_per_batch"]
-        numbers = range(first, min(first + settings["nulls_per_batch"], settings["nulls"]))
+        first = part * settings.nulls_per_batch
+        numbers = range(first, min(first + settings.nulls_per_batch, settings.nulls))
         return [_plan(kind, number, ()) for number in numbers]
-    repeat, part_of_repeat = divmod(part, settings["slices"])
+    repeat, part_of_repeat = divmod(part, settings.slices)
     chosen = {
         "single": [(form.label,) for form in SINGLE],
         "pair": list(PAIRS),
         OUTSIDE: [(form.label,) for form in OUTSIDE_FORMS],
     }[kind]
-    picked = range(part_of_repeat, len(chosen), settings["slices"])
+    picked = range(part_of_repeat, len(chosen), settings.slices)
     return [_plan(kind, repeat * len(chosen) + index, chosen[index]) for index in picked]
 
 
@@ -115,21 +118,20 @@ def _plan(kind: str, number: int, forms: tuple[str, ...]) -> Plan:
     return Plan(f"{kind}_{number:04d}", kind, number, forms, ((number + 0.5) * _GOLDEN) % 1.0)
 
 
-def make_experiment(plan: Plan, settings: dict) -> HiddenExperiment:
+def make_experiment(plan: Plan, settings: HiddenEffectsSettings) -> HiddenExperiment:
     """Draw and simulate one experiment; depends on the seed and the plan alone, not on other experiments.
 
     Parameters
     ----------
     plan : Plan
-    settings : dict
-        Section ``hidden_effects`` of the configuration.
+    settings : HiddenEffectsSettings
     """
-    rng = np.random.default_rng([settings["seed"], KINDS.index(plan.kind), plan.number])
+    rng = np.random.default_rng([settings.seed, KINDS.index(plan.kind), plan.number])
     tissue, motions, noise = _draw_setting(rng, settings)
     multisine = motions["multisine"]
     scales = Scales.of(multisine, tissue)
     noise_rms = noise.pop("share") * scales.force
-    low, high = settings["residual_over_noise"]
+    low, high = settings.residual_over_noise
     wanted = noise_rms * low * (high / low) ** plan.level
     effects = [
         calibrated(form, form.draw(rng, scales), wanted, multisine, tissue, scales)
@@ -158,25 +160,27 @@ def make_experiment(plan: Plan, settings: dict) -> HiddenExperiment:
     return HiddenExperiment(records, label)
 
 
-def _draw_setting(rng: np.random.Generator, settings: dict) -> tuple[Tissue, dict[str, ToolMotion], dict]:
+def _draw_setting(
+    rng: np.random.Generator, settings: HiddenEffectsSettings
+) -> tuple[Tissue, dict[str, ToolMotion], dict]:
     """Tissue, motions and noise of an experiment, in the ranges of the configuration."""
-    elastic = rng.uniform(*settings["elastic_N_per_mm"])
+    elastic = rng.uniform(*settings.elastic_N_per_mm)
     relaxing = float(
-        np.clip(elastic * rng.uniform(*settings["relaxing_over_elastic"]), *settings["relaxing_N_per_mm"])
+        np.clip(elastic * rng.uniform(*settings.relaxing_over_elastic), *settings.relaxing_N_per_mm)
     )
-    tissue = Tissue(float(elastic), relaxing, log_uniform(rng, *settings["relaxation_s"]))
+    tissue = Tissue(float(elastic), relaxing, log_uniform(rng, *settings.relaxation_s))
     motions = draw_motions(
         rng,
-        peak_mm=float(rng.uniform(*settings["amplitude_mm"])),
+        peak_mm=float(rng.uniform(*settings.amplitude_mm)),
         slope=float(rng.choice([0.0, -0.5])),
         schroeder=bool(rng.integers(2)),
-        periods=settings["periods"],
+        periods=settings.periods,
     )
-    colours = settings["noise_colours"]
+    colours = vars(settings.noise_colours)
     noise = {
-        "share": float(rng.uniform(*settings["noise_share"])),
+        "share": float(rng.uniform(*settings.noise_share)),
         "colour": str(rng.choice(list(colours), p=np.array(list(colours.values())) / sum(colours.values()))),
-        "correlation": float(rng.uniform(*settings["autoregressive_correlation"])),
+        "correlation": float(rng.uniform(*settings.autoregressive_correlation)),
     }
     return tissue, motions, noise
 

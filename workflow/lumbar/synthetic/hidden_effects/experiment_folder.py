@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lumbar.files import write_json, write_text
 from lumbar.synthetic.hidden_effects.experiment import HiddenExperiment, Plan, check_settings, make_experiment
+
+if TYPE_CHECKING:
+    from lumbar.settings.hidden_effects import HiddenEffectsSettings
 
 HEADER = "time_s,position_mm,force_N"
 
@@ -19,7 +23,7 @@ def write_experiment(folder: str | os.PathLike, experiment: HiddenExperiment) ->
 
 
 def write_experiments(
-    folder: str | os.PathLike, labels: str | os.PathLike, plans: list[Plan], settings: dict
+    folder: str | os.PathLike, labels: str | os.PathLike, plans: list[Plan], settings: HiddenEffectsSettings
 ) -> None:
     """Make experiments and write their recordings and, apart, the truth.
 
@@ -30,8 +34,7 @@ def write_experiments(
     labels : path
         JSON file: the truth by experiment.
     plans : list of Plan
-    settings : dict
-        Section ``hidden_effects`` of the configuration.
+    settings : HiddenEffectsSettings
 
     Raises
     ------

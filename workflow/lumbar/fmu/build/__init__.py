@@ -1,0 +1,1 @@
+"""From an identified model to an FMU: C code, description, libraries, package."""

@@ -1,0 +1,115 @@
+"""Expressions evaluated by NumPy, in the order in which they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial, reduce
+
+import numpy as np
+
+from lumbar.models.expression import Expression, Number, Operation, Symbol, whole_power
+
+Functions = Mapping[str, Callable]
+
+
+def _smoothstep(x):
+    share = np.clip(x, 0.0, 1.0)
+    return share**2 * (3 - 2 * share)
+
+
+NUMPY: dict[str, Callable] = {
+    "+": np.add,
+    "-": np.subtract,
+    "*": np.multiply,
+    "/": np.divide,
+    "**": np.power,
+    "neg": np.negative,
+    "<": np.less,
+    "<=": np.less_equal,
+    ">": np.greater,
+    ">=": np.greater_equal,
+    "abs": np.abs,
+    "sign": np.sign,
+    "sqrt": np.sqrt,
+    "exp": np.exp,
+    "expm1": np.expm1,
+    "tanh": np.tanh,
+    "sinh": np.sinh,
+    "sin": np.sin,
+    "cos": np.cos,
+    "arctan": np.arctan,
+    "softplus": partial(np.logaddexp, 0.0),
+    "smoothstep": _smoothstep,
+    "min": np.minimum,
+    "max": np.maximum,
+    "hypot": np.hypot,
+    "clip": np.clip,
+    "where": np.where,
+}
+"""NumPy's functions by the names of the operations."""
+
+
+class Evaluator:
+    """Several expressions as one list of operations; what they have in common is computed once.
+
+    Parameters
+    ----------
+    expressions : sequence of Expression
+        Without ``sum``.
+    functions : mapping of str to callable
+        What computes each operation.
+
+    Examples
+    --------
+    >>> from lumbar.models.expression import parse
+    >>> Evaluator([parse("z**3"), parse("2*z")])({"z": np.array([1.0, 2.0])})
+    [array([1., 8.]), array([2., 4.])]
+    """
+
+    def __init__(self, expressions: Sequence[Expression], functions: Functions = NUMPY):
+        self._functions = functions
+        self._places: dict[Expression, int] = {}
+        self._numbers: list = []
+        self._symbols: list[tuple[str, int]] = []
+        self._operations: list[tuple[Callable, tuple[int, ...], int]] = []
+        self._results = [self._place(expression) for expression in expressions]
+
+    def _place(self, expression: Expression) -> int:
+        """Where the value of an expression will stand."""
+        if expression in self._places:
+            return self._places[expression]
+        operands: tuple[int, ...] = ()
+        if isinstance(expression, Operation):
+            function, given = self._computed(expression)
+            operands = tuple(map(self._place, given))
+        place = self._places[expression] = len(self._numbers)
+        self._numbers.append(None)
+        match expression:
+            case Number(value):
+                self._numbers[place] = value
+            case Symbol("pi"):
+                self._numbers[place] = np.pi
+            case Symbol(name):
+                self._symbols.append((name, place))
+            case _:
+                self._operations.append((function, operands, place))
+        return place
+
+    def _computed(self, expression: Operation) -> tuple[Callable, tuple[Expression, ...]]:
+        """Function and its operands; small whole powers are products."""
+        if expression.name == "**" and (exponent := whole_power(expression.operands[1])):
+            return partial(_product, self._functions["*"], exponent), expression.operands[:1]
+        return self._functions[expression.name], expression.operands
+
+    def __call__(self, values: Mapping[str, np.ndarray | float]) -> list[np.ndarray | float]:
+        """Return the expressions' values for those of the symbols, one per expression."""
+        found = self._numbers.copy()
+        for name, place in self._symbols:
+            found[place] = values[name]
+        for function, operands, place in self._operations:
+            found[place] = function(*[found[operand] for operand in operands])
+        return [found[place] for place in self._results]
+
+
+def _product(multiply: Callable, exponent: int, base):
+    return reduce(multiply, [base] * exponent)

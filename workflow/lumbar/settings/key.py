@@ -1,0 +1,92 @@
+"""One key of a configuration: its default, meaning, unit and limits, said once.
+
+Settings are plain frozen dataclasses, so that a job that only takes them starts without Pydantic. The metadata of
+their fields are arguments of ``pydantic.Field``: `lumbar.config` validates configurations with them, and writes the
+reference pages and the JSON schema from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Annotated, Any, TypeVar, dataclass_transform
+
+Kind = TypeVar("Kind")
+
+
+def required(meaning: str, *, unit: str | None = None, **limits) -> Any:
+    """Return a key that has no default; parameters as of `key`."""
+    extra = {"json_schema_extra": {"unit": unit}} if unit else {}
+    return field(metadata={"description": meaning, **extra, **limits})
+
+
+def key(default, meaning: str, *, unit: str | None = None, **limits) -> Any:
+    """Return a key of a section.
+
+    Parameters
+    ----------
+    default : object
+        What holds where a configuration says nothing.
+    meaning : str
+        One or two sentences for the reference and for error messages.
+    unit : str, optional
+        Of the value.
+    **limits
+        Constraints of ``pydantic.Field``: ``ge``, ``gt``, ``le``, ``lt``, ``pattern``, ``min_length``, …
+    """
+    metadata = required(meaning, unit=unit, **limits).metadata
+    if isinstance(default, dict):
+        return field(default_factory=lambda: dict(default), metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def section(kind: Callable[..., Kind], **values) -> Any:
+    """Return a key that holds a section of its own, by default ``kind(**values)``; its meaning is the class's."""
+    return field(
+        default_factory=lambda: kind(**values), metadata={"description": (kind.__doc__ or "").strip()}
+    )
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(key, required, section))
+def settings(kind: type[Kind]) -> type[Kind]:
+    """Make a class a section of the configuration: frozen, no other keys, no infinite numbers."""
+    kind.__pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # type: ignore[attr-defined]
+    return dataclass(frozen=True)(kind)
+
+
+class Each:
+    """Limits of every entry of a list, for ``Annotated``: what `key` is for a whole value."""
+
+    def __init__(self, **limits):
+        self.limits = limits
+
+    def __get_pydantic_core_schema__(self, kind, handler):
+        return {**handler(kind), **self.limits}
+
+
+class Unique:
+    """No entry of a list twice, for ``Annotated``."""
+
+    def __get_pydantic_core_schema__(self, kind, handler):
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_after_validator_function(self._check, handler(kind))
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        return {**handler(schema), "uniqueItems": True}
+
+    @staticmethod
+    def _check(entries: tuple) -> tuple:
+        twice = sorted({str(entry) for entry in entries if entries.count(entry) > 1})
+        if twice:
+            raise ValueError(f"{', '.join(twice)} stands twice")
+        return entries
+
+
+UNIQUE = Unique()
+Positive = Annotated[float, Each(gt=0)]
+Word = Annotated[str, Each(min_length=1)]
+NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
+"""Names that become folders: a letter or digit, then letters, digits, ``_`` and ``-``."""
+RECORD_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+"""Names of records, which may hold a point."""

@@ -1,0 +1,123 @@
+"""How files are read: columns of tables, markers of motion capture."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Union
+
+from lumbar.settings.key import RECORD_NAME, UNIQUE, Each, key, required, settings
+
+Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+
+
+@settings
+class ColumnSettings:
+    """One column: value = number in the file × scale + offset, in the unit given."""
+
+    column: str | Annotated[int, Each(ge=1)] = required("Name from the header, or number counted from 1.")
+    unit: str = required("Unit after scaling, e.g. mm.")
+    quantity: str = key("", "What is measured, as it stands on axes, e.g. position.")
+    scale: float = key(1.0, "Factor from the file's numbers to the unit; not 0.")
+    offset: float = key(0.0, "Added after scaling.")
+    optional: bool = key(
+        False,
+        "true: the column may be absent, and constant; what needs it is then left out, and said to be.",
+    )
+
+    def __post_init__(self):
+        if self.scale == 0:
+            raise ValueError("scale is 0: every value would be the same")
+
+
+@settings
+class ColumnLayout:
+    """How the columns of a file are read."""
+
+    columns: dict[str, ColumnSettings] = key({}, "One entry per role, e.g. time, input, output.")
+    format: Literal["text", "mat"] = key("text", "text (CSV, TXT, .gz too) or mat (MATLAB 4 to 7.2).")
+    delimiter: str = key(",", "One character, or the word whitespace.")
+    header: bool = key(True, "Whether a line of column names comes before the data.")
+    comment: str | None = key(None, "Lines that start with this are skipped.")
+    decimal: Literal[".", ","] = key(".", "Decimal mark.")
+    clipped: Literal["refuse", "accept"] = key(
+        "refuse",
+        "Whether records are accepted whose force or position holds runs of samples exactly at its extreme, as of a "
+        "converter at the end of its range.",
+    )
+
+
+@settings
+class MeanOfMarkers:
+    """The mean of several markers."""
+
+    mean: tuple[Alias, ...] = required("Markers whose mean is taken, e.g. [LWRA, LWRB].", min_length=2)
+
+
+@settings
+class PointBetween:
+    """A point on the line through two markers."""
+
+    between: tuple[Alias, Alias] = required("The two markers, e.g. [C7, SACRUM].")
+    share: float = required(
+        "Share of the way from the first to the second: 0 is the first, 1 the second.", ge=-1, le=2
+    )
+
+
+@settings
+class OffsetPoint:
+    """A point at a fixed offset in the axes of the laboratory."""
+
+    start: Alias = required("Marker the offset starts from.", alias="from")
+    offset_m: tuple[Metre, Metre, Metre] = required("Offset lateral (right), forward and up.", unit="m")
+
+
+Metre = Annotated[float, Each(ge=-1, le=1)]
+Rule = Union[MeanOfMarkers, PointBetween, OffsetPoint]  # noqa: UP007 - read by Pydantic as one union
+Alias = Union[str, Rule, tuple[Union[str, Rule], ...]]  # noqa: UP007
+"""A label or another alias's name, a rule, or alternatives of these, of which the first that the file can fill is taken."""
+MarkerName = Annotated[str, Each(pattern="^[A-Z][A-Z0-9_]*$")]
+
+
+@settings
+class MarkerLayout:
+    """How marker files (C3D, TRC) are read."""
+
+    unit: Literal["file", "m", "cm", "mm"] = key(
+        "file",
+        "Unit of length: file takes the one the file states; any other one must not contradict it.",
+    )
+    up: Axis = key("+z", "Axis of the file that points up.")
+    forward: Axis = key("+y", "Axis of the file that points the way the person faces; perpendicular to up.")
+    subject_prefix: str = key(
+        "strip",
+        "Prefixes such as Subject:C7: strip takes all off, keep none, a subject's name that one alone.",
+        min_length=1,
+    )
+    check_axes: bool = key(
+        True,
+        "Whether up, forward and left/right are compared with the body; false where the person turns round or lies "
+        "down.",
+    )
+    aliases: dict[MarkerName, Alias] = key(
+        {},
+        "Standard name to what fills it: a label, alternatives, {mean}, {between, share} or {from, offset_m}. Standard "
+        "names are C7, T12, L5 (spine at L4/L5), MANUBRIUM, XIPHOID, SACRUM, L_/R_ SHOULDER, HIP (greater trochanter), "
+        "WRIST, ANKLE, HEEL, TOE, and BOX_1, BOX_2, … on the box.",
+    )
+    required: Annotated[tuple[str, ...], UNIQUE] | None = key(
+        None,
+        "Standard names without which a recording is refused; null: every alias. The others may be absent from a file.",
+    )
+
+
+@settings
+class RecordSettings:
+    """One recording of a column file."""
+
+    name: str = required("Name of the record in tables and file names.", pattern=RECORD_NAME)
+    file: str = required("File below data_root.", min_length=1)
+    period_s: float | None = key(None, "Period of the excitation, where it is periodic.", unit="s", gt=0)
+
+
+def columns(**roles: tuple[str, str, str]) -> dict[str, ColumnSettings]:
+    """Columns of a layout by role, each (name in the header, unit, quantity)."""
+    return {role: ColumnSettings(*words) for role, words in roles.items()}

@@ -1,0 +1,169 @@
+"""Chapter lifting: from marker files to the pendulums of the deposit."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from lumbar.settings.key import UNIQUE, key, section, settings
+from lumbar.settings.layout import Alias, ColumnLayout, ColumnSettings, MarkerLayout, MeanOfMarkers, columns
+
+ALIASES: dict[str, Alias] = {
+    "C7": ("C7", "CV7"),
+    "T12": ("T12", "TV12"),
+    "L5": ("L5", "LV5"),
+    "MANUBRIUM": ("MANUBRIUM", "SJN", "CLAV"),
+    "XIPHOID": ("XIPHOID", "SXS", "STRN"),
+    "SACRUM": ("SACRUM", "SACR"),
+    "L_SHOULDER": ("L_SHOULDER", "L_SAJ", "LSHO"),
+    "R_SHOULDER": ("R_SHOULDER", "R_SAJ", "RSHO"),
+    "L_HIP": ("L_HIP", "L_FTC"),
+    "R_HIP": ("R_HIP", "R_FTC"),
+    "L_WRIST": ("L_WRIST", MeanOfMarkers(("LWRA", "LWRB"))),
+    "R_WRIST": ("R_WRIST", MeanOfMarkers(("RWRA", "RWRB"))),
+    "L_ANKLE": ("L_ANKLE", "L_FAL", "LANK"),
+    "R_ANKLE": ("R_ANKLE", "R_FAL", "RANK"),
+    "L_HEEL": ("L_HEEL", "L_FCC", "LHEE"),
+    "R_HEEL": ("R_HEEL", "R_FCC", "RHEE"),
+    "L_TOE": ("L_TOE", "LTOE"),
+    "R_TOE": ("R_TOE", "RTOE"),
+    **{f"BOX_{number}": f"BOX_{number}" for number in range(1, 9)},
+}
+"""Labels of usual marker sets under the standard names."""
+MOMENT_COLUMNS = columns(
+    time=("time_s", "s", "time"),
+    input=("angle_rad", "rad", "angle"),  # from the vertical
+    output=("moment_Nm", "N m", "moment"),  # at the pivot, positive with the angle
+) | {
+    # Further columns, where they were recorded, let the diagnosis try more effects (docs/pendulum_moment.md).
+    "box_held": ColumnSettings("box_held", "1", "share of the box held", optional=True),
+    "length": ColumnSettings("length_m", "m", "length", optional=True),
+    "pivot_acceleration_x": ColumnSettings(
+        "pivot_acceleration_x_m_s2", "m/s²", "acceleration of the pivot", optional=True
+    ),
+    "pivot_acceleration_z": ColumnSettings(
+        "pivot_acceleration_z_m_s2", "m/s²", "acceleration of the pivot", optional=True
+    ),
+}
+
+
+@settings
+class GapSettings:
+    """How gaps in marker trajectories are treated."""
+
+    maximum_s: float = key(
+        0.2, "Longest gap that a cubic spline bridges; 0 bridges none.", unit="s", ge=0, le=1
+    )
+    longer: Literal["error", "keep"] = key(
+        "error",
+        "What becomes of longer gaps and of those at the start or end: error refuses the recording, "
+        "keep leaves them open.",
+    )
+
+
+@settings
+class FilterSettings:
+    """Butterworth low-pass filter of the trajectories, forward and backward."""
+
+    cutoff_Hz: float = key(
+        6.0, "-3 dB frequency of both passes together; each pass is corrected for it.", unit="Hz", gt=0, le=50
+    )
+    order: int = key(2, "Order of each pass.", ge=1, le=8)
+
+
+@settings
+class EventSettings:
+    """Thresholds by which the events of a lift are found."""
+
+    box_speed_m_s: float = key(0.05, "Speed above which the box moves.", unit="m/s", gt=0, le=1)
+    box_rest_m_s: float = key(
+        0.02,
+        "Speed below which the box rests: its movement starts and ends there.",
+        unit="m/s",
+        gt=0,
+        le=1,
+    )
+    box_sustained_s: float = key(
+        0.1,
+        "How long the box must move for its lift-off, and the wrists be away from it for the separation.",
+        unit="s",
+        ge=0,
+        le=1,
+    )
+    separation_m: float = key(
+        0.1,
+        "Wrists have left the box when their distance from its centre grows by more than this.",
+        unit="m",
+        gt=0,
+        le=1,
+    )
+    grip_s: float = key(
+        0.5,
+        "Time after lift-off whose median distance between wrists and box counts as the grip.",
+        unit="s",
+        gt=0,
+        le=5,
+    )
+    toe_speed_m_s: float = key(0.3, "Speed of a toe that leaves the ground.", unit="m/s", gt=0, le=5)
+    toe_sustained_s: float = key(0.065, "How long the toe must keep that speed.", unit="s", ge=0, le=1)
+    descent_m: float = key(
+        0.05, "Descent of the wrists before the release that makes it a deposit.", unit="m", gt=0, le=2
+    )
+    prominence_m_s: float = key(
+        0.05,
+        "How far a local minimum of the wrists' speed must lie below its surroundings.",
+        unit="m/s",
+        ge=0,
+        le=2,
+    )
+
+
+@settings
+class BoxSettings:
+    """How the box in the hands loads the pendulums."""
+
+    share: Literal["by_mass", "whole"] = key(
+        "by_mass",
+        "by_mass: the box is divided among the centres of mass in proportion to the segments' masses; "
+        "whole: every pendulum carries the whole box.",
+    )
+    in_position: bool = key(
+        False,
+        "true: angle and length are those of the common centre of mass of segment and box; false: of "
+        "the segment alone.",
+    )
+
+
+@settings
+class LiftingSettings:
+    """From marker files to the pendulums of the deposit."""
+
+    subjects: Annotated[tuple[str, ...], UNIQUE] = key(
+        (), "People of the study, in order: files of config/subjects."
+    )
+    markers: MarkerLayout = section(MarkerLayout, aliases=ALIASES)
+    moment_layout: ColumnLayout = section(ColumnLayout, columns=MOMENT_COLUMNS)
+    gaps: GapSettings = section(GapSettings)
+    filter: FilterSettings = section(FilterSettings)
+    events: EventSettings = section(EventSettings)
+    segments: Literal["winter", "de_leva"] = key(
+        "winter",
+        "Table of trunk segments: winter (Winter after Dempster, the thesis's) or de_leva (1996; "
+        "sensitivity run, needs the subject's sex).",
+    )
+    box: BoxSettings = section(BoxSettings)
+    pivot: Literal["mid_ankle", "hip", "L5"] = key(
+        "mid_ankle",
+        "Pivot of the pendulum: midpoint of the ankles, midpoint of the greater trochanters, or the "
+        "L4/L5 marker. It moves with its markers.",
+    )
+    frame: Literal["laboratory", "pelvis"] = key(
+        "laboratory",
+        "Axes of the planes: the laboratory's, or turned about the vertical so that x is the line of "
+        "the hips at the start of the deposit.",
+    )
+    points: int = key(
+        1000,
+        "Instants to which the deposit is resampled by a cubic spline (the real time is kept).",
+        ge=10,
+        le=100000,
+    )

@@ -1,0 +1,101 @@
+"""Settings as plain data, as YAML, JSON and the parameters of a job hold them, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import cache
+from itertools import repeat
+from types import NoneType, UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+Kind = TypeVar("Kind")
+
+
+def name_of(item: Field) -> str:
+    """Return a key's name in a configuration: Python's, unless that is a word Python keeps to itself."""
+    return item.metadata.get("alias", item.name)
+
+
+def plain(settings: Any) -> Any:
+    """Return settings as nested dicts and lists, every default written out."""
+    if is_dataclass(settings):
+        return {name_of(item): plain(getattr(settings, item.name)) for item in fields(settings)}
+    if isinstance(settings, Mapping):
+        return {name: plain(value) for name, value in settings.items()}
+    return [plain(value) for value in settings] if isinstance(settings, list | tuple) else settings
+
+
+def typed(kind: type[Kind], content: Any) -> Kind:
+    """Return plain data that were validated before as the settings they are; what is left out has its default.
+
+    Parameters
+    ----------
+    kind : type
+        Class of `lumbar.settings`.
+    content : dict
+        As of `plain`; keys may be left out.
+
+    Examples
+    --------
+    >>> from lumbar.settings.stability import StabilitySettings
+    >>> typed(StabilitySettings, {"pendulum": {"mass": "without_box"}}).pendulum.mass
+    'without_box'
+    """
+    return _typed(kind, content)
+
+
+def types_of(kind: type) -> dict[str, Any]:
+    """Type of every field of a section, with its limits (``Annotated``)."""
+    return _types_of(kind)
+
+
+@cache
+def _types_of(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind, include_extras=True)
+
+
+def _typed(kind: Any, content: Any) -> Any:
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return _typed(arguments[0], content)
+    if origin in (Union, UnionType):
+        return _typed(_member(arguments, content), content)
+    if is_dataclass(kind):
+        types = types_of(kind)
+        given = [item for item in fields(kind) if name_of(item) in content]
+        return kind(**{item.name: _typed(types[item.name], content[name_of(item)]) for item in given})
+    if origin is tuple:
+        entries = repeat(arguments[0]) if arguments[-1] is Ellipsis else arguments
+        return tuple(_typed(entry, value) for entry, value in zip(entries, content, strict=False))
+    if origin is dict:
+        return {name: _typed(arguments[1], value) for name, value in content.items()}
+    return float(content) if kind is float else content
+
+
+def _member(kinds: tuple, content: Any) -> Any:
+    """Return the member of a union that the content is of."""
+    flat = [member for kind in kinds for member in _members(kind)]
+    if isinstance(content, Mapping):
+        return next(kind for kind in flat if is_dataclass(kind) and _fills(kind, content))
+    if isinstance(content, list | tuple):
+        return next(kind for kind in flat if get_origin(_bare(kind)) is tuple)
+    scalars = {NoneType: NoneType, bool: bool, int: int, float: float, str: str}
+    exact = scalars.get(type(content))
+    return next((kind for kind in flat if _bare(kind) is exact), float if float in flat else NoneType)
+
+
+def _members(kind: Any) -> tuple:
+    return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+
+
+def _bare(kind: Any) -> Any:
+    return get_args(kind)[0] if get_origin(kind) is Annotated else kind
+
+
+def _fills(kind: Any, content: Mapping) -> bool:
+    names = {name_of(item) for item in fields(kind)}
+    needed = {
+        name_of(item) for item in fields(kind) if item.default is MISSING and item.default_factory is MISSING
+    }
+    return needed <= set(content) <= names

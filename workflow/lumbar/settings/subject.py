@@ -1,0 +1,52 @@
+"""One person, a file of config/subjects."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from lumbar.settings.key import NAME, key, required, settings
+
+
+@settings
+class DeclaredEvents:
+    """Times set by hand; they replace the detected ones."""
+
+    lift_off_s: float | None = key(None, "Box leaves its support.", unit="s")
+    toe_off_s: float | None = key(None, "End of the lift.", unit="s")
+    deposit_start_s: float | None = key(None, "Start of the deposit.", unit="s")
+    release_s: float | None = key(None, "Box is released.", unit="s")
+    reason: str | None = key(None, "Why they are set by hand; stands beside the result.")
+
+
+@settings
+class TrialSettings:
+    """One recorded lift."""
+
+    box_mass_kg: float = required("Mass of the box.", unit="kg", ge=0, le=100)
+    markers: str = required("Marker file (C3D, TRC).")
+    hip_moment: str | None = key(None, "Hip moment beside it (time_s, angle_rad, moment_Nm).")
+    events: DeclaredEvents | None = key(None, "Times set by hand; they replace the detected ones.")
+
+
+@settings
+class SubjectSettings:
+    """One person (a file of config/subjects); given to the workflow by itself, this person runs alone."""
+
+    name: str = required("The file's name.", pattern=NAME)
+    sex: Literal["female", "male", "unknown"] = required(
+        "female, male or unknown; picks the segment table where it differs."
+    )
+    mass_kg: float = required("Body mass.", unit="kg", gt=0, le=400)
+    height_m: float = required("Stature.", unit="m", ge=0.5, le=2.6)
+    experience: str = required("E.g. expert or novice.")
+    trials: tuple[TrialSettings, ...] = required(
+        "One entry per recorded lift; several with the same box are repeated trials.", min_length=1
+    )
+    assumed: tuple[str, ...] = key((), "Keys of this file that are assumptions and not measurements.")
+
+
+@settings
+class SubjectFile:
+    """A file of config/subjects."""
+
+    subject: SubjectSettings = required("The person; config/subjects/expert.yaml shows what is needed.")

@@ -1,0 +1,230 @@
+"""The synthetic twin of the thesis's recordings: one seed, one section per kind of recording."""
+
+from __future__ import annotations
+
+from lumbar.settings.key import key, required, section, settings
+
+
+@settings
+class SyntheticSurgeon:
+    """One surgeon."""
+
+    stroke_mm: float = required("Mean depth of a stroke at the start.", unit="mm", gt=0)
+    stroke_s: float = required(
+        "Mean duration of half a stroke; it decides the velocity's bandwidth and is built to give "
+        "about 2.5 Hz.",
+        unit="s",
+        gt=0,
+    )
+    tremor_rms_mm: float = required("Physiological tremor of every axis.", unit="mm", ge=0)
+    tremor_Hz: float = required("Centre of the tremor (physiological 8 to 12).", unit="Hz", ge=4, le=20)
+
+
+@settings
+class SyntheticSurgeonSettings:
+    """Synthetic trials of gaining access."""
+
+    rate_Hz: float = key(100.0, "Samples per second.", unit="Hz", ge=30, le=10000)
+    duration_s: float = key(60.0, "Duration of a trial.", unit="s", ge=5, le=10000)
+    approach_mm: float = key(30.0, "Distance above the skin at which a trial begins.", unit="mm", ge=0)
+    approach_s: float = key(2.5, "Mean time to reach the skin.", unit="s", gt=0)
+    puncture_mm: float = key(6.0, "Depth of the puncture.", unit="mm", ge=0)
+    puncture_s: float = key(0.35, "Mean duration of the puncture.", unit="s", gt=0)
+    pause_s: float = key(0.7, "Mean rest between phases and bouts of strokes.", unit="s", gt=0)
+    reposition_mm: float = key(
+        12.0, "Standard deviation of the depth at which a bout begins.", unit="mm", ge=0
+    )
+    reposition_s: float = key(1.0, "Mean time to set the tool anew before a bout.", unit="s", gt=0)
+    strokes_per_bout: float = key(6.0, "Mean number of strokes between rests.", ge=1)
+    gain_mm_per_stroke: float = key(0.2, "Depth gained with every stroke.", unit="mm", ge=0)
+    last_stroke_share: float = key(
+        0.4, "Stroke depth at the end of a trial as a share of that at its start.", gt=0, le=1
+    )
+    twist_deg: float = key(25.0, "Mean angle by which the tool is twisted during a stroke.", unit="°", ge=0)
+    lateral_mm: float = key(4.0, "Distance of the recorded point from the axis of twisting.", unit="mm", ge=0)
+    variation: float = key(0.2, "Log-normal spread of times and lengths within a trial.", ge=0, le=1)
+    tremor_bandwidth_Hz: float = key(
+        1.0, "Standard deviation of the tremor's spectral peak.", unit="Hz", gt=0
+    )
+    noise_rms_mm: float = key(0.01, "White measuring noise of every axis.", unit="mm", ge=0)
+    surgeons: dict[str, SyntheticSurgeon] = key({}, "One entry per surgeon named in surgeon.records.")
+
+
+@settings
+class SyntheticTissueSettings:
+    """The synthetic tissue, a Kelvin–Boltzmann solid beside a cubic spring, and the load cell."""
+
+    k1_N_per_mm: float = key(0.405, "Stiffness of the spring parallel to the dashpot.", unit="N/mm", gt=0)
+    k2_N_per_mm: float = key(3.24, "Stiffness of the spring in series with both.", unit="N/mm", gt=0)
+    relaxation_s: float = key(
+        0.035, "Time constant b/(k1 + k2) of the relaxation at held position.", unit="s", gt=0, le=100
+    )
+    cubic_N_per_mm3: float = key(
+        0.0202, "Hardening that no linear model can describe: force per cube of the position.", unit="N/mm³"
+    )
+    noise_variance_share: float = key(
+        0.14, "White noise of the load cell as a share of the variance of the recorded force.", ge=0, lt=1
+    )
+
+
+@settings
+class SyntheticGapSettings:
+    """Markers hidden for a moment."""
+
+    count: int = key(12, "Number of gaps in a recording, each in another marker.", ge=0, le=1000)
+    longest_s: float = key(0.15, "Longest gap.", unit="s", ge=0, le=1)
+
+
+@settings
+class WorkplaceSettings:
+    """Box, pallet and table."""
+
+    box_width_m: float = key(0.4, "Width of the box between the hands.", unit="m", gt=0, le=2)
+    box_depth_m: float = key(0.32, "Depth of the box.", unit="m", gt=0, le=2)
+    box_height_m: float = key(0.28, "Height of the box.", unit="m", gt=0, le=2)
+    pallet_height_m: float = key(0.2, "Height of the pallet.", unit="m", ge=0, le=2)
+    pallet_distance_m: float = key(
+        0.28, "Centre of the box ahead of the ankles before the lift.", unit="m", ge=0, le=2
+    )
+    table_height_m: float = key(0.66, "Height of the table.", unit="m", ge=0, le=2)
+    table_distance_m: float = key(
+        0.43, "Centre of the box ahead of the ankles after the deposit.", unit="m", ge=0, le=2
+    )
+    walk_m: float = key(
+        0.9, "Way from the pallet to the table, walked in three steps.", unit="m", ge=0.2, le=5
+    )
+
+
+@settings
+class HiddenMomentSettings:
+    """What Eq. 4.1 leaves out."""
+
+    hand_distance_m: float = key(
+        0.45,
+        "Distance of the box from the hip while it is held; 0 takes the hand load away.",
+        unit="m",
+        ge=0,
+        le=2,
+    )
+    stiffening_N_m: float = key(
+        0.0,
+        "Passive stiffness: this moment times exp(angle/stiffening_angle_rad) - 1; 0 takes it away.",
+        unit="N·m",
+        ge=0,
+        le=1000,
+    )
+    stiffening_angle_rad: float = key(
+        0.35, "Angle over which the passive moment grows e-fold.", unit="rad", ge=0.05, le=10
+    )
+
+
+@settings
+class MomentTrial:
+    """One trial in which a lift is repeated."""
+
+    lift: str = required("One of lifts.")
+    pace: float = required("Speed, as a factor of that of the lift.", ge=0.2, le=3)
+    repetitions: int = required("How often the lift is done.", ge=1, le=50)
+    variation: float = required(
+        "Spread of the trunk's inclination between repetitions, as a share of it.", ge=0, le=0.3
+    )
+    with_box: bool = required("false: the movement is done without the box.")
+
+
+@settings
+class SyntheticMomentSettings:
+    """Moment at the hip: the pendulum of Eq. 4.1 and the effects hidden in it."""
+
+    damping_N_m_s: float = key(8.0, "Damping b.", unit="N·m·s/rad", ge=0, le=1000)
+    noise_N_m: float = key(2.0, "Standard deviation of the noise.", unit="N·m", ge=0, le=1000)
+    hidden: HiddenMomentSettings = section(HiddenMomentSettings)
+    trials: dict[str, MomentTrial] = key(
+        {},
+        "Trials in which one lift is repeated, by name; records of improvement.record_sets in the "
+        "folder hip_moment.",
+    )
+
+
+@settings
+class SyntheticPerson:
+    """One synthetic person."""
+
+    mass_kg: float = required("Body mass.", unit="kg", gt=0, le=400)
+    height_m: float = required("Stature.", unit="m", ge=0.5, le=2.6)
+
+
+@settings
+class TrueEvents:
+    """True times of the events."""
+
+    lift_off: float = required("The box leaves the pallet.", unit="s", ge=1.4)
+    toe_off: float = required("The right toe leaves the ground.", unit="s")
+    deposit_start: float = required("The wrists are slowest before they go down.", unit="s")
+    release: float = required("The box stands and the hands leave it.", unit="s")
+
+
+@settings
+class SyntheticLift:
+    """Movement of one lift."""
+
+    person: str = required("One of people.")
+    box_mass_kg: float = required("Mass of the box.", unit="kg", ge=0, le=100)
+    lift_flexion_deg: float = required(
+        "Inclination of the thorax when the box is grasped.", unit="°", ge=0, le=120
+    )
+    lift_squat_m: float = required("Descent of the hips when the box is grasped.", unit="m", ge=0, le=0.6)
+    deposit_flexion_deg: float = required(
+        "Inclination of the thorax at the release beyond that of carrying.", unit="°", ge=0, le=90
+    )
+    deposit_squat_m: float = required("Descent of the hips at the release.", unit="m", ge=0, le=0.6)
+    lateral_bending_deg: float = required("Largest bending to the right.", unit="°", ge=-45, le=45)
+    lateral_sway_m: float = required("Largest shift of the hips to the right.", unit="m", ge=-0.3, le=0.3)
+    hesitation_deg: float = required(
+        "Amplitude of corrections of the trunk during the deposit.", unit="°", ge=0, le=20
+    )
+    hesitation_Hz: float = required("Frequency of the corrections.", unit="Hz", gt=0, le=10)
+    foot_adjustment: bool = required("Whether the left foot shuffles to the box before the lift.")
+    events_s: TrueEvents = required("True times of the events.", unit="s")
+
+
+@settings
+class SyntheticLiftingSettings:
+    """Synthetic lifting recordings."""
+
+    rate_Hz: float = key(100.0, "Frames per second.", unit="Hz", ge=20, le=1000)
+    duration_s: float = key(9.5, "Length of a recording.", unit="s", ge=4, le=120)
+    marker_noise_mm: float = key(
+        0.5, "Standard deviation of the white noise on every coordinate.", unit="mm", ge=0, le=20
+    )
+    gaps: SyntheticGapSettings = section(SyntheticGapSettings)
+    workplace: WorkplaceSettings = section(WorkplaceSettings)
+    hip_moment: SyntheticMomentSettings = section(SyntheticMomentSettings)
+    people: dict[str, SyntheticPerson] = key(
+        {}, "True mass and stature of the synthetic people; the study declares its own in config/subjects."
+    )
+    lifts: dict[str, SyntheticLift] = key({}, "Movement of every lift, by its name <subject>_<box mass>kg.")
+
+
+@settings
+class TwoHiddenEffectsSettings:
+    """A second set of synthetic tissue tests, with two effects and little noise."""
+
+    mechanisms: tuple[str, str] = key(
+        ("coulomb_friction", "hardening_stiffness"), "Mechanisms of the two effects."
+    )
+    number: int = key(1, "Draw of the generator.", ge=0)
+    noise_share: float = key(0.01, "RMS of the noise over that of the force without the effects.", gt=0, le=1)
+    residual_over_noise: float = key(
+        16.0, "RMS that the best Kelvin–Boltzmann model leaves of each effect, over the noise.", gt=0
+    )
+
+
+@settings
+class TwinSettings:
+    """The synthetic twin: one section per kind of recording."""
+
+    seed: int = key(45, "Seed of every random number of the twin.", ge=0)
+    surgeon: SyntheticSurgeonSettings = section(SyntheticSurgeonSettings)
+    tissue: SyntheticTissueSettings = section(SyntheticTissueSettings)
+    lifting: SyntheticLiftingSettings = section(SyntheticLiftingSettings)
+    two_hidden_effects: TwoHiddenEffectsSettings = section(TwoHiddenEffectsSettings)
