@@ -21,6 +21,7 @@ from lumbar.errors import InputError
 from lumbar.fmu.build.export_model import select_models
 from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
+from lumbar.models.fitted_model import FittedModel
 from lumbar.reports.pages.diagnosis_page import diagnosis_page
 
 RIBS = """
@@ -124,8 +125,7 @@ def test_an_equation_in_yaml_becomes_an_fmu(text, name, linear, nonlinear, zig_c
 
 def test_a_state_in_yaml_is_the_catalogues_own(tmp_path):
     """Dahl's friction from its equation alone, without its closed form."""
-    from lumbar.models.fitted_model import FittedModel
-from lumbar.models.motion import Motion
+    from lumbar.models.motion import Motion
 
     catalogue = catalogue_with([written(tmp_path, DAHL)])
     own, built_in = catalogue["own_friction"].forms[0], catalogue["hysteresis"].forms[0]
