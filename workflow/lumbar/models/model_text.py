@@ -47,7 +47,7 @@ def _latex(model: FittedModel) -> list[str]:
     """Transfer function of a discrete model; equation of the base and of every effect of a continuous one."""
     if model.discrete:
         return ["H(z) = " + _ratio(model, r"\frac{{{}}}{{{}}}", "z^{{-{}}}")]
-    return [part.equation for part in (model.structure.base, *model.structure.forms)]
+    return [part.latex for part in (model.structure.base, *model.structure.forms)]
 
 
 def _value(item: FittedParameter) -> str:
