@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import control
@@ -211,6 +213,13 @@ def test_the_file_in_the_documentation_is_one(project):
     text = (project / "docs" / "architecture.md").read_text(encoding="utf-8")
     example = text[text.index('{"schema": "lumbar.models/2"') :].split("```")[0]
     assert [model.name for model in read_models(json.loads(example), CATALOGUES)] == ["KB", "LE+drift"]
+
+
+def test_reading_the_class_loads_no_slow_library():
+    """What is slow to import is loaded by the method that needs it."""
+    script = "import sys, lumbar.models.fitted_model; print(*{name.split('.')[0] for name in sys.modules})"
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert not {"control", "scipy", "pandas", "pydantic", "matplotlib"} & set(loaded.split())
 
 
 def test_parameters_are_reached_by_name():

@@ -29,13 +29,12 @@ def test_units_of_the_recording(study):
 
 def test_a_spring_explains_little_and_fits_on_one_sine_fail_on_another(study):
     settings, (slow, middle, fast) = study
-    fits = identify(slow, [middle, fast], changed(settings, search={"order_max": 2}), 1)["fits"]
-    found = {(fit["name"], fit["estimator"]): fit for fit in fits}
-    assert found["LE", "arx"]["vaf_percent"] < 40
-    maxwell = found["Maxwell", "output_error"]
-    assert maxwell["vaf_percent"] > 80
-    assert (
-        maxwell["vaf_tests_percent"][1] < 40
-    )  # at three times the frequency the viscous stand-in for friction fails
-    assert found["HO", "arx"]["condition_number"] > 1e3
-    assert "need 0 < rest < fast" in found["KB", "arx"]["physical_refused"]
+    models, _ = identify(slow, [middle, fast], changed(settings, search={"order_max": 2}), 1)
+    found = {(model.name, model.estimator): model for model in models}
+    assert found["LE", "arx"].scores.vaf_percent < 40
+    maxwell = found["Maxwell", "output_error"].scores
+    assert maxwell.vaf_percent > 80
+    # At three times the frequency the viscous stand-in for friction fails.
+    assert maxwell.vaf_tests_percent[1] < 40
+    assert found["HO", "arx"].scores.condition_number > 1e3
+    assert "springs and dashpots need more than 0" in found["KB", "arx"].no_parameters_because

@@ -330,7 +330,7 @@ class _Identification:
             found.append(
                 FittedParameter(
                     item.name,
-                    getattr(item, "symbol", ""),
+                    item.in_latex,
                     unit_of(item.unit, *units),
                     values[item.name],
                     *map(float, ends),

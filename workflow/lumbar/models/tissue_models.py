@@ -15,29 +15,29 @@ from lumbar.models.arx_structure import ArxStructure
 from lumbar.models.bases import BASES, Base
 from lumbar.models.first_order import undiscretise
 from lumbar.models.network import Dashpot, Network, Parallel, Series, Spring
+from lumbar.models.parameter import Parameter
+from lumbar.models.printing import symbol_latex
 from lumbar.models.transfer_function import TransferFunction
 
 
 @dataclass(frozen=True)
-class Element:
+class Element(Parameter):
     """A derived parameter: what the thesis calls a combination of a base's parameters.
 
     Attributes
     ----------
-    name : str
-        Key in files, e.g. ``"k1"``.
-    symbol : str
-        LaTeX, e.g. ``"k_1"``.
+    name, unit, symbol, latex : str
+        As for `lumbar.models.parameter.Parameter`; the name, such as ``"k1"``, is the symbol.
     definition : str
         What it is.
-    unit : str
-        In terms of the output's unit ``{y}`` and the input's ``{x}``.
     """
 
-    name: str
-    symbol: str
     definition: str
-    unit: str
+
+    @property
+    def in_latex(self) -> str:
+        """The name as LaTeX."""
+        return symbol_latex(self.name)
 
 
 @dataclass(frozen=True)
@@ -147,8 +147,8 @@ def _kelvin_boltzmann_elements(
 
 
 _STIFFNESS, _VISCOSITY = "{y}/{x}", "{y}·s/{x}"
-_K = Element("k", "k", "stiffness", _STIFFNESS)
-_B = Element("b", "b", "viscosity of the dashpot", _VISCOSITY)
+_K = Element("k", _STIFFNESS, "stiffness")
+_B = Element("b", _VISCOSITY, "viscosity of the dashpot")
 
 LE = TissueModel(
     name="LE",
@@ -167,7 +167,7 @@ MAXWELL = TissueModel(
     title="Maxwell",
     equation="f(t) = b x'(t) − α f'(t)",
     transfer="b (z − 1)/(z − a)",
-    elements=(_K, _B, Element("alpha", r"\alpha", "relaxation time", "s")),
+    elements=(_K, _B, Element("alpha", "s", "relaxation time")),
     relations=("α = b/k",),
     network=Series((Spring("k"), Dashpot("b"))),
     structure=ArxStructure(order=1, input_lags=(0, 1), zero_static_gain=True),
@@ -192,11 +192,11 @@ KB = TissueModel(
     equation="f(t) = k x(t) + ν x'(t) − γ f'(t)",
     transfer="(b1 z − b0)/(z − a0) (eq. 3.4)",
     elements=(
-        Element("k", "k", "stiffness at rest", _STIFFNESS),
-        Element("nu", r"\nu", "viscosity", _VISCOSITY),
-        Element("gamma", r"\gamma", "relaxation time", "s"),
-        Element("k1", "k_1", "stiffness parallel to the dashpot", _STIFFNESS),
-        Element("k2", "k_2", "stiffness in series, felt by fast motion", _STIFFNESS),
+        Element("k", _STIFFNESS, "stiffness at rest"),
+        Element("nu", _VISCOSITY, "viscosity"),
+        Element("gamma", "s", "relaxation time"),
+        Element("k1", _STIFFNESS, "stiffness parallel to the dashpot"),
+        Element("k2", _STIFFNESS, "stiffness in series, felt by fast motion"),
         _B,
     ),
     relations=("k = k1 k2/(k1 + k2)", "ν = b k2/(k1 + k2)", "γ = b/(k1 + k2)"),

@@ -81,7 +81,7 @@ def derived_estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str
     return [
         FittedParameter(
             item.name,
-            item.symbol,
+            item.in_latex,
             unit_of(item.unit, input_unit, output_unit),
             float(found[item.name]),
             *map(float, _around(found[item.name], 1.96 * np.sqrt(max(variance, 0.0)))),
