@@ -15,12 +15,11 @@ The verbs of the command line and of the workflow, on objects::
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 __version__ = "0.1.0"
 
 _VERBS = {
     "load_settings": "lumbar.config.files",
+    "load_subject": "lumbar.config.files",
     "read": "lumbar.interface.reading",
     "bandwidth": "lumbar.interface.motion",
     "design_signals": "lumbar.interface.motion",
@@ -30,23 +29,30 @@ _VERBS = {
     "diagnose": "lumbar.interface.diagnosis",
     "refine": "lumbar.interface.diagnosis",
     "export_fmu": "lumbar.interface.device",
+    "load_models": "lumbar.interface.device",
     "analyse_survey": "lumbar.interface.participants",
     "lift": "lumbar.interface.person",
     "basins": "lumbar.interface.person",
 }
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
 
-__all__ = list(_VERBS)
-
-if TYPE_CHECKING:
-    from lumbar.interface.comparison import compare, locate
-    from lumbar.interface.device import export_fmu
-    from lumbar.interface.diagnosis import diagnose, refine
-    from lumbar.interface.identification import identify
-    from lumbar.interface.motion import bandwidth, design_signals
-    from lumbar.interface.participants import analyse_survey
-    from lumbar.interface.person import basins, lift
-    from lumbar.interface.reading import read
+__all__ = [
+    "analyse_survey",
+    "bandwidth",
+    "basins",
+    "compare",
+    "design_signals",
+    "diagnose",
+    "export_fmu",
+    "identify",
+    "lift",
+    "load_models",
+    "load_settings",
+    "load_subject",
+    "locate",
+    "read",
+    "refine",
+]
 
 
 def __getattr__(name: str):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lumbar.cli.settings import add_data, add_output, load_settings, new_command, record_files
+from lumbar.cli.options import add_data, add_output, new_command
+from lumbar.config.files import load_settings
 
 
 def add(commands) -> None:
@@ -29,34 +30,13 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Print the bandwidths; write them and the spectra where a folder is given."""
-    from lumbar.files import write_csv, write_json
-    from lumbar.records.columns import read_record
-    from lumbar.settings.plain import plain
-    from lumbar.signals.surgeon_motion import (
-        motion_bandwidths,
-        motion_spectra,
-        spectra_table,
-    )
+    from lumbar.interface.motion import bandwidth
+    from lumbar.interface.reading import read
 
-    settings = load_settings(options.config)
-    surgeon = settings.surgeon
-    files = record_files(options.folder)
-    records = [read_record(path, surgeon.layout, rate=surgeon.rate_Hz) for path in files]
-    surgeons = [record.name.split("_trial")[0] for record in records]
-    spectra = motion_spectra(records, surgeons, surgeon.welch)
-    bandwidths = motion_bandwidths(spectra, surgeon.bandwidth, settings.seed)
-    for quantity in spectra.psd:
-        for rule, value in bandwidths[quantity].items():
-            print(f"{quantity}, {rule}: {_text(value)}")
+    settings = load_settings(*options.config)
+    surgeon, data = settings.surgeon, options.data or options.folder.name
+    trials = read(options.folder, layout=surgeon.layout, rate=surgeon.rate_Hz)
+    found = bandwidth(trials, settings=surgeon, seed=settings.seed, data=data)
+    print(found)
     if options.output:
-        label = {"data": options.data or options.folder.name}
-        write_json(options.output / "bandwidth.json", {**bandwidths, "welch": plain(surgeon.welch), **label})
-        write_csv(options.output / "psd.csv", spectra_table(spectra).assign(**label))
-
-
-def _text(bandwidth: dict) -> str:
-    if bandwidth["value_Hz"] is None:
-        return "none within the analysis band"
-    ends = [bandwidth["low_Hz"], bandwidth["high_Hz"]]
-    interval = "no interval" if None in ends else f"interval {ends[0]:.3g} to {ends[1]:.3g} Hz"
-    return f"{bandwidth['value_Hz']:.3g} Hz ({interval})"
+        found.save(options.output)

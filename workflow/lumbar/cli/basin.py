@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lumbar.cli.settings import add_output, load_settings, new_command
+from lumbar.cli.options import add_output, new_command
+from lumbar.config.files import load_settings
 
 
 def add(commands) -> None:
@@ -12,12 +13,12 @@ def add(commands) -> None:
     parser = new_command(
         commands,
         "basin",
-        "basins of attraction of one lift's pendulums",
+        "basins of attraction of one lift, with their checks",
         "lumbar basin out/pendulum.csv --output out",
     )
     parser.add_argument("states", type=Path, metavar="PENDULUM.csv", help="from 'lumbar lift'")
     parser.add_argument(
-        "--facts", type=Path, metavar="JSON", help="masses and lengths (default: PENDULUM.json)"
+        "--facts", type=Path, metavar="PENDULUM.json", help="default: the JSON file beside PENDULUM.csv"
     )
     add_output(parser)
     parser.set_defaults(run=run)
@@ -25,27 +26,15 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Compute and check the basins, write areas and funnels, and end with an error if a basin is missing."""
-    import pandas as pd
+    from lumbar.errors import NumericalError
+    from lumbar.files import read_json
+    from lumbar.interface.person import basins
+    from lumbar.stability.model.failures import announcement
 
-    from lumbar.errors import InputError, NumericalError
-    from lumbar.files import read_json, write_csv
-    from lumbar.stability.basins import basins_of_lift
-    from lumbar.stability.model.failures import announcement, failures_frame
-    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
-
-    settings = load_settings(options.config)
-    stability = settings.stability
-    facts = read_json(options.facts or options.states.with_suffix(".json"))
-    try:
-        states = pd.read_csv(options.states)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise InputError(f"{options.states}: not a table of pendulum states ({error})") from error
-    trajectories, failures = trajectories_of_lift(states, facts, stability.pendulum.mass)
-    basins = basins_of_lift(trajectories, stability, settings.seed)
-    write_csv(options.output / "boa.csv", basins.summary)
-    write_csv(options.output / "funnel.csv", basins.funnels)
-    failures = failures_frame([*failures, *basins.failures])
-    write_csv(options.output / "failures.csv", failures)
-    print(f"{len(basins.summary)} basins are in {options.output / 'boa.csv'}")
-    if len(failures):
+    settings = load_settings(*options.config)
+    facts = read_json(options.facts) if options.facts else None
+    found = basins(options.states, facts=facts, settings=settings.stability, seed=settings.seed)
+    found.save(options.output, extended=False)
+    print(f"{len(found.areas)} basins are in {options.output / 'boa.csv'}")
+    if len(found.failures(extended=False)):
         raise NumericalError(announcement(options.output / "failures.csv"))

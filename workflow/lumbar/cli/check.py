@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.cli.settings import is_column_file, load_settings, new_command
+from lumbar.cli.options import new_command
+from lumbar.config.files import load_settings
 from lumbar.errors import InputError
+from lumbar.interface.reading import is_column_file, is_marker_file
 from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
     from lumbar.settings.study import StudySettings
-
-_MARKER_ENDINGS = (".c3d", ".trc")
 
 
 def add(commands) -> None:
@@ -38,7 +38,7 @@ def run(options) -> None:
     """Check the files and print one line for each."""
     from lumbar.records.checking import check_recordings
 
-    settings = load_settings(options.config)
+    settings = load_settings(*options.config)
     plan = [_reading(path, options.chapter, settings) for path in _files(options.paths)]
     for chapter, recordings in check_recordings(plan).items():
         for description in recordings:
@@ -49,7 +49,7 @@ def _files(paths: list[Path]) -> list[Path]:
     files = []
     for path in paths:
         if path.is_dir():
-            found = [item for item in sorted(path.iterdir()) if is_column_file(item) or _is_marker_file(item)]
+            found = [item for item in sorted(path.iterdir()) if is_column_file(item) or is_marker_file(item)]
             if not found:
                 raise InputError(f"{path}: no recordings in this folder")
             files += found
@@ -58,13 +58,9 @@ def _files(paths: list[Path]) -> list[Path]:
     return files
 
 
-def _is_marker_file(path: Path) -> bool:
-    return path.suffix.lower() in _MARKER_ENDINGS
-
-
 def _reading(path: Path, chapter: str, settings: StudySettings) -> dict:
     """Entry of the plan of `lumbar.records.checking.check_recordings`."""
-    if _is_marker_file(path):
+    if is_marker_file(path):
         layout = plain(settings.lifting.markers)
         return {"chapter": "lifting", "reader": "markers", "path": str(path), "layout": layout}
     if chapter == "survey":

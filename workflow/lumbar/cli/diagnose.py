@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from lumbar.cli.settings import add_data, add_output, new_command
-from lumbar.cli.tissue_folder import add_selection, read_and_choose
+from lumbar.cli.options import add_data, add_fit, add_folder, add_output, new_command
+from lumbar.cli.record_folder import read_folder
 
 
 def add(commands) -> None:
@@ -16,13 +14,8 @@ def add(commands) -> None:
         "say which physical effect a model of tissue tests is missing, or that nothing is",
         "lumbar diagnose recordings/tissue --output out",
     )
-    parser.add_argument(
-        "folder",
-        type=Path,
-        metavar="FOLDER",
-        help="one file per excitation (time_s,position_mm,force_N unless the layout says otherwise)",
-    )
-    add_selection(parser)
+    add_folder(parser)
+    add_fit(parser)
     parser.add_argument(
         "--pictures",
         action="store_true",
@@ -35,28 +28,9 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Diagnose, write the verdict with its evidence, a page and the error ladder, print the verdict."""
-    from lumbar.diagnosis.design.discrimination import separation_sentence
-    from lumbar.diagnosis.evidence.diagnosis_files import write_diagnosis
-    from lumbar.diagnosis.evidence.evidence import gather_evidence
-    from lumbar.diagnosis.selection.diagnose import diagnose
-    from lumbar.diagnosis.selection.sentences import details, headline
-    from lumbar.files import write_text
-    from lumbar.reports.pages.diagnosis_page import diagnosis_page
+    from lumbar.interface.diagnosis import diagnose
 
-    settings, records, chosen = read_and_choose(options)
-    data = options.data or options.folder.name
-    diagnosis = diagnose(records, chosen)
-    evidence = gather_evidence(diagnosis, records, chosen, settings.seed, settings.signals.machine)
-    pictures = {}
-    if options.pictures:
-        from lumbar.reports.pages.diagnosis_pictures import diagnosis_pictures
-
-        pictures = diagnosis_pictures(diagnosis, records, chosen, settings.seed, options.output, data)
-    page = diagnosis_page(diagnosis, evidence, chosen.candidates, data, pictures)
-    write_diagnosis(diagnosis, evidence, options.output, data)
-    write_text(options.output / "diagnosis.html", page)
-    print(headline(diagnosis))
-    for line in details(diagnosis, chosen.candidates):
-        print(f"  {line}")
-    if evidence.separation is not None:
-        print(f"  {separation_sentence(evidence.separation, diagnosis)}")
+    settings, records, chosen = read_folder(options)
+    diagnosis = diagnose(records, machine=settings.signals.machine, **chosen)
+    diagnosis.save(options.output, options.pictures)
+    print(diagnosis)

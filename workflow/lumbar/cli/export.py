@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
-from lumbar.cli.settings import add_output, load_settings, new_command
+from lumbar.cli.options import add_output, new_command
+from lumbar.config.files import load_settings
 
 
 def add(commands) -> None:
@@ -51,30 +51,18 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Compile and pack the models."""
-    from lumbar.effects.catalogue import catalogues_with
-    from lumbar.files import read_json
-    from lumbar.fmu.build.compiler import cache_folder
-    from lumbar.fmu.build.export_model import select_models
-    from lumbar.fmu.build.package import export_fmus
-    from lumbar.models.models_file import read_models
+    from lumbar.interface.device import export_fmu
 
-    settings = load_settings(options.config)
-    runtime = settings.runtime
-    content = read_json(options.models)
-    models = read_models(content, catalogues_with(settings.improvement.effect_files))
-    trained_on = {model.trained_on for model in models} - {None}
-    only = trained_on.pop() if len(trained_on) == 1 else runtime.trained_on
-    # Of an error ladder, which holds no discrete model, the last rung is what a user wants.
-    ladder = not any(model.discrete for model in models)
-    runtime = replace(
-        runtime,
-        trained_on=options.trained_on or only,
-        models=tuple(options.model or ([models[-1].name] if ladder else runtime.models)),
-        targets=tuple(options.target or runtime.targets),
-        rate_Hz=options.rate or runtime.rate_Hz,
+    settings = load_settings(*options.config)
+    made = export_fmu(
+        options.models,
+        options.output,
+        options.model,
+        trained_on=options.trained_on,
+        rate_Hz=options.rate,
+        targets=options.target,
+        effect_files=settings.improvement.effect_files,
+        settings=settings.runtime,
     )
-    selected = select_models(models, runtime)
-    data = content.get("data") or options.models.name
-    cache = cache_folder(runtime.compiler_cache)
-    for path in export_fmus(selected, options.output, data, runtime.targets, cache):
+    for path in made:
         print(path)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from lumbar.cli.settings import add_data, add_output, load_settings, new_command, record_files
+from lumbar.cli.options import add_data, add_folder, add_output, new_command
+from lumbar.config.files import load_settings
 
 
 def add(commands) -> None:
@@ -15,12 +14,7 @@ def add(commands) -> None:
         "identify the models MW, Maxwell, KB, HO and LE on a set of tissue tests",
         "lumbar identify recordings/tissue --train multisine --output out",
     )
-    parser.add_argument(
-        "folder",
-        type=Path,
-        metavar="FOLDER",
-        help="one file per excitation (time_s,position_mm,force_N unless the layout says otherwise)",
-    )
+    add_folder(parser)
     parser.add_argument("--train", metavar="NAME", help="record to identify on (default: the longest)")
     add_output(parser)
     add_data(parser)
@@ -28,41 +22,20 @@ def add(commands) -> None:
 
 
 def run(options) -> None:
-    """Identify on one record, test on the others, write models.json and a table of the errors."""
-    from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-    from lumbar.diagnosis.selection.refine import refined_fit
-    from lumbar.errors import InputError
-    from lumbar.files import write_json
-    from lumbar.identification.identify_tissue import (
-        distinct,
-        given_model,
-        identify,
-    )
-    from lumbar.identification.table_3_1 import table_3_1
-    from lumbar.models.models_file import models_document
-    from lumbar.records.columns import read_record
-    from lumbar.records.record import same_units
+    """Identify on one record, test on the others, write models.json and the tables, print what was found."""
+    from lumbar.interface.identification import identify
+    from lumbar.interface.reading import read
 
-    settings = load_settings(options.config)
-    tissue = settings.tissue
-    files = record_files(options.folder)
-    records = [read_record(path, tissue.layout, rate=tissue.rate_Hz) for path in files]
-    same_units(records)
-    named = {record.name: record for record in records}
-    train = options.train or max(records, key=lambda record: record.duration).name
-    if train not in named:
-        raise InputError(
-            f"--train {train!r}: no such record in {options.folder}; there are {', '.join(named)}"
-        )
-    training = named.pop(train)
-    tests = list(named.values())
-    models, _ = identify(training, tests, tissue, settings.seed)
-    models.append(given_model(training, tests, tissue.settling_s, **vars(tissue.inverted_linear)))
-    if settings.improvement.effects:
-        chosen = DiagnosisSettings.from_improvement(settings.improvement, train=train)
-        models.append(refined_fit([training, *tests], settings.improvement.effects, chosen))
-    data = options.data or options.folder.name
-    write_json(options.output / "models.json", models_document(distinct(models), data))
-    table = table_3_1(models, tissue, data)
-    table.write(options.output / "table_3_1")
-    print(f"identified on {train}; models.json and table_3_1 are in {options.output}")
+    settings = load_settings(*options.config)
+    records = read(options.folder, layout=settings.tissue.layout, rate=settings.tissue.rate_Hz)
+    found = identify(
+        records,
+        options.train or max(records, key=len).name,
+        settings=settings.tissue,
+        improvement=settings.improvement,
+        seed=settings.seed,
+        data=options.data or options.folder.name,
+    )
+    found.save(options.output)
+    print(found)
+    print(f"models.json, table_3_1 and physical_parameters are in {options.output}")

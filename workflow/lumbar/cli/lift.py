@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lumbar.cli.settings import add_data, add_output, load_settings, load_subject, new_command
+from lumbar.cli.options import add_data, add_output, new_command
+from lumbar.config.files import load_settings
 
 
 def add(commands) -> None:
@@ -25,27 +26,10 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Analyse the lift, write its pendulums, print its events."""
-    from lumbar.errors import InputError
-    from lumbar.files import write_csv, write_json
-    from lumbar.lifting import lift as lifting
-    from lumbar.records.markers import read_markers
-    from lumbar.settings.subject import TrialSettings
+    from lumbar.interface.person import lift
 
-    settings = load_settings(options.config).lifting
-    subject = load_subject(options.subject)
-    if not 0 <= options.box_mass <= 100:
-        raise InputError(f"--box-mass is {options.box_mass:g} kg; allowed: 0 to 100")
-    # Events declared by hand in the subject's file hold for the lift with this box only.
-    declared = [trial for trial in subject.trials if trial.box_mass_kg == options.box_mass]
-    trial = declared[0] if declared else TrialSettings(options.box_mass, str(options.markers))
-    name = f"{subject.name}_{options.box_mass:g}kg"
-    recording = read_markers(options.markers, settings.markers, name=name)
-    lift = lifting.analyse_lift(recording, name, subject, trial, settings)
-    label = {"data": options.data or options.markers.name}
-    write_csv(options.output / "pendulum.csv", lifting.states_frame(lift).assign(**label))
-    write_json(options.output / "pendulum.json", {**lifting.summary(lift, subject, trial, settings), **label})
-    write_csv(options.output / "centres.csv", lifting.centres_frame(lift).assign(**label))
-    for name, event in lift.events.items():
-        time = event.as_dict()["time_s"]
-        print(f"{name}: " + (f"{time:.3f} s" if time is not None else "none"))
+    settings, data = load_settings(*options.config).lifting, options.data or options.markers.name
+    found = lift(options.markers, options.subject, options.box_mass, settings=settings, data=data)
+    found.save(options.output)
+    print(found)
     print(f"pendulum.csv and pendulum.json are in {options.output}")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lumbar.cli.settings import add_output, load_settings, new_command
+from lumbar.cli.options import add_output, new_command
+from lumbar.config.files import load_settings
 
 
 def add(commands) -> None:
@@ -27,23 +28,10 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Design the signals, check them against the machine, write them."""
-    from lumbar.errors import InputError
-    from lumbar.files import read_json, write_csv, write_json
-    from lumbar.signals.excitation import design_excitation, excited_band
-    from lumbar.signals.signal_properties import machine_file, multisine_description, signal_properties
+    from lumbar.interface.motion import design_signals
 
-    settings = load_settings(options.config)
-    signals = settings.signals
-    band = options.band
-    if band is None:
-        band = excited_band(read_json(options.bandwidth), signals)
-    elif not 0 < band < signals.rate_Hz / 2:
-        raise InputError(f"--band is {band:g} Hz; allowed: above 0 and below {signals.rate_Hz / 2:g} Hz")
-    excitation = design_excitation(band, signals, settings.seed)
-    for signal in excitation.signals:
-        write_csv(options.output / f"{signal.name}.csv", machine_file(signal))
-    write_json(options.output / "multisine.json", multisine_description(excitation, signals))
-    table = signal_properties(excitation, "")
-    write_csv(options.output / "properties.csv", table.frame)
-    names = ", ".join(f"{signal.name}.csv" for signal in excitation.signals)
-    print(f"{names}: excited up to {band:g} Hz, in {options.output}")
+    settings = load_settings(*options.config)
+    band = options.bandwidth if options.band is None else options.band
+    found = design_signals(band, settings=settings.signals, seed=settings.seed)
+    found.save(options.output)
+    print(f"{found}, in {options.output}")

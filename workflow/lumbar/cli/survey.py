@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lumbar.cli.settings import add_data, add_output, load_settings, new_command
+from lumbar.cli.options import add_data, add_output, new_command
+from lumbar.config.files import load_settings
 
 
 def add(commands) -> None:
@@ -25,31 +26,11 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Write tables, figures and survey.json, and print the overall tests."""
-    from lumbar.files import write_json
-    from lumbar.records.ratings import read_ratings
-    from lumbar.reports.figures.style import save
-    from lumbar.reports.figures.survey_figures import best_picks_figure, likert_figure
-    from lumbar.survey.survey_analysis import analyse_survey
+    from lumbar.interface.participants import analyse_survey
 
-    settings = load_settings(options.config)
-    survey, output = settings.survey, options.output
-    ratings = read_ratings(options.file, survey.layout)
+    settings = load_settings(*options.config)
     data = options.data or options.file.name
-    analysis = analyse_survey(ratings, survey, settings.seed, data)
-    label = analysis.results["data"]
-    likert = likert_figure(ratings.models, ratings.counts(), survey.scale_labels, survey.statement)
-    for name, table in analysis.tables.items():
-        table.write(output / name)
-    write_json(output / "survey.json", analysis.results)
-    save(likert, output / "survey_likert", label)
-    save(
-        best_picks_figure(analysis.results["best_picks"], survey.confidence),
-        output / "survey_best_picks_figure",
-        label,
-    )
-    print(f"{len(ratings)} participants rated {', '.join(ratings.models)} ({label})")
-    for name in ("kruskal_wallis", "friedman"):
-        result = analysis.results[name]
-        freedom = f"{result['dof']} degrees of freedom"
-        print(f"{name}: {result['statistic']:.2f}, {freedom}, p = {result['p_value']:#.2g}")
-    print(f"tables and figures are in {output}")
+    found = analyse_survey(options.file, settings=settings.survey, seed=settings.seed, data=data)
+    found.save(options.output)
+    print(found)
+    print(f"tables and figures are in {options.output}")

@@ -66,13 +66,13 @@ def locate(
 
 def _simulated(records, model, train, periods, seed) -> list[Simulated]:
     from lumbar.diagnosis.fitting.preparation import prepare
-    from lumbar.diagnosis.residuals.residual_report import compare_and_locate
+    from lumbar.diagnosis.residuals.residual_report import residual_reports
 
     records = list(records)
     if train is None and model.trained_on in [record.name for record in records]:
         train = model.trained_on
     experiment = prepare(records, train, dict(periods or {}))
-    return compare_and_locate(records, model.simulate, experiment.floor, experiment.floor_from, seed)
+    return residual_reports(records, model.simulate, experiment.floor, experiment.floor_from, seed)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""``lumbar.export_fmu``: models for the haptic runtime."""
+"""``lumbar.export_fmu`` and ``lumbar.load_models``: models for the haptic runtime, and models from files."""
 
 from __future__ import annotations
 
@@ -11,12 +11,46 @@ from lumbar.models.fitted_model import FittedModel
 from lumbar.settings.runtime import RuntimeSettings
 
 
+def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLike] = ()) -> list[FittedModel]:
+    """Read ``models.json`` or ``refined.json``.
+
+    Parameters
+    ----------
+    path : path
+    effect_files : iterable of path, optional
+        Files with effects of your own that the models have.
+
+    Returns
+    -------
+    list of FittedModel
+
+    Raises
+    ------
+    InputError
+        With the place of everything that is missing, unknown or of the wrong type.
+    """
+    return _read(Path(path), effect_files)[0]
+
+
+def _read(path: Path, effect_files) -> tuple[list[FittedModel], str]:
+    from lumbar.effects.catalogue import catalogues_with
+    from lumbar.files import read_json
+    from lumbar.models.models_file import read_models
+
+    content = read_json(path)
+    models = read_models(content, catalogues_with(list(effect_files)))
+    return models, content.get("data") or path.name
+
+
 def export_fmu(
-    model: FittedModel | Iterable[FittedModel],
+    model: FittedModel | Iterable[FittedModel] | str | os.PathLike,
     folder: str | os.PathLike,
+    names: Iterable[str] | None = None,
     *,
+    trained_on: str | None = None,
     rate_Hz: float | None = None,
     targets: Iterable[str] | None = None,
+    effect_files: Iterable[str | os.PathLike] = (),
     settings: RuntimeSettings | None = None,
     data: str = "",
 ) -> list[Path]:
@@ -24,13 +58,19 @@ def export_fmu(
 
     Parameters
     ----------
-    model : FittedModel or iterable of FittedModel
-        Of `identify`, `refine` or `diagnose`.
+    model : FittedModel, iterable of FittedModel or path
+        Of `identify`, `refine` or `diagnose`; or a file ``models.json`` or ``refined.json``.
     folder : path
+    names : iterable of str, optional
+        Of a file: models to export; default the settings', of an error ladder its last one.
+    trained_on : str, optional
+        Of a file: record the models were identified on; default the only one there is, or the settings'.
     rate_Hz : float, optional
         Rate of the haptic loop in hertz; default the settings', or that of the model.
     targets : iterable of str, optional
         Platforms to build for: ``host``, ``x86_64-windows`` …; default the settings'.
+    effect_files : iterable of path, optional
+        Of a file: files with effects of your own.
     settings : RuntimeSettings, optional
         Moving average, limits, what to do with an unstable model, the compiler's cache.
     data : str
@@ -44,18 +84,32 @@ def export_fmu(
     Raises
     ------
     InputError
-        A model that cannot be exported, or an unknown platform.
+        A model that is not there or cannot be exported, or an unknown platform.
     NumericalError
         An unstable model, where the settings refuse it.
     """
     from lumbar.fmu.build.compiler import cache_folder
-    from lumbar.fmu.build.export_model import export_models
+    from lumbar.fmu.build.export_model import export_models, select_models
     from lumbar.fmu.build.package import export_fmus
 
-    models = [model] if isinstance(model, FittedModel) else list(model)
     settings = settings or RuntimeSettings()
     settings = replace(
         settings, rate_Hz=rate_Hz or settings.rate_Hz, targets=tuple(targets or settings.targets)
     )
-    chosen = export_models(models, settings)
+    if isinstance(model, str | os.PathLike):
+        fitted, read_from = _read(Path(model), effect_files)
+        chosen = select_models(fitted, _chosen(settings, fitted, names, trained_on))
+        data = data or read_from
+    else:
+        chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
     return export_fmus(chosen, Path(folder), data, settings.targets, cache_folder(settings.compiler_cache))
+
+
+def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained_on) -> RuntimeSettings:
+    """The settings with what is given, or what the file leaves no choice of, before what they say."""
+    records = {model.trained_on for model in fitted} - {None}
+    only = records.pop() if len(records) == 1 else settings.trained_on
+    # Of an error ladder, which holds no discrete model, the last rung is what a user wants.
+    ladder = not any(model.discrete for model in fitted)
+    names = tuple(names or ([fitted[-1].name] if ladder else settings.models))
+    return replace(settings, trained_on=trained_on or only, models=names)

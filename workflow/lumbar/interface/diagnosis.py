@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.residuals.residual_report import Simulated
     from lumbar.diagnosis.selection.forward_selection import Candidate
     from lumbar.diagnosis.selection.verdict import Verdict
+    from lumbar.interface.comparison import Comparisons, Locations
     from lumbar.models.fitted_model import FittedModel
     from lumbar.models.form import Effect
 
@@ -114,7 +115,9 @@ def refine(
 
 
 def _chosen(settings, base, train, periods) -> DiagnosisSettings:
-    return DiagnosisSettings.from_improvement(settings or ImprovementSettings(), base, train, dict(periods or {}))
+    return DiagnosisSettings.from_improvement(
+        settings or ImprovementSettings(), base, train, dict(periods or {})
+    )
 
 
 def _refined(records, effects, settings, seed, data) -> Refinement:
@@ -244,7 +247,9 @@ class Diagnosis:
         return "\n  ".join(self.sentences)
 
     def __repr__(self) -> str:
-        return f"<Diagnosis of {self.verdict.base.name} on {len(self.records)} records: {self.verdict.verdict}>"
+        return (
+            f"<Diagnosis of {self.verdict.base.name} on {len(self.records)} records: {self.verdict.verdict}>"
+        )
 
     def _repr_html_(self) -> str:
         return self.to_html()
@@ -298,6 +303,26 @@ class Refinement:
         """Refit without these effects."""
         wanted = [name for name in self.effects if name not in effects]
         return _refined(self.records, wanted, self.settings, self.seed, self.data)
+
+    def compare(self) -> Comparisons:
+        """Compare the model with every record."""
+        from lumbar.interface.comparison import Comparisons
+
+        return Comparisons(self.model, self._on_records, self.data)
+
+    def locate(self) -> Locations:
+        """See where the model fails on every record."""
+        from lumbar.interface.comparison import Locations
+
+        return Locations(self.model, self._on_records, self.data)
+
+    @cached_property
+    def _on_records(self) -> list[Simulated]:
+        from lumbar.diagnosis.residuals.residual_report import compare_and_locate
+
+        floor, trained = self.experiment.floor, self.experiment.floor_from
+        fit = self.path[-1].fit
+        return compare_and_locate(self.records, fit, floor, trained, self.seed, self.settings.centre)
 
     def rows(self) -> list[dict]:
         """The error ladder: one dict per model."""

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from lumbar.errors import InputError
 from lumbar.interface.diagnosis import SEED
 from lumbar.lifting import lift as lifting
-from lumbar.settings.plain import plain
 from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.plain import plain
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
@@ -182,7 +182,7 @@ def basins(
     -------
     Basins
     """
-    from lumbar.stability.model.trajectory import trajectories_of_lift
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
     settings = settings or StabilitySettings()
     if isinstance(lift, Lift):
@@ -282,5 +282,14 @@ class Basins:
         return f"<Basins of {len(self.trajectories)} pendulums>"
 
     def _repr_html_(self) -> str:
-        columns = ["com", "plane", "method", "sign", "mean_area", "initial_area", "minimum_area", "proved_share"]
+        columns = [
+            "com",
+            "plane",
+            "method",
+            "sign",
+            "mean_area",
+            "initial_area",
+            "minimum_area",
+            "proved_share",
+        ]
         return self.areas[columns].to_html(index=False)

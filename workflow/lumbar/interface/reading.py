@@ -82,9 +82,7 @@ def read(
     layout, periods = layout or _default_layout(kind or "tissue"), periods or {}
     files = [file for item in files for file in (column_files(item) if item.is_dir() else [item])]
     names = list(names) if names is not None else [None] * len(files)
-    records = [
-        read_record(file, layout, name, None, rate) for file, name in zip(files, names, strict=True)
-    ]
+    records = [read_record(file, layout, name, None, rate) for file, name in zip(files, names, strict=True)]
     same_units(records)
     return RecordSet(records).with_periods(periods)
 

@@ -29,7 +29,7 @@ start."""
 
 
 @dataclass(frozen=True)
-class Lift:
+class AnalysedLift:
     """One analysed lift.
 
     Attributes
@@ -67,7 +67,7 @@ def analyse_lift(
     subject: SubjectSettings,
     trial: TrialSettings,
     settings: LiftingSettings,
-) -> Lift:
+) -> AnalysedLift:
     """Fill gaps, filter, find the events, the centres of mass and the pendulum's states during the deposit.
 
     Parameters
@@ -108,7 +108,7 @@ def analyse_lift(
             smooth.time, position - pivot, start, stop, settings.points, f"{recording.source}, {com}"
         )
         states.update({(com, plane): values for plane, values in planar.items()})
-    return Lift(name, smooth, gaps, events, table, centres, pivot, angle, states)
+    return AnalysedLift(name, smooth, gaps, events, table, centres, pivot, angle, states)
 
 
 def _frame_angle(recording: MarkerRecording, frame: str, time: float) -> float:
@@ -125,7 +125,7 @@ def _turned(recording: MarkerRecording, angle: float) -> MarkerRecording:
     )
 
 
-def centres_frame(lift: Lift) -> pd.DataFrame:
+def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Trajectories of all centres of mass over the whole recording, one row per sample and centre."""
     import pandas as pd
 
@@ -142,7 +142,7 @@ def centres_frame(lift: Lift) -> pd.DataFrame:
     return pd.concat(frames, ignore_index=True)
 
 
-def states_frame(lift: Lift) -> pd.DataFrame:
+def states_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Pendulum states of the deposit, one row per centre of mass, plane and instant."""
     import pandas as pd
 
@@ -164,7 +164,7 @@ def states_frame(lift: Lift) -> pd.DataFrame:
     return pd.concat(frames, ignore_index=True)
 
 
-def gaps_frame(lift: Lift) -> pd.DataFrame:
+def gaps_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Gaps of the recording and what became of them."""
     import pandas as pd
 
@@ -173,7 +173,7 @@ def gaps_frame(lift: Lift) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def motion_frame(lift: Lift) -> pd.DataFrame:
+def motion_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Heights and speeds that the events are found from; columns only for what the recording holds."""
     import pandas as pd
 
@@ -189,7 +189,7 @@ def motion_frame(lift: Lift) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def landmarks_frame(lift: Lift) -> pd.DataFrame:
+def landmarks_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Markers, centres of mass and pivot at every event: what a stick figure is drawn from."""
     import pandas as pd
 
@@ -211,7 +211,9 @@ def landmarks_frame(lift: Lift) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["event", "time_s", "point", "x_m", "y_m", "z_m"])
 
 
-def summary(lift: Lift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings) -> dict:
+def summary(
+    lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
+) -> dict:
     """Say what the pendulums are made of: masses, mean lengths, pivot, rules, assumptions; data for JSON."""
     start, stop = lift.events["deposit_start"].time_s, lift.events["release"].time_s
     lengths: dict[str, dict[str, float]] = {com: {} for com in lift.centres}
@@ -254,7 +256,7 @@ def _shown(value) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def assumptions(lift: Lift, subject: SubjectSettings, trial: TrialSettings) -> list[str]:
+def assumptions(lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings) -> list[str]:
     """Say in sentences what behind the result was not measured."""
     values = {**plain(subject), **plain(trial)}
     said = [

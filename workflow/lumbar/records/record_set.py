@@ -29,7 +29,9 @@ class RecordSet(Sequence[Record]):
         names = self.names
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise InputError(f"records share the name {', '.join(map(repr, twice))}: each needs one of its own")
+            raise InputError(
+                f"records share the name {', '.join(map(repr, twice))}: each needs one of its own"
+            )
 
     @property
     def names(self) -> list[str]:

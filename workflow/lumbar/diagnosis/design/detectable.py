@@ -12,7 +12,7 @@ from lumbar.diagnosis.fitting.sensitivity_subspace import added_forces, beyond, 
 from lumbar.diagnosis.selection.null_distribution import NullGains
 from lumbar.diagnosis.selection.thresholds import LEVEL
 from lumbar.diagnosis.selection.ties import noise_rms
-from lumbar.diagnosis.selection.verdict import Diagnosis
+from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.models.form import Effect, Form
 
 _STARTS = 3
@@ -42,9 +42,7 @@ def threshold_gain(null: NullGains, forms: int) -> float:
     return float(candidates[np.argmax(probabilities <= LEVEL)])
 
 
-def detectable_effects(
-    diagnosis: Diagnosis, catalogue: dict[str, Effect], null: NullGains
-) -> list[Detectable]:
+def detectable_effects(diagnosis: Verdict, catalogue: dict[str, Effect], null: NullGains) -> list[Detectable]:
     """Smallest detectable force of every effect that the model does not have, the best shown first.
 
     An effect is selected when its gain N R² exceeds the threshold of the null table; R² counts only what the model's own

@@ -23,7 +23,7 @@ from lumbar.diagnosis.selection.forward_selection import Candidate
 from lumbar.diagnosis.selection.sentences import effects_text
 from lumbar.diagnosis.selection.thresholds import TIED
 from lumbar.diagnosis.selection.ties import noise_rms
-from lumbar.diagnosis.selection.verdict import Diagnosis
+from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.signals.machine_limits import Kinematics
 
 REFITTED = 4
@@ -77,7 +77,7 @@ class Separation:
         }
 
 
-def separating_excitation(diagnosis: Diagnosis, limits: Kinematics | None = None) -> Separation | None:
+def separating_excitation(diagnosis: Verdict, limits: Kinematics | None = None) -> Separation | None:
     """Search the excitation under which the selected and the tied candidates differ most.
 
     None without a tie, and where a candidate needs channels beside the input: an excitation says nothing about them.
@@ -87,7 +87,7 @@ def separating_excitation(diagnosis: Diagnosis, limits: Kinematics | None = None
 
     Parameters
     ----------
-    diagnosis : Diagnosis
+    diagnosis : Verdict
     limits : Kinematics, optional
         Of the machine, in the input's unit: see `excitation_family`.
     """
@@ -169,7 +169,7 @@ def _left_after_refit(
     return _Left.of(min(fitted.squared_error, float(unfitted @ unfitted)), data.size)
 
 
-def separation_sentence(separation: Separation, diagnosis: Diagnosis) -> str:
+def separation_sentence(separation: Separation, diagnosis: Verdict) -> str:
     """The proposal in words."""
     unit = diagnosis.experiment.output_unit
     pair = f"{effects_text(diagnosis.selected)} from {effects_text(separation.closest)}"
@@ -190,7 +190,7 @@ def separation_sentence(separation: Separation, diagnosis: Diagnosis) -> str:
     )
 
 
-def excitation_csv(separation: Separation, diagnosis: Diagnosis) -> str:
+def excitation_csv(separation: Separation, diagnosis: Verdict) -> str:
     """The excitation as a file to play: header ``time_s,position_<unit>``."""
     motion, offset = separation.excitation.motion, diagnosis.experiment.input_offset
     stream = io.StringIO()

@@ -8,21 +8,21 @@ from pathlib import Path
 
 from lumbar.diagnosis.design.discrimination import excitation_csv
 from lumbar.diagnosis.evidence.evidence import Evidence
-from lumbar.diagnosis.selection.verdict import Diagnosis
+from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.files import write_json, write_text
 
 LADDER_COLUMNS = ("rung", "effects", "forms", "train_rms", "test_rms", "unit", "noise_floor_rms", "data")
 EXCITATION = "separating_excitation.csv"
 
 
-def write_diagnosis(diagnosis: Diagnosis, evidence: Evidence, folder: Path, data: str) -> None:
+def write_diagnosis(diagnosis: Verdict, evidence: Evidence, folder: Path, data: str) -> None:
     """Write ``diagnosis.json``, ``ladder.csv`` and, where effects are tied, ``separating_excitation.csv``.
 
     An excitation that an earlier diagnosis left in the folder is taken away: it does not belong to this one.
 
     Parameters
     ----------
-    diagnosis : Diagnosis
+    diagnosis : Verdict
     evidence : Evidence
     folder : Path
     data : str
@@ -36,7 +36,7 @@ def write_diagnosis(diagnosis: Diagnosis, evidence: Evidence, folder: Path, data
         write_text(folder / EXCITATION, excitation_csv(evidence.separation, diagnosis))
 
 
-def diagnosis_document(diagnosis: Diagnosis, evidence: Evidence, data: str) -> dict:
+def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dict:
     """Return the content of ``diagnosis.json``: the contract's keys, and under keys of their own the evidence beside them."""
     unit = diagnosis.experiment.output_unit
     return {
@@ -52,7 +52,7 @@ def diagnosis_document(diagnosis: Diagnosis, evidence: Evidence, data: str) -> d
     }
 
 
-def ladder_csv(diagnosis: Diagnosis, data: str) -> str:
+def ladder_csv(diagnosis: Verdict, data: str) -> str:
     """Return the error ladder: base, base and first effect, …."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

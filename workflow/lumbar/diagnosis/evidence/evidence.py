@@ -15,7 +15,7 @@ from lumbar.diagnosis.residuals.residual_report import Simulated, compare_and_lo
 from lumbar.diagnosis.selection.forward_selection import Candidate, extend, judge
 from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
 from lumbar.diagnosis.selection.ties import Ties, signal_angles
-from lumbar.diagnosis.selection.verdict import Diagnosis
+from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.effects.catalogue import without_channels
 from lumbar.models.form import Effect
 from lumbar.records.record import Record
@@ -57,7 +57,7 @@ class Evidence:
 
 
 def gather_evidence(
-    diagnosis: Diagnosis,
+    diagnosis: Verdict,
     records: list[Record],
     settings: DiagnosisSettings,
     seed: int,
@@ -67,7 +67,7 @@ def gather_evidence(
 
     Parameters
     ----------
-    diagnosis : Diagnosis
+    diagnosis : Verdict
     records : list of Record
         Those it was made from.
     settings : DiagnosisSettings
@@ -97,7 +97,7 @@ def gather_evidence(
     )
 
 
-def _other_forms(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[Candidate]:
+def _other_forms(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Candidate]:
     """The model refitted with every other form of each of its effects."""
     experiment, model = diagnosis.experiment, diagnosis.model
     found = []

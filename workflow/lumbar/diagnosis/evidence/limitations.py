@@ -9,7 +9,7 @@ from lumbar.diagnosis.evidence.evidence import Evidence
 from lumbar.diagnosis.residuals.residual import steady_velocity
 from lumbar.diagnosis.selection.sentences import effects_text, readable
 from lumbar.diagnosis.selection.thresholds import TIED
-from lumbar.diagnosis.selection.verdict import Diagnosis
+from lumbar.diagnosis.selection.verdict import Verdict
 
 _WIDE = 0.5
 """Half width of an interval, as a share of the value, from which on a parameter is poorly known."""
@@ -17,7 +17,7 @@ _NAMED = 4
 """Effects named as the hardest to see."""
 
 
-def undecided(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
+def undecided(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     """Return one sentence per limit of the evidence."""
     return [
         *_range(diagnosis),
@@ -30,7 +30,7 @@ def undecided(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
     ]
 
 
-def _range(diagnosis: Diagnosis) -> list[str]:
+def _range(diagnosis: Verdict) -> list[str]:
     experiment = diagnosis.experiment
     motions = [item.motion for item in (experiment.training, *experiment.tests)]
     positions = np.concatenate([item.position for item in motions]) + experiment.input_offset
@@ -44,7 +44,7 @@ def _range(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _unseen(diagnosis: Diagnosis) -> list[str]:
+def _unseen(diagnosis: Verdict) -> list[str]:
     experiment = diagnosis.experiment
     if experiment.tests[0].name != experiment.training.name:
         return []
@@ -54,7 +54,7 @@ def _unseen(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _noise(diagnosis: Diagnosis) -> list[str]:
+def _noise(diagnosis: Verdict) -> list[str]:
     if diagnosis.experiment.floor is not None:
         return []
     return [
@@ -62,7 +62,7 @@ def _noise(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _mechanism(diagnosis: Diagnosis) -> list[str]:
+def _mechanism(diagnosis: Verdict) -> list[str]:
     if not diagnosis.tied_with:
         return []
     others = " or ".join(effects_text(item.effects) for item in diagnosis.tied_with)
@@ -71,7 +71,7 @@ def _mechanism(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _form(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
+def _form(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     """Other mathematical forms of the selected effects that fit as well."""
     chosen = {form.key for form in diagnosis.model.fit.structure.forms}
     found = [
@@ -87,7 +87,7 @@ def _form(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
     return [f"The mathematical form: {', '.join(found)} explains the records as well as {named}."]
 
 
-def _parameters(diagnosis: Diagnosis) -> list[str]:
+def _parameters(diagnosis: Verdict) -> list[str]:
     if not diagnosis.selected:
         return []
     wide = [
@@ -98,7 +98,7 @@ def _parameters(diagnosis: Diagnosis) -> list[str]:
     return [f"The value of {', '.join(wide)}: the interval is as wide as the value."] if wide else []
 
 
-def _too_small(diagnosis: Diagnosis, evidence: Evidence) -> list[str]:
+def _too_small(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     if not evidence.detectable:
         return []
     unit = diagnosis.experiment.output_unit

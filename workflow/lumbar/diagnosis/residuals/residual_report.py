@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,24 +43,49 @@ def compare_and_locate(
     seed: int,
     centre: bool = False,
 ) -> list[Simulated]:
-    """Simulate a fitted model on every record, compare it, and see where it fails.
+    """Simulate a fit on every record, compare it, and see where it fails.
 
     Parameters
     ----------
     records : list of Record
     fit : Fit
+    floor, floor_from, seed
+        As for `residual_reports`.
+    centre : bool
+        Whether the fit was made on records less their means.
+    """
+
+    def simulate(record: Record) -> np.ndarray:
+        offset, level = (float(record[role].mean()) if centre else 0.0 for role in ("input", "output"))
+        return fit.simulate(Motion.of(record, offset=offset)) + level
+
+    seen = [for_base(record, fit.structure.base) for record in records]
+    return residual_reports(seen, simulate, floor, floor_from, seed)
+
+
+def residual_reports(
+    records: list[Record],
+    simulate: Callable[[Record], np.ndarray],
+    floor: NoiseFloor | None,
+    floor_from: str,
+    seed: int,
+) -> list[Simulated]:
+    """Simulate any model on every record, compare it, and see where it fails.
+
+    Parameters
+    ----------
+    records : list of Record
+    simulate : callable
+        From a record to the model's free run, shape (samples,).
     floor : NoiseFloor or None
         Noise floor of the record named `floor_from`.
     floor_from : str
     seed : int
         Seed of the intervals.
-    centre : bool
-        Whether the fit was made on records less their means.
     """
     found = []
-    for number, record in enumerate(for_base(record, fit.structure.base) for record in records):
-        offset, level = (float(record[role].mean()) if centre else 0.0 for role in ("input", "output"))
-        values = fit.simulate(Motion.of(record, offset=offset)) + level
+    for number, record in enumerate(records):
+        values = simulate(record)
         source = "" if record.name == floor_from else floor_from
         comparison = compare_record(record, values, floor, source, seed=seed + number)
         found.append(Simulated(record, values, comparison, locate(record, values, floor, source)))

@@ -34,14 +34,14 @@ from lumbar.diagnosis.selection.thresholds import (
     WORTHWHILE,
     WORTHWHILE_BLIND,
 )
-from lumbar.diagnosis.selection.verdict import Diagnosis, Ranked
+from lumbar.diagnosis.selection.verdict import Ranked, Verdict
 from lumbar.effects.catalogue import without_channels
 from lumbar.models.bases import BASES
 from lumbar.models.structure import Structure
 from lumbar.records.record import Record
 
 
-def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -> Diagnosis:
+def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -> Verdict:
     """Diagnose what a base model is missing on a set of records.
 
     Parameters
@@ -70,7 +70,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     return replace(found, not_tried=not_tried)
 
 
-def _searched(experiment: Experiment, settings: DiagnosisSettings, null: NullGains) -> Diagnosis:
+def _searched(experiment: Experiment, settings: DiagnosisSettings, null: NullGains) -> Verdict:
     base = judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)
     return _Selection(experiment, base, settings, null).diagnosis()
 
@@ -87,14 +87,14 @@ class _Selection:
         self.singles = extend(base, settings.catalogue, experiment, most=None)
         self.tried = list(self.singles)
 
-    def diagnosis(self) -> Diagnosis:
+    def diagnosis(self) -> Verdict:
         ladder = self.climb()
         model = ladder[-1]
         tied = self.tied(model)
         share = self.share_removed(model)
         verdict = self.verdict(model, tied, share)
         further = self.further(model)
-        return Diagnosis(
+        return Verdict(
             experiment=self.experiment,
             base=self.base,
             verdict=verdict,

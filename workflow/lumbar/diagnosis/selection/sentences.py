@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lumbar.diagnosis.selection.forward_selection import is_adequate
 from lumbar.diagnosis.selection.thresholds import LEVEL
-from lumbar.diagnosis.selection.verdict import Diagnosis, Ranked
+from lumbar.diagnosis.selection.verdict import Ranked, Verdict
 from lumbar.effects.pendulum_load import CHANNELS
 from lumbar.models.form import Effect
 
@@ -20,7 +20,7 @@ def effects_text(names) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def headline(diagnosis: Diagnosis) -> str:
+def headline(diagnosis: Verdict) -> str:
     """Return the verdict in one sentence."""
     unit, base = diagnosis.experiment.output_unit, diagnosis.base.fit.structure.base.name
     before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
@@ -40,7 +40,7 @@ def headline(diagnosis: Diagnosis) -> str:
     return f"Something is missing from the {base} model and no effect of the catalogue explains it{tail}."
 
 
-def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
+def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
     unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
     lines = []
@@ -89,7 +89,7 @@ def details(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[str]:
     return lines + not_tried(diagnosis)
 
 
-def not_tried(diagnosis: Diagnosis) -> list[str]:
+def not_tried(diagnosis: Verdict) -> list[str]:
     """Say which candidates the records left out, and what would have to be recorded for them."""
     columns: dict[str, dict[str, None]] = {}
     for form, missing in diagnosis.not_tried:
@@ -100,7 +100,7 @@ def not_tried(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _diagnosed_again(diagnosis: Diagnosis) -> str:
+def _diagnosed_again(diagnosis: Verdict) -> str:
     unit, floor, model = diagnosis.experiment.output_unit, diagnosis.experiment.floor, diagnosis.model
     if diagnosis.further is not None:
         return (
@@ -117,7 +117,7 @@ def _diagnosed_again(diagnosis: Diagnosis) -> str:
     return f"Diagnosed again, {something}none of the most promising further effects passes: {left}."
 
 
-def runner_up(diagnosis: Diagnosis) -> Ranked | None:
+def runner_up(diagnosis: Verdict) -> Ranked | None:
     """Best of the ranked sets of effects that is not the selected one."""
     chosen = set(diagnosis.selected)
     return next((item for item in diagnosis.ranking if set(item.candidate.effects) != chosen), None)

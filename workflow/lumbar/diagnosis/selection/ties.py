@@ -14,7 +14,7 @@ import numpy as np
 from lumbar.diagnosis.fitting.sensitivity_subspace import beyond, simulated_over, tangent_basis
 from lumbar.diagnosis.selection.forward_selection import Candidate
 from lumbar.diagnosis.selection.thresholds import TIED
-from lumbar.diagnosis.selection.verdict import Diagnosis
+from lumbar.diagnosis.selection.verdict import Verdict
 
 ALIKE = 15.0
 """Degrees: candidates of one cluster add forces that differ by no more (97 % of the force in common)."""
@@ -52,7 +52,7 @@ class Ties:
         }
 
 
-def signal_angles(diagnosis: Diagnosis) -> Ties | None:
+def signal_angles(diagnosis: Verdict) -> Ties | None:
     """Compare the added forces of the ranked candidates; None where nothing was selected."""
     if not diagnosis.selected:
         return None
@@ -74,13 +74,13 @@ def signal_angles(diagnosis: Diagnosis) -> Ties | None:
     return Ties(candidates, angles, complete_linkage(angles, max(ALIKE, resolution)), resolution)
 
 
-def noise_rms(diagnosis: Diagnosis) -> float:
+def noise_rms(diagnosis: Verdict) -> float:
     """Noise per sample: the floor, or what the model leaves of its training record where there is none."""
     floor = diagnosis.experiment.floor
     return diagnosis.model.train_rms if floor is None else floor.rms
 
 
-def _with_tied(diagnosis: Diagnosis) -> list[Candidate]:
+def _with_tied(diagnosis: Verdict) -> list[Candidate]:
     """Ranked candidates, the selected first, and the tied ones that the ranking does not show.
 
     Sets that hold the selected one and more are left out: that they add a like force goes without saying.

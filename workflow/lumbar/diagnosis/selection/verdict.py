@@ -29,7 +29,7 @@ class Ranked:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class Verdict:
     """The verdict on a base model and the evidence.
 
     Attributes

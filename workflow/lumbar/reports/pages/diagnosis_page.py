@@ -13,7 +13,7 @@ from lumbar.diagnosis.selection.forward_selection import gain
 from lumbar.diagnosis.selection.sentences import details, effects_text, headline, readable, runner_up
 from lumbar.diagnosis.selection.thresholds import LEVEL
 from lumbar.diagnosis.selection.ties import ALIKE
-from lumbar.diagnosis.selection.verdict import Diagnosis, Ranked
+from lumbar.diagnosis.selection.verdict import Ranked, Verdict
 from lumbar.fmu.build.equation_svg import equation_svg
 from lumbar.models.form import Effect
 from lumbar.reports.pages.html import document, figure, heading, listing, paragraph, picture, table
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def diagnosis_page(
-    diagnosis: Diagnosis,
+    diagnosis: Verdict,
     evidence: Evidence,
     catalogue: dict[str, Effect],
     data: str,
@@ -34,7 +34,7 @@ def diagnosis_page(
 
     Parameters
     ----------
-    diagnosis : Diagnosis
+    diagnosis : Verdict
     evidence : Evidence
     catalogue : dict of str to Effect
         Where mechanisms and experiments are looked up.
@@ -62,7 +62,7 @@ def diagnosis_page(
     return document(f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model", data, blocks)
 
 
-def _errors(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
+def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     experiment = diagnosis.experiment
     unit, floor = experiment.output_unit, experiment.floor
     tests = ", ".join(item.name for item in experiment.tests)
@@ -103,7 +103,7 @@ def _errors(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
     ]
 
 
-def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Diagnosis, role: str = "") -> tuple:
+def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Verdict, role: str = "") -> tuple:
     floor = diagnosis.experiment.floor
     return (
         name,
@@ -117,7 +117,7 @@ def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Diagnosis
     )
 
 
-def _false_alarm(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
+def _false_alarm(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     told = (
         f"Where nothing is missing, the best of all candidates still gains: in {len(evidence.null.gains)} simulated "
         "experiments of the base alone, refitted each time, twice the logarithm of the likelihood rose by more than "
@@ -135,7 +135,7 @@ def _false_alarm(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
     return [paragraph(told), paragraph(f"Here {effects_text(diagnosis.selected)} {verb} {found:.4g}.")]
 
 
-def _parameters(diagnosis: Diagnosis) -> list[Markup]:
+def _parameters(diagnosis: Verdict) -> list[Markup]:
     blocks = []
     other = runner_up(diagnosis)
     selected = diagnosis.ranking[0] if diagnosis.selected else None
@@ -168,7 +168,7 @@ def _equation(latex: str) -> Markup:
     return picture(equation_svg(latex), latex, "equation")
 
 
-def _ties(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
+def _ties(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     ties = evidence.ties
     names = [effects_text(item.effects) for item in ties.candidates]
     alike = [names[index] for index in ties.clusters[0] if index != 0]
@@ -198,7 +198,7 @@ def _ties(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
     return blocks
 
 
-def _remains(diagnosis: Diagnosis, evidence: Evidence) -> list[Markup]:
+def _remains(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     floor, unit = diagnosis.experiment.floor, diagnosis.experiment.output_unit
     after = diagnosis.model.test_rms
     told = (

@@ -7,7 +7,7 @@ from pathlib import Path
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.residuals.residual_report import Simulated, compare_and_locate, least_explained
 from lumbar.diagnosis.selection.sentences import runner_up
-from lumbar.diagnosis.selection.verdict import Diagnosis
+from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.effects.signature import pictured_form
 from lumbar.models.form import Effect
 from lumbar.records.record import Record
@@ -20,7 +20,7 @@ from lumbar.reports.pages.record_pages import LOCATION_CAPTION
 
 
 def diagnosis_pictures(
-    diagnosis: Diagnosis,
+    diagnosis: Verdict,
     records: list[Record],
     settings: DiagnosisSettings,
     seed: int,
@@ -36,13 +36,13 @@ def diagnosis_pictures(
 
 
 def draw_pictures(
-    diagnosis: Diagnosis, simulated: list[Simulated], catalogue: dict[str, Effect], folder: Path, data: str
+    diagnosis: Verdict, simulated: list[Simulated], catalogue: dict[str, Effect], folder: Path, data: str
 ) -> dict[str, Path]:
     """Write ``comparison``, ``location``, ``ladder`` and ``signatures`` as SVG and PDF.
 
     Parameters
     ----------
-    diagnosis : Diagnosis
+    diagnosis : Verdict
     simulated : list of Simulated
         The base model on every record.
     catalogue : dict of str to Effect
@@ -79,7 +79,7 @@ def draw_pictures(
     return {captions[name]: folder / f"{name}.svg" for name in figures}
 
 
-def pictured_effects(diagnosis: Diagnosis, catalogue: dict[str, Effect]) -> list[Effect]:
+def pictured_effects(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Effect]:
     """Selected effects, then those of the runner-up; where nothing was selected the runner-up's alone."""
     second = runner_up(diagnosis)
     names = [*diagnosis.selected, *(second.candidate.effects if second is not None else ())]

@@ -1,0 +1,38 @@
+"""What the commands on a folder of records share: the records, and how they are fitted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from lumbar.config.files import load_settings
+
+if TYPE_CHECKING:
+    from lumbar.interface.diagnosis import Refinement
+    from lumbar.records.record_set import RecordSet
+    from lumbar.settings.study import StudySettings
+
+
+def read_folder(options) -> tuple[StudySettings, RecordSet, dict[str, Any]]:
+    """Return settings, records, and what options and settings say of the fit, as keywords of `lumbar.diagnose`."""
+    from lumbar.config.study_recordings import record_layout
+    from lumbar.interface.reading import read
+
+    settings = load_settings(*options.config)
+    layout, rate = record_layout(settings, options.base or settings.improvement.base)
+    chosen = {
+        "base": options.base,
+        "train": options.train,
+        "periods": dict(options.period),
+        "settings": settings.improvement,
+        "seed": settings.seed,
+        "data": options.data or options.folder.name,
+    }
+    return settings, read(options.folder, layout=layout, rate=rate), chosen
+
+
+def refined(options) -> Refinement:
+    """Fit the base with the effects of ``--add`` to the records of the folder."""
+    from lumbar.interface.diagnosis import refine
+
+    _, records, chosen = read_folder(options)
+    return refine(records, options.add, **chosen)
