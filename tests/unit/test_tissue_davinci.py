@@ -1,26 +1,20 @@
 """A real surgical tool whose friction no linear model describes."""
 
-from dataclasses import replace
-
 import pytest
-import yaml
 
-from lumbar.identification.identify_tissue import IdentificationSettings, identify
+from lumbar.identification.identify_tissue import identify
 from lumbar.records.columns import read_record
+from study_settings import changed, study_settings
 
 
 @pytest.fixture(scope="module")
 def study(project, shared):
-    default = yaml.safe_load((project / "config" / "config.yaml").read_text())["tissue"]
-    own = yaml.safe_load((project / "config" / "studies" / "davinci_tool.yaml").read_text())["tissue"]
-    merged = {**default, **own}
-    for key in ("search", "bootstrap"):
-        merged[key] = {**default[key], **own[key]}
+    settings = study_settings("studies/davinci_tool.yaml").tissue
     records = [
-        read_record(shared / "real" / entry["file"], own["layout"], entry["name"], rate=own["rate_Hz"])
-        for entry in own["records"][:3]
+        read_record(shared / "real" / entry.file, settings.layout, entry.name, rate=settings.rate_Hz)
+        for entry in settings.records[:3]
     ]
-    return merged, records
+    return settings, records
 
 
 def test_units_of_the_recording(study):
@@ -35,8 +29,7 @@ def test_units_of_the_recording(study):
 
 def test_a_spring_explains_little_and_fits_on_one_sine_fail_on_another(study):
     settings, (slow, middle, fast) = study
-    chosen = replace(IdentificationSettings.from_config(settings), order_max=2)
-    models, _ = identify(slow, [middle, fast], chosen, 1)
+    models, _ = identify(slow, [middle, fast], changed(settings, search={"order_max": 2}), 1)
     found = {(model.name, model.estimator): model for model in models}
     assert found["LE", "arx"].scores.vaf_percent < 40
     maxwell = found["Maxwell", "output_error"].scores

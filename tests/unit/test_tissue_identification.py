@@ -11,7 +11,7 @@ from viscoelastic import discretise, kelvin_boltzmann
 
 from lumbar.errors import InputError
 from lumbar.identification.arx_search import IdentificationData, search, select
-from lumbar.identification.identify_tissue import IdentificationSettings, distinct, given_model, identify
+from lumbar.identification.identify_tissue import distinct, given_model, identify
 from lumbar.identification.ridge import ReducedRegression
 from lumbar.identification.table_2_1 import physical_parameters_table, table_2_1
 from lumbar.identification.table_3_1 import table_3_1, unit_slug
@@ -20,15 +20,20 @@ from lumbar.models.fitted_model import Port
 from lumbar.models.models_file import models_document, read_models
 from lumbar.models.tissue_models import HO, KB
 from lumbar.records.record import Channel, Record
+from lumbar.settings.plain import typed
+from lumbar.settings.tissue import TissueSettings
+from study_settings import changed
 
-CONFIG = {
-    "settling_s": 0.5,
-    "search": {"order_max": 3, "condition_max": 5000, "selection": "training"},
-    "ridge": {"alpha_min": 0.01, "alpha_max": 100, "alpha_points": 9},
-    "bootstrap": {"block_s": 0.5, "resamples": 200, "confidence": 0.95},
-    "inverted_linear": {"force_max": 5.0, "travel": 40.0},
-}
-SETTINGS = IdentificationSettings.from_config(CONFIG)
+SETTINGS = typed(
+    TissueSettings,
+    {
+        "settling_s": 0.5,
+        "search": {"order_max": 3, "condition_max": 5000, "selection": "training"},
+        "ridge": {"alpha_min": 0.01, "alpha_max": 100, "alpha_points": 9},
+        "bootstrap": {"block_s": 0.5, "resamples": 200, "confidence": 0.95},
+        "inverted_linear": {"force_max": 5.0, "travel": 40.0},
+    },
+)
 TRUTH = {"k1": 0.4, "k2": 3.2, "b": 0.126}
 
 
@@ -159,18 +164,18 @@ def test_units_and_offsets_do_not_matter(records):
 
 
 def test_selection_on_test_records_picks_the_best_on_them(records):
-    settings = dataclasses.replace(SETTINGS, selection="test")
+    settings = changed(SETTINGS, search={"selection": "test"})
     _, grid = identify(records[1], records[2:], settings, seed=1)
     higher = [row for row in grid if row["model"] == "HO" and row["stable"]]
     (chosen,) = [row for row in higher if row["selected"]]
-    allowed = [row for row in higher if row["condition_number"] <= settings.condition_max]
+    allowed = [row for row in higher if row["condition_number"] <= settings.search.condition_max]
     assert chosen["test_vaf_percent"] == max(row["test_vaf_percent"] for row in allowed)
 
 
 def test_conditioning_cap_holds_and_a_cap_that_nothing_meets_is_said(records):
     chosen = [row for row in identify(records[1], [], SETTINGS, 1)[1] if row["selected"]]
-    assert all(row["condition_number"] <= SETTINGS.condition_max for row in chosen)
-    result, grid = identify(records[1], [], dataclasses.replace(SETTINGS, condition_max=1.0), 1)
+    assert all(row["condition_number"] <= SETTINGS.search.condition_max for row in chosen)
+    result, grid = identify(records[1], [], changed(SETTINGS, search={"condition_max": 1.0}), 1)
     fit = fit_of(result, "HO", "arx")
     assert "every structure exceeds condition_max 1" in fit.remark
     assert fit.scores.condition_number == min(row["condition_number"] for row in grid if row["model"] == "HO")
@@ -214,7 +219,7 @@ def test_a_pure_sine_is_said_to_determine_two_coefficients_only():
     higher = fit_of(result, "HO", "arx")
     assert higher.scores.rank == 2
     assert "every structure exceeds condition_max" in higher.remark
-    frame = table_3_1(result, CONFIG, "x").frame
+    frame = table_3_1(result, SETTINGS, "x").frame
     assert frame[(frame.model == "KB") & (frame.estimator == "arx")].condition_number.isna().all()
 
 
@@ -249,15 +254,15 @@ def test_a_record_that_moves_only_while_settling_is_refused(records):
 
 
 def test_too_short_a_training_record_and_selection_without_tests_are_refused(records):
-    settings = dataclasses.replace(SETTINGS, settling_s=0.0)
+    settings = changed(SETTINGS, settling_s=0.0)
     with pytest.raises(InputError, match="too few for order 3"):
         identify(tissue_record("b", 3, samples=15), [], settings, 1)
     with pytest.raises(InputError, match="single record"):
-        identify(records[0], [], dataclasses.replace(SETTINGS, selection="test"), 1)
+        identify(records[0], [], changed(SETTINGS, search={"selection": "test"}), 1)
 
 
 def test_table_3_1_holds_the_columns_of_the_thesis_and_its_rows(identified, tmp_path, project):
-    table_3_1([*chain(*identified)], CONFIG, "synthetic twin").write(tmp_path / "table_3_1")
+    table_3_1([*chain(*identified)], SETTINGS, "synthetic twin").write(tmp_path / "table_3_1")
     with (tmp_path / "table_3_1.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     with (project / "resources" / "thesis" / "table_3_1.csv").open(newline="") as stream:
@@ -274,7 +279,7 @@ def test_table_3_1_holds_the_columns_of_the_thesis_and_its_rows(identified, tmp_
 def test_table_3_1_of_one_record_and_of_another_unit(records):
     models, _ = identify(records[1], [], SETTINGS, 1)
     result = [dataclasses.replace(model, output=Port("moment", "N·m")) for model in models]
-    frame = table_3_1(result, CONFIG, "x").frame
+    frame = table_3_1(result, SETTINGS, "x").frame
     assert "mean_residual_N_m" in frame.columns
     assert not any(column.startswith("nmse_test") for column in frame.columns)
     assert unit_slug("N/mm²") == "N_mm"
