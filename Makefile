@@ -63,7 +63,7 @@ format: environment ## put the sources into the house's format
 	snakefmt Snakefile workflow/rules
 
 docs: environment ## renew the references of configuration keys, effects and equations
-	python -m lumbar.config.reference config/README.md
+	python -m lumbar.config.reference docs/config
 	python -m lumbar.reports.effects_reference docs
 	python -m lumbar.reports.equation_index docs
 

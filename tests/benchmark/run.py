@@ -85,17 +85,14 @@ def diagnosis() -> None:
     """One blind diagnosis from the shell, start-up included."""
     import json
 
-    import yaml
-
+    from lumbar.settings.hidden_effects import HiddenEffectsSettings
+    from lumbar.settings.twin import TwinSettings
     from lumbar.synthetic.hidden_effects.experiment_folder import write_experiment
     from lumbar.synthetic.two_hidden_effects import make_two_hidden_effects
 
-    config = PROJECT / "config"
-    twin = yaml.safe_load((config / "twin.yaml").read_text(encoding="utf-8"))["twin"]
-    generator = yaml.safe_load((config / "hidden_effects.yaml").read_text(encoding="utf-8"))["hidden_effects"]
     with tempfile.TemporaryDirectory() as folder:
         records, output = Path(folder) / "records", Path(folder) / "out"
-        write_experiment(records, make_two_hidden_effects(twin, generator))
+        write_experiment(records, make_two_hidden_effects(TwinSettings(), HiddenEffectsSettings()))
         command = [sys.executable, "-c", "import sys; from lumbar.cli import main; sys.exit(main())"]
         command += ["diagnose", str(records), "--output", str(output)]
         seconds = best_time(lambda: subprocess.run(command, check=True, capture_output=True), repeats=3)

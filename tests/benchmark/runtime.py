@@ -26,6 +26,7 @@ from runtime_models import SETTINGS, models_json, selected  # noqa: E402
 
 from lumbar.fmu.build.compiler import TARGETS, host_target, warm_cache  # noqa: E402
 from lumbar.fmu.build.package import export_fmus  # noqa: E402
+from study_settings import changed  # noqa: E402
 
 CACHE = HERE.parent.parent / ".snakemake" / "zig-cache"
 STEPS = 1_000_000
@@ -74,8 +75,10 @@ print(statistics.median(taken))
 def models():
     """Return KB and four models with effects."""
     entries = [effect_entry(*structure) for structure in COMBINATIONS]
-    linear = selected(models_json(), {**SETTINGS, "models": ["KB"]})
-    nonlinear = selected(models_json(*entries), {**SETTINGS, "models": [entry["name"] for entry in entries]})
+    linear = selected(models_json(), changed(SETTINGS, models=["KB"]))
+    nonlinear = selected(
+        models_json(*entries), changed(SETTINGS, models=[entry["name"] for entry in entries])
+    )
     return [*linear, *nonlinear]
 
 

@@ -15,6 +15,7 @@ import os
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -25,8 +26,8 @@ sys.path.insert(0, str(PROJECT / "workflow"))
 
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
-import yaml  # noqa: E402
 
+from lumbar.settings.stability import StabilitySettings  # noqa: E402
 from lumbar.stability.basins import close_loops  # noqa: E402
 from lumbar.stability.funnel.funnel import exact_funnels, funnel_variants  # noqa: E402
 from lumbar.stability.funnel.lyapunov_family import best_of_family  # noqa: E402
@@ -61,7 +62,7 @@ def report(quantity: str, value: float, target: str, met: bool | None) -> None:
 
 def study(mass: str = "with_box"):
     """Trajectories and settings of the default study."""
-    settings = yaml.safe_load((PROJECT / "config" / "config.yaml").read_text(encoding="utf-8"))["stability"]
+    settings = StabilitySettings()
     folders = sorted((PROJECT / "results" / "thesis" / "lifting").glob("*/pendulum.csv"))
     if not folders:
         sys.exit("no pendulums in results/thesis/lifting: run 'snakemake --cores 2 lifting' first")
@@ -88,8 +89,8 @@ def median_time(job, repeats: int = 5) -> tuple[float, object]:
 def checked(part: tuple) -> np.ndarray:
     """Exits of exact and overstated basins of some trajectories (one process of the pool)."""
     trajectories, settings, starts, seed = part
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
-    exact, _, control = funnel_variants(loops, settings["goal_level"], negative_control=1.0)
+    loops = close_loops(trajectories, settings.pendulum.sign, settings)
+    exact, _, control = funnel_variants(loops, settings.goal_level, negative_control=1.0)
     return np.array(
         [
             monte_carlo_check(loops, exact, starts, [seed]).exits,
@@ -100,7 +101,7 @@ def checked(part: tuple) -> np.ndarray:
 
 def exact_method(trajectories, settings, starts: int):
     """Speed, exits, convergence and the interval proof of the exact method."""
-    sign, goal = settings["pendulum"]["sign"], settings["goal_level"]
+    sign, goal = settings.pendulum.sign, settings.goal_level
     seconds, exact = median_time(lambda: exact_funnels(close_loops(trajectories, sign, settings), goal))
     report("exact: 24 BOAs with Riccati equation, one core, s", seconds, "<= 1", seconds <= 1)
     start = time.perf_counter()
@@ -112,13 +113,13 @@ def exact_method(trajectories, settings, starts: int):
     total = int(exits[0].sum())
     report(f"exits in {starts * len(trajectories)} starts at 1e-6", total, "0", total == 0)
     report("fewest exits of a negative control, of 500", exits[1].min(), "> 0", bool(exits[1].min() > 0))
-    finer = {**settings, "knots": 2 * settings["knots"] - 1}
+    finer = replace(settings, knots=2 * settings.knots - 1)
     doubled = exact_funnels(close_loops(trajectories, sign, finer), goal)
     change = 100 * float(np.abs(doubled.mean_area / exact.mean_area - 1).max())
     report("largest change of area from N to 2N, %", change, "<= 0.1", change <= 0.1)
     for other in SIGNS:
         loops = close_loops(trajectories, other, settings)
-        largest, smaller, _ = funnel_variants(loops, goal, settings["proof"]["margin_1_s"])
+        largest, smaller, _ = funnel_variants(loops, goal, settings.proof.margin_1_s)
         start = time.process_time()
         share = proved_share(loops, smaller)
         seconds = time.process_time() - start
@@ -138,12 +139,10 @@ def exact_method(trajectories, settings, starts: int):
 
 def better_v(trajectories, settings) -> None:
     """Area gained by the best V of the family, attacked and proved."""
-    goal, shares = settings["goal_level"], settings["lyapunov_shares"]
+    goal, shares = settings.goal_level, settings.lyapunov_shares
     for sign in SIGNS:
         loops = close_loops(trajectories, sign, settings)
-        best = best_of_family(
-            loops, goal, shares, margin=settings["proof"]["margin_1_s"], negative_control=1.0
-        )
+        best = best_of_family(loops, goal, shares, margin=settings.proof.margin_1_s, negative_control=1.0)
         gained = best.funnels.mean_area / exact_funnels(loops, goal).mean_area
         report(f"better V, {sign}: area gained, least (x)", gained.min(), "> 1", bool(gained.min() > 1))
         report(f"better V, {sign}: area gained, most (x)", gained.max(), "", None)
@@ -170,15 +169,15 @@ def checked_and_proved(name: str, loops, found, saturation: Saturation = UNSATUR
 
 def limited_loops(trajectories, settings) -> None:
     """Torque limits and uncertain mass, with and without the box: exact, certified, attacked, proved."""
-    saturation = settings["limits"]
+    saturation = settings.limits
     kinds = {
         "torque": lambda peak: Saturation(torque=1.05 * peak),
-        "mass": lambda peak: Saturation(mass_share=saturation["mass_share"]),
-        "both": lambda peak: Saturation(1.05 * peak, saturation["mass_share"]),
+        "mass": lambda peak: Saturation(mass_share=saturation.mass_share),
+        "both": lambda peak: Saturation(1.05 * peak, saturation.mass_share),
     }
-    goal = settings["goal_level"]
+    goal = settings.goal_level
     for (counted, items), sign, kind in product(trajectories.items(), SIGNS, kinds):
-        loops = close_loops(items, sign, {**settings, "knots": 661})
+        loops = close_loops(items, sign, replace(settings, knots=661))
         chosen = kinds[kind](float(np.abs(reference_of(loops.pendulums).torque).max()))
         found = saturated_funnels(loops, goal, chosen, LIMITED_MARGIN, 2.0)
         name = f"{chosen}, {counted}, {sign}"
@@ -189,7 +188,7 @@ def limited_loops(trajectories, settings) -> None:
         cost = (found.exact.mean_area / exact_funnels(loops, goal).mean_area).min()
         report(f"{name}: area left, least", cost, "<= 1", bool(cost <= 1 + 1e-9))
         checked_and_proved(name, loops, found, chosen)
-        margin = settings["sum_of_squares"]["margin_1_s"]
+        margin = settings.sum_of_squares.margin_1_s
         funnels, agreement = certified_funnels(loops, goal, 7, 67, 2, margin, chosen)
         ratio = funnels.mean_area / found.exact.mean_area
         worst = float(np.abs(ratio - 1).max())
@@ -200,12 +199,10 @@ def limited_loops(trajectories, settings) -> None:
 
 def certificates(trajectories, settings, exact, knots: int) -> None:
     """Speed and agreement of the sum-of-squares method."""
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
-    options = {"alternations": 2, "margin": settings["sum_of_squares"]["margin_1_s"]}
+    loops = close_loops(trajectories, settings.pendulum.sign, settings)
+    options = {"alternations": 2, "margin": settings.sum_of_squares.margin_1_s}
     for degree, count in ((3, knots), (5, min(knots, 112)), (7, min(knots, 38))):
-        funnels, found = certified_funnels(
-            loops, settings["goal_level"], degree=degree, knots=count, **options
-        )
+        funnels, found = certified_funnels(loops, settings.goal_level, degree=degree, knots=count, **options)
         ratio = (funnels.mean_area / exact.mean_area).min()
         name = f"sum of squares, Taylor {degree}, {len(funnels.level)} knots"
         report(f"{name}: certified/exact area, least", ratio, ">= 0.9999", bool(ratio >= 0.9999))
@@ -216,7 +213,7 @@ def certificates(trajectories, settings, exact, knots: int) -> None:
 
 def programmes(trajectories, settings, exact) -> None:
     """One programme per knot at Taylor 3, against cvxpy and pydrake on the same polynomials."""
-    loops = close_loops(trajectories, settings["pendulum"]["sign"], settings)
+    loops = close_loops(trajectories, settings.pendulum.sign, settings)
     chosen = range(0, loops.knots, 37)
     rows = np.concatenate([growth_polynomial(loops.form(2 * k), exact.level[k], 3) for k in chosen])
     programme = CircleProgramme(3)

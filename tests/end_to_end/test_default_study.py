@@ -159,7 +159,7 @@ def run_varied(folder: Path, cores: int) -> dict[str, str]:
     copy_project(folder)
     twin = folder / "config" / "twin.yaml"
     text = twin.read_text(encoding="utf-8")
-    twin.write_text(re.sub(r"(?m)^(  seed: )\d+", r"\g<1>4711", text), encoding="utf-8")
+    twin.write_text(text.replace("twin:\n", "twin:\n  seed: 4711\n", 1), encoding="utf-8")
     change_mass(folder, "expert")
     (folder / "config" / "coarse.yaml").write_text(COARSE, encoding="utf-8")
     run = snakemake(folder, "--cores", str(cores), "--configfile", "config/coarse.yaml")

@@ -7,6 +7,8 @@ import pytest
 from effect_entries import effect_entry
 from runtime_models import SETTINGS, TARGET, models_json, selected
 
+from study_settings import changed
+
 
 @pytest.fixture(scope="session")
 def zig_cache(project):
@@ -29,7 +31,7 @@ def fmu_folder(fmu_models, zig_cache, made_once):
     def export(folder):
         export_fmus(fmu_models, folder, "synthetic twin", TARGET, zig_cache)
         awkward = models_json(effect_entry("KB", "coulomb_friction/coulomb"))
-        chosen = selected(awkward, {**SETTINGS, "models": ["KB+coulomb_friction"], "moving_average": 1})
+        chosen = selected(awkward, changed(SETTINGS, models=["KB+coulomb_friction"], moving_average=1))
         export_fmus(chosen, folder, "A & B <lab>", TARGET, zig_cache)
 
     return made_once("fmu", export)[0]

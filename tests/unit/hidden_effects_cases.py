@@ -5,18 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import yaml
 from scipy.interpolate import make_interp_spline
 
+from lumbar.settings.hidden_effects import HiddenEffectsSettings
 from lumbar.synthetic.hidden_effects.tool_motion import OVERSAMPLING, ToolMotion
+from study_settings import changed
 
 PROJECT = Path(__file__).resolve().parents[2]
 
 
-def settings(**changes) -> dict:
+def settings(**changes) -> HiddenEffectsSettings:
     """The project's own settings, with changes."""
-    text = (PROJECT / "config" / "hidden_effects.yaml").read_text(encoding="utf-8")
-    return {**yaml.safe_load(text)["hidden_effects"], **changes}
+    return changed(HiddenEffectsSettings(), **changes)
 
 
 def recorded_motion(name: str, time: np.ndarray, position: np.ndarray) -> ToolMotion:

@@ -8,20 +8,12 @@ from lumbar.effects.catalogue import CATALOGUES
 from lumbar.fmu.build.export_model import ExportModel, select_models
 from lumbar.models.form import Effect
 from lumbar.models.models_file import read_models
+from lumbar.settings.runtime import RuntimeSettings
 
 TARGET = ["x86_64-linux"]
 POSITION, FORCE, GAIN, FORCE_OFFSET, FORCE_LIMIT, POSITION_OFFSET = 1, 2, 3, 4, 5, 6
 """Value references."""
-SETTINGS = {
-    "models": ["IL", "MW", "KB", "HO"],
-    "trained_on": "multisine",
-    "estimator": "arx",
-    "unstable": "refuse",
-    "moving_average": 3,
-    "output_limit": 15.0,
-    "gain_limit": 10.0,
-    "rate_Hz": None,
-}
+SETTINGS = RuntimeSettings(models=("IL", "MW", "KB", "HO"))
 
 
 def entry(name: str, numerator, denominator, **more) -> dict:

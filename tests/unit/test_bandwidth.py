@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from lumbar.errors import InputError
+from lumbar.settings.surgeon import WelchSettings
 from lumbar.signals.bandwidth import level_frequency, power_share_frequency
-from lumbar.signals.welch import WelchSettings, position_psd
+from lumbar.signals.welch import position_psd
 
 FREQUENCY = np.arange(0, 50.0001, 0.01)
 

@@ -7,17 +7,16 @@ import pytest
 
 from lumbar.errors import InputError
 from lumbar.records.record import Channel, Record
+from lumbar.settings.surgeon import BandwidthSettings, WelchSettings
 from lumbar.signals.surgeon_motion import (
-    BandwidthSettings,
     MotionSpectra,
     motion_bandwidths,
     motion_spectra,
     spectra_table,
 )
-from lumbar.signals.welch import WelchSettings
 
 FREQUENCY = np.arange(0, 20.01, 0.1)
-SETTINGS = BandwidthSettings(power_share=0.95, level=-20, maximum=8, confidence=0.95, resamples=400)
+SETTINGS = BandwidthSettings(power_share=0.95, level_dB=-20, maximum_Hz=8, confidence=0.95, resamples=400)
 
 
 def flat_spectra(widths, surgeons, power=None):

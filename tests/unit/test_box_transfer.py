@@ -4,21 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 
 from lumbar.lifting.lift import analyse_lift, summary
 from lumbar.records.markers import read_markers
+from study_settings import study_settings, subject_settings
 
 
 @pytest.fixture(scope="module")
 def study(project):
-    read = lambda name: yaml.safe_load((project / "config" / name).read_text(encoding="utf-8"))  # noqa: E731
-    settings, own = read("config.yaml")["lifting"], read("studies/box_transfer.yaml")["lifting"]
-    markers = {**settings["markers"], **own["markers"]}
-    events = {**settings["events"], **own["events"]}
-    return {**settings, **own, "markers": markers, "events": events}, read("subjects/box_transfer.yaml")[
-        "subject"
-    ]
+    return study_settings("studies/box_transfer.yaml").lifting, subject_settings("box_transfer")
 
 
 def raw(path):
@@ -40,32 +34,30 @@ def test_t12_lies_where_a_static_trial_with_the_whole_spine_has_it(study, shared
     points = raw(shared / "real" / "lifting" / "athlete_static_full_spine" / "c3dfile1.c3d")
     sacrum = (points["LPSI"] + points["RPSI"]) / 2
     t10 = points["T12"] + (points["T6"] - points["T12"]) / 3
-    rule = study[0]["markers"]["aliases"]["T12"]
-    assert rule["between"] == ["T10", "SACRUM"]
-    assert rule["share"] == pytest.approx(share_along(t10, sacrum, points["T12"]), abs=0.005)
+    rule = study[0].markers.aliases["T12"]
+    assert rule.between == ("T10", "SACRUM")
+    assert rule.share == pytest.approx(share_along(t10, sacrum, points["T12"]), abs=0.005)
 
 
 def test_the_trochanters_lie_where_a_trial_with_markers_on_them_has_them(study, shared):
     points = raw(shared / "real" / "lifting" / "qualisys_ior_gait" / "Qualisys.c3d")
-    aliases = study[0]["markers"]["aliases"]
+    aliases = study[0].markers.aliases
     for side in "LR":
         asis, psis, trochanter = (points[f"{side}_{name}"] for name in ("IAS", "IPS", "FTC"))
         level = np.array([1.0, 1.0, 0.0])
         share = share_along(psis * level, asis * level, trochanter * level)
-        assert aliases[f"{side}_ILIUM"]["share"] == pytest.approx(share, abs=0.01)
+        assert aliases[f"{side}_ILIUM"].share == pytest.approx(share, abs=0.01)
         along = np.sum((asis - psis) * level * (trochanter - psis), axis=1) / np.sum(
             ((asis - psis) * level) ** 2, axis=1
         )
         drop = np.mean((trochanter - psis - along[:, None] * (asis - psis))[:, 2])
-        assert aliases[f"{side}_HIP"]["offset_m"][2] == pytest.approx(drop, abs=0.005)
+        assert aliases[f"{side}_HIP"].offset_m[2] == pytest.approx(drop, abs=0.005)
 
 
 def test_the_recording_becomes_pendulums_that_say_what_was_assumed(study, shared):
     settings, subject = study
-    recording = read_markers(
-        shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", settings["markers"]
-    )
-    trial = subject["trials"][0]
+    recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", settings.markers)
+    trial = subject.trials[0]
     lift = analyse_lift(recording, "box_transfer_6kg", subject, trial, settings)
     facts = summary(lift, subject, trial, settings)
     said = " ".join(facts["assumptions"])

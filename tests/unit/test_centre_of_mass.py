@@ -10,6 +10,8 @@ from lumbar.lifting.centre_of_mass import box_shares, centres_of_mass, segment_c
 from lumbar.lifting.events import Event
 from lumbar.lifting.segments import DE_LEVA, WINTER
 from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.plain import typed
 
 TIME = np.arange(0, 2, 0.01)
 EVENTS = {"lift_off": Event(0.5, "declared", ""), "release": Event(1.5, "declared", "")}
@@ -112,7 +114,7 @@ def test_the_trunk_moves_with_the_whole_body_centre_of_plug_in_gait(shared):
         "R_HIP": {"from": "RASI", "offset_m": [0, 0, -0.1]},
         "WHOLE": "CentreOfMass",
     }
-    layout = {"unit": "m", "aliases": aliases, "check_axes": False}
+    layout = typed(MarkerLayout, {"unit": "m", "aliases": aliases, "check_axes": False})
     walk = read_markers(shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d", layout)
     centres = segment_centres(walk, WINTER)
     mass = {segment.name: segment.mass_share for segment in WINTER.segments}

@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
-import copy
 import shutil
+from dataclasses import replace
 
 import pytest
 import yaml
 
 from lumbar.config.artefacts import Artefact, read_artefacts
+from lumbar.config.reference import keys
 from lumbar.config.study import load_study, name_lifts
-from lumbar.config.study_recordings import reading_plan, record_layout, record_set_base, recordings_of
+from lumbar.config.study_recordings import reading_plan, record_layout, record_set, recordings_of
+from lumbar.config.validation import laid_over
 from lumbar.errors import InputError
+from lumbar.settings.plain import plain, typed
+from lumbar.settings.study import StudySettings
+from lumbar.settings.subject import TrialSettings
+from study_settings import study_config, study_settings, subject_settings
 
 
 @pytest.fixture
 def folder(project, tmp_path):
-    """Make a project of its own: schemas, subjects, artefacts."""
+    """Make a project of its own: subjects, artefacts."""
     shutil.copytree(project / "config", tmp_path / "config")
-    shutil.copytree(project / "workflow" / "schemas", tmp_path / "workflow" / "schemas")
     return tmp_path
 
 
 @pytest.fixture
-def config(project) -> dict:
-    content = {}
-    for name in ("config.yaml", "twin.yaml", "hidden_effects.yaml"):
-        content |= yaml.safe_load((project / "config" / name).read_text(encoding="utf-8"))
-    return copy.deepcopy(content)
+def config() -> dict:
+    """Files of the default study, with the sections that the tests change."""
+    return laid_over({name: {} for name in ("survey", "runtime", "stability")}, study_config())
 
 
 def message_of(config, folder) -> str:
@@ -39,7 +42,7 @@ def message_of(config, folder) -> str:
 def recorded(config, root) -> dict:
     """Return the survey alone, with recordings in `root`."""
     source = {"name": "Survey of laboratory X", "licence": "CC BY 4.0", "obtain": "https://example.org/data"}
-    return config | {
+    return {**config} | {
         "data": "recordings",
         "data_root": str(root),
         "data_source": source,
@@ -68,51 +71,90 @@ def test_the_reading_plan_covers_every_recording_and_only_reading(config, folder
     subject.write_text(yaml.safe_dump(content), encoding="utf-8")
     config["survey"]["confidence"] = 0.9
     changed = load_study(config, folder)
-    assert changed.subjects["expert"]["mass_kg"] == study.subjects["expert"]["mass_kg"] + 1
+    assert changed.subjects["expert"].mass_kg == study.subjects["expert"].mass_kg + 1
     assert reading_plan(changed, recordings_of(changed)) == before
 
 
 def test_a_record_set_names_its_base_and_with_it_its_layout(config, folder):
-    study = load_study(config, folder)
-    assert record_set_base(config, "hip_moment") == "pendulum"
-    assert record_set_base(config, "tissue") == "KB"
     config["tissue"]["rate_Hz"] = 50
-    assert record_layout(config, "pendulum") == (config["lifting"]["moment_layout"], None)
-    assert record_layout(config, "KV") == (config["tissue"]["layout"], 50)
+    study = load_study(config, folder)
+    settings = study.settings
+    assert record_set(settings, "hip_moment").base == "pendulum"
+    assert record_set(settings, "tissue").base == "KB"
+    assert record_set(settings, "tissue").records == settings.tissue.records
+    assert record_layout(settings, "pendulum") == (settings.lifting.moment_layout, None)
+    assert record_layout(settings, "KV") == (settings.tissue.layout, 50)
     with pytest.raises(InputError, match="unknown base model 'HO'"):
-        record_layout(config, "HO")
+        record_layout(settings, "HO")
     plan = {item["path"]: item for item in reading_plan(study, ["improvement"])}
     moment = plan["results/thesis/twin/hip_moment/paced.csv"]
     assert moment["layout"]["columns"]["input"]["column"] == "angle_rad"
     assert "rate_Hz" not in moment
     force = plan["results/thesis/twin/two_hidden_effects/chirp.csv"]
-    assert force["layout"] == config["tissue"]["layout"]
+    assert force["layout"] == plain(settings.tissue.layout)
     config["improvement"]["record_sets"][0]["base"] = "pendulum"
     assert "tissue has the base pendulum and no records" in message_of(config, folder)
     config["improvement"]["record_sets"][2]["base"] = "HO"
-    assert "improvement.record_sets.2.base" in message_of(config, folder)
+    assert 'improvement.record_sets.2.base: found "HO"; allowed: LE, Maxwell, KV, KB, pendulum' in message_of(
+        config, folder
+    )
 
 
 def test_all_wrong_keys_are_named_at_once(config, folder):
     config["seed"] = -1
-    config["survey"]["resmaples"] = 10
-    config["survey"]["confidence"] = 95
-    config["survey"]["zeros"] = "drop"
-    config["survey"]["layout"]["scale_points"] = "five"
+    config["survey"] |= {
+        "resmaples": 10,
+        "confidence": 95,
+        "zeros": "drop",
+        "layout": {"scale_points": "five"},
+    }
     config["colour"] = "blue"
-    del config["title"]
+    config["data_source"] = {"name": "x", "licence": "none"}
+    config["tissue"]["records"][0]["period_s"] = "1e1"
+    config["tissue"]["training"] = ["chirp", "chirp"]
+    config["lifting"]["subjects"] = ["nobody"]
     message = message_of(config, folder)
     for words in (
-        "seed: -1 is less than the minimum of 0",
-        "'resmaples' was unexpected",
-        "survey.confidence: 95 is greater",
-        "survey.zeros: 'drop' is not one of ['pratt', 'wilcox']",
-        "survey.layout.scale_points: 'five' is not of type 'integer'",
-        "'colour' was unexpected",
-        "'title' is a required property",
+        "seed: found -1; allowed: whole number ≥ 0 (Seed of",
+        "survey.resmaples: unknown key; did you mean 'resamples'?; allowed: file, note,",
+        "survey.confidence: found 95; allowed: number ≥ 0.5, ≤ 0.999",
+        'survey.zeros: found "drop"; allowed: pratt, wilcox',
+        'survey.layout.scale_points: found "five"; allowed: whole number ≥ 2, ≤ 11',
+        "colour: unknown key; allowed: study, title,",
+        "data_source.obtain: missing; allowed: text (Where to get the files)",
+        'tissue.records.0.period_s: found "1e1"; allowed: number > 0 s, or null',
+        "powers of ten as 1.0e+6",
+        "tissue.training: chirp stands twice",
+        "no file config/subjects/nobody.yaml; there are: ",
     ):
         assert words in message
-    assert "7 problems" in message
+    assert "10 problems" in message
+
+
+@pytest.mark.parametrize(
+    ("alias", "allowed"),
+    [
+        (7, True),
+        ({"median": ["A", "B"]}, True),
+        ({"mean": ["A"]}, True),
+        ({"from": "A", "offset_m": [0, 0, 3]}, True),
+        ({"between": ["A", {"mean": ["B", "C"]}], "share": 0.5}, False),
+        (["A", {"from": "B", "offset_m": [0, 0, 0.1]}], False),
+    ],
+)
+def test_aliases_of_markers(config, folder, alias, allowed):
+    config["lifting"]["markers"] = {"aliases": {"C7": alias}}
+    if not allowed:
+        assert plain(load_study(config, folder).settings.lifting.markers.aliases["C7"]) == alias
+        return
+    assert "lifting.markers.aliases.C7: found" in message_of(
+        config, folder
+    ) and "allowed: text, {mean}, {between, share}, {from, offset_m}, or list" in message_of(config, folder)
+
+
+def test_names_of_markers_are_in_capitals(config, folder):
+    config["lifting"]["markers"] = {"aliases": {"c7": "C7"}}
+    assert "lifting.markers.aliases.c7: 'c7' is no name" in message_of(config, folder)
 
 
 def test_keys_that_contradict_each_other(config, folder):
@@ -120,14 +162,25 @@ def test_keys_that_contradict_each_other(config, folder):
     config["survey"]["scale_labels"] = ["no", "yes"]
     config["tissue"]["training"] = ["multisine", "step"]
     config["runtime"]["trained_on"] = "chirps"
+    config["improvement"]["effects"] = ["coulomb_fricton"]
     message = message_of(config, folder)
     for words in (
         "survey.baseline: 'LE' is not rated; models: IL, MW, KB, HO",
         "survey.scale_labels: 2 names; survey.layout.scale_points is 5",
-        "tissue.training: 'step' is no record",
+        "tissue.training.1: 'step' is no record",
         "runtime.trained_on: 'chirps'",
+        "improvement.effects.0: 'coulomb_fricton' is no effect; effects: ",
+        "coulomb_friction, ",
     ):
         assert words in message
+
+
+def test_effects_of_the_study_itself_count(config, folder, project):
+    shutil.copy(project / "examples" / "own_effect" / "hertzian_contact.py", folder / "own.py")
+    config["improvement"] |= {"effects": ["hertzian_contact"], "effect_files": ["own.py"]}
+    assert load_study(config, folder).settings.improvement.effects == ("hertzian_contact",)
+    config["improvement"]["effect_files"] = ["absent.py"]
+    assert "improvement.effect_files: " in message_of(config, folder)
 
 
 def test_chapters_need_those_they_build_on(config, folder):
@@ -191,7 +244,10 @@ def test_subject_files_are_checked_too(config, folder):
     subject.write_text(yaml.safe_dump(content), encoding="utf-8")
     config["lifting"]["subjects"] = ["expert", "novice", "nobody"]
     message = message_of(config, folder)
-    assert "config/subjects/novice.yaml: subject.mass_kg: -70" in message
+    assert (
+        "config/subjects/novice.yaml, line 4: subject.mass_kg: found -70; allowed: number > 0, ≤ 400 kg"
+        in message
+    )
     assert "no file config/subjects/nobody.yaml; there are: " in message
 
 
@@ -199,7 +255,7 @@ def test_one_person_alone_has_results_of_its_own(config, folder):
     subject = yaml.safe_load((folder / "config" / "subjects" / "novice.yaml").read_text(encoding="utf-8"))
     study = load_study(config | subject, folder)
     assert study.name == "novice"
-    assert {lift["subject"] for lift in study.lifts.values()} == {"novice"}
+    assert {lift.subject for lift in study.lifts.values()} == {"novice"}
 
 
 def test_artefacts_expand_to_files():
@@ -232,26 +288,27 @@ def test_the_sheet_of_artefacts_is_checked(tmp_path):
         read_artefacts(sheet)
 
 
-@pytest.mark.parametrize("schema", ["survey.schema.yaml", "layout.schema.yaml", "config.schema.yaml"])
-def test_every_key_has_a_description(project, schema):
-    def undescribed(content: dict, path: str):
-        for key, value in content.get("properties", {}).items():
-            if "$ref" not in value:
-                if "description" not in value:
-                    yield f"{path}.{key}"
-                yield from undescribed(value, f"{path}.{key}")
-        if isinstance(content.get("items"), dict):
-            yield from undescribed(content["items"], f"{path}[]")
+def test_every_key_has_a_description():
+    described = [way for way, item, _ in keys(StudySettings, {}) if not item.meaning]
+    assert described == []
 
-    content = yaml.safe_load((project / "workflow" / "schemas" / schema).read_text(encoding="utf-8"))
-    assert list(undescribed(content, "")) == []
+
+def test_plain_data_come_back_as_the_settings_they_were():
+    settings = study_settings("studies/box_transfer.yaml")
+    assert typed(StudySettings, plain(settings)) == settings
+    assert typed(StudySettings, yaml.safe_load(yaml.safe_dump(plain(settings)))) == settings
 
 
 def test_repeated_trials_with_one_box_are_lifts_of_their_own():
     trials = [{"box_mass_kg": 23, "markers": "a.c3d"}, {"box_mass_kg": 15, "markers": "b.c3d"}]
     trials += [{"box_mass_kg": 23, "markers": "c.c3d"}]
-    lifts = name_lifts({"expert": {"trials": trials}, "novice": {"trials": trials[:1]}})
-    assert {name: lift["markers"] for name, lift in lifts.items()} == {
+    people = {name: replace(subject_settings("expert"), trials=()) for name in ("expert", "novice")}
+    made = tuple(TrialSettings(**trial) for trial in trials)
+    people = {
+        "expert": replace(people["expert"], trials=made),
+        "novice": replace(people["novice"], trials=made[:1]),
+    }
+    assert {name: lift.trial.markers for name, lift in name_lifts(people).items()} == {
         "expert_23kg": "a.c3d",
         "expert_15kg": "b.c3d",
         "expert_23kg_2": "c.c3d",

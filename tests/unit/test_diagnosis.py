@@ -17,14 +17,9 @@ from lumbar.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.errors import InputError, NumericalError
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record
+from lumbar.settings.tissue import TissueSettings
 
-LAYOUT = {
-    "columns": {
-        "time": {"column": "time_s", "unit": "s"},
-        "input": {"column": "position_mm", "quantity": "position", "unit": "mm"},
-        "output": {"column": "force_N", "quantity": "force", "unit": "N"},
-    }
-}
+LAYOUT = TissueSettings().layout
 
 
 def records_of(folder):

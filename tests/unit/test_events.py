@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-import yaml
 
 from lumbar.errors import InputError
 from lumbar.lifting.events import find_events, phases
 from lumbar.lifting.filtering import filter_markers
 from lumbar.lifting.gaps import fill_gaps
 from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.subject import DeclaredEvents
+from study_settings import study_settings
 
 RATE = 100.0
 TIME = np.arange(0, 8, 1 / RATE)
@@ -19,9 +23,7 @@ TRUE = {"lift_off": 2.0, "toe_off": 3.2, "deposit_start": 5.0, "release": 6.5}
 
 @pytest.fixture(scope="module")
 def settings(project):
-    return yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["lifting"][
-        "events"
-    ]
+    return study_settings().lifting.events
 
 
 def ramp(start, stop):
@@ -79,12 +81,12 @@ def test_known_events_are_found(settings, seed, shuffle):
 def test_the_twins_events_are_found_within_50_ms(project, tmp_path, lift, seed):
     from lumbar.synthetic.lifting_recordings import write_lift
 
-    config = yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["lifting"]
-    twin = yaml.safe_load((project / "config" / "twin.yaml").read_text(encoding="utf-8"))["twin"]["lifting"]
+    config = study_settings().lifting
+    twin = study_settings().twin.lifting
     write_lift(twin, lift, [seed], tmp_path / "lift.c3d", None)
-    recording, _ = fill_gaps(read_markers(tmp_path / "lift.c3d", config["markers"]))
-    events = find_events(filter_markers(recording), config["events"])
-    for name, true in twin["lifts"][lift]["events_s"].items():
+    recording, _ = fill_gaps(read_markers(tmp_path / "lift.c3d", config.markers))
+    events = find_events(filter_markers(recording), config.events)
+    for name, true in vars(twin.lifts[lift].events_s).items():
         assert events[name].time_s == pytest.approx(true, abs=0.05), name
 
 
@@ -92,12 +94,12 @@ def test_the_twins_events_are_found_within_50_ms(project, tmp_path, lift, seed):
 def test_six_times_the_noise_moves_no_event_far(project, settings, tmp_path, lift):
     from lumbar.synthetic.lifting_recordings import write_lift
 
-    config = yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["lifting"]
-    twin = yaml.safe_load((project / "config" / "twin.yaml").read_text(encoding="utf-8"))["twin"]["lifting"]
-    write_lift({**twin, "marker_noise_mm": 3.0}, lift, [9], tmp_path / "lift.c3d", None)
-    recording, _ = fill_gaps(read_markers(tmp_path / "lift.c3d", config["markers"]))
+    config = study_settings().lifting
+    twin = study_settings().twin.lifting
+    write_lift(replace(twin, marker_noise_mm=3.0), lift, [9], tmp_path / "lift.c3d", None)
+    recording, _ = fill_gaps(read_markers(tmp_path / "lift.c3d", config.markers))
     events = find_events(filter_markers(recording), settings)
-    for name, true in twin["lifts"][lift]["events_s"].items():
+    for name, true in vars(twin.lifts[lift].events_s).items():
         assert events[name].time_s == pytest.approx(true, abs=0.08), name
 
 
@@ -152,7 +154,7 @@ def test_phases_cover_the_recording_in_order(settings):
 
 
 def test_an_event_set_by_hand_replaces_the_detected_one(settings):
-    declared = {"deposit_start_s": 5.2, "reason": "hands regrip"}
+    declared = DeclaredEvents(deposit_start_s=5.2, reason="hands regrip")
     event = find_events(scene(), settings, declared)["deposit_start"]
     assert (event.time_s, event.method) == (5.2, "declared")
     assert event.detected_s == pytest.approx(5.0, abs=0.05)
@@ -163,7 +165,7 @@ def test_what_cannot_be_detected_can_be_declared(settings):
     bare = without(scene(), "BOX")
     with pytest.raises(InputError, match="no box markers, so lift_off cannot be detected; set lift_off_s"):
         find_events(bare, settings)
-    events = find_events(bare, settings, {"lift_off_s": 2.0, "release_s": 6.5})
+    events = find_events(bare, settings, DeclaredEvents(lift_off_s=2.0, release_s=6.5))
     assert events["toe_off"].time_s == pytest.approx(3.2, abs=0.05)
     assert events["deposit_start"].time_s == pytest.approx(5.0, abs=0.05)
 
@@ -178,7 +180,7 @@ def test_what_cannot_be_detected_can_be_declared(settings):
 )
 def test_events_out_of_order_are_refused(settings, declared, words):
     with pytest.raises(InputError, match=words):
-        find_events(scene(), settings, declared)
+        find_events(scene(), settings, DeclaredEvents(**declared))
 
 
 def test_a_box_that_is_not_set_down_is_no_deposit(settings):
@@ -212,16 +214,11 @@ def test_a_recording_that_ends_too_early_is_refused(settings):
 
 def test_feet_that_stay_give_no_toe_off_on_a_person(settings, shared):
     """Floor pick-ups and squats, 21 s: the feet do not step (provenance file of the recording)."""
-    layout = {
-        "unit": "file",
-        "up": "+y",
-        "forward": "+z",
-        "check_axes": False,
-        "aliases": {"L_TOE": "LTOE", "R_TOE": "RTOE", "R_WRIST": "ROWR"},
-    }
+    aliases = {"L_TOE": "LTOE", "R_TOE": "RTOE", "R_WRIST": "ROWR"}
+    layout = MarkerLayout(up="+y", forward="+z", check_axes=False, aliases=aliases)
     file = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
     recording, _ = fill_gaps(read_markers(file, layout), 0.2, "keep")
-    declared = {"lift_off_s": 1.0, "release_s": 20.5, "deposit_start_s": 19.0}
+    declared = DeclaredEvents(lift_off_s=1.0, release_s=20.5, deposit_start_s=19.0)
     event = find_events(filter_markers(recording), settings, declared)["toe_off"]
     assert event.time_s is None
     assert "no toe-off" in event.how
@@ -229,11 +226,10 @@ def test_feet_that_stay_give_no_toe_off_on_a_person(settings, shared):
 
 def test_a_person_sets_a_box_on_a_shelf(settings, shared, project):
     """The box moves faster than 5 cm/s from 1.60 to 3.73 s (measured by others on raw data)."""
-    study = yaml.safe_load((project / "config" / "studies" / "box_transfer.yaml").read_text(encoding="utf-8"))
-    layout = {"unit": "file", "check_axes": True, "subject_prefix": "strip", **study["lifting"]["markers"]}
-    recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", layout)
+    study = study_settings("studies/box_transfer.yaml").lifting
+    recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", study.markers)
     recording, _ = fill_gaps(recording)
-    events = find_events(filter_markers(recording), {**settings, **study["lifting"]["events"]})
+    events = find_events(filter_markers(recording), study.events)
     assert events["lift_off"].time_s == pytest.approx(1.60, abs=0.08)
     assert events["release"].time_s == pytest.approx(3.73, abs=0.08)
     assert events["toe_off"].time_s is None

@@ -1,23 +1,22 @@
 """The designed set of signals: band, scaling, ramps, limits, files and properties."""
 
-import copy
 import io
 
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 
 from lumbar.errors import InputError
+from lumbar.settings.signals import SignalsSettings
 from lumbar.signals.excitation import design_excitation, excited_band
 from lumbar.signals.machine_limits import peak_kinematics
 from lumbar.signals.signal_properties import machine_file, multisine_description, signal_properties
+from study_settings import changed
 
 
 @pytest.fixture
-def settings(project):
-    config = yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))
-    return copy.deepcopy(config["signals"])
+def settings():
+    return SignalsSettings()
 
 
 def bandwidths(value):
@@ -60,10 +59,10 @@ def test_default_signals_are_those_of_the_thesis(settings):
 
 @pytest.mark.parametrize("value", [0.5, 2.0])
 def test_amplitude_is_the_rms_or_the_peak_asked_for(settings, value):
-    settings["amplitude"] = {"measure": "rms", "value_mm": value}
+    settings = changed(settings, amplitude={"measure": "rms", "value_mm": value})
     for signal in design_excitation(5.0, settings, 1).signals:
         assert np.sqrt(np.mean(signal.steady**2)) == pytest.approx(value)
-    settings["amplitude"]["measure"] = "peak"
+    settings = changed(settings, amplitude={"measure": "peak"})
     for signal in design_excitation(5.0, settings, 1).signals:
         assert 0.98 * value < np.abs(signal.position).max() <= value * (1 + 1e-9)
         assert peak_kinematics(signal.position, signal.rate).displacement == pytest.approx(value, rel=1e-3)
@@ -92,7 +91,7 @@ def test_line_amplitudes_obey_parseval(settings, samples):
 
 def test_ramp_starts_and_ends_at_rest_and_leaves_later_periods_alone(settings):
     plain = by_name(design_excitation(5.0, settings, 1))
-    ramped = by_name(design_excitation(5.0, {**settings, "ramp_s": 1.0}, 1))
+    ramped = by_name(design_excitation(5.0, changed(settings, ramp_s=1.0), 1))
     for name, signal in ramped.items():
         assert signal.position[0] == 0
         assert abs(signal.position[1] - signal.position[0]) < 0.01
@@ -103,18 +102,18 @@ def test_ramp_starts_and_ends_at_rest_and_leaves_later_periods_alone(settings):
 
 def test_a_ramp_longer_than_the_signal_is_refused(settings):
     with pytest.raises(InputError, match=r"ramp_s of 6 s is too long for the noise of 10 s"):
-        design_excitation(5.0, {**settings, "ramp_s": 6}, 1)
+        design_excitation(5.0, changed(settings, ramp_s=6), 1)
 
 
 def test_a_machine_that_cannot_follow_is_named(settings):
-    settings["machine"]["velocity_mm_s"] = 50
+    settings = changed(settings, machine={"velocity_mm_s": 50})
     with pytest.raises(InputError, match=r"3 problems(.|\n)*chirp: peak velocity is 8.*limit is 50 mm/s"):
         design_excitation(5.0, settings, 1)
 
 
 @pytest.mark.parametrize("rate", [20, 50, 1000])
 def test_other_rates(settings, rate):
-    settings["rate_Hz"] = rate
+    settings = changed(settings, rate_Hz=rate)
     signals = by_name(design_excitation(5.0, settings, 1))
     assert len(signals["multisine"].position) == 100 * rate
     assert signals["multisine"].position[: 10 * rate] == pytest.approx(
@@ -123,7 +122,7 @@ def test_other_rates(settings, rate):
 
 
 def test_band_too_wide_for_the_rate_is_refused(settings):
-    settings["rate_Hz"] = 10
+    settings = changed(settings, rate_Hz=10)
     with pytest.raises(InputError, match="rate_Hz of 10 is too low"):
         design_excitation(5.0, settings, 1)
 
@@ -138,7 +137,8 @@ def test_file_for_the_machine_repeats_the_signal_to_a_nanometre(settings):
 
 
 def test_description_rebuilds_the_multisine(settings):
-    settings["multisine"].update(grid="odd", phases="clipped", amplitude_exponent=-0.5)
+    multisine = {"grid": "odd", "phases": "clipped", "amplitude_exponent": -0.5}
+    settings = changed(settings, multisine=multisine)
     excitation = design_excitation(5.0, settings, 1)
     content = multisine_description(excitation, settings)
     time = np.arange(1000) / 100

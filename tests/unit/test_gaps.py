@@ -6,6 +6,7 @@ import pytest
 from lumbar.errors import InputError
 from lumbar.lifting.gaps import ALONE, AT_END, AT_START, FILLED, TOO_LONG, fill_gaps, runs
 from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.settings.layout import MarkerLayout
 
 RATE = 100.0
 TIME = 3.2 + np.arange(200) / RATE
@@ -134,7 +135,7 @@ def test_runs():
 def test_gaps_cut_into_a_real_lift(shared):
     """0.1 s cut out of a real squat comes back within millimetres."""
     path = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
-    real = read_markers(path, {"up": "+y", "forward": "+x", "aliases": {"C7": "C7"}})
+    real = read_markers(path, MarkerLayout(up="+y", forward="+x", aliases={"C7": "C7"}))
     assert real.missing_share == 0
     holes = real["C7"].copy()
     for start in range(100, 2400, 100):

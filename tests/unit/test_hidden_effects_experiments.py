@@ -15,6 +15,7 @@ from lumbar.errors import InputError, NumericalError
 from lumbar.synthetic.hidden_effects.experiment import KINDS, make_experiment, plan_batch
 from lumbar.synthetic.hidden_effects.experiment_folder import write_experiments
 from lumbar.synthetic.hidden_effects.hidden_catalogue import OUTSIDE_FORMS, PAIRS, SINGLE
+from study_settings import changed
 
 SHORT = settings(periods=2, slices=1)
 
@@ -43,7 +44,7 @@ def left_by_best_model(record: np.ndarray) -> float:
 @pytest.mark.parametrize("number", [0, 5, 13, 17, 26, 33])
 def test_the_residual_is_as_wanted_by_another_fit(number):
     (plan,) = [plan for plan in plan_batch("single", 0, SHORT) if plan.number == number]
-    experiment = make_experiment(plan, {**SHORT, "residual_over_noise": [7.99, 8.01]})
+    experiment = make_experiment(plan, changed(SHORT, residual_over_noise=[7.99, 8.01]))
     noise = experiment.label["noise_rms_N"]
     assert experiment.label["residual_over_noise"] == pytest.approx([8.0], rel=0.02)
     # The noise adds its own square: √(8² + 1).
@@ -61,7 +62,7 @@ def test_nothing_but_noise_is_left_of_a_null_experiment(number):
 
 def test_both_effects_of_a_pair_are_as_strong_as_wanted():
     plan = plan_batch("pair", 0, SHORT)[2]
-    label = make_experiment(plan, {**SHORT, "residual_over_noise": [5.99, 6.01]}).label
+    label = make_experiment(plan, changed(SHORT, residual_over_noise=[5.99, 6.01])).label
     assert label["effects"] == list(plan.forms)
     assert label["residual_over_noise"] == pytest.approx([6.0, 6.0], rel=0.02)
 
@@ -71,20 +72,20 @@ def test_an_experiment_depends_on_seed_kind_and_number_alone():
     first = make_experiment(plan, SHORT)
     make_experiment(plan_batch("single", 0, SHORT)[8], SHORT)
     again = make_experiment(
-        plan_batch("single", 0, {**SHORT, "experiments_per_form": 9, "nulls": 0})[7], SHORT
+        plan_batch("single", 0, changed(SHORT, experiments_per_form=9, nulls=0))[7], SHORT
     )
     assert first.label == again.label
     for name, values in first.records.items():
         assert np.array_equal(values, again.records[name])
-    other = make_experiment(plan, {**SHORT, "seed": 1})
+    other = make_experiment(plan, changed(SHORT, seed=1))
     assert not np.allclose(first.records["multisine"], other.records["multisine"])
 
 
 def test_drawn_values_stay_in_the_configured_ranges():
-    plans = plan_batch("null", 0, {**SHORT, "nulls": 40, "nulls_per_batch": 40})
+    plans = plan_batch("null", 0, changed(SHORT, nulls=40, nulls_per_batch=40))
     labels = [make_experiment(plan, SHORT).label for plan in plans]
     for key, wanted in (("ke", "elastic_N_per_mm"), ("k2", "relaxing_N_per_mm"), ("tau_s", "relaxation_s")):
-        low, high = SHORT[wanted]
+        low, high = getattr(SHORT, wanted)
         values = [label[key] for label in labels]
         assert low <= min(values) < max(values) <= high
         assert max(values) - min(values) > 0.5 * (high - low)
@@ -93,11 +94,11 @@ def test_drawn_values_stay_in_the_configured_ranges():
 
 def test_batches_hold_every_form_once_and_all_nulls_without_a_gap():
     wanted = settings(nulls=23, nulls_per_batch=10)
-    slices = wanted["slices"]
+    slices = wanted.slices
     for kind, size in (("single", len(SINGLE)), ("pair", len(PAIRS)), ("outside", len(OUTSIDE_FORMS))):
         plans = [plan for part in range(slices, 2 * slices) for plan in plan_batch(kind, part, wanted)]
         assert sorted(plan.number for plan in plans) == list(range(size, 2 * size))
-        whole = plan_batch(kind, 1, {**wanted, "slices": 1})
+        whole = plan_batch(kind, 1, changed(wanted, slices=1))
         assert sorted(plans, key=lambda plan: plan.number) == whole
     nulls = [plan.number for part in range(3) for plan in plan_batch("null", part, wanted)]
     assert nulls == list(range(23))
@@ -174,7 +175,7 @@ def test_contradictory_settings_are_refused_before_anything_is_written(tmp_path)
 
 @pytest.mark.parametrize("ratio", [0.3, 400.0])
 def test_strengths_out_of_reach_are_labelled_as_they_are(ratio):
-    wanted = {**SHORT, "residual_over_noise": [ratio, ratio]}
+    wanted = changed(SHORT, residual_over_noise=[ratio, ratio])
     for number in (9, 22, 34, 36):
         experiment = make_experiment(plan_batch("single", 0, wanted)[number], wanted)
         found = experiment.label["residual_over_noise"][0]

@@ -5,26 +5,23 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-import yaml
 
 from lumbar.lifting import lift as lifting
 from lumbar.records.markers import read_markers
 from lumbar.reports.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
+from study_settings import study_settings, subject_settings
 
 
 @pytest.fixture(scope="module")
 def drawn(project, tmp_path_factory):
     from lumbar.synthetic.lifting_recordings import write_lift
 
-    read = lambda name: yaml.safe_load((project / "config" / name).read_text(encoding="utf-8"))  # noqa: E731
-    settings, twin = read("config.yaml")["lifting"], read("twin.yaml")["twin"]["lifting"]
-    subject = read("subjects/novice.yaml")["subject"]
+    settings, twin = study_settings().lifting, study_settings().twin.lifting
+    subject = subject_settings("novice")
     path = tmp_path_factory.mktemp("twin") / "novice_23kg.c3d"
     write_lift(twin, "novice_23kg", [1], path, None)
-    trial = subject["trials"][0]
-    lift = lifting.analyse_lift(
-        read_markers(path, settings["markers"]), "novice_23kg", subject, trial, settings
-    )
+    trial = subject.trials[0]
+    lift = lifting.analyse_lift(read_markers(path, settings.markers), "novice_23kg", subject, trial, settings)
     return {
         "motion": lifting.motion_frame(lift),
         "centres": lifting.centres_frame(lift),

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 
 from lumbar.errors import InputError, NumericalError
 from lumbar.lifting.lift import analyse_lift, states_frame, summary
 from lumbar.lifting.pendulum_states import heading, pendulum_states, pivot_trajectory, turn
 from lumbar.records.markers import MarkerRecording, read_markers
+from study_settings import changed, study_settings, subject_settings
 
 TIME = np.arange(0, 4, 0.01)
 START, STOP, POINTS = 1.0, 3.0, 1000
@@ -118,9 +118,8 @@ def test_unknown_pivots_and_missing_markers_are_refused():
 
 @pytest.fixture(scope="module")
 def study(project):
-    read = lambda name: yaml.safe_load((project / "config" / name).read_text(encoding="utf-8"))  # noqa: E731
-    subject = read("subjects/novice.yaml")["subject"]
-    return read("config.yaml")["lifting"], read("twin.yaml")["twin"]["lifting"], subject, subject["trials"][0]
+    settings, subject = study_settings(), subject_settings("novice")
+    return settings.lifting, settings.twin.lifting, subject, subject.trials[0]
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +128,7 @@ def recording(study, tmp_path_factory):
 
     path = tmp_path_factory.mktemp("twin") / "novice_23kg.c3d"
     write_lift(study[1], "novice_23kg", [3], path, None)
-    return read_markers(path, study[0]["markers"])
+    return read_markers(path, study[0].markers)
 
 
 def test_the_whole_chain_recovers_the_twins_true_pendulum(study, recording):
@@ -140,7 +139,7 @@ def test_the_whole_chain_recovers_the_twins_true_pendulum(study, recording):
     lift = analyse_lift(recording, "novice_23kg", subject, trial, settings)
     states = lift.states[("thorax", "flexion_extension")]
     fine = np.arange(states.time[0] - 0.01, states.time[-1] + 0.01, 1e-4)
-    truth = simulate(fine, twin["people"]["novice"], twin["lifts"]["novice_23kg"], twin["workplace"]).markers
+    truth = simulate(fine, twin.people["novice"], twin.lifts["novice_23kg"], twin.workplace).markers
     thorax = truth["C7"] + 0.82 * (truth["T12"] - truth["C7"])
     relative = thorax - (truth["L_ANKLE"] + truth["R_ANKLE"]) / 2
     angle = np.arctan2(relative[:, 1], relative[:, 2])
@@ -158,7 +157,7 @@ def test_states_do_not_depend_on_place_nor_on_the_laboratorys_heading(study, rec
     from dataclasses import replace
 
     settings, _, subject, trial = study
-    settings = {**settings, "frame": "pelvis"}
+    settings = changed(settings, frame="pelvis")
     shift = np.array([3.0, -7.0, 0.4])
     moved = {name: turn(points, 0.9) + shift for name, points in recording.positions.items()}
     here = states_frame(analyse_lift(recording, "here", subject, trial, settings))
@@ -170,9 +169,7 @@ def test_states_do_not_depend_on_place_nor_on_the_laboratorys_heading(study, rec
 def test_the_box_pulls_the_pendulum_forward_where_it_counts_in_the_position(study, recording):
     settings, _, subject, trial = study
     alone = analyse_lift(recording, "x", subject, trial, settings)
-    boxed = analyse_lift(
-        recording, "x", subject, trial, {**settings, "box": {"share": "by_mass", "in_position": True}}
-    )
+    boxed = analyse_lift(recording, "x", subject, trial, changed(settings, box={"in_position": True}))
     key = ("thorax", "flexion_extension")
     assert (boxed.states[key].angle > alone.states[key].angle + 0.05).all()
 

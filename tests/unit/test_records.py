@@ -11,14 +11,20 @@ from lumbar.errors import InputError
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record, check_record, same_units
 from lumbar.records.resampling import resample
+from lumbar.settings.layout import ColumnLayout
+from lumbar.settings.plain import typed
+from study_settings import changed
 
-LAYOUT = {
-    "columns": {
-        "time": {"column": "t", "quantity": "time", "unit": "s"},
-        "input": {"column": "z", "quantity": "position", "unit": "mm"},
-        "output": {"column": "f", "quantity": "force", "unit": "N"},
-    }
-}
+LAYOUT = typed(
+    ColumnLayout,
+    {
+        "columns": {
+            "time": {"column": "t", "quantity": "time", "unit": "s"},
+            "input": {"column": "z", "quantity": "position", "unit": "mm"},
+            "output": {"column": "f", "quantity": "force", "unit": "N"},
+        }
+    },
+)
 TIME = np.arange(50) / 100
 
 
@@ -52,7 +58,7 @@ def test_values_units_and_clock_are_read(tmp_path, values):
 
 def test_an_optional_column_may_be_absent_or_rest(tmp_path, values):
     optional = {"column": "l", "quantity": "length", "unit": "m", "optional": True}
-    layout = {"columns": {**LAYOUT["columns"], "length": optional}}
+    layout = changed(LAYOUT, columns={"length": optional})
     assert "length" not in read_record(written(tmp_path, text_of(values)), layout).channels
     resting = np.column_stack([values, np.full(len(values), 0.4)])
     text = text_of(resting, "t,z,f,l", "{:.6f},{:.6f},{:.6f},{:.6f}")
@@ -60,7 +66,7 @@ def test_an_optional_column_may_be_absent_or_rest(tmp_path, values):
     with pytest.raises(InputError, match="no column 'l'"):
         read_record(
             written(tmp_path, text_of(values)),
-            {"columns": {**LAYOUT["columns"], "length": {**optional, "optional": False}}},
+            changed(LAYOUT, columns={"length": {**optional, "optional": False}}),
         )
     with pytest.raises(InputError, match=r"length is nan"):
         broken = text.replace("0.400000\n", "nan\n", 1)
@@ -68,22 +74,25 @@ def test_an_optional_column_may_be_absent_or_rest(tmp_path, values):
     from scipy.io import savemat
 
     savemat(tmp_path / "trial.mat", dict(zip("tzf", values.T, strict=True)))
-    read = read_record(tmp_path / "trial.mat", {**layout, "format": "mat"})
+    read = read_record(tmp_path / "trial.mat", changed(layout, format="mat"))
     assert set(read.channels) == {"input", "output"}
 
 
 def test_scale_offset_numbers_comments_and_decimal_comma(tmp_path, values):
     text = text_of(1000 * values, header="% made up\n", form="{:.3f}\t{:.3f}\t{:.3f}").replace(".", ",")
-    layout = {
-        "delimiter": "\t",
-        "header": False,
-        "comment": "%",
-        "decimal": ",",
-        "columns": {
-            "time": {"column": 1, "unit": "ms"},
-            "input": {"column": 3, "unit": "mm", "scale": 0.001, "offset": 5},
+    layout = typed(
+        ColumnLayout,
+        {
+            "delimiter": "\t",
+            "header": False,
+            "comment": "%",
+            "decimal": ",",
+            "columns": {
+                "time": {"column": 1, "unit": "ms"},
+                "input": {"column": 3, "unit": "mm", "scale": 0.001, "offset": 5},
+            },
         },
-    }
+    )
     record = read_record(written(tmp_path, text), layout)
     assert record.time == pytest.approx(TIME, abs=1e-9)
     assert record["input"] == pytest.approx(values[:, 2] + 5, abs=1e-6)
@@ -93,12 +102,12 @@ def test_gzip_whitespace_and_byte_order_mark(tmp_path, values):
     path = tmp_path / "run.2.txt.gz"
     text = "﻿" + text_of(values, header="t z  f", form="  {:.6f}   {:.6f} {:.6f}")
     path.write_bytes(gzip.compress(text.encode()))
-    record = read_record(path, LAYOUT | {"delimiter": "whitespace"})
+    record = read_record(path, changed(LAYOUT, delimiter="whitespace"))
     assert record.name == "run.2"
     assert record["output"] == pytest.approx(values[:, 2], abs=1e-6)
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(InputError, match="not a readable text file"):
-        read_record(path, LAYOUT | {"delimiter": "whitespace"})
+        read_record(path, changed(LAYOUT, delimiter="whitespace"))
 
 
 def test_matlab_files(tmp_path, values):
@@ -106,14 +115,14 @@ def test_matlab_files(tmp_path, values):
 
     path = tmp_path / "trial.mat"
     savemat(path, {"t": values[:, 0], "z": values[:, [1]], "f": values[:, 2]})
-    record = read_record(path, LAYOUT | {"format": "mat"})
+    record = read_record(path, changed(LAYOUT, format="mat"))
     assert record["input"] == pytest.approx(values[:, 1])
     savemat(path, {"t": values[:, 0], "z": values[:5, 1], "f": 1j * values[:, 2]})
     with pytest.raises(InputError, match=r"(?s)not a vector of real numbers.*different lengths"):
-        read_record(path, LAYOUT | {"format": "mat"})
+        read_record(path, changed(LAYOUT, format="mat"))
     path.write_bytes(b"nonsense")
     with pytest.raises(InputError, match="not a MATLAB file"):
-        read_record(path, LAYOUT | {"format": "mat"})
+        read_record(path, changed(LAYOUT, format="mat"))
 
 
 def test_cells_that_are_no_numbers_are_all_named_by_line(tmp_path, values):
@@ -132,16 +141,16 @@ def test_a_decimal_comma_cannot_shift_the_columns(tmp_path, values):
     with pytest.raises(InputError, match="line 2: 6 cells; 3 are expected: check delimiter and decimal"):
         read_record(written(tmp_path, text), LAYOUT)
     with pytest.raises(InputError, match="both as delimiter and as decimal mark"):
-        read_record(written(tmp_path, text), LAYOUT | {"decimal": ","})
+        read_record(written(tmp_path, text), changed(LAYOUT, decimal=","))
 
 
 def test_empty_first_cells_and_quoted_headers_keep_their_columns(tmp_path, values):
-    layout = LAYOUT | {"delimiter": "\t"}
+    layout = changed(LAYOUT, delimiter="\t")
     text = text_of(values, header="\tt\tz\tf", form="\t{:.6f}\t{:.6f}\t{:.6f}")
     assert read_record(written(tmp_path, text), layout)["output"] == pytest.approx(values[:, 2], abs=1e-6)
     text = text_of(values, header='"t","z","f, raw"')
-    columns = LAYOUT["columns"] | {"output": {"column": "f, raw", "unit": "N"}}
-    record = read_record(written(tmp_path, text), {"columns": columns})
+    layout = changed(LAYOUT, columns={"output": {"column": "f, raw", "unit": "N"}})
+    record = read_record(written(tmp_path, text), layout)
     assert record["output"] == pytest.approx(values[:, 2], abs=1e-6)
 
 
@@ -268,28 +277,34 @@ def test_a_record_too_short_for_the_filter_is_refused():
 
 
 def test_real_recordings_are_read(shared):
-    layout = {
-        "delimiter": ",",
-        "header": False,
-        "comment": "%",
-        "columns": {
-            "time": {"column": 1, "unit": "s"},
-            "input": {"column": 2, "quantity": "angle", "unit": "rad", "scale": 2 * np.pi / 8192},
-            "output": {"column": 3, "quantity": "moment", "unit": "N·m", "scale": 3.9811e-5},
+    layout = typed(
+        ColumnLayout,
+        {
+            "delimiter": ",",
+            "header": False,
+            "comment": "%",
+            "columns": {
+                "time": {"column": 1, "unit": "s"},
+                "input": {"column": 2, "quantity": "angle", "unit": "rad", "scale": 2 * np.pi / 8192},
+                "output": {"column": 3, "quantity": "moment", "unit": "N·m", "scale": 3.9811e-5},
+            },
         },
-    }
+    )
     record = read_record(
         shared / "real/davinci_tool_friction/Tool_4_Maryland_L_4_03.TXT.gz", layout, rate=200
     )
     assert record.sampling_time == pytest.approx(0.005, rel=1e-3)
     assert record.duration == pytest.approx(20, rel=0.1)
-    damper = {
-        "columns": {
-            "time": {"column": "time_s", "unit": "s"},
-            "input": {"column": "disp_in", "unit": "mm", "scale": 25.4},
-            "output": {"column": "force_kip", "unit": "kN", "scale": 4.4482216},
-        }
-    }
+    damper = typed(
+        ColumnLayout,
+        {
+            "columns": {
+                "time": {"column": "time_s", "unit": "s"},
+                "input": {"column": "disp_in", "unit": "mm", "scale": 25.4},
+                "output": {"column": "force_kip", "unit": "kN", "scale": 4.4482216},
+            }
+        },
+    )
     record = read_record(shared / "real/friction_damper/ds2_1Hz30lbtension1amplitude.csv.gz", damper)
     assert 1 / record.sampling_time == pytest.approx(1024, rel=1e-3)
     assert np.ptp(record["input"]) == pytest.approx(2 * 25.4, rel=0.1)

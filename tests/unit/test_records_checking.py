@@ -9,6 +9,8 @@ import pytest
 
 from lumbar.errors import InputError
 from lumbar.records.checking import check_recordings
+from lumbar.settings.plain import plain
+from lumbar.settings.survey import SurveySettings
 
 LAYOUT = {
     "columns": {
@@ -78,11 +80,9 @@ def test_a_rate_that_cannot_be_reached_is_found_here(tmp_path):
 
 
 def test_answers_and_markers_have_readers_of_their_own(tmp_path, project):
-    import yaml
-
-    survey = yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["survey"]
+    layout = plain(SurveySettings().layout)
     path = project / "resources" / "survey" / "survey_reconstructed.csv"
-    entry = {"chapter": "survey", "reader": "ratings", "path": str(path), "layout": survey["layout"]}
+    entry = {"chapter": "survey", "reader": "ratings", "path": str(path), "layout": layout}
     described = check_recordings([entry])["survey"][0]
     assert described["participants"] == 45
     assert described["sources"] == ["reconstructed_not_real"]

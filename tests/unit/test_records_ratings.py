@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lumbar.errors import InputError
 from lumbar.records.ratings import read_ratings
+from lumbar.settings.plain import typed
+from lumbar.settings.survey import RatingsLayout
 
-LAYOUT = {
-    "participant": "who",
-    "models": [{"name": name, "column": f"rating_{name}"} for name in ("IL", "KB", "HO")],
-    "scale_points": 5,
-    "best": "best",
-    "yes_no": ["clinician"],
-    "experience": "years",
-    "experience_levels": ["<5", ">=5"],
-    "source": None,
-}
+LAYOUT = typed(
+    RatingsLayout,
+    {
+        "participant": "who",
+        "models": [{"name": name, "column": f"rating_{name}"} for name in ("IL", "KB", "HO")],
+        "scale_points": 5,
+        "best": "best",
+        "yes_no": ["clinician"],
+        "experience": "years",
+        "experience_levels": ["<5", ">=5"],
+        "source": None,
+    },
+)
 HEADER = "who,rating_IL,rating_KB,rating_HO,best,clinician,years"
 GOOD = ["a,1,2,3,KB,yes,<5", "b,5,4,4,HO,0,>=5", "c,2,2,2,IL,True,<5"]
 
@@ -103,22 +110,25 @@ def test_an_absent_file(tmp_path):
 
 def test_contradictory_layouts(tmp_path):
     path = written(tmp_path, *GOOD)
-    twice = LAYOUT | {"models": [LAYOUT["models"][0]] * 3}
+    twice = replace(LAYOUT, models=LAYOUT.models[:1] * 3)
     assert "IL stands twice" in message_of(path, twice)
     assert "column 'rating_IL' is used twice" in message_of(path, twice)
-    assert "experience_levels" in message_of(path, LAYOUT | {"experience_levels": []})
+    assert "experience_levels" in message_of(path, replace(LAYOUT, experience_levels=()))
 
 
 def test_other_scales_delimiters_and_fewer_questions(tmp_path):
     path = tmp_path / "survey.csv"
     path.write_text("\ufeffwho;x;y;best\n1; 7 ;1;Y\n2;6;2;X\n", encoding="utf-8")
-    layout = {
-        "delimiter": ";",
-        "participant": "who",
-        "models": [{"name": "X", "column": "x"}, {"name": "Y", "column": "y"}],
-        "scale_points": 7,
-        "best": "best",
-    }
+    layout = typed(
+        RatingsLayout,
+        {
+            "delimiter": ";",
+            "participant": "who",
+            "models": [{"name": "X", "column": "x"}, {"name": "Y", "column": "y"}],
+            "scale_points": 7,
+            "best": "best",
+        },
+    )
     ratings = read_ratings(path, layout)
     assert ratings.scores.tolist() == [[7, 1], [6, 2]]
     assert ratings.groups == {}

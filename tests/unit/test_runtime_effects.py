@@ -18,6 +18,7 @@ from lumbar.fmu.build.effect_entry import effect_model
 from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
 from lumbar.models.fitted_model import FittedModel
+from study_settings import changed
 
 on_x86_64_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
@@ -25,7 +26,7 @@ on_x86_64_linux = pytest.mark.skipif(
 
 
 def exported(entry: dict, **settings):
-    chosen = {**SETTINGS, "models": [entry["name"]], **settings}
+    chosen = changed(SETTINGS, models=[entry["name"]], **settings)
     return selected(models_json(entry), chosen)[0]
 
 

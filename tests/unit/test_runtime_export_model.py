@@ -7,10 +7,11 @@ from runtime_models import SETTINGS, about, entry, models_json, selected
 
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.fitted_model import identifier
+from study_settings import changed
 
 
 def select(content, **changes):
-    return selected(content, {**SETTINGS, **changes})
+    return selected(content, changed(SETTINGS, **changes))
 
 
 def test_models_come_in_the_configured_order():

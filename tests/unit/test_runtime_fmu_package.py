@@ -22,6 +22,7 @@ from lumbar.fmu.build.package import compile_model, export_fmus, write_fmu
 from lumbar.fmu.build.sources import c_files, source_files
 from lumbar.fmu.check.fmu_check import simulate_fmu
 from lumbar.fmu.check.lint import lint_fmu
+from study_settings import changed
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"),
@@ -60,7 +61,7 @@ def test_the_same_bytes_from_another_folder_and_a_cold_cache(fmu_models, fmu_fol
         first, second = ((place / name).read_bytes() for place in (fmu_folder, tmp_path / "elsewhere"))
         assert hashlib.sha256(first).hexdigest() == hashlib.sha256(second).hexdigest()
     with_effects = effect_entry(*COMBINATIONS[1])
-    models = selected(models_json(with_effects), {**SETTINGS, "models": [with_effects["name"]]})
+    models = selected(models_json(with_effects), changed(SETTINGS, models=[with_effects["name"]]))
     first, again = (
         export_fmus(models, tmp_path / folder, "synthetic twin", TARGET, cache)
         for folder, cache in (("one", zig_cache), ("another folder", tmp_path / "cold cache"))
@@ -203,7 +204,7 @@ int main(void) {
 @pytest.mark.parametrize("start", ["0.0", "1e3"])
 def test_accumulated_steps_are_never_mistimed(start, zig_cache, tmp_path):
     """A client in C, built with traps for undefined behaviour, takes three million steps."""
-    settings = {**SETTINGS, "models": ["gain"], "moving_average": 1, "output_limit": 1e9}
+    settings = changed(SETTINGS, models=["gain"], moving_average=1, output_limit=1e9)
     model = selected(models_json(entry("gain", [1.0], [1.0])), settings)[0]
     for name, text in source_files(model).items():
         (tmp_path / name).write_text(text)

@@ -14,6 +14,7 @@ from lumbar.errors import InputError
 from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
 from lumbar.fmu.check.reference_stimulus import push
+from study_settings import changed
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"),
@@ -158,17 +159,17 @@ def test_check_finds_nothing_in_sound_fmus(fmu_models, fmu_folder):
 
 
 def test_check_refuses_an_fmu_of_other_numbers(fmu_models, fmu_folder, zig_cache, tmp_path):
-    changed = selected(
-        models_json(entry("KB", [1.9 * (1 + 1e-11), -1.2], [1.0, -0.45])), {**SETTINGS, "models": ["KB"]}
+    other = selected(
+        models_json(entry("KB", [1.9 * (1 + 1e-11), -1.2], [1.0, -0.45])), changed(SETTINGS, models=["KB"])
     )
-    export_fmus(changed, tmp_path, "synthetic twin", TARGET, zig_cache)
+    export_fmus(other, tmp_path, "synthetic twin", TARGET, zig_cache)
     sound = [model for model in fmu_models if model.name == "KB"]
     with pytest.raises(InputError, match="simulated output is off"):
         check_fmus(sound, tmp_path, samples=200, seed=3)
 
 
 def test_an_unstable_model_runs_into_its_limit_and_passes(zig_cache, tmp_path):
-    settings = {**SETTINGS, "models": ["MW"], "unstable": "export"}
+    settings = changed(SETTINGS, models=["MW"], unstable="export")
     unstable = selected(models_json(entry("MW", [0.0, 1.0], [1.0, -1.04])), settings)
     export_fmus(unstable, tmp_path, "synthetic twin", TARGET, zig_cache)
     checks = check_fmus(unstable, tmp_path, samples=1000, seed=3)

@@ -16,6 +16,7 @@ from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import POSITION, SETTINGS, TARGET, get, models_json, put, selected
 
 from lumbar.fmu.build.package import export_fmus
+from study_settings import changed
 
 FOLDER = Path(os.environ.get("LUMBAR_IMPORTERS", "absent"))
 """Made by tests/get_importers.sh."""
@@ -43,7 +44,7 @@ with_fmi_sim = pytest.mark.skipif(
 @pytest.fixture(scope="module")
 def folder(fmu_folder, zig_cache):
     """Return the folder of shared FMUs, with one more whose input and output forms have memory."""
-    chosen = selected(models_json(EFFECTS), {**SETTINGS, "models": [EFFECTS["name"]]})
+    chosen = selected(models_json(EFFECTS), changed(SETTINGS, models=[EFFECTS["name"]]))
     export_fmus(chosen, fmu_folder, "synthetic twin", TARGET, zig_cache)
     return fmu_folder
 

@@ -15,6 +15,7 @@ from lumbar.effects.catalogue import catalogue_with
 from lumbar.errors import InputError
 from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
+from study_settings import changed
 
 on_x86_64_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
@@ -53,7 +54,7 @@ RECTIFIED = Effect("rectified", "The sensor shows no sign.", (Form("size", "|F| 
 def exported(catalogue, *effects, **settings):
     added = {f"{effect}/{form}": numbers for effect, form, *numbers in effects}
     content = models_json({**entry_of_effects("KB", added, catalogue), "name": "KB+own"})
-    chosen = {**SETTINGS, "models": ["KB+own"], "moving_average": 1, **settings}
+    chosen = changed(SETTINGS, models=["KB+own"], moving_average=1, **settings)
     return selected(content, chosen, catalogue)[0]
 
 
@@ -94,7 +95,7 @@ def test_effects_with_memory_at_every_place_become_an_fmu(rate, zig_cache, tmp_p
     held_to_its_simulation(exported(catalogue, *effects, rate_Hz=rate), tmp_path, zig_cache)
 
 
-def changed(tmp_path, old: str, new: str):
+def rewritten(tmp_path, old: str, new: str):
     assert old in WRITTEN
     (tmp_path / "own.py").write_text(WRITTEN.replace(old, new), encoding="utf-8")
     return catalogue_with([tmp_path / "own.py"])
@@ -126,7 +127,7 @@ def changed(tmp_path, old: str, new: str):
     ],
 )
 def test_what_the_file_lacks_is_named(old, new, words, tmp_path):
-    catalogue = changed(tmp_path, old, new)
+    catalogue = rewritten(tmp_path, old, new)
     effects = (
         ("lag", "first_order", [], [0.05]),
         ("creep", "mean", [0.3], []),
@@ -138,7 +139,7 @@ def test_what_the_file_lacks_is_named(old, new, words, tmp_path):
 
 @on_x86_64_linux
 def test_c_code_that_says_something_else_than_the_simulation_is_refused(zig_cache, tmp_path):
-    catalogue = changed(tmp_path, "creep_stiffness * (next[1] / next[0])", "creep_stiffness * next[1]")
+    catalogue = rewritten(tmp_path, "creep_stiffness * (next[1] / next[0])", "creep_stiffness * next[1]")
     model = exported(catalogue, ("creep", "mean", [0.3], []))
     export_fmus([model], tmp_path, "own", TARGET, zig_cache)
     with pytest.raises(InputError, match="simulated output is off by"):
@@ -146,12 +147,12 @@ def test_c_code_that_says_something_else_than_the_simulation_is_refused(zig_cach
 
 
 def test_a_comment_may_name_functions_that_code_may_not_call(tmp_path):
-    catalogue = changed(tmp_path, '"fabs(force)"', '"fabs(force)", "// not tanh(force) /* sin(x) */"')
+    catalogue = rewritten(tmp_path, '"fabs(force)"', '"fabs(force)", "// not tanh(force) /* sin(x) */"')
     assert exported(catalogue, ("rectified", "size", [], []))
 
 
 def test_code_that_does_not_compile_leaves_no_fmu(zig_cache, tmp_path):
-    catalogue = changed(tmp_path, "fabs(force)", "fabs(strength)")
+    catalogue = rewritten(tmp_path, "fabs(force)", "fabs(strength)")
     model = exported(catalogue, ("rectified", "size", [], []))
     folder = tmp_path / "fmu"
     folder.mkdir()
@@ -161,7 +162,7 @@ def test_code_that_does_not_compile_leaves_no_fmu(zig_cache, tmp_path):
 
 
 def test_an_equation_that_cannot_be_set_is_named(zig_cache, tmp_path):
-    catalogue = changed(tmp_path, '"|F| */ ??/\\n|F|"', '"\\\\nonsense{F"')
+    catalogue = rewritten(tmp_path, '"|F| */ ??/\\n|F|"', '"\\\\nonsense{F"')
     model = exported(catalogue, ("rectified", "size", [], []))
     with pytest.raises(InputError, match=r"equation .*nonsense.* LaTeX that can be set"):
         export_fmus([model], tmp_path / "fmu", "own", TARGET, zig_cache)

@@ -23,6 +23,7 @@ from lumbar.fmu.build.compiler import TARGETS, host_target, resolve_targets
 from lumbar.fmu.build.mach_o import universal_library
 from lumbar.fmu.build.package import export_fmus, fmu_contents
 from lumbar.fmu.build.reference_response import reference_push
+from study_settings import changed
 
 HERE = Path(__file__).parent
 WINE = (
@@ -58,9 +59,9 @@ def some_models():
     entries = [entry("KB", [1.9, -1.2], [1.0, -0.45]), entry("gain", [1.0], [1.0])]
     linear = selected(
         models_json(*entries),
-        {**SETTINGS, "models": ["KB", "gain"], "moving_average": 1, "output_limit": 1e9},
+        changed(SETTINGS, models=["KB", "gain"], moving_average=1, output_limit=1e9),
     )
-    settings = {**SETTINGS, "models": [NONLINEAR["name"]]}
+    settings = changed(SETTINGS, models=[NONLINEAR["name"]])
     return [*linear, *selected(models_json(NONLINEAR), settings)]
 
 
@@ -164,7 +165,7 @@ def test_the_loader_in_c_sharp_prints_the_embedded_reference(platform_fmus, proj
 @with_wine
 def test_five_platforms_fit_into_150_kilobytes(zig_cache, tmp_path):
     """A linear model, and the most effects that a diagnosis adds at the rate of a haptic loop."""
-    chosen = {**SETTINGS, "models": [FIVE_EFFECTS["name"]], "rate_Hz": 1000}
+    chosen = changed(SETTINGS, models=[FIVE_EFFECTS["name"]], rate_Hz=1000)
     models = [some_models()[0], *selected(models_json(FIVE_EFFECTS), chosen)]
     for path in export_fmus(models, tmp_path, "synthetic twin", list(TARGETS), zig_cache):
         assert path.stat().st_size <= 150_000, path.name

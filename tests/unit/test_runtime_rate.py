@@ -10,6 +10,7 @@ from scipy.signal import cont2discrete, lfilter, ss2tf
 from lumbar.errors import NumericalError
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.resampled_model import at_rate
+from study_settings import changed
 
 MODELS = {
     "KB": ([1.9, -1.2], [1.0, -0.45]),
@@ -64,7 +65,7 @@ def test_models_without_a_counterpart_are_named(numerator, denominator, wanted, 
 
 def test_rate_of_the_configuration_is_that_of_the_fmu():
     content = models_json(entry("KB", [1.9, -1.2], [1.0, -0.45]), entry("IL", [-0.125], [1.0]))
-    kb, gain = selected(content, {**SETTINGS, "models": ["KB", "IL"], "rate_Hz": 1000})
+    kb, gain = selected(content, changed(SETTINGS, models=["KB", "IL"], rate_Hz=1000))
     assert kb.sampling_time == gain.sampling_time == 0.001
     assert kb.dynamics.largest_pole == pytest.approx(0.45**0.1)
     assert gain.dynamics.numerator == (-0.125,)

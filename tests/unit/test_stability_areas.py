@@ -11,6 +11,8 @@ from stability_cases import minimum_jerk
 
 from lumbar.errors import InputError
 from lumbar.reports.figures.stability_figures import ellipses, shown_lift
+from lumbar.settings.plain import typed
+from lumbar.settings.stability import StabilitySettings
 from lumbar.stability.basins import COLUMNS, basins_of_lift, close_loops
 from lumbar.stability.comparison.basin_areas import areas_table
 from lumbar.stability.comparison.percent_differences import percent_differences, varied_areas
@@ -18,30 +20,34 @@ from lumbar.stability.comparison.table_4_1 import table_4_1
 from lumbar.stability.funnel.funnel import exact_funnels
 from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 from lumbar.stability.model.trajectory import COMS, PLANES, find_problems
+from study_settings import changed
 
-SETTINGS = {
-    "pendulum": {"sign": "hanging", "mass": "with_box", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},
-    "regulator": {
-        "state_weight": [[1.0, 0.0], [0.0, 0.1]],
-        "control_weight": 1e-3,
-        "terminal_weight": [[100.0, 0.0], [0.0, 10.0]],
+SETTINGS = typed(
+    StabilitySettings,
+    {
+        "pendulum": {"sign": "hanging", "mass": "with_box", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},
+        "regulator": {
+            "state_weight": [[1.0, 0.0], [0.0, 0.1]],
+            "control_weight": 1e-3,
+            "terminal_weight": [[100.0, 0.0], [0.0, 10.0]],
+        },
+        "goal_level": 1.0,
+        "knots": 201,
+        "proof": {"margin_1_s": 0.05},
+        "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5},
+        "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
+        "attack": {"starts": 400, "control_overstated": 0.3},
+        "limits": {
+            "torque_N_m": 60.0,
+            "mass_share": 0.05,
+            "knots": 101,
+            "certified_knots": 5,
+            "proved": False,
+        },
+        "lyapunov_shares": [0.0, 1.0],
+        "sensitivity_factor": 2,
     },
-    "goal_level": 1.0,
-    "knots": 201,
-    "proof": {"margin_1_s": 0.05},
-    "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5},
-    "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
-    "attack": {"starts": 400, "control_overstated": 0.3},
-    "limits": {
-        "torque_N_m": 60.0,
-        "mass_share": 0.05,
-        "knots": 101,
-        "certified_knots": 5,
-        "proved": False,
-    },
-    "lyapunov_shares": [0.0, 1.0],
-    "sensitivity_factor": 2,
-}
+)
 
 
 def lift(subject="expert", box=23.0, mass=33.0, duration=1.5):
@@ -157,7 +163,7 @@ def test_funnel_file_gives_the_areas(basins):
 
 
 def test_same_seed_same_rows_and_engines_may_be_left_out(basins):
-    settings = {**SETTINGS, "sum_of_squares": None, "thesis_method": None}
+    settings = changed(SETTINGS, sum_of_squares=None, thesis_method=None)
     again = basins_of_lift(lift(), settings, seed=1).summary
     exact = basins.summary[basins.summary["method"] == "exact"].reset_index(drop=True)
     pd.testing.assert_frame_equal(again, exact, check_dtype=False)
@@ -221,7 +227,7 @@ def test_table_4_1_of_a_study_and_of_one_lift(project, basins):
 
 def test_repeated_trials_give_an_interval(basins):
     """Three trials with each box, 1 % apart: the verdict carries a bootstrap interval about the percentage."""
-    settings = {**SETTINGS, "sum_of_squares": None, "thesis_method": None, "proof": None}
+    settings = changed(SETTINGS, sum_of_squares=None, thesis_method=None, proof=None)
     rows, items = [], []
     for box, mass in ((23.0, 33.0), (15.0, 28.0)):
         for repetition in range(3):
@@ -237,12 +243,12 @@ def test_repeated_trials_give_an_interval(basins):
 def test_variants_are_what_they_say():
     items = lift()[:2]
     varied = varied_areas(items, SETTINGS)
-    doubled = {**SETTINGS, "pendulum": {**SETTINGS["pendulum"], "damping_N_m_s": 2.0}}
+    doubled = changed(SETTINGS, pendulum={"damping_N_m_s": 2.0})
     assert varied["b*"] == pytest.approx(
         exact_funnels(close_loops(items, "hanging", doubled)).mean_area, rel=1e-7
     )
-    regulator = {**SETTINGS["regulator"], "control_weight": 5e-4}
-    halved = {**SETTINGS, "regulator": regulator}
+    regulator = {"control_weight": 5e-4}
+    halved = changed(SETTINGS, regulator=regulator)
     assert varied["R/"] == pytest.approx(
         exact_funnels(close_loops(items, "hanging", halved)).mean_area, rel=1e-7
     )

@@ -25,14 +25,11 @@ from lumbar.stability.model.failures import (
     joined,
 )
 from lumbar.stability.model.lift_trajectories import trajectories_of_lift
+from study_settings import changed
 
-FAST = {
-    **SETTINGS,
-    "knots": 101,
-    "thesis_method": None,
-    "proof": None,
-    "attack": {"starts": 50, "control_overstated": 0.3},
-}
+FAST = changed(
+    SETTINGS, knots=101, thesis_method=None, proof=None, attack={"starts": 50, "control_overstated": 0.3}
+)
 
 
 def with_tiny_inertia(items, index=0):
@@ -80,9 +77,9 @@ def test_what_is_no_numerical_failure_stops_everything():
 
     with pytest.raises(InputError, match="weights"):
         all_or_each(wrong, lift(), basin="x")
-    regulator = {**FAST["regulator"], "state_weight": [[1.0, 2.0], [2.0, 1.0]], "control_weight": -1.0}
+    regulator = {"state_weight": [[1.0, 2.0], [2.0, 1.0]], "control_weight": -1.0}
     with pytest.raises(InputError, match="2 problems"):
-        basins_of_lift(lift(), {**FAST, "regulator": regulator}, seed=1)
+        basins_of_lift(lift(), changed(FAST, regulator=regulator), seed=1)
 
 
 def test_one_bad_basin_drops_only_its_row(broken):
@@ -153,7 +150,7 @@ def test_exponents_stand_beside_the_basins_of_repeated_trials():
                 items.append(replace(item, angle=angle, angular_velocity=velocity))
         return items
 
-    settings = {**FAST, "sum_of_squares": None, "knots": 101}
+    settings = changed(FAST, sum_of_squares=None, knots=101)
     boxes = {23.0: 33.0, 15.0: 28.0}
     boa = pd.concat(
         [basins_of_lift(lift(box=box, mass=mass), settings, 1).summary for box, mass in boxes.items()]
@@ -183,7 +180,7 @@ def test_announcement_and_table_name_everything(tmp_path, broken):
 
 
 def test_extended_basins_hold_every_loop_and_engine():
-    settings = {**SETTINGS, "limits": {**SETTINGS["limits"], "torque_N_m": 400.0, "proved": True}}
+    settings = changed(SETTINGS, limits={"torque_N_m": 400.0, "proved": True})
     frame, failures = extended_basins(lift()[:2], settings, seed=1)
     assert not failures and list(frame.columns) == list(COLUMNS)
     counts = frame.groupby(["loop", "method", "sign"]).size()
@@ -198,11 +195,7 @@ def test_extended_basins_hold_every_loop_and_engine():
 
 
 def test_limits_beyond_any_basin_are_failures_not_zeros():
-    settings = {
-        **FAST,
-        "limits": {**FAST["limits"], "torque_N_m": 1.0, "mass_share": 0.5},
-        "goal_level": 1e-4,
-    }
+    settings = changed(FAST, limits={"torque_N_m": 1.0, "mass_share": 0.5}, goal_level=1e-4)
     frame, failures = extended_basins(lift()[:2], settings, seed=1)
     assert set(frame["loop"]) == {"better_v"}
     reasons = {item.basin: item.reason for item in failures}

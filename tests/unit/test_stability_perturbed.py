@@ -9,6 +9,9 @@ import pytest
 from stability_cases import minimum_jerk
 
 from lumbar.errors import InputError
+from lumbar.settings.perturbations import PerturbationsSettings
+from lumbar.settings.plain import typed
+from lumbar.settings.stability import StabilitySettings
 from lumbar.stability.comparison.perturbed_trials import (
     PHASE_POINTS,
     Trial,
@@ -19,24 +22,32 @@ from lumbar.stability.comparison.perturbed_trials import (
     trials_table,
 )
 
-SETTINGS = {
-    "subject": "S0",
-    "body_mass_kg": 70.0,
-    "mass_share": 0.678,
-    "centre_share": 0.626,
-    "pivot": ["SACRUM"],
-    "top": ["C7"],
-    "plane": "flexion_extension",
-}
-STABILITY = {
-    "pendulum": {"sign": "hanging", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},
-    "regulator": {
-        "state_weight": [[1.0, 0.0], [0.0, 0.1]],
-        "control_weight": 0.03,
-        "terminal_weight": [[100.0, 0.0], [0.0, 10.0]],
+SETTINGS = typed(
+    PerturbationsSettings,
+    {
+        "subject": "S0",
+        "body_mass_kg": 70.0,
+        "mass_share": 0.678,
+        "centre_share": 0.626,
+        "pivot": ["SACRUM"],
+        "top": ["C7"],
+        "plane": "flexion_extension",
+        "unperturbed": ("u0", "u1", "u2", "u3"),
+        "perturbed": ("far", "near"),
     },
-    "goal_level": 1.0,
-}
+)
+STABILITY = typed(
+    StabilitySettings,
+    {
+        "pendulum": {"sign": "hanging", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},
+        "regulator": {
+            "state_weight": [[1.0, 0.0], [0.0, 0.1]],
+            "control_weight": 0.03,
+            "terminal_weight": [[100.0, 0.0], [0.0, 10.0]],
+        },
+        "goal_level": 1.0,
+    },
+)
 
 
 def trial(name, group, offset=0.0):

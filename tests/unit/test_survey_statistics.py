@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 from scipy import stats
 
 from lumbar.errors import NumericalError
 from lumbar.records.ratings import Ratings, read_ratings
+from lumbar.settings.survey import SurveySettings
 from lumbar.survey.best_picks import equal_shares_test, pick_shares
 from lumbar.survey.paired_analysis import (
     compare_pairs,
@@ -24,16 +24,17 @@ from lumbar.survey.paired_analysis import (
 from lumbar.survey.signed_rank import EXACT_LIMIT, positive_rank_sum_distribution, signed_rank_test
 from lumbar.survey.survey_analysis import analyse_survey, describe_participants
 from lumbar.survey.table_3_2 import holm, kruskal_wallis, mann_whitney, modes, pairs, printed
+from study_settings import study_settings
 
 
 @pytest.fixture(scope="module")
-def settings(project) -> dict:
-    return yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["survey"]
+def settings(project) -> SurveySettings:
+    return study_settings().survey
 
 
 @pytest.fixture(scope="module")
 def ratings(project, settings) -> Ratings:
-    return read_ratings(project / "resources" / "survey" / "survey_reconstructed.csv", settings["layout"])
+    return read_ratings(project / "resources" / "survey" / "survey_reconstructed.csv", settings.layout)
 
 
 def made(scores, best=None, models=("A", "B", "C", "D")) -> Ratings:

@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 import ast
-import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 
 from lumbar.errors import InputError
 from lumbar.synthetic.lifter import ARM_LENGTH
 from lumbar.synthetic.lifting_recordings import true_movement, write_lift
+from study_settings import changed, study_settings, subject_settings
 
 LIFTS = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")
 
 
 @pytest.fixture(scope="module")
 def twin(project):
-    return yaml.safe_load((project / "config" / "twin.yaml").read_text(encoding="utf-8"))["twin"]["lifting"]
+    return study_settings().twin.lifting
 
 
 @pytest.fixture(scope="module")
 def layout(project):
-    return yaml.safe_load((project / "config" / "config.yaml").read_text(encoding="utf-8"))["lifting"][
-        "markers"
-    ]
+    return study_settings().lifting.markers
 
 
 @pytest.fixture(scope="module")
@@ -35,16 +33,11 @@ def movements(twin):
 
 def test_the_study_declares_the_people_and_lifts_of_the_twin(project, twin):
     declared = {}
-    for name, person in twin["people"].items():
-        content = yaml.safe_load(
-            (project / "config" / "subjects" / f"{name}.yaml").read_text(encoding="utf-8")
-        )
-        subject = content["subject"]
-        assert {key: subject[key] for key in ("mass_kg", "height_m")} == person
-        declared |= {
-            f"{name}_{trial['box_mass_kg']:g}kg": trial["box_mass_kg"] for trial in subject["trials"]
-        }
-    assert declared == {name: lift["box_mass_kg"] for name, lift in twin["lifts"].items()}
+    for name, person in twin.people.items():
+        subject = subject_settings(name)
+        assert (subject.mass_kg, subject.height_m) == (person.mass_kg, person.height_m)
+        declared |= {f"{name}_{trial.box_mass_kg:g}kg": trial.box_mass_kg for trial in subject.trials}
+    assert declared == {name: lift.box_mass_kg for name, lift in twin.lifts.items()}
 
 
 @pytest.mark.parametrize("module", ["lifting_recordings", "lifter", "hip_moment_recordings", "swinging_body"])
@@ -69,9 +62,9 @@ def test_the_body_holds_together(twin, movements, lift):
     ):
         length = np.linalg.norm(markers[start] - markers[stop], axis=1)
         assert np.ptp(length) < 1e-9
-    height = twin["people"][twin["lifts"][lift]["person"]]["height_m"]
-    events = twin["lifts"][lift]["events_s"]
-    held = (time >= events["lift_off"]) & (time <= events["release"])
+    height = twin.people[twin.lifts[lift].person].height_m
+    events = twin.lifts[lift].events_s
+    held = (time >= events.lift_off) & (time <= events.release)
     for side in "LR":
         arm = np.linalg.norm(markers[f"{side}_SHOULDER"] - markers[f"{side}_WRIST"], axis=1) / (
             ARM_LENGTH * height
@@ -82,16 +75,16 @@ def test_the_body_holds_together(twin, movements, lift):
         grip = markers[f"{side}_WRIST"] - markers["BOX_1"]
         assert np.ptp(grip[held], axis=0).max() < 1e-9
     assert min(points[:, 2].min() for points in markers.values()) > 0
-    assert np.ptp(markers["BOX_1"][time < events["lift_off"]], axis=0).max() == 0
-    assert np.ptp(markers["BOX_1"][time > events["release"]], axis=0).max() == 0
+    assert np.ptp(markers["BOX_1"][time < events.lift_off], axis=0).max() == 0
+    assert np.ptp(markers["BOX_1"][time > events.release], axis=0).max() == 0
 
 
 def test_expert_and_novice_differ_as_described(movements, twin):
     """Novices bend the trunk further (Plamondon et al. 2010) and move less evenly."""
 
     def deposit(lift):
-        events, movement = twin["lifts"][lift]["events_s"], movements[lift]
-        return movement, (movement.time >= events["deposit_start"]) & (movement.time <= events["release"])
+        events, movement = twin.lifts[lift].events_s, movements[lift]
+        return movement, (movement.time >= events.deposit_start) & (movement.time <= events.release)
 
     for mass in (23, 15):
         expert, novice = movements[f"expert_{mass}kg"], movements[f"novice_{mass}kg"]
@@ -116,8 +109,8 @@ def test_the_file_holds_the_movement_with_noise_and_short_gaps(twin, layout, mov
     errors = np.concatenate([recording[name] - true for name, true in movements[lift].markers.items()])
     assert np.nanstd(errors) == pytest.approx(5e-4, rel=0.02)
     filled, gaps = fill_gaps(recording, 0.2)
-    assert len(gaps) == twin["gaps"]["count"]
-    assert max(gap.length_s for gap in gaps) <= twin["gaps"]["longest_s"] + 1e-9
+    assert len(gaps) == twin.gaps.count
+    assert max(gap.length_s for gap in gaps) <= twin.gaps.longest_s + 1e-9
     assert filled.missing_share == 0
     assert not recording.derived
     assert not recording.absent
@@ -145,14 +138,13 @@ def test_the_same_seed_writes_the_same_bytes_and_another_seed_others(twin, tmp_p
     ],
 )
 def test_a_movement_that_cannot_be_is_refused(twin, key, value, words):
-    settings = copy.deepcopy(twin)
-    settings["lifts"]["expert_23kg"][key] = value
+    settings = changed(twin, lifts={"expert_23kg": {key: value}})
     with pytest.raises(InputError, match=words):
         true_movement(settings, "expert_23kg")
 
 
 def test_a_recording_too_long_for_a_c3d_file_is_refused(twin):
-    settings = {**copy.deepcopy(twin), "duration_s": 95.0, "rate_Hz": 1000}
+    settings = replace(twin, duration_s=95.0, rate_Hz=1000.0)
     with pytest.raises(InputError, match="95000 frames"):
         true_movement(settings, "expert_23kg")
 

@@ -1,25 +1,26 @@
 """Synthetic surgeon trials: what the configuration promises, by estimators that are not the library's."""
 
 import ast
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 
 from lumbar.errors import InputError
 from lumbar.synthetic.surgeon_recordings import minimum_jerk_chain, surgeon_trial, tremor_noise
+from study_settings import study_settings
 
 
 @pytest.fixture(scope="module")
 def settings(project):
-    return yaml.safe_load((project / "config" / "twin.yaml").read_text(encoding="utf-8"))["twin"]["surgeon"]
+    return study_settings().twin.surgeon
 
 
 @pytest.fixture(scope="module")
 def trials(settings):
     return [
         surgeon_trial(f"{surgeon}_trial_{number}", surgeon, settings, 45)
-        for surgeon in settings["surgeons"]
+        for surgeon in settings.surgeons
         for number in (1, 2, 3)
     ]
 
@@ -27,20 +28,22 @@ def trials(settings):
 def test_recording_is_sampled_evenly_and_begins_above_the_skin(settings, trials):
     for trial in trials:
         assert list(trial.columns) == ["time_s", "x_mm", "y_mm", "z_mm"]
-        assert len(trial) == settings["duration_s"] * settings["rate_Hz"]
-        np.testing.assert_allclose(np.diff(trial.time_s), 1 / settings["rate_Hz"], atol=1e-9)
-        assert trial.z_mm[0] == pytest.approx(-settings["approach_mm"], abs=0.5)
+        assert len(trial) == settings.duration_s * settings.rate_Hz
+        np.testing.assert_allclose(np.diff(trial.time_s), 1 / settings.rate_Hz, atol=1e-9)
+        assert trial.z_mm[0] == pytest.approx(-settings.approach_mm, abs=0.5)
         assert np.isfinite(trial.to_numpy()).all()
         assert trial.z_mm.max() < 60
 
 
 def test_strokes_become_shallower(settings):
     """Over many trials without noise: depth of the strokes in the last third against the first."""
-    quiet = {**settings, "noise_rms_mm": 0.0, "reposition_mm": 0.0, "gain_mm_per_stroke": 0.0}
-    quiet["surgeons"] = {"one": {**settings["surgeons"]["surgeon_1"], "tremor_rms_mm": 0.0}}
+    one = replace(settings.surgeons["surgeon_1"], tremor_rms_mm=0.0)
+    quiet = replace(
+        settings, noise_rms_mm=0.0, reposition_mm=0.0, gain_mm_per_stroke=0.0, surgeons={"one": one}
+    )
     depths = [surgeon_trial(f"t{index}", "one", quiet, 1).z_mm.to_numpy() for index in range(30)]
-    early = np.mean([depth[1000:2000].max() for depth in depths]) - settings["puncture_mm"]
-    late = np.mean([depth[4900:5900].max() for depth in depths]) - settings["puncture_mm"]
+    early = np.mean([depth[1000:2000].max() for depth in depths]) - settings.puncture_mm
+    late = np.mean([depth[4900:5900].max() for depth in depths]) - settings.puncture_mm
     assert late / early == pytest.approx(0.49 / 0.85, abs=0.12)
 
 
@@ -77,7 +80,7 @@ def test_minimum_jerk_movement_has_its_closed_form():
 
 def test_a_trial_is_the_same_bytes_whatever_else_there_is(settings):
     first = surgeon_trial("surgeon_1_trial_1", "surgeon_1", settings, 45)
-    fewer = {**settings, "surgeons": {"surgeon_1": settings["surgeons"]["surgeon_1"]}}
+    fewer = replace(settings, surgeons={"surgeon_1": settings.surgeons["surgeon_1"]})
     assert first.to_csv() == surgeon_trial("surgeon_1_trial_1", "surgeon_1", fewer, 45).to_csv()
     assert first.to_csv() != surgeon_trial("surgeon_1_trial_2", "surgeon_1", settings, 45).to_csv()
     assert first.to_csv() != surgeon_trial("surgeon_1_trial_1", "surgeon_1", settings, 46).to_csv()
@@ -87,9 +90,9 @@ def test_a_trial_is_the_same_bytes_whatever_else_there_is(settings):
     "change", [{"duration_s": 5}, {"duration_s": 600}, {"variation": 1.0}, {"rate_Hz": 1000}]
 )
 def test_other_sizes(settings, change):
-    other = {**settings, **change}
+    other = replace(settings, **change)
     trial = surgeon_trial("any", "surgeon_2", other, 3)
-    assert len(trial) == other["duration_s"] * other["rate_Hz"]
+    assert len(trial) == other.duration_s * other.rate_Hz
     assert np.isfinite(trial.to_numpy()).all()
 
 

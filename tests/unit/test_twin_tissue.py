@@ -6,22 +6,18 @@ from scipy.linalg import expm
 
 from lumbar.errors import InputError
 from lumbar.records.columns import read_record
+from lumbar.settings.tissue import TissueSettings
+from lumbar.settings.twin import SyntheticTissueSettings
 from lumbar.synthetic.tissue_recordings import play, tissue_force
 
-TISSUE = {
-    "k1_N_per_mm": 0.4,
-    "k2_N_per_mm": 3.2,
-    "relaxation_s": 0.035,
-    "cubic_N_per_mm3": 0.01,
-    "noise_variance_share": 0.14,
-}
-LAYOUT = {
-    "columns": {
-        "time": {"column": "time_s", "unit": "s"},
-        "input": {"column": "position_mm", "quantity": "position", "unit": "mm"},
-        "output": {"column": "force_N", "quantity": "force", "unit": "N"},
-    }
-}
+TISSUE = SyntheticTissueSettings(
+    k1_N_per_mm=0.4,
+    k2_N_per_mm=3.2,
+    relaxation_s=0.035,
+    cubic_N_per_mm3=0.01,
+    noise_variance_share=0.14,
+)
+LAYOUT = TissueSettings().layout
 
 
 def write_signal(path, samples=2000):

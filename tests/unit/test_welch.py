@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from lumbar.errors import InputError
-from lumbar.signals.welch import WelchSettings, position_psd, velocity_psd
+from lumbar.settings.surgeon import WelchSettings
+from lumbar.signals.welch import position_psd, velocity_psd
 
-SETTINGS = WelchSettings(segment=10.24)
+SETTINGS = WelchSettings()
 
 
 def power(frequency, psd):

@@ -1,7 +1,7 @@
-"""The reference of all configuration keys, written from the schemas and the defaults.
+"""The reference of all configuration keys and the JSON schema for editors, written from the settings themselves.
 
-``python -m lumbar.config.reference config/README.md`` renews the part of the page between its two markers; a test
-fails when the page no longer says what the schemas say.
+``python -m lumbar.config.reference docs/config`` renews the pages and the schema beside this module; a test fails when
+they no longer say what the settings say.
 """
 
 from __future__ import annotations
@@ -9,129 +9,139 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
+from typing import Any, get_args, get_origin
 
-import yaml
-
+from lumbar.config.allowed import KeyType, keys_of, section_of
 from lumbar.files import write_text
+from lumbar.settings.plain import name_of, plain
+from lumbar.settings.study import StudySettings
 
-START, END = "<!-- keys: start -->", "<!-- keys: end -->"
-
-
-class _Schemas:
-    """Schema files of a folder, and the references between and inside them."""
-
-    def __init__(self, folder: Path):
-        self.folder = folder
-
-    def load(self, name: str) -> dict:
-        return yaml.safe_load((self.folder / name).read_text(encoding="utf-8"))
-
-    def resolve(self, schema: dict, document: dict) -> tuple[dict, dict]:
-        """Follow references; return what they lead to and the document it stands in."""
-        while "$ref" in schema:
-            name, _, pointer = schema["$ref"].partition("#")
-            beside = {key: value for key, value in schema.items() if key != "$ref"}
-            schema = document = self.load(name) if name else document
-            for part in filter(None, pointer.split("/")):
-                schema = schema[part]
-            schema = {**schema, **beside}
-        return schema, document
+SCHEMA = Path(__file__).with_name("study.schema.json")
+STUDY_PAGE = "study"
+"""Page of the keys that belong to no section."""
+_SHOWN_NAMES = 8
 
 
-def _allowed(schema: dict) -> str:
-    if "enum" in schema:
-        return ", ".join(f"`{item}`" for item in schema["enum"])
-    kind = schema.get("type", "")
-    kind = " or ".join(kind) if isinstance(kind, list) else kind
-    limits = [
-        f"{sign} {schema[key]}"
-        for key, sign in (
-            ("minimum", "≥"),
-            ("exclusiveMinimum", ">"),
-            ("maximum", "≤"),
-            ("exclusiveMaximum", "<"),
-        )
-        if key in schema
-    ]
-    return " ".join([kind, ", ".join(limits)]).strip()
+def keys(section: type, defaults: dict, prefix: str = "") -> Iterator[tuple[str, KeyType, Any]]:
+    """Yield way, type and default of every key of a section, in its order.
 
-
-def keys(schema: dict, defaults, folder: Path) -> Iterator[tuple[str, str, str, str]]:
-    """Yield key, allowed values, default and meaning of every key, in the schema's order.
-
-    ``[]`` stands for each entry of a list, ``*`` for each name the user chooses.
+    ``[]`` stands for each entry of a list, ``*`` for each name the user chooses. The default is `MISSING` where there
+    is none.
     """
-    yield from _keys(_Schemas(folder), schema, schema, defaults, "")
+    for name, item in keys_of(section).items():
+        value = defaults.get(name, MISSING)
+        inner = section_of(item.kind)
+        if inner is None or item.kind is not inner:
+            yield f"{prefix}{name}", item, value
+        if inner is not None:
+            yield from keys(inner, value if isinstance(value, dict) else {}, f"{prefix}{name}.")
+        yield from _entries(item, f"{prefix}{name}")
 
 
-def _keys(schemas: _Schemas, schema: dict, document: dict, defaults, prefix: str):
-    schema, document = schemas.resolve(schema, document)
-    for name, entry in schema.get("properties", {}).items():
-        value = defaults.get(name) if isinstance(defaults, dict) else None
-        yield from _key(schemas, entry, document, value, f"{prefix}{name}")
-    chosen = schema.get("additionalProperties")
-    if isinstance(chosen, dict) and schemas.resolve(chosen, document)[0].get("properties"):
-        yield from _keys(schemas, chosen, document, None, f"{prefix}*.")
+def _entries(item: KeyType, way: str) -> Iterator[tuple[str, KeyType, Any]]:
+    """Keys of the entries of a list or of names the user chooses, where these are sections."""
+    for kind in (item.kind, *get_args(item.kind)):
+        origin, arguments = get_origin(kind), get_args(kind)
+        if origin in (tuple, dict):
+            entry, mark = (arguments[0], "[]") if origin is tuple else (arguments[1], ".*")
+            if is_dataclass(entry):
+                yield from keys(entry, defaults_of(entry), f"{way}{mark}.")
 
 
-def _key(schemas: _Schemas, entry: dict, document: dict, value, key: str):
-    entry, document = schemas.resolve(entry, document)
-    inside = entry.get("properties") or isinstance(entry.get("additionalProperties"), dict)
-    if not inside or entry.get("description"):
-        yield key, _allowed(entry), _default(value), entry.get("description", "")
-    if inside:
-        yield from _keys(schemas, entry, document, value, f"{key}.")
-    items = entry.get("items")
-    if isinstance(items, dict):
-        yield from _keys(schemas, items, document, None, f"{key}[].")
+def defaults_of(section: type) -> dict:
+    """Defaults of the keys of a section that have one, as plain data."""
+    found = {}
+    for item in fields(section):
+        if item.default is not MISSING:
+            found[name_of(item)] = plain(item.default)
+        elif item.default_factory is not MISSING:
+            found[name_of(item)] = plain(item.default_factory())
+    return found
 
 
-def _default(value) -> str:
-    """Scalars and lists of scalars in JSON; what is longer stands in the file itself."""
-    if value is None or isinstance(value, dict):
-        return ""
-    if isinstance(value, list) and any(isinstance(item, dict | list) for item in value):
-        return ""
+def _default(value: Any) -> str:
+    """Scalars and lists of scalars in JSON, of mappings the names, of longer lists the number of entries."""
+    if value is MISSING:
+        return "required"
+    if isinstance(value, dict):
+        names = [*list(value)[:_SHOWN_NAMES], *(["…"] if len(value) > _SHOWN_NAMES else [])]
+        return f"{{{', '.join(names)}}}"
+    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        return ", ".join(item["name"] for item in value)
     return f"`{json.dumps(value, ensure_ascii=False)}`"
 
 
-def reference(root: Path) -> str:
-    """Return the Markdown tables of all keys, one per section.
+def _rows(section: type, defaults: dict, prefix: str) -> list[str]:
+    cells = (
+        [f"`{way}`", item.allowed, _default(value), item.meaning]
+        for way, item, value in keys(section, defaults, prefix)
+    )
+    return ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in cells]
 
-    Parameters
-    ----------
-    root : Path
-        Folder of the project.
+
+_HEAD = ["| key | allowed | default | meaning |", "|---|---|---|---|"]
+
+
+def pages() -> dict[str, str]:
+    """Return the Markdown page of every section of a study by its file name, and an index of them."""
+    defaults = defaults_of(StudySettings)
+    texts, index, own = {}, [], []
+    for name, item in keys_of(StudySettings).items():
+        section = section_of(item.kind)
+        if section is None or name == "data_source":
+            own.append(name)
+            continue
+        meaning = " ".join((section.__doc__ or "").split())
+        given = defaults.get(name)
+        rows = _rows(section, given if isinstance(given, dict) else defaults_of(section), f"{name}.")
+        texts[f"{name}.md"] = "\n".join([f"# {name}", "", meaning, "", *_HEAD, *rows, ""])
+        index.append(f"- [{name}]({name}.md): {meaning}")
+    top = [row for row in _rows(StudySettings, defaults, "") if row.split("`")[1].split(".")[0] in own]
+    words = "What a study is; its chapters have pages of their own. `[]` stands for each entry of a list, `*` for a "
+    words += "name of your choice."
+    texts[f"{STUDY_PAGE}.md"] = "\n".join(["# study", "", words, "", *_HEAD, *top, "", *index, ""])
+    return texts
+
+
+def schema() -> str:
+    """Return the JSON schema of a study's files, for editors, one definition a line.
+
+    No key is required: files are laid over the defaults and over each other.
     """
-    folder = root / "workflow" / "schemas"
-    defaults = {}
-    for name in ("config.yaml", "twin.yaml", "hidden_effects.yaml"):
-        defaults.update(yaml.safe_load((root / "config" / name).read_text(encoding="utf-8")))
-    schema = yaml.safe_load((folder / "config.schema.yaml").read_text(encoding="utf-8"))
-    sections: dict[str, list[tuple[str, str, str, str]]] = {}
-    for row in keys(schema, defaults, folder):
-        top = row[0].split(".")[0].split("[")[0]
-        nested = "$ref" in schema["properties"][top]
-        sections.setdefault(top if nested else "study", []).append(row)
-    lines = []
-    for section, rows in sections.items():
-        lines += [f"### {section}", "", "| key | allowed | default | meaning |", "|---|---|---|---|"]
-        lines += [
-            "| " + " | ".join([f"`{key}`", *(cell.replace("|", "\\|") for cell in rest)]) + " |"
-            for key, *rest in rows
-        ]
-        lines.append("")
-    return "\n".join(lines)
+    from pydantic import TypeAdapter
+
+    content = _stripped(TypeAdapter(StudySettings).json_schema())
+    content = {"$schema": "https://json-schema.org/draft/2020-12/schema", **content}
+    lines = [
+        f'"{name}": {json.dumps(part, ensure_ascii=False)}' for name, part in content.pop("$defs").items()
+    ]
+    top = json.dumps(content, ensure_ascii=False)
+    return top[:-1] + ', "$defs": {\n' + ",\n".join(lines) + "\n}}\n"
 
 
-def renewed(page: str, root: Path) -> str:
-    """Return a page with the part between the markers renewed."""
-    before, rest = page.split(START)
-    after = rest.split(END)[1]
-    return f"{before}{START}\n{reference(root)}{END}{after}"
+def _stripped(content: Any) -> Any:
+    """Take titles, which only repeat names, and required keys off a schema."""
+    if isinstance(content, list):
+        return [_stripped(item) for item in content]
+    if not isinstance(content, dict):
+        return content
+    return {
+        name: {key: _stripped(item) for key, item in value.items()}
+        if name == "properties"
+        else _stripped(value)
+        for name, value in content.items()
+        if name not in ("title", "required")
+    }
+
+
+def main(folder: Path) -> None:
+    """Write pages and schema."""
+    for name, text in pages().items():
+        write_text(folder / name, text)
+    write_text(SCHEMA, schema())
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1]).resolve()
-    write_text(target, renewed(target.read_text(encoding="utf-8"), target.parent.parent))
+    main(Path(sys.argv[1]))

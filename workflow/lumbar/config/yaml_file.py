@@ -10,6 +10,7 @@ from lumbar.errors import Problems
 
 LARGEST_SIZE, MOST_ENTRIES, DEEPEST = 1_000_000, 100_000, 40
 """Bytes, entries with every alias written out, and levels of nesting of a configuration file."""
+_PLAIN = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,15 @@ class _Reader:
 
     def read(self, node, way: tuple = ()) -> Any:
         from yaml import MappingNode, ScalarNode
+        from yaml.constructor import ConstructorError
 
         self.entries += 1
         if self.entries > MOST_ENTRIES or len(way) > DEEPEST:
             raise _TooMuch
         if isinstance(node, ScalarNode):
             return self.loader.construct_object(node)
+        if node.tag not in _PLAIN:
+            raise ConstructorError(None, None, f"tag {node.tag!r} is not allowed", node.start_mark)
         if isinstance(node, MappingNode):
             return self._mapping(node, way)
         return [self._entry(item, (*way, number)) for number, item in enumerate(node.value)]
@@ -68,9 +72,11 @@ class _Reader:
         first: dict[Any, int] = {}
         for name, _ in node.value:
             key, line = getattr(name, "value", None), name.start_mark.line + 1
-            if isinstance(key, str) and first.setdefault(key, line) != line:
+            if isinstance(key, str) and key in first:
                 words = f"key {'.'.join(map(str, (*way, key)))!r} stands twice"
                 self.problems.add(f"{self.path}, lines {first[key]} and {line}", words, "keep one of them")
+            elif isinstance(key, str):
+                first[key] = line
         self.loader.flatten_mapping(node)  # merge keys
         content = {}
         for name, value in node.value:

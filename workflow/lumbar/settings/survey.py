@@ -19,32 +19,29 @@ class RatedModelSettings:
 class RatingsLayout:
     """What the columns of the sheet mean; the file needs a header."""
 
-    delimiter: str = key(",", "Character between the cells.", min_length=1, max_length=1)
-    participant: str = key(
-        "participant", "Column that names or codes the participant; every value once.", min_length=1
-    )
-    models: tuple[RatedModelSettings, ...] = key(
-        tuple(RatedModelSettings(name, name) for name in ("IL", "MW", "KB", "HO")),
+    participant: str = required("Column that names or codes the participant; every value once.", min_length=1)
+    models: tuple[RatedModelSettings, ...] = required(
         "Rated models in the order of the tables; Friedman's test needs three.",
         min_length=3,
         max_length=12,
     )
-    scale_points: int = key(
-        5, "Points of the Likert scale; ratings are whole numbers from 1 to this.", ge=2, le=11
+    scale_points: int = required(
+        "Points of the Likert scale; ratings are whole numbers from 1 to this.", ge=2, le=11
     )
-    best: str = key("best", "Column with the name of the model picked as the best.", min_length=1)
+    best: str = required("Column with the name of the model picked as the best.", min_length=1)
+    delimiter: str = key(",", "Character between the cells.", min_length=1, max_length=1)
     yes_no: Annotated[tuple[Word, ...], UNIQUE] = key(
-        ("clinician", "dry_needling", "acupuncture", "palpation"),
+        (),
         "Columns that describe the participants by yes or no (1/0 or true/false are read too).",
     )
     experience: str | None = key(
-        "experience", "Column with the level of experience; null where it was not asked.", min_length=1
+        None, "Column with the level of experience; null where it was not asked.", min_length=1
     )
     experience_levels: Annotated[tuple[Word, ...], UNIQUE] = key(
-        ("<5", "5-20", ">20"), "Levels of experience that could be chosen, in order."
+        (), "Levels of experience that could be chosen, in order."
     )
     source: str | None = key(
-        "source",
+        None,
         "Column that says where an answer comes from, or null; reconstructed_not_real marks answers "
         "nobody gave.",
         min_length=1,
@@ -74,7 +71,17 @@ class SurveySettings:
         min_length=2,
         max_length=11,
     )
-    layout: RatingsLayout = section(RatingsLayout)
+    layout: RatingsLayout = section(
+        RatingsLayout,
+        participant="participant",
+        models=tuple(RatedModelSettings(name, name) for name in ("IL", "MW", "KB", "HO")),
+        scale_points=5,
+        best="best",
+        yes_no=("clinician", "dry_needling", "acupuncture", "palpation"),
+        experience="experience",
+        experience_levels=("<5", "5-20", ">20"),
+        source="source",
+    )
     baseline: str = key("IL", "Static model of layout.models; the best picks are also compared without it.")
     zeros: Literal["pratt", "wilcox"] = key(
         "pratt",

@@ -1,0 +1,49 @@
+"""Settings of the project's own studies, for tests: as the workflow reads them, changed where a test wants it."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, TypeVar
+
+from lumbar.config.study import read_subject
+from lumbar.config.validation import Origins, laid_over, validated
+from lumbar.config.yaml_file import read_yaml
+from lumbar.errors import Problems
+from lumbar.settings.plain import plain, typed
+from lumbar.settings.study import StudySettings
+from lumbar.settings.subject import SubjectSettings
+from running import PROJECT
+
+Kind = TypeVar("Kind")
+
+
+def study_config(*files: str) -> dict:
+    """Return files of config/, by default those of the default study, laid over each other."""
+    problems, content = Problems("configuration"), {}
+    for name in ("config.yaml", "twin.yaml", *files):
+        content = laid_over(content, read_yaml(PROJECT / "config" / name, problems).content)
+    problems.raise_if_any()
+    return content
+
+
+@cache
+def study_settings(*files: str) -> StudySettings:
+    """Return the settings of the default study, with files of config/ laid over them."""
+    problems = Problems("configuration")
+    settings = validated(study_config(*files), StudySettings, problems, Origins())
+    problems.raise_if_any()
+    return settings
+
+
+@cache
+def subject_settings(name: str) -> SubjectSettings:
+    """Return a person of config/subjects."""
+    problems = Problems("subject")
+    subject = read_subject(PROJECT / "config" / "subjects" / f"{name}.yaml", name, problems)
+    problems.raise_if_any()
+    return subject
+
+
+def changed(settings: Kind, **changes: Any) -> Kind:
+    """Return settings with some keys changed; sections are dicts of what changes in them."""
+    return typed(type(settings), laid_over(plain(settings), changes))
