@@ -9,8 +9,9 @@ from html import unescape
 import numpy as np
 import pytest
 from c_programs import CModel
+from effect_entries import entry_of_effects
 from periodic_records import multisine, noise, record, relaxing_force
-from runtime_models import SETTINGS, TARGET, models_json
+from runtime_models import SETTINGS, TARGET, models_json, selected
 
 from lumbar.diagnosis.evidence.evidence import gather_evidence
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -18,11 +19,11 @@ from lumbar.diagnosis.selection.diagnose import diagnose
 from lumbar.diagnosis.selection.refined_model import fitted_model
 from lumbar.effects.catalogue import catalogue_with
 from lumbar.errors import InputError
-from lumbar.fmu.build.export_model import select_models
 from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
 from lumbar.models.fitted_model import FittedModel
 from lumbar.reports.pages.diagnosis_page import diagnosis_page
+from study_settings import changed
 
 RIBS = """
 name: ribs
@@ -107,13 +108,9 @@ def test_a_refined_model_is_simulated_from_its_entry(ribbed):
 )
 def test_an_equation_in_yaml_becomes_an_fmu(text, name, linear, nonlinear, zig_cache, tmp_path):
     catalogue = catalogue_with([written(tmp_path, text)])
-    entry = {
-        "name": f"KB+{name}", "trained_on": "multisine", "estimator": "output_error", "base": "KB",
-        "amplitudes": [0.8, 6.0], "shapes": [0.04],
-        "effects": [{"effect": name, "form": "equation", "amplitudes": linear, "shapes": nonlinear}],
-    }  # fmt: skip
-    chosen = {**SETTINGS, "models": [entry["name"]], "moving_average": 1}
-    (model,) = select_models(models_json(entry), chosen, catalogue)
+    entry = entry_of_effects("KB", {f"{name}/equation": (linear, nonlinear)}, catalogue)
+    chosen = changed(SETTINGS, models=[entry["name"]], moving_average=1)
+    (model,) = selected(models_json(entry), chosen, catalogue)
     walk = np.cumsum(np.random.default_rng(3).standard_normal(800)) * 0.1
     expected = model.dynamics.response(walk)
     found = CModel(model, tmp_path / "c", zig_cache).response(walk)

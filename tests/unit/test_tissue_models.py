@@ -87,7 +87,7 @@ def test_maxwell_has_no_static_force_and_eq_3_3_has_one():
     coefficients = np.array([0.9, 0.2])
     assert models.MAXWELL.structure.transfer_function(coefficients).static_gain == 0.0
     assert models.MW.structure.transfer_function(coefficients).static_gain == pytest.approx(2.0)
-    with pytest.raises(NumericalError, match=r"eq\. 3\.3 has a static force"):
+    with pytest.raises(NumericalError, match=r"Eq\. 3\.3 has a static force"):
         models.MW.physical_parameters(models.MW.structure.transfer_function(coefficients), T)
 
 
