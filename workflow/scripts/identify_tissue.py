@@ -5,33 +5,25 @@ from job import run
 
 def main(input, output, params):
     """Read the records, identify the models, write fits and search grid."""
-    import pandas as pd
-
     from lumbar.files import write_csv, write_json
-    from lumbar.identification.identify_tissue import given_model, identify
+    from lumbar.interface.identification import identify
+    from lumbar.interface.reading import read_listed
     from lumbar.models.models_file import models_document
-    from lumbar.records.columns import read_record
     from lumbar.settings.improvement import ImprovementSettings
     from lumbar.settings.plain import typed
     from lumbar.settings.tissue import TissueSettings
 
-    tissue, improvement = typed(TissueSettings, params.tissue), typed(ImprovementSettings, params.improvement)
-    records = {
-        entry.name: read_record(path, tissue.layout, entry.name, entry.period_s, tissue.rate_Hz)
-        for entry, path in zip(tissue.records, input.recordings, strict=True)
-    }
-    training = records.pop(params.training)
-    tests = list(records.values())
-    models, grid = identify(training, tests, tissue, params.seed)
-    models.append(given_model(training, tests, tissue.settling_s, **vars(tissue.inverted_linear)))
-    if improvement.effects:
-        from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-        from lumbar.diagnosis.selection.refine import refined_fit
-
-        settings = DiagnosisSettings.from_improvement(improvement, train=training.name)
-        models.append(refined_fit([training, *tests], improvement.effects, settings))
-    write_csv(output.grid, pd.DataFrame(grid).assign(data=params.data))
-    write_json(output.fits, models_document(models, params.data))
+    tissue = typed(TissueSettings, params.tissue)
+    found = identify(
+        read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz),
+        params.training,
+        settings=tissue,
+        improvement=typed(ImprovementSettings, params.improvement),
+        seed=params.seed,
+        data=params.data,
+    )
+    write_csv(output.grid, found.search)
+    write_json(output.fits, models_document(found.models, params.data))
 
 
 run(main, snakemake)

@@ -248,7 +248,7 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         return (
-            f"<Diagnosis of {self.verdict.base.name} on {len(self.records)} records: {self.verdict.verdict}>"
+            f"<Diagnosis of {self.settings.base} on {len(self.records)} records: {self.verdict.verdict}>"
         )
 
     def _repr_html_(self) -> str:

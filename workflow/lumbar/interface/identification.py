@@ -63,6 +63,8 @@ def identify(
     >>> found["KB"]["spring_stiffness"].value                                    # doctest: +SKIP
     0.61
     """
+    import pandas as pd
+
     from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
     from lumbar.diagnosis.selection.refine import refined_fit
     from lumbar.identification.identify_tissue import given_model
@@ -83,7 +85,7 @@ def identify(
             found.append(refined_fit([named[name], *tests], list(improvement.effects), chosen_settings))
         models += found
         grid += rows
-    return Identification(models, grid, settings, data)
+    return Identification(models, pd.DataFrame(grid).assign(data=data), settings, data)
 
 
 def _training(train, records: list[Record], named: Mapping[str, Record]) -> list[str]:
@@ -103,14 +105,14 @@ class Identification:
     ----------
     models : list of FittedModel
         By training record, in the order of Table 3.1.
-    grid : list of dict
-        Every structure and ridge coefficient that was tried.
+    search : pandas.DataFrame
+        Every structure and ridge coefficient that was tried, one row each.
     settings : TissueSettings
     data : str
     """
 
     models: list[FittedModel]
-    grid: list[dict]
+    search: pd.DataFrame
     settings: TissueSettings
     data: str
 
@@ -155,13 +157,6 @@ class Identification:
         from lumbar.identification.table_2_1 import physical_parameters_table
 
         return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.data)
-
-    @property
-    def search(self) -> pd.DataFrame:
-        """Every structure and ridge coefficient that was tried, one row each."""
-        import pandas as pd
-
-        return pd.DataFrame(self.grid).assign(data=self.data)
 
     def comparison_figure(self, record: Record) -> Figure:
         """Return Figure 3.5: a record beside the free runs of the thesis's models and of those with effects."""

@@ -15,11 +15,11 @@ from lumbar.settings.signals import SignalsSettings
 from lumbar.settings.surgeon import SurgeonSettings
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
     from lumbar.signals.excitation import Excitation
     from lumbar.signals.surgeon_motion import MotionSpectra
+    from lumbar.tables import Table
 
 
 def bandwidth(
@@ -181,11 +181,17 @@ class Signals:
     data: str
 
     @property
-    def properties(self) -> pd.DataFrame:
+    def properties(self) -> Table:
         """What the signals are and ask of the machine."""
         from lumbar.signals.signal_properties import signal_properties
 
-        return signal_properties(self.excitation, self.data).frame
+        return signal_properties(self.excitation, self.data)
+
+    def figure(self) -> Figure:
+        """Return the signals in time and in frequency."""
+        from lumbar.reports.figures.signal_figures import excitation_figure
+
+        return excitation_figure(self.excitation.signals, self.band_Hz)
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""
@@ -195,12 +201,13 @@ class Signals:
         folder = Path(folder)
         for signal in self.excitation.signals:
             write_csv(folder / f"{signal.name}.csv", machine_file(signal))
-        write_json(folder / "multisine.json", multisine_description(self.excitation, self.settings))
-        write_csv(folder / "properties.csv", self.properties)
+        described = multisine_description(self.excitation, self.settings)
+        write_json(folder / "multisine.json", {**described, "data": self.data})
+        write_csv(folder / "properties.csv", self.properties.frame.assign(data=self.data))
 
     def __str__(self) -> str:
         names = ", ".join(signal.name for signal in self.excitation.signals)
         return f"{names}: excited up to {self.band_Hz:g} Hz"
 
     def _repr_html_(self) -> str:
-        return self.properties.to_html(index=False)
+        return self.properties.frame.to_html(index=False)

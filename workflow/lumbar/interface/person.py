@@ -124,13 +124,13 @@ class Lift:
         return lifting.summary(self.analysed, self.subject, self.trial, self.settings)
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write states, facts, centres of mass, events, gaps, motion and landmarks."""
+        """Write ``pendulum`` (states and facts), ``com``, ``events``, ``gaps``, ``motion`` and ``landmarks``."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
         tables = {
             "pendulum": self.states,
-            "centres": lifting.centres_frame(self.analysed),
+            "com": lifting.centres_frame(self.analysed),
             "gaps": lifting.gaps_frame(self.analysed),
             "motion": lifting.motion_frame(self.analysed),
             "landmarks": lifting.landmarks_frame(self.analysed),

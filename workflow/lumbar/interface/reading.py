@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from lumbar.errors import InputError
 from lumbar.records.record_set import RecordSet
-from lumbar.settings.layout import ColumnLayout, MarkerLayout
+from lumbar.settings.layout import ColumnLayout, MarkerLayout, RecordSettings
 
 if TYPE_CHECKING:
     from lumbar.records.markers import MarkerRecording
@@ -85,6 +85,27 @@ def read(
     records = [read_record(file, layout, name, None, rate) for file, name in zip(files, names, strict=True)]
     same_units(records)
     return RecordSet(records).with_periods(periods)
+
+
+def read_listed(
+    files: Sequence[str | os.PathLike],
+    listed: Sequence[RecordSettings],
+    layout: ColumnLayout,
+    rate: float | None = None,
+) -> RecordSet:
+    """Read the records that a study lists, each with the name and period that it has there.
+
+    Parameters
+    ----------
+    files : sequence of path
+        Where each of them is.
+    listed : sequence of RecordSettings
+    layout, rate
+        As for `read`.
+    """
+    names = [entry.name for entry in listed]
+    periods = {entry.name: entry.period_s for entry in listed if entry.period_s is not None}
+    return read(files, layout=layout, rate=rate, names=names, periods=periods)
 
 
 def _one(files: list[Path], kind: str) -> Path:
