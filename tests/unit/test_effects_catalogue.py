@@ -145,10 +145,10 @@ def test_an_effect_of_the_users_own(tmp_path):
         encoding="utf-8",
     )
     assert list(load_effects(path)) == ["step"]
-    path.write_text(path.read_text().replace("F1*where", "F2*where"), encoding="utf-8")
+    path.write_text(path.read_text().replace("F1*where", "F_2*where"), encoding="utf-8")
     with pytest.raises(
         InputError,
-        match=r"own.py: 1 problem\n  - step/step, equation: unknown symbol F2; known are .* F1 and the",
+        match=r"own.py: 1 problem\n  - step/step, equation: unknown symbol F_2; known are .* F1 and the",
     ):
         load_effects(path)
     path.write_text("x = 1\n", encoding="utf-8")

@@ -112,6 +112,7 @@ def rewritten(tmp_path, old: str, new: str):
         ("fabs(force)", "atan2(force, exp (1.0))", r"calls atan2, exp; .*portable_tanh\(double x\)"),
         ('"creep_stiffness", "', '"force", "', "parameter 'force' cannot be a name in C code"),
         ('"creep_stiffness", "', '"double", "', "parameter 'double' cannot be a name"),
+        ('"creep_stiffness", "', '"shared_0", "', "parameter 'shared_0' cannot be a name"),
         ('"creep_stiffness", "', '"portable_tanh", "', "parameter 'portable_tanh' cannot be a name"),
         ('"creep_stiffness", "', '"k; #include", "', "parameter 'k; #include' cannot be a name"),
         ('"creep_stiffness", "', '"Steifigkeit_ä", "', "parameter 'Steifigkeit_ä' cannot be a name"),

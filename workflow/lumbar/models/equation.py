@@ -188,11 +188,21 @@ class Equation:
 
     @cached_property
     def _evaluator(self) -> Evaluator:
-        return Evaluator(self.columns)
+        return Evaluator([substituted(column, self._given) for column in self.columns])
+
+    @cached_property
+    def _nonlinear_symbols(self) -> tuple[str, ...]:
+        return tuple(item.symbol for item in self.nonlinear)
+
+    @cached_property
+    def _steady(self) -> tuple[int, ...]:
+        """Columns that are one number for all samples."""
+        varying = {*SIGNALS, FORCE, *self.slopes}
+        return tuple(index for index, column in enumerate(self.columns) if not symbols(column) & varying)
 
     def parameters(self, nonlinear: Sequence[float]) -> dict[str, float]:
         """Nonlinear parameters and constants by symbol."""
-        named = zip((item.symbol for item in self.nonlinear), nonlinear, strict=True)
+        named = zip(self._nonlinear_symbols, nonlinear, strict=True)
         return {**dict(named), **{item.symbol: item.value for item in self.constants}}
 
     def forces(
@@ -213,17 +223,19 @@ class Equation:
         force : numpy.ndarray, optional
             What a form that acts on the output transforms.
         """
-        values: dict = self.parameters(nonlinear)
-        if self.state is not None:
-            if solution is None:
-                values.update(self.state.trajectory(motion, values))
-            else:
-                values.update(zip(self.slopes, solution(motion, nonlinear), strict=True))
-        values.update((name, signal(motion)) for name, signal in self._signals)
+        values: dict = dict(zip(self._nonlinear_symbols, nonlinear, strict=True))
+        if self.states and solution is None:
+            values.update(self.state.trajectory(motion, self.parameters(nonlinear)))
+        elif self.states:
+            values.update(zip(self.slopes, solution(motion, nonlinear), strict=True))
+        for name, signal in self._signals:
+            values[name] = signal(motion)
         if force is not None:
             values[FORCE] = force
         found = self._evaluator(values)
-        return [item if np.ndim(item) else np.full(len(motion), float(item)) for item in found]
+        for index in self._steady:
+            found[index] = np.full(len(motion), float(found[index]))
+        return found
 
     @cached_property
     def latex(self) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial, reduce
+from functools import partial
 
 import numpy as np
 
@@ -18,12 +19,12 @@ def _smoothstep(x):
 
 
 NUMPY: dict[str, Callable] = {
-    "+": np.add,
-    "-": np.subtract,
-    "*": np.multiply,
-    "/": np.divide,
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": np.divide,  # of two plain numbers too, where Python would raise
     "**": np.power,
-    "neg": np.negative,
+    "neg": operator.neg,
     "<": np.less,
     "<=": np.less_equal,
     ">": np.greater,
@@ -69,30 +70,36 @@ class Evaluator:
     def __init__(self, expressions: Sequence[Expression], functions: Functions = NUMPY):
         self._functions = functions
         self._places: dict[Expression, int] = {}
-        self._numbers: list = []
+        self._known: list = []
         self._symbols: list[tuple[str, int]] = []
-        self._operations: list[tuple[Callable, tuple[int, ...], int]] = []
+        self._operations: list[tuple[Callable, int, int | None, tuple[int, ...], int]] = []
         self._results = [self._place(expression) for expression in expressions]
 
     def _place(self, expression: Expression) -> int:
         """Where the value of an expression will stand."""
         if expression in self._places:
             return self._places[expression]
-        operands: tuple[int, ...] = ()
-        if isinstance(expression, Operation):
-            function, given = self._computed(expression)
-            operands = tuple(map(self._place, given))
-        place = self._places[expression] = len(self._numbers)
-        self._numbers.append(None)
+        value, step = None, None
         match expression:
             case Number(value):
-                self._numbers[place] = value
+                pass
             case Symbol("pi"):
-                self._numbers[place] = np.pi
-            case Symbol(name):
-                self._symbols.append((name, place))
-            case _:
-                self._operations.append((function, operands, place))
+                value = np.pi
+            case Operation():
+                function, given = self._computed(expression)
+                operands = [self._place(operand) for operand in given]
+                known = [self._known[operand] for operand in operands]
+                if any(item is None for item in known):
+                    step = function, operands
+                else:  # numbers alone: 2π
+                    value = function(*known)
+        place = self._places[expression] = len(self._known)
+        self._known.append(value)
+        if isinstance(expression, Symbol) and value is None:
+            self._symbols.append((expression.name, place))
+        if step:
+            first, second, *others = (*step[1], None)[: max(2, len(step[1]))]
+            self._operations.append((step[0], first, second, tuple(others), place))
         return place
 
     def _computed(self, expression: Operation) -> tuple[Callable, tuple[Expression, ...]]:
@@ -103,13 +110,22 @@ class Evaluator:
 
     def __call__(self, values: Mapping[str, np.ndarray | float]) -> list[np.ndarray | float]:
         """Return the expressions' values for those of the symbols, one per expression."""
-        found = self._numbers.copy()
+        found = self._known.copy()
         for name, place in self._symbols:
             found[place] = values[name]
-        for function, operands, place in self._operations:
-            found[place] = function(*[found[operand] for operand in operands])
+        # Spelt out by the number of operands: short records spend as long here as in NumPy.
+        for function, first, second, others, place in self._operations:
+            if second is None:
+                found[place] = function(found[first])
+            elif not others:
+                found[place] = function(found[first], found[second])
+            else:
+                found[place] = function(found[first], found[second], *[found[other] for other in others])
         return [found[place] for place in self._results]
 
 
 def _product(multiply: Callable, exponent: int, base):
-    return reduce(multiply, [base] * exponent)
+    found = base
+    for _ in range(exponent - 1):
+        found = multiply(found, base)
+    return found

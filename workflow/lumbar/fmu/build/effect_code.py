@@ -19,12 +19,13 @@ _MOTION = {
     "path": "double",
 }
 """Members of ``motion`` in ``effect_forms.h`` and their types."""
-_GIVEN = {*_MOTION, "force", "memory", "next", "now"}
+_GIVEN = {*_MOTION, "force", "memory", "next", "now", "increments", "matrix"}
 _KEYWORD = re.compile(
     "auto|bool|break|case|char|const|continue|default|do|double|else|enum|extern|false|float|for|goto|if|inline|int|"
     "long|register|restrict|return|short|signed|sizeof|static|struct|switch|true|typedef|union|unsigned|void|volatile|"
-    "while"
+    r"while|(?:shared|begun)_\d+"
 )
+"""Words of C, and what generated code calls its own."""
 _INEXACT = re.compile(
     r"\b((?:a?(?:sin|cos|tan)h?|atan2|cbrt|erfc?|exp2?|expm1|fma|hypot|lgamma|log(?:10|1p|2)?|pow|tgamma)f?)\s*\("
 )
@@ -38,7 +39,7 @@ _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 def _functions() -> dict[str, str]:
     """Functions that a form may call, as declared, by name."""
     text = "".join(map(c_source, ("portable_math.h", "effect_forms.h")))
-    declared = re.findall(r"^(?:static inline )?double (\w+)(\([^)]*\))", text, re.MULTILINE)
+    declared = re.findall(r"^(?:static inline )?(?:double|void) (\w+)(\([^)]*\))", text, re.MULTILINE)
     return {name: name + arguments for name, arguments in declared}
 
 
