@@ -62,11 +62,35 @@ def test_wrong_keys_are_all_named(folder):
     config = lab(folder, "wrong_keys", {"a.csv": text(recording())}, sede=1, seed=-3, chapters=["tissu"])
     run = snakemake(folder, "--cores", "1", "--configfile", config)
     assert run.status != 0
-    for word in ("sede", "seed", "-3", "tissu"):
+    for word in (
+        f"  - {config}, line 10: seed: found -3; allowed: whole number ≥ 0",
+        f"  - {config}, line 9: sede: unknown key; did you mean 'seed'?",
+        'chapters.0: found "tissu"; allowed: surgeon, ',
+    ):
         assert word in run.text
-    assert "Traceback" not in run.text
+    assert "Traceback" not in run.text and "common.smk" not in run.text
     assert "common.smk" not in run.text
     assert nothing_written(folder, "wrong_keys")
+
+
+@pytest.mark.parametrize(
+    ("added", "words"),
+    [
+        ("study: twice\n", "lines 6 and 54: key 'study' stands twice"),
+        ("survey: [\n", "config/config.yaml, line 55: not valid YAML: while parsing a flow node"),
+        ("title: Pr\xfcfung\n", "config/config.yaml, line 54: byte 0xfc is not UTF-8"),
+    ],
+)
+def test_faults_of_the_default_files_are_named(folder, added, words):
+    path = folder / "config" / "config.yaml"
+    before = path.read_bytes()
+    path.write_bytes(before + added.encode("latin-1"))
+    try:
+        run = snakemake(folder, "--cores", "1", "--dry-run")
+    finally:
+        path.write_bytes(before)
+    assert run.status != 0 and "Traceback" not in run.text
+    assert words in run.text
 
 
 def test_missing_file_names_source_and_licence(folder):

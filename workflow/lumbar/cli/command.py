@@ -33,9 +33,9 @@ INTERRUPTED = 130
 
 class _Version(argparse.Action):
     def __call__(self, parser, namespace, values, option_string=None):
-        from importlib.metadata import version
+        from lumbar import __version__
 
-        print(f"lumbar {version('lumbar')}")
+        print(f"lumbar {__version__}")
         parser.exit()
 
 

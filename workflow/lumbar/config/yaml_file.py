@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -138,3 +139,17 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None) -> YamlFi
             return YamlFile(name, content, reader.lines if node is not None else {})
         problems.add(name, "holds no settings", "'key: value' lines are needed")
     return YamlFile(name)
+
+
+def check_readable(root: Path, names: Iterable[str]) -> None:
+    """Refuse files that are no YAML, before Snakemake does: it names neither the file nor the line.
+
+    Raises
+    ------
+    InputError
+        With the faults of all files, if one of them cannot be read.
+    """
+    problems = Problems("configuration")
+    read = [read_yaml(root / name, problems, name) for name in names]
+    if not all(file.lines for file in read):
+        problems.raise_if_any()

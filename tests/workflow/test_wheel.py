@@ -1,0 +1,125 @@
+"""The wheel by itself, in an empty folder, does what the README promises of ``lumbar``."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+
+from running import PROJECT
+from study_settings import study_settings
+
+PACKED = ("pyproject.toml", "README.md", "LICENSE", "workflow")
+FEWER = """
+surgeon: {bandwidth: {resamples: 200}}
+survey: {resamples: 1000}
+stability: {knots: 101, attack: {starts: 20}, proof: null, sum_of_squares: null, thesis_method: null}
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """Folder into which the project's own wheel was unpacked, without its dependencies and without the sources."""
+    folder = tmp_path_factory.mktemp("wheel")
+    sources = folder / "sources"
+    sources.mkdir()
+    for part in PACKED:
+        ignore = shutil.ignore_patterns("__pycache__", "*.egg-info")
+        copy = shutil.copytree if (PROJECT / part).is_dir() else shutil.copy2
+        copy(PROJECT / part, sources / part, **({"ignore": ignore} if copy is shutil.copytree else {}))
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet"]
+    build = [*pip, "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder), str(sources)]
+    subprocess.run(build, check=True, capture_output=True)
+    (wheel,) = folder.glob("*.whl")
+    subprocess.run([*pip, "install", "--no-deps", "--target", str(folder / "site"), str(wheel)], check=True)
+    shutil.rmtree(sources)
+    return folder / "site"
+
+
+@pytest.fixture(scope="module")
+def lumbar(installed, tmp_path_factory):
+    """Call the installed command in an empty folder; return that folder and the function."""
+    folder = tmp_path_factory.mktemp("empty")
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("LUMBAR_")}
+    environment |= {"PYTHONPATH": str(installed), "XDG_CACHE_HOME": str(folder / "cache")}
+    main = "import sys; from lumbar.cli import main; sys.exit(main())"
+
+    def call(*arguments, program=main):
+        command = [sys.executable, "-P", "-c", program, *map(str, arguments)]
+        done = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr[-3000:]
+        return done.stdout
+
+    return folder, call
+
+
+def test_the_wheel_is_what_runs(lumbar, installed):
+    _, call = lumbar
+    assert call(program="import lumbar; print(lumbar.__file__)").startswith(str(installed))
+    version = call("--version").split()[1]
+    assert f"version: {version}\n" in (PROJECT / "CITATION.cff").read_text(encoding="utf-8")
+    assert (installed / f"lumbar-{version}.dist-info").is_dir()
+
+
+def test_tissue_tests_become_models_a_diagnosis_and_fmus(lumbar, installed):
+    from lumbar.settings.twin import SyntheticTissueSettings
+    from lumbar.synthetic.tissue_recordings import play
+
+    folder, call = lumbar
+    (folder / "study.yaml").write_text(FEWER, encoding="utf-8")
+    call("signals", "--band", 5, "--output", "signals")
+    (folder / "tissue").mkdir()
+    for number, name in enumerate(("multisine", "noise", "chirp")):
+        signal, recording = folder / "signals" / f"{name}.csv", folder / "tissue" / f"{name}.csv"
+        play(signal, recording, SyntheticTissueSettings(), 45, number)
+    assert "multisine.csv: " in call("check", "tissue")
+    assert "models.json" in call("identify", "tissue", "--train", "multisine", "--output", "identified")
+    call("compare", "tissue", "--output", "compared")
+    call("locate", "tissue", "--output", "located")
+    assert "missing hardening stiffness" in call("diagnose", "tissue", "--output", "diagnosed")
+    assert (folder / "diagnosed" / "diagnosis.html").is_file()
+    call("refine", "tissue", "--add", "hardening_stiffness", "--output", "refined")
+    call("export", "identified/models.json", "--model", "KB", "--output", "fmu")
+    call("export", "refined/refined.json", "--output", "fmu")
+    made = sorted(path.name for path in (folder / "fmu").iterdir())
+    assert made == [
+        f"KB{more}_fmi{version}.fmu" for more in ("+hardening_stiffness", "") for version in (2, 3)
+    ]
+    assert all(zipfile.is_zipfile(folder / "fmu" / name) for name in made)
+    assert (folder / "cache" / "lumbar" / "zig").is_dir()
+    beside = [path.name for path in installed.iterdir() if path.name != "bin"]
+    assert sorted(name.split("-")[0] for name in beside) == ["lumbar", "lumbar"]
+    assert not list(installed.rglob("*zig*"))
+
+
+def test_surgeons_participants_and_lifts(lumbar):
+    from lumbar.files import write_csv
+    from lumbar.synthetic.lifting_recordings import write_lift
+    from lumbar.synthetic.surgeon_recordings import surgeon_trial
+
+    folder, call = lumbar
+    (folder / "study.yaml").write_text(FEWER, encoding="utf-8")
+    twin = study_settings().twin
+    (folder / "surgeon").mkdir()
+    for surgeon in twin.surgeon.surgeons:
+        for number in (1, 2):
+            name = f"{surgeon}_trial_{number}"
+            write_csv(folder / "surgeon" / f"{name}.csv", surgeon_trial(name, surgeon, twin.surgeon, 45))
+    assert "velocity, power_share: 2." in call("bandwidth", "surgeon", "--config", "study.yaml")
+    sheet = PROJECT / "resources" / "survey" / "survey_reconstructed.csv"
+    assert "45 participants" in call("survey", sheet, "--output", "survey", "--config", "study.yaml")
+    write_lift(twin.lifting, "expert_23kg", [45], folder / "lift.c3d", None)
+    shutil.copy(PROJECT / "config" / "subjects" / "expert.yaml", folder / "expert.yaml")
+    call("lift", "lift.c3d", "--subject", "expert.yaml", "--box-mass", 23, "--output", "lifted")
+    call("basin", "lifted/pendulum.csv", "--output", "lifted", "--config", "study.yaml")
+    rows = np.genfromtxt(
+        folder / "lifted" / "boa.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
+    )
+    assert (rows["mean_area"] > 0).all()
