@@ -141,8 +141,8 @@ def _draw_model(axis, model: TissueModel, tallest: float) -> None:
     axis.text(0.4, 0.55, "$-F$" if model is IL else "$F$", va="center", fontsize=10, color="#D55E00")
 
 
-def _block(axis, x: float, y: float, text: str) -> None:
-    width, height = 1.5, 0.8
+def _block(axis, x: float, y: float, text: str, height: float = 0.8) -> None:
+    width = 1.5
     from matplotlib.patches import Rectangle
 
     axis.add_patch(Rectangle((x - width / 2, y - height / 2), width, height, fill=False, linewidth=_LINE))
