@@ -10,7 +10,7 @@ from lumbar.config.validation import Origins, laid_over, validated
 from lumbar.config.yaml_file import read_yaml
 from lumbar.errors import Problems
 from lumbar.settings.plain import plain, typed
-from lumbar.settings.study import StudySettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings
 from running import PROJECT
 

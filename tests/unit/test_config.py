@@ -15,7 +15,7 @@ from lumbar.config.study_recordings import reading_plan, record_layout, record_s
 from lumbar.config.validation import laid_over
 from lumbar.errors import InputError
 from lumbar.settings.plain import plain, typed
-from lumbar.settings.study import StudySettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import TrialSettings
 from study_settings import study_config, study_settings, subject_settings
 

@@ -18,11 +18,11 @@ from __future__ import annotations
 __version__ = "0.1.0"
 
 _VERBS = {
-    "load_settings": "lumbar.config.files",
-    "load_subject": "lumbar.config.files",
+    "load_settings": "lumbar.config.settings_files",
+    "load_subject": "lumbar.config.settings_files",
     "read": "lumbar.interface.reading",
-    "bandwidth": "lumbar.interface.motion",
-    "design_signals": "lumbar.interface.motion",
+    "bandwidth": "lumbar.interface.surgeons",
+    "design_signals": "lumbar.interface.surgeons",
     "identify": "lumbar.interface.identification",
     "compare": "lumbar.interface.comparison",
     "locate": "lumbar.interface.comparison",

@@ -1,7 +1,7 @@
 """What ``import lumbar`` offers, for type checkers: verbs are imported when first used."""
 
-from lumbar.config.files import load_settings as load_settings
-from lumbar.config.files import load_subject as load_subject
+from lumbar.config.settings_files import load_settings as load_settings
+from lumbar.config.settings_files import load_subject as load_subject
 from lumbar.interface.comparison import compare as compare
 from lumbar.interface.comparison import locate as locate
 from lumbar.interface.device import export_fmu as export_fmu
@@ -9,11 +9,11 @@ from lumbar.interface.device import load_models as load_models
 from lumbar.interface.diagnosis import diagnose as diagnose
 from lumbar.interface.diagnosis import refine as refine
 from lumbar.interface.identification import identify as identify
-from lumbar.interface.motion import bandwidth as bandwidth
-from lumbar.interface.motion import design_signals as design_signals
 from lumbar.interface.participants import analyse_survey as analyse_survey
 from lumbar.interface.person import basins as basins
 from lumbar.interface.person import lift as lift
 from lumbar.interface.reading import read as read
+from lumbar.interface.surgeons import bandwidth as bandwidth
+from lumbar.interface.surgeons import design_signals as design_signals
 
 __version__: str

@@ -7,7 +7,7 @@ def main(input, output, params):
     """Design the signals from the surgeons' bandwidth, check them against the machine, write them."""
     from pathlib import Path
 
-    from lumbar.interface.motion import design_signals
+    from lumbar.interface.surgeons import design_signals
     from lumbar.reports.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.signals import SignalsSettings

@@ -7,8 +7,8 @@ def main(input, output, params):
     """Read the trials, analyse them, write spectra, bandwidths and the figure."""
     from pathlib import Path
 
-    from lumbar.interface.motion import bandwidth
     from lumbar.interface.reading import read
+    from lumbar.interface.surgeons import bandwidth
     from lumbar.reports.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.surgeon import SurgeonSettings

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from lumbar.config.files import load_settings
+from lumbar.config.settings_files import load_settings
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Refinement
     from lumbar.records.record_set import RecordSet
-    from lumbar.settings.study import StudySettings
+    from lumbar.settings.study_settings import StudySettings
 
 
 def read_folder(options) -> tuple[StudySettings, RecordSet, dict[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import get_args
 
-from lumbar.settings.study import Chapter
+from lumbar.settings.study_settings import Chapter
 
 CHAPTERS: tuple[str, ...] = get_args(Chapter)
 NEEDS = {"signals": ["surgeon"], "improvement": ["tissue"], "runtime": ["tissue"], "stability": ["lifting"]}

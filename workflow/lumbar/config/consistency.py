@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from lumbar.config.study import Study
     from lumbar.config.validation import Origins
     from lumbar.settings.improvement import ImprovementSettings
-    from lumbar.settings.study import StudySettings
+    from lumbar.settings.study_settings import StudySettings
     from lumbar.settings.survey import SurveySettings
     from lumbar.settings.tissue import TissueSettings
 

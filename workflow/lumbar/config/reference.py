@@ -16,7 +16,7 @@ from typing import Any, get_args, get_origin
 from lumbar.config.allowed import KeyType, keys_of, section_of
 from lumbar.files import write_text
 from lumbar.settings.plain import name_of, plain
-from lumbar.settings.study import StudySettings
+from lumbar.settings.study_settings import StudySettings
 
 SCHEMA = Path(__file__).with_name("study.schema.json")
 STUDY_PAGE = "study"

@@ -17,7 +17,7 @@ from lumbar.config.consistency import check_consistency
 from lumbar.config.validation import Origins, validated
 from lumbar.config.yaml_file import YamlFile, read_yaml
 from lumbar.errors import Problems
-from lumbar.settings.study import StudySettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings, TrialSettings
 from lumbar.tables import SYNTHETIC_TWIN
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from lumbar.config.study import Study
     from lumbar.settings.improvement import RecordSetSettings
     from lumbar.settings.layout import ColumnLayout, MarkerLayout
-    from lumbar.settings.study import StudySettings
+    from lumbar.settings.study_settings import StudySettings
 
 
 def recordings_of(study: Study) -> dict[str, list[str]]:

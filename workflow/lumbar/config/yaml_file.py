@@ -42,7 +42,7 @@ class _TooMuch(Exception):
     """The file is nested too deep, or its aliases stand for too much."""
 
 
-class _Reader:
+class _YamlReader:
     """Builds content and lines from the nodes of one file."""
 
     def __init__(self, loader, path: str, problems: Problems):
@@ -123,7 +123,7 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None) -> YamlFi
     loader = yaml.SafeLoader(text)
     try:
         node = loader.get_single_node()
-        reader = _Reader(loader, name, problems)
+        reader = _YamlReader(loader, name, problems)
         content = reader.read(node) if node is not None else {}
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,8 +76,8 @@ def _simulated(records, model, train, periods, seed) -> list[Simulated]:
     return residual_reports(records, model.simulate, experiment.floor, experiment.floor_from, seed)
 
 
-@dataclass(frozen=True, eq=False)
-class _OnRecords:
+@dataclass(frozen=True, eq=False, repr=False)
+class _OnRecords(ABC):
     """A model beside every record.
 
     Attributes
@@ -92,6 +93,9 @@ class _OnRecords:
 
     def __len__(self) -> int:
         return len(self.simulated)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.model.name} on {len(self)} records>"
 
     def __iter__(self) -> Iterator[Simulated]:
         return iter(self.simulated)
@@ -110,15 +114,20 @@ class _OnRecords:
             svg[item.record.name] = stem.with_name(f"{stem.name}.svg")
         return svg
 
+    @property
+    @abstractmethod
+    def table(self) -> Table:
+        """Numbers of every record."""
+
+    @abstractmethod
     def figure(self, name: str) -> Figure:
         """Return the picture of one record."""
-        raise NotImplementedError
 
     def _repr_html_(self) -> str:
         return self.table.frame.to_html(index=False)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Comparisons(_OnRecords):
     """How well a model agrees with every record; attributes as of `_OnRecords`."""
 
@@ -152,7 +161,7 @@ class Comparisons(_OnRecords):
         return "\n".join(item.comparison.sentence for item in self.simulated)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Locations(_OnRecords):
     """Where a model fails on every record; attributes as of `_OnRecords`."""
 

@@ -127,7 +127,7 @@ def _refined(records, effects, settings, seed, data) -> Refinement:
     return Refinement(records, settings, experiment, path, seed, data)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis:
     """What a base model is missing on a set of records, with the evidence.
 
@@ -247,15 +247,13 @@ class Diagnosis:
         return "\n  ".join(self.sentences)
 
     def __repr__(self) -> str:
-        return (
-            f"<Diagnosis of {self.settings.base} on {len(self.records)} records: {self.verdict.verdict}>"
-        )
+        return f"<Diagnosis of {self.settings.base} on {len(self.records)} records: {self.verdict.verdict}>"
 
     def _repr_html_(self) -> str:
         return self.to_html()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Refinement:
     """A base model with named effects: the models on the way and their errors.
 

@@ -97,7 +97,7 @@ def _training(train, records: list[Record], named: Mapping[str, Record]) -> list
     return chosen
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification:
     """Identified models, found by name.
 
@@ -183,6 +183,9 @@ class Identification:
         write_csv(folder / "search.csv", self.search)
         self.table_3_1.write(folder / "table_3_1")
         self.physical_parameters.write(folder / "physical_parameters")
+
+    def __repr__(self) -> str:
+        return f"<Identification: {len(self)} models>"
 
     def __str__(self) -> str:
         return "\n".join(

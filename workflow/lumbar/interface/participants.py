@@ -53,7 +53,7 @@ def analyse_survey(
     return Survey(ratings, analyse(ratings, settings, seed, data), settings)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Survey:
     """What a survey shows.
 
@@ -92,6 +92,9 @@ class Survey:
         write_json(folder / "survey.json", self.analysis.results)
         for name, figure in self.figures().items():
             save(figure, folder / name, label)
+
+    def __repr__(self) -> str:
+        return f"<Survey of {len(self.ratings)} participants>"
 
     def __str__(self) -> str:
         results = self.analysis.results

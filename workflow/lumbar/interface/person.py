@@ -68,7 +68,7 @@ def lift(
     if not 0 <= box_mass_kg <= 100:
         raise InputError(f"mass of the box is {box_mass_kg:g} kg; allowed: 0 to 100")
     if not isinstance(subject, SubjectSettings):
-        from lumbar.config.files import load_subject
+        from lumbar.config.settings_files import load_subject
 
         subject = load_subject(Path(subject))
     settings = settings or LiftingSettings()
@@ -88,7 +88,7 @@ def _trial_of(subject: SubjectSettings, markers: Path, box_mass_kg: float) -> Tr
     return TrialSettings(box_mass_kg=box_mass_kg, markers=markers.name)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Lift:
     """One analysed lift.
 
@@ -205,7 +205,7 @@ def _read_states(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mappi
         raise InputError(f"{path}: not a table of pendulum states ({error})") from error
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Basins:
     """Basins of attraction of one lift.
 

@@ -115,7 +115,7 @@ def _one(files: list[Path], kind: str) -> Path:
 
 
 def _default_layout(kind: str):
-    from lumbar.settings.study import StudySettings
+    from lumbar.settings.study_settings import StudySettings
 
     study = StudySettings()
     layouts = {

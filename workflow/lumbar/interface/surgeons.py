@@ -55,7 +55,7 @@ def bandwidth(
     return Bandwidth(spectra, motion_bandwidths(spectra, settings.bandwidth, seed), settings, data)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Bandwidth:
     """Bandwidth of surgeons' motion.
 
@@ -104,6 +104,9 @@ class Bandwidth:
             for quantity in self.spectra.psd
             for rule, value in self.values[quantity].items()
         ]
+
+    def __repr__(self) -> str:
+        return f"<Bandwidth of {len(set(self.spectra.surgeons))} surgeons>"
 
     def __str__(self) -> str:
         return "\n".join(f"{row['quantity']}, {row['rule']}: {_text(row)}" for row in self.rows())
@@ -162,7 +165,7 @@ def design_signals(
     return Signals(design_excitation(band, settings, seed), band, settings, data)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Signals:
     """Excitation signals for a testing machine.
 
@@ -204,6 +207,9 @@ class Signals:
         described = multisine_description(self.excitation, self.settings)
         write_json(folder / "multisine.json", {**described, "data": self.data})
         write_csv(folder / "properties.csv", self.properties.frame.assign(data=self.data))
+
+    def __repr__(self) -> str:
+        return f"<Signals up to {self.band_Hz:g} Hz>"
 
     def __str__(self) -> str:
         names = ", ".join(signal.name for signal in self.excitation.signals)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.cli.options import add_output, new_command
-from lumbar.config.files import load_settings
+from lumbar.config.settings_files import load_settings
 
 
 def add(commands) -> None:
@@ -28,7 +28,7 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Design the signals, check them against the machine, write them."""
-    from lumbar.interface.motion import design_signals
+    from lumbar.interface.surgeons import design_signals
 
     settings = load_settings(*options.config)
     band = options.bandwidth if options.band is None else options.band

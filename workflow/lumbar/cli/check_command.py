@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.cli.options import new_command
-from lumbar.config.files import load_settings
+from lumbar.config.settings_files import load_settings
 from lumbar.errors import InputError
 from lumbar.interface.reading import is_column_file, is_marker_file
 from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
-    from lumbar.settings.study import StudySettings
+    from lumbar.settings.study_settings import StudySettings
 
 
 def add(commands) -> None:

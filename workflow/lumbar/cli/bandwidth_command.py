@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.cli.options import add_data, add_output, new_command
-from lumbar.config.files import load_settings
+from lumbar.config.settings_files import load_settings
 
 
 def add(commands) -> None:
@@ -30,8 +30,8 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Print the bandwidths; write them and the spectra where a folder is given."""
-    from lumbar.interface.motion import bandwidth
     from lumbar.interface.reading import read
+    from lumbar.interface.surgeons import bandwidth
 
     settings = load_settings(*options.config)
     surgeon, data = settings.surgeon, options.data or options.folder.name

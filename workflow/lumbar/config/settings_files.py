@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lumbar.settings.study import StudySettings
+    from lumbar.settings.study_settings import StudySettings
     from lumbar.settings.subject import SubjectSettings
 
 
@@ -24,7 +24,7 @@ def load_settings(*files: str | os.PathLike) -> StudySettings:
     from lumbar.config.validation import Origins, laid_over, validated
     from lumbar.config.yaml_file import read_yaml
     from lumbar.errors import Problems
-    from lumbar.settings.study import StudySettings
+    from lumbar.settings.study_settings import StudySettings
 
     files, problems = tuple(map(Path, files)), Problems("configuration")
     read = [read_yaml(path, problems) for path in files]

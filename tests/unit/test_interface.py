@@ -1,0 +1,133 @@
+"""``import lumbar``: the verbs on objects, for notebooks, and what commands make of them."""
+
+from __future__ import annotations
+
+import filecmp
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from periodic_records import multisine, noise, record, relaxing_force
+
+import lumbar
+from lumbar.errors import InputError
+from lumbar.records.record_set import RecordSet
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Write tests of a tissue with dry friction: a periodic record and two others."""
+    folder = tmp_path_factory.mktemp("records")
+    for name, periods, seed in (("multisine", 8, 1), ("noise", 3, 2), ("other", 3, 3)):
+        z = 0.4 * multisine(periods, 500, range(1, 20), seed)
+        speed = np.gradient(z, 0.01)
+        force = relaxing_force(z) + 0.6 * np.tanh(speed / 0.3) + 0.02 * noise(len(z), seed)
+        rows = np.column_stack([0.01 * np.arange(len(z)), z, force])
+        head = "time_s,position_mm,force_N"
+        np.savetxt(folder / f"{name}.csv", rows, "%.9g", ",", header=head, comments="")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def records(folder):
+    return lumbar.read(folder)
+
+
+@pytest.fixture(scope="module")
+def diagnosis(records):
+    return lumbar.diagnose(records, data="synthetic twin")
+
+
+def test_import_loads_nothing_that_a_verb_needs_later():
+    script = "import sys, lumbar; print(*sorted(name for name in sys.modules if name.split('.')[0] in " + (
+        "('numpy', 'scipy', 'pandas', 'matplotlib', 'pydantic', 'control') or name.startswith('lumbar.')))"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert loaded.stdout.strip() == ""
+
+
+@pytest.mark.parametrize("name", lumbar.__all__)
+def test_every_verb_is_there_with_its_parameters_and_result(name):
+    verb = getattr(lumbar, name)
+    assert verb.__name__ == name
+    assert verb.__doc__
+    assert name in dir(lumbar)
+
+
+def test_an_unknown_verb_names_those_there_are():
+    with pytest.raises(AttributeError, match=r"no attribute 'diagnos'; its verbs are .*diagnose"):
+        lumbar.diagnos  # noqa: B018
+
+
+def test_the_stub_offers_what_the_package_does(project):
+    stub = (project / "workflow/lumbar/__init__.pyi").read_text()
+    assert all(f"{name} as {name}" in stub for name in lumbar.__all__)
+
+
+def test_records_are_found_by_name_and_number(records):
+    assert records.names == ["multisine", "noise", "other"]
+    assert records["noise"] is records[1]
+    assert len(records[:2]) == 2
+    assert repr(records).splitlines()[1] == (
+        "  multisine: 4000 samples at 100 Hz, 40 s; position (mm), force (N)"
+    )
+    assert "<td>multisine</td>" in records._repr_html_()
+    with pytest.raises(InputError, match="no record 'chirp'; there are multisine, noise, other"):
+        records["chirp"]
+    with pytest.raises(InputError, match="records share the name 'a'"):
+        RecordSet([record(np.arange(9.0), np.arange(9.0), "a")] * 2)
+
+
+def test_records_are_read_from_a_folder_or_from_files(folder, records):
+    some = lumbar.read([folder / "noise.csv", folder / "other.csv"], names=["a", "b"], periods={"a": 5.0})
+    assert [item.period for item in some] == [5.0, None]
+    assert np.array_equal(some["a"]["output"], records["noise"]["output"])
+    with pytest.raises(InputError, match="unknown"):
+        lumbar.read(folder, "tisue")
+
+
+def test_a_diagnosis_names_prints_and_goes_on(diagnosis, records):
+    assert diagnosis.selected == ("coulomb_friction",)
+    assert str(diagnosis).startswith("The KB model is missing coulomb friction")
+    assert repr(diagnosis) == "<Diagnosis of KB on 3 records: named>"
+    assert "coulomb friction" in diagnosis._repr_html_()
+    assert diagnosis.model["coulomb_friction.coulomb_force"].value == pytest.approx(0.6, rel=0.05)
+    refined = lumbar.refine(records, ["coulomb_friction"])
+    assert refined.model.scores.test_rms == pytest.approx(diagnosis.model.scores.test_rms)
+    assert diagnosis.add("coulomb_friction").effects == ("coulomb_friction",)
+    assert refined.remove("coulomb_friction").effects == ()
+    assert [row["model"] for row in refined.rows()] == ["KB", "KB+coulomb_friction"]
+
+
+def test_any_model_is_compared_with_records(diagnosis, records):
+    """Fitted with effects, identified as difference equation, or read from a file: one verb."""
+    found = lumbar.compare(records, diagnosis.model)
+    assert found["noise"].comparison.vaf.value > 99.9
+    identified = lumbar.identify(records, "multisine")
+    linear = lumbar.compare(records, identified["KB"])
+    assert linear["noise"].comparison.vaf.value < found["noise"].comparison.vaf.value
+    assert identified["KB"].scores.vaf_percent == pytest.approx(
+        linear["multisine"].comparison.vaf.value, abs=0.2
+    )
+    assert "noise" in str(lumbar.locate(records, identified["KB"]))
+    with pytest.raises(InputError, match="no model 'KBB'; there are LE, MW"):
+        identified["KBB"]
+
+
+def test_a_model_from_a_file_simulates_as_the_one_that_was_saved(diagnosis, records, tmp_path):
+    diagnosis.save(tmp_path, pictures=False)
+    loaded = lumbar.load_models(tmp_path / "refined.json")[-1]
+    assert np.allclose(loaded.simulate(records[1]), diagnosis.model.simulate(records[1]), rtol=1e-12)
+
+
+def test_an_object_saves_what_the_command_writes(diagnosis, folder, run, tmp_path):
+    """One stage, two callers, the same bytes."""
+    status, out, err = run("diagnose", folder, "--output", tmp_path / "command", "--data", "synthetic twin")
+    assert status == 0, err
+    diagnosis.save(tmp_path / "object", pictures=False)
+    assert out.splitlines() == str(diagnosis).splitlines()
+    names = sorted(path.name for path in (tmp_path / "command").iterdir())
+    assert names == sorted(path.name for path in (tmp_path / "object").iterdir())
+    for name in names:
+        assert filecmp.cmp(tmp_path / "command" / name, tmp_path / "object" / name, shallow=False), name
