@@ -247,9 +247,7 @@ class Diagnosis:
         return "\n  ".join(self.sentences)
 
     def __repr__(self) -> str:
-        return (
-            f"<Diagnosis of {self.settings.base} on {len(self.records)} records: {self.verdict.verdict}>"
-        )
+        return f"<Diagnosis of {self.settings.base} on {len(self.records)} records: {self.verdict.verdict}>"
 
     def _repr_html_(self) -> str:
         return self.to_html()
