@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -173,6 +175,20 @@ def test_keys_that_contradict_each_other(config, folder):
         "coulomb_friction, ",
     ):
         assert words in message
+
+
+def test_gravity_is_never_another_one_for_the_effects_than_for_the_basins(config, folder):
+    config["stability"] = {"pendulum": {"gravity_m_s2": 1.62}}
+    assert "stability.pendulum.gravity_m_s2: 1.62; the effects on a pendulum know 9.81" in message_of(
+        config, folder
+    )
+    config["improvement"]["record_sets"] = [{"name": "tissue"}]
+    assert load_study(config, folder).settings.stability.pendulum.gravity_m_s2 == 1.62
+
+
+def test_what_jobs_import_is_without_the_validating_library():
+    program = "import sys, lumbar.settings.study, lumbar.settings.plain; sys.exit('pydantic' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
 
 
 def test_effects_of_the_study_itself_count(config, folder, project):

@@ -11,10 +11,9 @@ from c_programs import CModel
 from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry
 from latex_readings import constant_of, latex_names, read_latex
 from portable_functions import NEGLIGIBLE, portable_functions
-from runtime_models import SETTINGS, models_json
+from runtime_models import SETTINGS, models_json, selected
 
 from lumbar.effects.catalogue import CATALOGUES, TISSUE
-from lumbar.fmu.build.export_model import select_models
 from lumbar.models.bases import BASES
 from lumbar.models.evaluation import Evaluator
 from lumbar.models.expression import symbols
@@ -22,6 +21,7 @@ from lumbar.models.form import Place
 from lumbar.models.motion_signals import FORCE, SIGNALS
 from lumbar.models.sampled_motion import SampledMotion
 from lumbar.models.state_equation import STEP_SYMBOL
+from study_settings import changed
 
 on_x86_64_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
@@ -54,8 +54,8 @@ WITH_HAND_WRITTEN = [("KB", *sorted(STEPPED)[:3]), ("LE", *sorted(STEPPED)[3:]),
 
 
 def exported(entry: dict, **settings):
-    chosen = {**SETTINGS, "models": [entry["name"]], **settings}
-    return select_models(models_json(entry), chosen)[0]
+    chosen = changed(SETTINGS, models=[entry["name"]], **settings)
+    return selected(models_json(entry), chosen)[0]
 
 
 @pytest.fixture(scope="module")

@@ -216,15 +216,15 @@ def test_unusable_values_are_named_by_their_line_in_the_file(tmp_path, values, c
     lines[7] = f"{lines[7].rsplit(',', 1)[0]},{cell}"
     path = written(tmp_path, "\n".join(lines))
     with pytest.raises(InputError, match=message):
-        read_record(path, LAYOUT | {"comment": "#"})
+        read_record(path, changed(LAYOUT, comment="#"))
 
 
 def test_a_value_that_its_scale_makes_infinite_is_refused(tmp_path, values):
     lines = text_of(values).splitlines()
     lines[4] = f"{lines[4].rsplit(',', 1)[0]},1e307"
-    columns = LAYOUT["columns"] | {"output": {**LAYOUT["columns"]["output"], "scale": 1e3}}
+    layout = changed(LAYOUT, columns={"output": {"scale": 1e3}})
     with pytest.raises(InputError, match="line 5: output is inf"):
-        read_record(written(tmp_path, "\n".join(lines)), {"columns": columns})
+        read_record(written(tmp_path, "\n".join(lines)), layout)
 
 
 def test_a_clock_written_with_few_digits_is_even():

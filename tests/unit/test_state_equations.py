@@ -16,6 +16,7 @@ from lumbar.models.expression import expanded, parse
 from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
 from lumbar.models.motion import Motion
 from lumbar.models.state_equation import STEP_FUNCTIONS, STEP_SYMBOL, StateEquation
+from study_settings import changed
 
 STEP = 0.01
 SOLVED = {form.key: form for effect in TISSUE.values() for form in effect.forms if form.solution is not None}
@@ -186,7 +187,7 @@ def test_c_takes_the_same_steps(case, zig_cache, tmp_path):
         "name": "LE+own", "trained_on": "multisine", "estimator": "output_error", "base": "LE", "amplitudes": [0.5],
         "shapes": [], "effects": [{"effect": "own", "form": "own", "amplitudes": [0.7], "shapes": list(values.values())}],
     }  # fmt: skip
-    chosen = {**SETTINGS, "models": ["LE+own"], "moving_average": 1}
+    chosen = changed(SETTINGS, models=["LE+own"], moving_average=1)
     (model,) = select_models(models_json(entry), chosen, {"own": effect})
     inputs = walk(6, 1000)
     found = CModel(model, tmp_path, zig_cache).response(inputs)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.config.study_recordings import record_layout, record_set, recordings_of
 from lumbar.errors import LumbarError, Problems
+from lumbar.settings.stability import PendulumSettings
 
 if TYPE_CHECKING:
     from lumbar.config.study import Study
@@ -71,6 +72,15 @@ def _check_record_sets(settings: StudySettings, add: Add) -> None:
             add(f"improvement.record_sets.{number}", found, allowed)
 
 
+def _check_gravity(settings: StudySettings, add: Add) -> None:
+    """Check that the pendulum's effects, whose equations hold the default, are not asked for another gravity."""
+    known, asked = PendulumSettings().gravity_m_s2, settings.stability.pendulum.gravity_m_s2
+    sets = settings.improvement.record_sets
+    if asked != known and any(record_set(settings, entry.name).base == "pendulum" for entry in sets):
+        words = f"the effects on a pendulum know {known:g} m/s² alone: leave its record sets out, or this key"
+        add("stability.pendulum.gravity_m_s2", f"{asked:g}", words)
+
+
 def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> None:
     """Check that the effects which a study adds are known, its own files of effects among them.
 
@@ -126,6 +136,7 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
         check_effects(settings.improvement, root, add)
     if study.has("improvement"):
         _check_record_sets(settings, add)
+        _check_gravity(settings, add)
     if study.has("survey"):
         _check_survey(settings.survey, add)
     if study.has("lifting") and not study.lifts:

@@ -13,9 +13,10 @@ import numpy as np
 from lumbar.effects.windows import TAKE_OVER, interval_starts, modulation_starts
 from lumbar.models.form import Effect, Form, Place
 from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter
+from lumbar.settings.stability import PendulumSettings
 
-GRAVITY = 9.81
-"""m/s²; masses come out in kg where moments are in N m and angles in rad."""
+GRAVITY = PendulumSettings().gravity_m_s2
+"""The default, m/s²; masses come out in kg where moments are in N m and angles in rad."""
 CHANNELS = {
     "box_held": "box_held",
     "length": "length_m",
