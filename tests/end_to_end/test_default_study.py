@@ -116,8 +116,8 @@ def test_a_subjects_mass_reruns_only_what_depends_on_it(default_run):
 @pytest.mark.parametrize(
     ("module", "rerun", "untouched"),
     [
-        ("survey/published.py", "table_3_2", "table_3_1"),
-        ("stability/riccati.py", "table_4_1", "table_3_2"),
+        ("survey/table_3_2.py", "table_3_2", "table_3_1"),
+        ("stability/model/riccati.py", "table_4_1", "table_3_2"),
     ],
 )
 def test_editing_a_library_module_reruns_what_uses_it(default_run, module, rerun, untouched):
