@@ -11,7 +11,7 @@ PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 CONFIGFILE := $(if $(filter-out thesis,$(STUDY)),--configfile config/studies/$(STUDY).yaml)
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-portable report check-results update-reference benchmark lint format lock docs clean help environment
+.PHONY: results test test-portable report check-results update-reference benchmark lint format lock docs docs-site clean help environment
 
 results: environment ## every table, figure and FMU of the study (default target)
 	snakemake --cores $(CORES) $(CONFIGFILE)
@@ -66,6 +66,13 @@ docs: environment ## renew the references of configuration keys, effects and equ
 	python -m lumbar.config.reference docs/config
 	python -m lumbar.reports.effects_reference docs
 	python -m lumbar.reports.equation_index docs
+
+SITE := build/docs-venv
+# An environment of its own, from the newest versions that pyproject.toml allows: .venv stays the lock's.
+docs-site: ## build/docs-site: the pages and the API reference as a site (downloads MkDocs)
+	$(PYTHON) -m venv $(SITE)
+	$(SITE)/bin/pip install --quiet $$($(PYTHON) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["docs"])')
+	NO_MKDOCS_2_WARNING=1 $(SITE)/bin/mkdocs build --strict --quiet
 
 lock: ## renew envs/ from pyproject.toml (needs uv)
 	uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \
