@@ -102,6 +102,8 @@ def test_unknown_surgeon_is_named_with_those_there_are(settings):
 
 
 def test_twin_does_not_use_the_analysis_it_feeds(project):
-    tree = ast.parse((project / "workflow" / "lumbar" / "synthetic" / "surgeon_recordings.py").read_text(encoding="utf-8"))
+    tree = ast.parse(
+        (project / "workflow" / "lumbar" / "synthetic" / "surgeon_recordings.py").read_text(encoding="utf-8")
+    )
     imported = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
     assert not {name for name in imported if name.startswith("lumbar.signals")}
