@@ -6,12 +6,14 @@ from job import run, stem
 def main(input, output, params):
     """Read the answers, analyse them as published and within participants, write tables and results."""
     from lumbar.files import write_json
-    from lumbar.interface.participants import analyse_survey
+    from lumbar.records.ratings import read_ratings
     from lumbar.settings.plain import typed
     from lumbar.settings.survey import SurveySettings
+    from lumbar.survey.survey_analysis import analyse_survey
 
     settings = typed(SurveySettings, params.settings)
-    analysis = analyse_survey(input.ratings, settings=settings, seed=params.seed, data=params.data).analysis
+    ratings = read_ratings(input.ratings, settings.layout)
+    analysis = analyse_survey(ratings, settings, params.seed, params.data)
     for name, table in analysis.tables.items():
         table.write(stem(output[name]))
     write_json(output.results, analysis.results)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from lumbar.cli.options import new_command
 from lumbar.config.settings_files import load_settings
 from lumbar.errors import InputError
-from lumbar.interface.reading import is_column_file, is_marker_file
 from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
@@ -46,6 +45,8 @@ def run(options) -> None:
 
 
 def _files(paths: list[Path]) -> list[Path]:
+    from lumbar.interface.reading import is_column_file, is_marker_file
+
     files = []
     for path in paths:
         if path.is_dir():
@@ -60,6 +61,8 @@ def _files(paths: list[Path]) -> list[Path]:
 
 def _reading(path: Path, chapter: str, settings: StudySettings) -> dict:
     """Entry of the plan of `lumbar.records.checking.check_recordings`."""
+    from lumbar.interface.reading import is_marker_file
+
     if is_marker_file(path):
         layout = plain(settings.lifting.markers)
         return {"chapter": "lifting", "reader": "markers", "path": str(path), "layout": layout}

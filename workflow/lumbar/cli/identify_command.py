@@ -28,9 +28,10 @@ def run(options) -> None:
 
     settings = load_settings(*options.config)
     records = read(options.folder, layout=settings.tissue.layout, rate=settings.tissue.rate_Hz)
+    train = options.train or max(records, key=len).name
     found = identify(
         records,
-        options.train or max(records, key=len).name,
+        train,
         settings=settings.tissue,
         improvement=settings.improvement,
         seed=settings.seed,
@@ -38,4 +39,4 @@ def run(options) -> None:
     )
     found.save(options.output)
     print(found)
-    print(f"models.json, table_3_1 and physical_parameters are in {options.output}")
+    print(f"identified on {train}; models.json, table_3_1 and physical_parameters are in {options.output}")

@@ -68,7 +68,6 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--period",
         action="append",
-        type=_period,
         default=[],
         metavar="NAME=SECONDS",
         help="period of a record's excitation (default: found from the input)",
@@ -85,14 +84,3 @@ def add_effects(parser: argparse.ArgumentParser, required: bool = False) -> None
         metavar="EFFECT",
         help="effect added to the base; may be given several times",
     )
-
-
-def _period(text: str) -> tuple[str, float]:
-    name, _, seconds = text.partition("=")
-    try:
-        value = float(seconds)
-    except ValueError:
-        value = 0.0
-    if not name or not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text!r}: NAME=SECONDS with positive seconds is needed")
-    return name, value

@@ -22,7 +22,7 @@ def read_folder(options) -> tuple[StudySettings, RecordSet, dict[str, Any]]:
     chosen = {
         "base": options.base,
         "train": options.train,
-        "periods": dict(options.period),
+        "periods": dict(map(_period, options.period)),
         "settings": settings.improvement,
         "seed": settings.seed,
         "data": options.data or options.folder.name,
@@ -36,3 +36,16 @@ def refined(options) -> Refinement:
 
     _, records, chosen = read_folder(options)
     return refine(records, options.add, **chosen)
+
+
+def _period(text: str) -> tuple[str, float]:
+    from lumbar.errors import InputError
+
+    name, _, seconds = text.partition("=")
+    try:
+        value = float(seconds)
+    except ValueError:
+        value = 0.0
+    if not name or not 0 < value < float("inf"):
+        raise InputError(f"--period {text!r}: NAME=SECONDS with positive seconds is needed")
+    return name, value

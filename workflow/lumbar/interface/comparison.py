@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.interface.diagnosis import SEED
 from lumbar.records.record import Record
+from lumbar.settings.seed import SEED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.seed import SEED
 from lumbar.settings.signals import MachineSettings
 
 if TYPE_CHECKING:
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     from lumbar.interface.comparison import Comparisons, Locations
     from lumbar.models.fitted_model import FittedModel
     from lumbar.models.form import Effect
-
-SEED = 2023
-"""Seed of intervals where none is given, as of the default study."""
 
 
 def diagnose(

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
-from lumbar.interface.diagnosis import SEED
 from lumbar.models.fitted_model import ARX, FittedModel
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.seed import SEED
 from lumbar.settings.tissue import TissueSettings
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.interface.diagnosis import SEED
+from lumbar.settings.seed import SEED
 from lumbar.settings.survey import SurveySettings
 
 if TYPE_CHECKING:

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
-from lumbar.interface.diagnosis import SEED
 from lumbar.lifting import lift as lifting
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
+from lumbar.settings.seed import SEED
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 

@@ -80,7 +80,11 @@ def read(
     from lumbar.records.record import same_units
 
     layout, periods = layout or _default_layout(kind or "tissue"), periods or {}
-    files = [file for item in files for file in (column_files(item) if item.is_dir() else [item])]
+    files = [
+        file
+        for item in files
+        for file in ([item] if item.suffix and not item.is_dir() else column_files(item))
+    ]
     names = list(names) if names is not None else [None] * len(files)
     records = [read_record(file, layout, name, None, rate) for file, name in zip(files, names, strict=True)]
     same_units(records)

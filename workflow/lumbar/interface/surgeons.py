@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.interface.diagnosis import SEED
 from lumbar.records.record import Record
 from lumbar.settings.plain import plain
+from lumbar.settings.seed import SEED
 from lumbar.settings.signals import SignalsSettings
 from lumbar.settings.surgeon import SurgeonSettings
 

@@ -10,6 +10,7 @@ from lumbar.settings.key import NAME, UNIQUE, key, required, section, settings
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.perturbations import PerturbationsSettings
 from lumbar.settings.runtime import RuntimeSettings
+from lumbar.settings.seed import SEED
 from lumbar.settings.signals import SignalsSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings
@@ -65,7 +66,7 @@ class StudySettings:
     chapters: Annotated[tuple[Chapter, ...], UNIQUE] = key(
         (), "Chapters the study can support, in the thesis's order; at least one."
     )
-    seed: int = key(2023, "Seed of bootstraps and simulations (the twin has a seed of its own).", ge=0)
+    seed: int = key(SEED, "Seed of bootstraps and simulations (the twin has a seed of its own).", ge=0)
     subject: SubjectSettings | None = key(
         None, "One person; given to the workflow by itself, this person runs alone."
     )

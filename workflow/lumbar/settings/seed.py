@@ -1,0 +1,3 @@
+"""The seed of bootstraps and simulations where none is given."""
+
+SEED = 2023
