@@ -45,6 +45,8 @@ class ImprovementSettings:
         False, "Take each record's means off input and output: for sensors whose zero is arbitrary."
     )
     effect_files: tuple[str, ...] = key(
-        (), "Python files, relative to the project, that define effects of your own; they are run as code."
+        (),
+        "Files, relative to the project, that define effects of your own: YAML with an equation, or Python, "
+        "which is run as code.",
     )
     most_effects: int = key(3, "Most effects a diagnosis adds.", ge=1, le=5)
