@@ -16,5 +16,5 @@ failed = [
     for folder in folders
     if command.main(["diagnose", str(folder), "--output", str(output / folder.name)])
 ]
-print(f"{len(folders)} cases, {len(failed)} failed {' '.join(failed)}")
+print(f"{len(folders)} cases, {len(failed)} failed: {' '.join(failed) or 'none'}")
 sys.exit(bool(failed or not folders))
