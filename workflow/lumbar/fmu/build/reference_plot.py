@@ -6,7 +6,12 @@ import io
 
 import numpy as np
 
-_SETTINGS = {"figure.constrained_layout.use": False, "font.size": 9, "svg.hashsalt": "lumbar", "svg.fonttype": "path"}
+_SETTINGS = {
+    "figure.constrained_layout.use": False,
+    "font.size": 9,
+    "svg.hashsalt": "lumbar",
+    "svg.fonttype": "path",
+}
 _COLOURS = ("#000000", "#0072B2")
 
 
