@@ -187,7 +187,7 @@ def test_gravity_is_never_another_one_for_the_effects_than_for_the_basins(config
 
 
 def test_what_jobs_import_is_without_the_validating_library():
-    program = "import sys, lumbar.settings.study, lumbar.settings.plain; sys.exit('pydantic' in sys.modules)"
+    program = "import sys, lumbar.settings.study_settings, lumbar.settings.plain; sys.exit('pydantic' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
 
 
