@@ -187,13 +187,14 @@ def test_one_core_gives_the_same_bytes_as_two(varied_run, varied_on_one_core):
 
 @pytest.mark.parametrize("name", ["table_2_1", "table_3_2"])
 def test_what_does_not_depend_on_seed_and_mass_stays(default_run, varied_run, name):
-    first, second = (results(folder) / "tables" / f"{name}.csv" for folder in (default_run[0], varied_run))
+    first, second = (results(folder) / "tables" / f"{name}.csv" for folder in (default_run[0], varied_run[0]))
     assert first.read_bytes() == second.read_bytes()
 
 
 def test_another_seed_moves_table_3_1_but_not_its_order(default_run, varied_run):
     frames = [
-        pd.read_csv(results(folder) / "tables" / "table_3_1.csv") for folder in (default_run[0], varied_run)
+        pd.read_csv(results(folder) / "tables" / "table_3_1.csv")
+        for folder in (default_run[0], varied_run[0])
     ]
     wide = []
     for frame in frames:
@@ -214,7 +215,11 @@ def test_only_the_mass_changed_moves_that_persons_basins_alone(varied_on_one_cor
     run = snakemake(folder, "--cores", "2", "table_4_1", "--configfile", "config/coarse.yaml")
     assert run.status == 0, run.text[-6000:]
     frames = (before, pd.read_csv(boa))
-    novice = [frame[frame.subject == "novice"].reset_index(drop=True) for frame in frames]
+    # The check by cvxpy solves the programmes of all people at once: at its tolerance it moves with the others.
+    novice = [
+        frame[frame.subject == "novice"].reset_index(drop=True).drop(columns="sos_cvxpy_difference")
+        for frame in frames
+    ]
     pd.testing.assert_frame_equal(novice[0], novice[1], check_exact=True)
     keys = ["box_mass_kg", "com", "plane", "method", "sign"]
     expert = [frame[frame.subject == "expert"].set_index(keys).sort_index().mean_area for frame in frames]

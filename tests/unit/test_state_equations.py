@@ -7,15 +7,18 @@ import sys
 import numpy as np
 import pytest
 from c_programs import CModel
-from runtime_models import SETTINGS, models_json
+from runtime_models import SETTINGS
 from scipy.integrate import solve_ivp
 
 from lumbar.effects.catalogue import TISSUE
-from lumbar.fmu.build.export_model import select_models
+from lumbar.fmu.build.export_model import export_models
+from lumbar.models.bases import BASES
 from lumbar.models.expression import expanded, parse
+from lumbar.models.fitted_model import FittedModel, FittedParameter, Port
 from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
 from lumbar.models.motion import Motion
 from lumbar.models.state_equation import STEP_FUNCTIONS, STEP_SYMBOL, StateEquation
+from lumbar.models.structure import Structure
 from study_settings import changed
 
 STEP = 0.01
@@ -183,12 +186,22 @@ def effect_of(texts: dict, values: dict) -> Effect:
 def test_c_takes_the_same_steps(case, zig_cache, tmp_path):
     texts, _, values = {**CASES, **NONLINEAR}[case]
     effect = effect_of(texts, values)
-    entry = {
-        "name": "LE+own", "trained_on": "multisine", "estimator": "output_error", "base": "LE", "amplitudes": [0.5],
-        "shapes": [], "effects": [{"effect": "own", "form": "own", "amplitudes": [0.7], "shapes": list(values.values())}],
-    }  # fmt: skip
-    chosen = changed(SETTINGS, models=["LE+own"], moving_average=1)
-    (model,) = select_models(models_json(entry), chosen, {"own": effect})
+    form = effect.forms[0]
+    parts = [(item.name, 0.5, "") for item in BASES["LE"].linear]
+    parts += [(item.name, 0.7, "own") for item in form.linear]
+    parts += [(item.name, value, "own") for item, value in zip(form.nonlinear, values.values(), strict=True)]
+    fitted = FittedModel(
+        "LE+own",
+        Structure(BASES["LE"], (form,)),
+        0.01,
+        Port("position", "mm"),
+        Port("force", "N"),
+        "LE",
+        parameters=tuple(
+            FittedParameter(name, name, "", value, effect=owner) for name, value, owner in parts
+        ),
+    )
+    (model,) = export_models([fitted], changed(SETTINGS, moving_average=1))
     inputs = walk(6, 1000)
     found = CModel(model, tmp_path, zig_cache).response(inputs)
     expected = model.dynamics.response(inputs)
