@@ -50,7 +50,11 @@ STRUCTURES = [
     *(("KB", key) for key in ON_OUTPUT),
 ]
 """Every form at least once, several in one model so that few need compiling; a clipped force would hide others."""
-WITH_HAND_WRITTEN = [("KB", *sorted(STEPPED)[:3]), ("LE", *sorted(STEPPED)[3:]), *COMBINATIONS]
+WITH_HAND_WRITTEN = [
+    ("KB", *sorted(STEPPED)[:3]),
+    *(("LE", key) for key in sorted(STEPPED)[3:]),
+    *COMBINATIONS,
+]
 
 
 def exported(entry: dict, **settings):
