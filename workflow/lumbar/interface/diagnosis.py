@@ -183,9 +183,7 @@ class Diagnosis:
 
         verdict = self.verdict
         floor, trained = verdict.experiment.floor, verdict.experiment.floor_from
-        return compare_and_locate(
-            self.records, verdict.base.fit, floor, trained, self.seed, self.settings.centre
-        )
+        return compare_and_locate(self.records, verdict.base.fit, floor, trained, self.seed)
 
     @property
     def sentences(self) -> list[str]:
@@ -318,7 +316,7 @@ class Refinement:
 
         floor, trained = self.experiment.floor, self.experiment.floor_from
         fit = self.path[-1].fit
-        return compare_and_locate(self.records, fit, floor, trained, self.seed, self.settings.centre)
+        return compare_and_locate(self.records, fit, floor, trained, self.seed)
 
     def rows(self) -> list[dict]:
         """The error ladder: one dict per model."""

@@ -35,6 +35,9 @@ class Base:
         The states in closed form.
     system : str
         What it is a model of, which decides the catalogue of effects: ``tissue`` or ``pendulum``.
+    sensor_zero : bool
+        Whether a sensor with a zero of its own gives the response, so that a constant belongs to every fit. A pendulum's
+        moment is computed; a constant in it would be one of the person.
     """
 
     name: str
@@ -44,6 +47,7 @@ class Base:
     state: tuple[tuple[str, str], ...] = ()
     solution: Solution | None = None
     system: str = "tissue"
+    sensor_zero: bool = True
 
     @cached_property
     def form(self) -> Form:
@@ -102,6 +106,7 @@ BASES = {
                 LinearParameter("gravity_moment", "{y}", 0, symbol="G", latex=r"m g \ell"),
             ),
             system="pendulum",
+            sensor_zero=False,
         ),
     )
 }

@@ -41,9 +41,6 @@ class ImprovementSettings:
         "Sets of records that are diagnosed; results are in improvement/<name>.",
         min_length=1,
     )
-    centre: bool = key(
-        False, "Take each record's means off input and output: for sensors whose zero is arbitrary."
-    )
     effect_files: tuple[str, ...] = key(
         (),
         "Files of effects of your own, relative to the project: equations in YAML, or Python, which is run as code.",

@@ -97,9 +97,6 @@ def separating_excitation(diagnosis: Verdict, limits: Kinematics | None = None) 
         return None
     experiment, noise = diagnosis.experiment, noise_rms(diagnosis)
     training = experiment.training
-    if limits is not None:
-        peak = limits.displacement - abs(experiment.input_offset)
-        limits = Kinematics(peak, limits.velocity, limits.acceleration)
     family = excitation_family(training.motion, experiment.input_unit, limits)
     rivals = diagnosis.tied_with
     model = diagnosis.model.fit
@@ -192,9 +189,9 @@ def separation_sentence(separation: Separation, diagnosis: Verdict) -> str:
 
 def excitation_csv(separation: Separation, diagnosis: Verdict) -> str:
     """The excitation as a file to play: header ``time_s,position_<unit>``."""
-    motion, offset = separation.excitation.motion, diagnosis.experiment.input_offset
+    motion = separation.excitation.motion
     stream = io.StringIO()
     stream.write(f"time_s,position_{diagnosis.experiment.input_unit}\n")
-    for time, position in zip(motion.time.tolist(), (motion.position + offset).tolist(), strict=True):
+    for time, position in zip(motion.time.tolist(), motion.position.tolist(), strict=True):
         stream.write(f"{time:.6g},{position:.6g}\n")
     return stream.getvalue()

@@ -86,7 +86,7 @@ def gather_evidence(
     forms = sum(len(effect.forms) for effect in catalogue.values())
     return Evidence(
         remaining=compare_and_locate(
-            records, diagnosis.model.fit, experiment.floor, experiment.floor_from, seed, settings.centre
+            records, diagnosis.model.fit, experiment.floor, experiment.floor_from, seed
         ),
         ties=signal_angles(diagnosis),
         separation=separating_excitation(diagnosis, limits),

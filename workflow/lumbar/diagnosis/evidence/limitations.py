@@ -33,7 +33,7 @@ def undecided(diagnosis: Verdict, evidence: Evidence) -> list[str]:
 def _range(diagnosis: Verdict) -> list[str]:
     experiment = diagnosis.experiment
     motions = [item.motion for item in (experiment.training, *experiment.tests)]
-    positions = np.concatenate([item.position for item in motions]) + experiment.input_offset
+    positions = np.concatenate([item.position for item in motions])
     speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
     bottom, top = (f"{frequency:.2g}" for frequency in band(experiment.training.motion))
     frequencies = f"outside {bottom} to {top} Hz" if bottom != top else f"at a frequency other than {top} Hz"

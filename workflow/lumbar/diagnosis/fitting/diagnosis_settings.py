@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.effects.catalogue import catalogue_of, catalogue_with
-from lumbar.errors import InputError
 from lumbar.models.bases import BASES
 from lumbar.models.form import Effect
 from lumbar.models.measured_angle import for_base
@@ -34,8 +33,6 @@ class DiagnosisSettings:
         Candidates; default those of the system that the base is a model of.
     most_effects : int
         Most effects to add.
-    centre : bool
-        Take each record's means off input and output.
     """
 
     base: str = "KB"
@@ -43,7 +40,6 @@ class DiagnosisSettings:
     periods: dict[str, float] = field(default_factory=dict)
     catalogue: dict[str, Effect] | None = None
     most_effects: int = 3
-    centre: bool = False
 
     @property
     def candidates(self) -> dict[str, Effect]:
@@ -66,7 +62,6 @@ class DiagnosisSettings:
             periods=periods or {},
             catalogue=catalogue_with(improvement.effect_files, base),
             most_effects=improvement.most_effects,
-            centre=improvement.centre,
         )
 
 
@@ -76,11 +71,7 @@ def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experimen
     Raises
     ------
     InputError
-        As `prepare`; and for a pendulum whose angle would be centred.
+        As `prepare`.
     """
-    if settings.centre and BASES[settings.base].system == "pendulum":
-        raise InputError("improvement.centre: a pendulum's angle counts from the vertical; set it to false")
     base = BASES[settings.base]
-    return prepare(
-        [for_base(record, base) for record in records], settings.train, settings.periods, settings.centre
-    )
+    return prepare([for_base(record, base) for record in records], settings.train, settings.periods)

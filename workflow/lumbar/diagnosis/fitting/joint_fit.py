@@ -31,6 +31,8 @@ class Fit:
         Sum of squared (whitened) errors over the samples that count.
     converged : bool
         Whether the optimiser reported convergence.
+    zero : float
+        What the sensor of the response reads where the model gives 0; 0 where the base's has none (`Base.sensor_zero`).
     """
 
     structure: Structure
@@ -38,10 +40,11 @@ class Fit:
     nonlinear: np.ndarray
     squared_error: float
     converged: bool = True
+    zero: float = 0.0
 
     def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
-        """Free-run simulation, shape (samples,)."""
-        return self.structure.simulate(motion, self.linear, self.nonlinear)
+        """Free-run simulation of what the sensor reads, shape (samples,)."""
+        return self.structure.simulate(motion, self.linear, self.nonlinear) + self.zero
 
     def rms(self, *records: FitData) -> float:
         """Root mean square of the simulation error over all samples that count of these records together."""
@@ -147,21 +150,43 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
 
 def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: bool = True) -> Fit:
     """Solve for the linear parameters at given nonlinear parameters."""
-    design = data.counted(structure.design(data.motion, nonlinear))
+    design = _with_zero(structure, data, structure.design(data.motion, nonlinear))
     force = data.counted(data.force)
-    linear = solve_linear(design, force, structure.signs)
+    linear = solve_linear(design, force, _signs(structure))
     error = force - design @ linear
-    return Fit(structure, linear, nonlinear, float(error @ error), converged)
+    return _fit_of(structure, linear, nonlinear, error, converged)
+
+
+def _with_zero(structure: Structure, data: FitData, design: np.ndarray) -> np.ndarray:
+    """Whitened columns that count, with the sensor's zero as the last one."""
+    if structure.base.sensor_zero:
+        design = np.column_stack([design, np.ones(len(design))])
+    return data.counted(design)
+
+
+def _signs(structure: Structure) -> tuple[int, ...]:
+    """Sign constraints of the linear parameters and of the sensor's zero."""
+    return (*structure.signs, 0) if structure.base.sensor_zero else structure.signs
+
+
+def _fit_of(
+    structure: Structure, linear: np.ndarray, nonlinear: np.ndarray, error: np.ndarray, converged: bool
+) -> Fit:
+    """Fit from its linear parameters with the sensor's zero behind them."""
+    count = len(structure.linear)
+    return Fit(
+        structure, linear[:count], nonlinear, float(error @ error), converged, float(sum(linear[count:]))
+    )
 
 
 def _search_nonlinear(structure, data, start, low, high) -> Fit:
     from scipy.optimize import least_squares
 
-    force = data.counted(data.force)
+    force, signs = data.counted(data.force), _signs(structure)
 
     def error(logarithms):
-        design = data.counted(structure.design(data.motion, np.exp(logarithms)))
-        return design @ solve_linear(design, force, structure.signs) - force
+        design = _with_zero(structure, data, structure.design(data.motion, np.exp(logarithms)))
+        return design @ solve_linear(design, force, signs) - force
 
     found = least_squares(
         error, np.log(start), bounds=(np.log(low), np.log(high)), diff_step=1e-5, xtol=1e-7, ftol=1e-9,
@@ -180,27 +205,30 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
         structure.base, tuple(form for form in structure.forms if form.place is not Place.OUTPUT)
     )
     keep = _inner_nonlinear(structure)
+    signs = np.array(_signs(structure))
     first = solve_linear(
-        data.counted(inner.design(data.motion, np.asarray(start)[keep])), force, structure.signs
+        _with_zero(structure, data, inner.design(data.motion, np.asarray(start)[keep])), force, tuple(signs)
     )
     size = np.maximum(np.abs(first), 1e-3 * np.abs(first).max() + 1e-12)
-    signs = np.array(structure.signs)
+    amplitudes = len(structure.linear)
 
     def parts(vector):
         return np.exp(vector[:count]), vector[count:] * size
 
     def error(vector):
         nonlinear, linear = parts(vector)
-        return data.counted(structure.simulate(data.motion, linear, nonlinear)) - force
+        simulated = structure.simulate(data.motion, linear[:amplitudes], nonlinear)
+        return data.counted(simulated + sum(linear[amplitudes:])) - force
 
     def jacobian(vector):
         nonlinear, linear = parts(vector)
-        _, slope = _output_slope(structure, data, structure.design(data.motion, nonlinear), linear, nonlinear)
+        design = structure.design(data.motion, nonlinear)
+        _, slope = _output_slope(structure, data, design, linear[:amplitudes], nonlinear)
         columns = [
             (error(vector + 1e-5 * unit) - error(vector - 1e-5 * unit)) / 2e-5
             for unit in np.eye(len(vector))[:count]
         ]
-        by_amplitude = data.counted(slope) * size
+        by_amplitude = _with_zero(structure, data, slope) * size
         return np.column_stack([*columns, by_amplitude])
 
     lower = np.concatenate([np.log(low), np.where(signs > 0, -1e-9, -np.inf)])
@@ -213,8 +241,8 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
     )
     nonlinear, linear = parts(found.x)
     linear = np.where(signs > 0, np.maximum(linear, 0), np.where(signs < 0, np.minimum(linear, 0), linear))
-    residual = data.counted(structure.simulate(data.motion, linear, nonlinear)) - force
-    return Fit(structure, linear, nonlinear, float(residual @ residual), found.status > 0)
+    residual = error(np.concatenate([found.x[:count], linear / size]))
+    return _fit_of(structure, linear, nonlinear, residual, found.status > 0)
 
 
 def _inner_nonlinear(structure: Structure) -> list[int]:
@@ -252,21 +280,22 @@ def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.nda
         if structure.is_linear:
             squared = _at(structure, data, nonlinear).squared_error
         else:
-            squared = _linearised_error(structure, data, linear_with_new(previous, form), nonlinear)
+            linear = linear_with_new(previous, form)
+            squared = _linearised_error(structure, data, linear, nonlinear, previous.zero)
         found.append((squared, start))
     return sorted(found, key=lambda item: item[0])
 
 
 def _linearised_error(
-    structure: Structure, data: FitData, linear: np.ndarray, nonlinear: np.ndarray
+    structure: Structure, data: FitData, linear: np.ndarray, nonlinear: np.ndarray, zero: float
 ) -> float:
     """Squared error after one Gauss–Newton step in the linear parameters, their signs aside, of a structure with output forms.
 
     Without the step every form that adds a force would look alike: it starts at amplitude 0.
     """
     inner, slope = _output_slope(structure, data, structure.design(data.motion, nonlinear), linear, nonlinear)
-    error = data.counted(structure.output(inner, data.motion, nonlinear) - data.force)
-    columns = data.counted(slope)
+    error = data.counted(structure.output(inner, data.motion, nonlinear) + zero - data.force)
+    columns = _with_zero(structure, data, slope)
     return float(np.sum((error - columns @ np.linalg.lstsq(columns, error, rcond=1e-9)[0]) ** 2))
 
 
@@ -320,9 +349,8 @@ def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
     new = best.nonlinear[len(previous.nonlinear) :]
     if form.place is Place.PARALLEL:
         nonlinear = np.concatenate([previous.nonlinear, new])
-        return Fit(
-            structure, linear_with_new(previous, form), nonlinear, previous.squared_error, converged=False
-        )
+        linear = linear_with_new(previous, form)
+        return replace(previous, structure=structure, linear=linear, nonlinear=nonlinear, converged=False)
     low, high = (bound[len(previous.nonlinear) :] for bound in shape_bounds(structure, data, best.nonlinear))
     bounded = np.any((new <= low * (1 + _AT_BOUND)) | (new >= high * (1 - _AT_BOUND)))
     return replace(best, converged=best.converged and bool(bounded))

@@ -35,8 +35,6 @@ class Experiment:
     input_unit, output_unit : str
     floor_from : str
         Name of the training record that the floor was taken from, or would have been.
-    input_offset, output_offset : float
-        What was taken off the training record's channels; 0 where records are taken as they are.
     input_quantity, output_quantity : str
     """
 
@@ -46,8 +44,6 @@ class Experiment:
     input_unit: str
     output_unit: str
     floor_from: str
-    input_offset: float = 0.0
-    output_offset: float = 0.0
     input_quantity: str = "position"
     output_quantity: str = "force"
 
@@ -71,7 +67,6 @@ def prepare(
     records: list[Record],
     train: str | Sequence[str] | None = None,
     periods: dict[str, float] | None = None,
-    centre: bool = False,
 ) -> Experiment:
     """Choose the training records, estimate their noise and prepare all records.
 
@@ -83,8 +78,6 @@ def prepare(
         Name of the training record, or of several that are fitted together; default the longest.
     periods : dict of str to float, optional
         Period of a record's excitation in seconds; default found from the input.
-    centre : bool
-        Take each record's means off input and output: for sensors whose zero is arbitrary.
 
     Returns
     -------
@@ -113,16 +106,14 @@ def prepare(
     check_response(first, floor)
     training, tests = _split(chosen, others)
     whitening = np.ones(1) if floor is None else floor.whitening
-    fitted = [_fit_data(item, centre, whitening) for item in training]
+    fitted = [_fit_data(item, whitening) for item in training]
     return Experiment(
         fitted[0] if len(fitted) == 1 else JointData.of(fitted),
-        [_fit_data(item, centre, _at_rate(whitening, item, first)) for item in tests],
+        [_fit_data(item, _at_rate(whitening, item, first)) for item in tests],
         floor,
         first.channels["input"].unit,
         first.channels["output"].unit,
         first.name,
-        float(np.mean(training[0]["input"])) if centre else 0.0,
-        float(np.mean(training[0]["output"])) if centre else 0.0,
         first.channels["input"].quantity,
         first.channels["output"].quantity,
     )
@@ -164,10 +155,8 @@ def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndar
     return whitening if np.isclose(record.sampling_time, training.sampling_time) else np.ones(1)
 
 
-def _fit_data(record: Record, centre: bool, whitening: np.ndarray) -> FitData:
-    offset, level = (float(record[role].mean()) if centre else 0.0 for role in ("input", "output"))
-    motion, force = Motion.of(record, offset=offset), record["output"] - level
-    return FitData(record.name, motion, force, whitening)
+def _fit_data(record: Record, whitening: np.ndarray) -> FitData:
+    return FitData(record.name, Motion.of(record), record["output"], whitening)
 
 
 def _split(chosen: list[Record], others: list[Record]) -> tuple[list[Record], list[Record]]:

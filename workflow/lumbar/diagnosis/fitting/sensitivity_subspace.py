@@ -6,6 +6,8 @@ what lies outside tells another model from it (Bates and Watts, Nonlinear Regres
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from lumbar.diagnosis.fitting.fit_data import FitData
@@ -45,7 +47,8 @@ def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.n
     """Whitened forces that a form adds, one per amplitude; of forms without linear parameters the change it makes."""
     if form.place is Place.PARALLEL:
         return data.counted(forces_of(form, data.motion, start))
-    structure = fit.structure.with_form(form)
-    nonlinear = np.concatenate([fit.nonlinear, start])
-    changed = structure.simulate(data.motion, linear_with_new(fit, form), nonlinear)
-    return data.counted(changed - fit.simulate(data.motion))[:, None]
+    structure, linear = fit.structure.with_form(form), linear_with_new(fit, form)
+    changed = replace(
+        fit, structure=structure, linear=linear, nonlinear=np.concatenate([fit.nonlinear, start])
+    )
+    return data.counted(changed.simulate(data.motion) - fit.simulate(data.motion))[:, None]

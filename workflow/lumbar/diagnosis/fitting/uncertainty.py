@@ -31,7 +31,8 @@ def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> lis
     for item, value, deviation in zip(structure.linear, fit.linear, deviations, strict=False):
         low, high = value - deviation, value + deviation
         ends.append((max(low, 0.0) if item.sign > 0 else low, min(high, 0.0) if item.sign < 0 else high))
-    for value, deviation in zip(fit.nonlinear, deviations[len(fit.linear) :], strict=True):
+    shapes = deviations[len(fit.linear) : len(fit.linear) + len(fit.nonlinear)]
+    for value, deviation in zip(fit.nonlinear, shapes, strict=True):
         ends.append(_around(value, deviation))
     items, values = (*structure.linear, *structure.nonlinear), (*fit.linear, *fit.nonlinear)
     return [
@@ -113,11 +114,13 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
-    """Derivatives of the whitened simulation by linear parameters and logarithms of nonlinear parameters, by central differences.
+    """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the sensor's zero.
+
+    By central differences; the zero, where there is one, comes last.
 
     Returns
     -------
-    numpy.ndarray, shape (samples that count, linear and nonlinear parameters)
+    numpy.ndarray, shape (samples that count, parameters)
     """
     structure, motion = fit.structure, data.motion
 
@@ -138,4 +141,6 @@ def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
         change[index] = 1e-4
         difference = simulated(fit.linear, logarithms + change) - simulated(fit.linear, logarithms - change)
         columns.append(difference / 2e-4)
+    if structure.base.sensor_zero:
+        columns.append(data.counted(np.ones(len(data.force))))
     return np.stack(columns, axis=1)

@@ -41,7 +41,6 @@ def compare_and_locate(
     floor: NoiseFloor | None,
     floor_from: str,
     seed: int,
-    centre: bool = False,
 ) -> list[Simulated]:
     """Simulate a fit on every record, compare it, and see where it fails.
 
@@ -51,16 +50,9 @@ def compare_and_locate(
     fit : Fit
     floor, floor_from, seed
         As for `residual_reports`.
-    centre : bool
-        Whether the fit was made on records less their means.
     """
-
-    def simulate(record: Record) -> np.ndarray:
-        offset, level = (float(record[role].mean()) if centre else 0.0 for role in ("input", "output"))
-        return fit.simulate(Motion.of(record, offset=offset)) + level
-
     seen = [for_base(record, fit.structure.base) for record in records]
-    return residual_reports(seen, simulate, floor, floor_from, seed)
+    return residual_reports(seen, lambda record: fit.simulate(Motion.of(record)), floor, floor_from, seed)
 
 
 def residual_reports(

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
-from lumbar.diagnosis.fitting.joint_fit import Fit, add, fit_base
+from lumbar.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import estimates
 from lumbar.diagnosis.selection.forward_selection import (
@@ -198,12 +198,11 @@ class _Selection:
         for form in fit.structure.forms:
             linear[form.key] = fit.linear[position : position + len(form.linear)]
             position += len(form.linear)
-        ordered = Fit(
-            Structure(base, forms),
-            np.concatenate([fit.linear[: len(base.linear)], *(linear[form.key] for form in forms)]),
-            np.concatenate([first, *(parts[form.key] for form in forms)]),
-            fit.squared_error,
-            fit.converged,
+        ordered = replace(
+            fit,
+            structure=Structure(base, forms),
+            linear=np.concatenate([fit.linear[: len(base.linear)], *(linear[form.key] for form in forms)]),
+            nonlinear=np.concatenate([first, *(parts[form.key] for form in forms)]),
         )
         return Candidate(ordered, model.train_rms, model.test_rms, model.score)
 
