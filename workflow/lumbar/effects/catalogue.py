@@ -22,7 +22,7 @@ from lumbar.models.form import Effect, Form
 TISSUE = {
     effect.name: effect
     for effect in (
-        *stiffness.EFFECTS[:2],
+        *stiffness.EFFECTS[:3],
         *friction.EFFECTS,
         measurement_chain.CONTACT_LOSS,
         *damping_and_inertia.EFFECTS,

@@ -40,6 +40,21 @@ DEPTH_DEPENDENT_DAMPING = Effect(
     ),
 )
 
+VISCOUS_DAMPING = Effect(
+    name="viscous_damping",
+    mechanism="A dashpot beside the tissue: a force in proportion to the speed.",
+    source="Fung, Biomechanics: Mechanical Properties of Living Tissues (1993), section 2.11",
+    experiment="excite at higher frequencies: the force of a dashpot grows with them, that of a Maxwell branch does not",
+    forms=(
+        Form(
+            name="dashpot",
+            equation="b*v",
+            place=Place.PARALLEL,
+            linear=(LinearParameter("viscosity", "{y} s/{x}", symbol="b"),),
+        ),
+    ),
+)
+
 QUADRATIC_DAMPING = Effect(
     name="quadratic_damping",
     mechanism="Damping grows with speed, as of fluid pushed through the tissue.",
@@ -91,4 +106,4 @@ INERTIA = Effect(
     ),
 )
 
-EFFECTS = (DEPTH_DEPENDENT_DAMPING, QUADRATIC_DAMPING, INERTIA)
+EFFECTS = (DEPTH_DEPENDENT_DAMPING, VISCOUS_DAMPING, QUADRATIC_DAMPING, INERTIA)

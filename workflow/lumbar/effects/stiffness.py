@@ -1,4 +1,4 @@
-"""Effects of stiffness and relaxation: hardening, asymmetry, softening, a second Maxwell branch."""
+"""Effects of stiffness and relaxation: hardening, strain softening, asymmetry, softening, a second Maxwell branch."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HARDENING = Effect(
             name="cubic",
             equation="k3*z**3",
             place=Place.PARALLEL,
-            linear=(LinearParameter("cubic_stiffness", "{y}/{x}^3", sign=0, symbol="k3"),),
+            linear=(LinearParameter("cubic_stiffness", "{y}/{x}^3", symbol="k3"),),
         ),
         Form(
             name="exponential",
@@ -40,7 +40,7 @@ HARDENING = Effect(
             name="bilinear",
             equation="kb*sign(z)*max(abs(z) - zb, 0)",
             place=Place.PARALLEL,
-            linear=(LinearParameter("added_stiffness", "{y}/{x}", sign=0, symbol="kb"),),
+            linear=(LinearParameter("added_stiffness", "{y}/{x}", symbol="kb"),),
             nonlinear=(_knee("zb"),),
         ),
         Form(
@@ -52,6 +52,28 @@ HARDENING = Effect(
                 NonlinearParameter("exponent", "1", "one", 2.0, 6.0, 3, reach=(0.8, 1.5), symbol="n"),
             ),
             constants=(Constant("z_1", 1.0, "{x}"),),
+        ),
+    ),
+)
+
+STRAIN_SOFTENING = Effect(
+    name="strain_softening",
+    mechanism="The tissue gets softer with depth, alike in both directions, as of fibres that buckle.",
+    source="Fung, Biomechanics: Mechanical Properties of Living Tissues (1993), section 7.5",
+    experiment="excite with a larger amplitude: the force of a softening spring falls behind its displacement",
+    forms=(
+        Form(
+            name="cubic",
+            equation="-k3*z**3",
+            place=Place.PARALLEL,
+            linear=(LinearParameter("cubic_stiffness_lost", "{y}/{x}^3", symbol="k3"),),
+        ),
+        Form(
+            name="bilinear",
+            equation="-kb*sign(z)*max(abs(z) - zb, 0)",
+            place=Place.PARALLEL,
+            linear=(LinearParameter("stiffness_lost", "{y}/{x}", symbol="kb"),),
+            nonlinear=(_knee("zb"),),
         ),
     ),
 )
@@ -107,7 +129,7 @@ QUADRATIC = Effect(
     ),
 )
 
-_LOST = LinearParameter("stiffness_lost", "{y}/{x}", sign=-1, symbol="ks")
+_LOST = LinearParameter("stiffness_lost", "{y}/{x}", symbol="ks")
 
 SOFTENING = Effect(
     name="softening",
@@ -118,21 +140,21 @@ SOFTENING = Effect(
     forms=(
         Form(
             name="path",
-            equation="-ks*z*expm1(-s/s0)",
+            equation="ks*z*expm1(-s/s0)",
             place=Place.PARALLEL,
             linear=(_LOST,),
             nonlinear=(NonlinearParameter("path_constant", "{x}", "path", 0.02, 3.0, 6, symbol="s0"),),
         ),
         Form(
             name="time",
-            equation="-ks*z*expm1(-t/Ts)",
+            equation="ks*z*expm1(-t/Ts)",
             place=Place.PARALLEL,
             linear=(_LOST,),
             nonlinear=(NonlinearParameter("time_constant", "s", "duration", 0.02, 3.0, 6, symbol="Ts"),),
         ),
         Form(
             name="path_to_floor",
-            equation="ks*z*min(s/s0, 1)",
+            equation="-ks*z*min(s/s0, 1)",
             place=Place.PARALLEL,
             linear=(_LOST,),
             nonlinear=(
@@ -175,4 +197,4 @@ SECOND_RELAXATION = Effect(
     ),
 )
 
-EFFECTS = (HARDENING, QUADRATIC, SOFTENING, SECOND_RELAXATION)
+EFFECTS = (HARDENING, STRAIN_SOFTENING, QUADRATIC, SOFTENING, SECOND_RELAXATION)
