@@ -21,7 +21,7 @@ BACKLASH = Effect(
             place=Place.INPUT,
             nonlinear=(
                 NonlinearParameter(
-                    "half_gap", "{x}", "position", 0.005, 0.5, 9, reach=(0.2, 1.6), symbol="g"
+                    "half_gap", "{x}", "position", 0.005, 0.5, 9, reach=(0.2, 1.6), symbol="g", decisive=True
                 ),
             ),
             hand_written=HandWritten(
@@ -60,7 +60,9 @@ DELAY = Effect(
             equation=r"F(t) \to F(t - T_d)",
             place=Place.INPUT,
             nonlinear=(
-                NonlinearParameter("delay", "s", "sampling", 0.05, 5.0, 6, reach=(0.05, 10.0), symbol="Td"),
+                NonlinearParameter(
+                    "delay", "s", "sampling", 0.05, 5.0, 6, reach=(0.05, 10.0), symbol="Td", decisive=True
+                ),
             ),
             hand_written=HandWritten(
                 input_transform=lambda motion, nonlinear: motion.delayed(nonlinear[0]),

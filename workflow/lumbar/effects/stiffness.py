@@ -143,14 +143,20 @@ SOFTENING = Effect(
             equation="ks*z*expm1(-s/s0)",
             place=Place.PARALLEL,
             linear=(_LOST,),
-            nonlinear=(NonlinearParameter("path_constant", "{x}", "path", 0.02, 3.0, 6, symbol="s0"),),
+            nonlinear=(
+                NonlinearParameter("path_constant", "{x}", "path", 0.02, 3.0, 6, symbol="s0", decisive=True),
+            ),
         ),
         Form(
             name="time",
             equation="ks*z*expm1(-t/Ts)",
             place=Place.PARALLEL,
             linear=(_LOST,),
-            nonlinear=(NonlinearParameter("time_constant", "s", "duration", 0.02, 3.0, 6, symbol="Ts"),),
+            nonlinear=(
+                NonlinearParameter(
+                    "time_constant", "s", "duration", 0.02, 3.0, 6, symbol="Ts", decisive=True
+                ),
+            ),
         ),
         Form(
             name="path_to_floor",
@@ -159,7 +165,7 @@ SOFTENING = Effect(
             linear=(_LOST,),
             nonlinear=(
                 NonlinearParameter(
-                    "path_constant", "{x}", "path", 0.05, 1.0, 5, reach=(0.2, 1.5), symbol="s0"
+                    "path_constant", "{x}", "path", 0.05, 1.0, 5, reach=(0.2, 1.5), symbol="s0", decisive=True
                 ),
             ),
         ),
@@ -168,8 +174,10 @@ SOFTENING = Effect(
             equation="F*(1 + a_s*expm1(-s/s0))",
             place=Place.OUTPUT,
             nonlinear=(
-                NonlinearParameter("share_lost", "1", "one", 0.05, 0.6, 3, reach=(0.02, 1.6), symbol="a_s"),
-                NonlinearParameter("path_constant", "{x}", "path", 0.05, 1.0, 3, symbol="s0"),
+                NonlinearParameter(
+                    "share_lost", "1", "one", 0.05, 0.6, 3, reach=(0.02, 1.6), symbol="a_s", decisive=True
+                ),
+                NonlinearParameter("path_constant", "{x}", "path", 0.05, 1.0, 3, symbol="s0", decisive=True),
             ),
         ),
     ),
@@ -188,7 +196,16 @@ SECOND_RELAXATION = Effect(
             linear=(LinearParameter("branch_stiffness", "{y}/{x}", symbol="k3"),),
             nonlinear=(
                 NonlinearParameter(
-                    "relaxation_time", "s", "time", 0.008, 20.0, 12, reach=(0.4, 5.0), symbol="tau_2"
+                    "relaxation_time",
+                    "s",
+                    "time",
+                    0.008,
+                    20.0,
+                    12,
+                    reach=(0.4, 5.0),
+                    symbol="tau_2",
+                    follows_record=True,
+                    decisive=True,
                 ),
             ),
             state=(("q", "v - q/tau_2"),),

@@ -30,7 +30,15 @@ DRIFT = Effect(
             linear=(_FORCE,),
             nonlinear=(
                 NonlinearParameter(
-                    "settling_time", "s", "duration", 0.01, 1.0, 7, reach=(0.3, 5.0), symbol="Td"
+                    "settling_time",
+                    "s",
+                    "duration",
+                    0.01,
+                    1.0,
+                    7,
+                    reach=(0.3, 5.0),
+                    symbol="Td",
+                    decisive=True,
                 ),
             ),
         ),

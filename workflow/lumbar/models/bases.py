@@ -80,7 +80,9 @@ class Base:
 
 _SPRING = LinearParameter("spring_stiffness", "{y}/{x}", symbol="k_e")
 _BRANCH = LinearParameter("branch_stiffness", "{y}/{x}", symbol="k_b")
-_RELAXATION = NonlinearParameter("relaxation_time", "s", "time", 0.02, 2.0, 5, reach=(0.4, 4.0), symbol="tau")
+_RELAXATION = NonlinearParameter(
+    "relaxation_time", "s", "time", 0.02, 2.0, 5, reach=(0.4, 4.0), symbol="tau", follows_record=True
+)
 MAXWELL_STATE = (("q", "v - q/tau"),)
 """Elongation of the spring of a Maxwell branch."""
 

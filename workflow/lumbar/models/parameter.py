@@ -12,6 +12,10 @@ SCALES = ("position", "speed", "path", "duration", "force", "time", "sampling", 
 """Quantities that set the size of a nonlinear parameter."""
 
 
+_SHARE = 0.2
+"""Of the sampling interval and of the duration, to which the range of a time constant reaches."""
+
+
 @dataclass(frozen=True)
 class Parameter:
     """A quantity of an equation that a fit finds.
@@ -73,6 +77,11 @@ class NonlinearParameter(Parameter):
         How far below and above the range the fit may go, as factors.
     lines : float or None
         For frequencies: the fit stays within this many lines (1/duration) of its start.
+    follows_record : bool
+        For time constants: the range of the fit reaches from a fifth of the sampling interval to a fifth of the
+        record's duration where these are beyond the parameter's own, and starting values from two intervals on.
+    decisive : bool
+        Whether a value at the end of its range says that the mechanism is not there, or is another one.
     """
 
     scale: str
@@ -81,14 +90,27 @@ class NonlinearParameter(Parameter):
     points: int
     reach: tuple[float, float] = (0.1, 10.0)
     lines: float | None = None
+    follows_record: bool = field(default=False, kw_only=True)
+    decisive: bool = field(default=False, kw_only=True)
 
-    def grid(self, size: float) -> np.ndarray:
-        """Return the starting values for a scale of this size."""
-        return size * np.geomspace(self.low, self.high, self.points)
+    def grid(self, size: float, sampling_time: float | None = None) -> np.ndarray:
+        """Return the starting values for a scale of this size, and for records sampled so."""
+        low, points = self.low * size, self.points
+        if self.follows_record and sampling_time and 2 * sampling_time < low:
+            # As dense as the range's own.
+            spacing = np.log(self.high / self.low) / max(self.points - 1, 1)
+            points += int(np.ceil(np.log(low / (2 * sampling_time)) / spacing))
+            low = 2 * sampling_time
+        return np.geomspace(low, self.high * size, points)
 
-    def bounds(self, size: float) -> tuple[float, float]:
-        """Return the bounds of the fit for a scale of this size."""
-        return self.low * self.reach[0] * size, self.high * self.reach[1] * size
+    def bounds(
+        self, size: float, sampling_time: float | None = None, duration: float | None = None
+    ) -> tuple[float, float]:
+        """Return the bounds of the fit for a scale of this size, and for records of this sampling and duration."""
+        low, high = self.low * self.reach[0] * size, self.high * self.reach[1] * size
+        if self.follows_record and sampling_time and duration:
+            low, high = min(low, _SHARE * sampling_time), max(high, _SHARE * duration)
+        return low, high
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,8 @@ def shape_bounds(structure: Structure, data: FitData, start: np.ndarray) -> tupl
             reach = shape.lines / data.motion.time[-1]
             bounds.append((max(value - reach, 0.1 * value), value + reach))
         else:
-            bounds.append(shape.bounds(data.scale(shape.scale)))
+            times = data.motion.sampling_time, data.scale("duration")
+            bounds.append(shape.bounds(data.scale(shape.scale), *times))
     return tuple(np.array(bounds).reshape(-1, 2).T)
 
 
@@ -118,7 +119,7 @@ def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np
     """Return the starting nonlinear parameters of a form: its own, or the grid of all its nonlinear parameters."""
     if form.starts is not None:
         return form.starts(*data.longest(residual))
-    grids = [shape.grid(data.scale(shape.scale)) for shape in form.nonlinear]
+    grids = [shape.grid(data.scale(shape.scale), data.motion.sampling_time) for shape in form.nonlinear]
     return [np.array(point) for point in product(*grids)]
 
 
@@ -258,7 +259,7 @@ def _inner_nonlinear(structure: Structure) -> list[int]:
 
 def fit_base(structure: Structure, data: FitData) -> Fit:
     """Fit a structure without effects from every combination of its nonlinear parameters' starting values; return the best."""
-    grids = [shape.grid(data.scale(shape.scale)) for shape in structure.nonlinear]
+    grids = [shape.grid(data.scale(shape.scale), data.motion.sampling_time) for shape in structure.nonlinear]
     starts = [np.array(point) for point in product(*grids)]
     ranked = sorted((_at(structure, data, start) for start in starts), key=lambda item: item.squared_error)
     return min(
