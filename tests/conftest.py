@@ -35,8 +35,8 @@ def shared() -> Path:
     folder = Path(os.environ.get("LUMBAR_SHARED", PROJECT.parent / "shared"))
     if not (folder / "real").is_dir():
         pytest.skip(
-            f"no recordings in {folder}: get those that config/studies/*.yaml name, as real/<data set>/ in a folder, "
-            "and set LUMBAR_SHARED to it"
+            f"no recordings in {folder}: get those that config/studies/*.yaml and tests/real_records/README.md name, as "
+            "real/<data set>/ in a folder, and set LUMBAR_SHARED to it"
         )
     return folder
 

@@ -84,10 +84,11 @@ def judge(expected: Expectation, best: float, answer: Answer) -> tuple[str, str]
         for name, (_, low, high, published) in parameters(expected, answer).items()
         if not low <= published <= high
     ]
-    if excluded:
-        return "part", f"interval of {', '.join(excluded)} excludes the published value"
+    lacking = [f"interval of {name} excludes the published value" for name in excluded]
     if answer.errors[1] > WITHIN * best:
-        return "part", f"error {answer.errors[1] / best:.2g} × the best published one"
+        lacking.append(f"error {answer.errors[1] / best:.2g} × the best published one")
+    if lacking:
+        return "part", ", ".join(lacking)
     return ("tied" if answer.verdict == "tied" else "right"), ""
 
 

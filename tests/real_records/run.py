@@ -18,6 +18,7 @@ from record_judging import expectations, judge, parameters
 
 from acceptance_page import write_section
 from answers import SHARED, absent, ask, surprise
+from lumbar.diagnosis.selection.sentences import effects_text
 from lumbar.files import write_json
 
 HEAD = "| data | known to be missing | named | error, unseen: base → named | published: linear → best | judgement |"
@@ -59,7 +60,7 @@ def main() -> int:
 def _named(answer) -> str:
     if not answer.document:
         return "no result"
-    names = ", ".join(answer.selected) or "nothing"
+    names = effects_text(answer.selected) if answer.selected else "nothing"
     return f"{names} ({answer.verdict})"
 
 
@@ -84,7 +85,7 @@ def _text(name, expected, answer, linear, best, judgement) -> str:
 
 
 def _row(expected, answer, linear, best, judgement) -> str:
-    errors = _errors(*answer.errors) if answer.document else "–"
+    errors = f"{_errors(*answer.errors)} {expected.unit}" if answer.document else "–"
     published = f"{_errors(linear, best)} {expected.unit}" if best else "–"
     cells = (
         expected.title,
