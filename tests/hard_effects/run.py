@@ -40,6 +40,8 @@ def main() -> int:
     parser.add_argument("--json", type=Path, help="write every answer whole")
     parser.add_argument("--markdown", type=Path, help="renew the table of this page")
     options = parser.parse_args()
+    if options.only and options.markdown:
+        parser.error("--markdown renews the whole table: not with --only")
     folder = SHARED / "hard_effects"
     if words := absent(folder, "hard_effects"):
         sys.exit(words)

@@ -31,6 +31,8 @@ def main() -> int:
     parser.add_argument("--json", type=Path, help="write every answer whole")
     parser.add_argument("--markdown", type=Path, help="renew the table of this page")
     options = parser.parse_args()
+    if options.only and options.markdown:
+        parser.error("--markdown renews the whole table: not with --only")
     folder = SHARED / "real"
     if words := absent(folder, "real_records"):
         sys.exit(words)
@@ -40,7 +42,7 @@ def main() -> int:
         if only and not any(name.startswith(item) for item in only):
             continue
         answer = ask(partial(READERS[name], folder))
-        records = READERS[name](folder)[0] if not answer.refusal else []
+        records = READERS[name](folder)[0] if answer.document else []
         linear, best = (
             expected.published(which, records) if records else 0.0 for which in ("linear", "best")
         )
@@ -91,7 +93,7 @@ def _row(expected, answer, linear, best, judgement) -> str:
         expected.title,
         expected.truth,
         _named(answer),
-        f"{errors} {expected.unit}",
+        errors,
         published,
         judgement,
     )
