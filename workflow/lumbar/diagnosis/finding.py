@@ -12,7 +12,7 @@ class Finding:
     Attributes
     ----------
     kind : str
-        E.g. ``"force_zero"``, ``"position_noise"``, ``"linear_dynamics"``.
+        E.g. ``"force_offset"``, ``"position_noise"``, ``"higher_order_linear"``.
     sentence : str
         For a reader, with numbers and units, and what to do.
     value : float

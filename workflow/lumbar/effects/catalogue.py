@@ -60,8 +60,10 @@ def catalogue_of(base: str) -> dict[str, Effect]:
     InputError
         For an unknown base.
     """
+    if base == "auto":
+        return TISSUE
     if base not in BASES:
-        raise InputError(f"unknown base model {base!r}; known are {', '.join(BASES)}")
+        raise InputError(f"unknown base model {base!r}; known are auto, {', '.join(BASES)}")
     return CATALOGUES[BASES[base].system]
 
 

@@ -6,6 +6,7 @@ from lumbar.models.form import Effect, Form, Place
 from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter
 
 _AT_ZERO = LinearParameter("damping_at_zero", "{y} s/{x}", symbol="c")
+_PER_DEPTH = ("damping_per_depth", "damping_at_depth")
 _UNIT_DEPTH = Constant("z_1", 1.0, "{x}")
 _UNIT_SPEED = Constant("v_0", 1.0, "{x}/s")
 
@@ -17,18 +18,21 @@ DEPTH_DEPENDENT_DAMPING = Effect(
     forms=(
         Form(
             name="bilinear",
+            essential=_PER_DEPTH,
             equation="lambda_z*z*v + c*v",
             place=Place.PARALLEL,
             linear=(LinearParameter("damping_per_depth", "{y} s/{x}^2", sign=0, symbol="lambda_z"), _AT_ZERO),
         ),
         Form(
             name="one_sided",
+            essential=_PER_DEPTH,
             equation="lambda_z*max(z, 0)*v + c*v",
             place=Place.PARALLEL,
             linear=(LinearParameter("damping_per_depth", "{y} s/{x}^2", symbol="lambda_z"), _AT_ZERO),
         ),
         Form(
             name="hunt_crossley",
+            essential=_PER_DEPTH,
             equation="lambda_z*max(z/z_1, 0)**n*v + c*v",
             place=Place.PARALLEL,
             linear=(LinearParameter("damping_at_depth", "{y} s/{x}", symbol="lambda_z"), _AT_ZERO),

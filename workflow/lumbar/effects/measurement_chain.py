@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from lumbar.models.c_step import CStep
 from lumbar.models.form import Effect, Form, HandWritten, Place
 from lumbar.models.operators import play
@@ -78,6 +80,20 @@ DELAY = Effect(
 )
 
 
+_BEYOND = 0.01
+"""Share of the samples that may lie beyond a limit."""
+
+
+def _above_limit(values, motion, force, noise, period) -> str:
+    share = float(np.mean(np.abs(force) > 1.02 * values["limit"] + 3 * noise))
+    return f"{100 * share:.1f} % of the samples lie above its limit" if share > _BEYOND else ""
+
+
+def _below_adhesion(values, motion, force, noise, period) -> str:
+    share = float(np.mean(force < -1.02 * values["limit"] - 3 * noise))
+    return f"{100 * share:.1f} % of the samples pull more than its limit" if share > _BEYOND else ""
+
+
 _ADHESION = NonlinearParameter("limit", "{y}", "force", 0.3, 1.0, 8, reach=(0.05, 1.6), symbol="F0")
 
 CONTACT_LOSS = Effect(
@@ -90,12 +106,14 @@ CONTACT_LOSS = Effect(
             name="sharp",
             equation="max(F, -F0)",
             place=Place.OUTPUT,
+            contradiction=_below_adhesion,
             nonlinear=(_ADHESION,),
         ),
         Form(
             name="soft",
             equation="w*softplus((F + F0)/w) - F0",
             place=Place.OUTPUT,
+            contradiction=_below_adhesion,
             nonlinear=(
                 _ADHESION,
                 NonlinearParameter(
@@ -116,6 +134,7 @@ SATURATION = Effect(
             name="sharp",
             equation="clip(F, -Fs, Fs)",
             place=Place.OUTPUT,
+            contradiction=_above_limit,
             nonlinear=(
                 NonlinearParameter("limit", "{y}", "force", 0.3, 1.0, 8, reach=(0.05, 1.6), symbol="Fs"),
             ),
@@ -124,6 +143,7 @@ SATURATION = Effect(
             name="soft",
             equation="Fs*tanh(F/Fs)",
             place=Place.OUTPUT,
+            contradiction=_above_limit,
             nonlinear=(
                 NonlinearParameter("limit", "{y}", "force", 0.6, 4.0, 6, reach=(0.4, 3.0), symbol="Fs"),
             ),
@@ -133,6 +153,7 @@ SATURATION = Effect(
             name="rounded",
             equation="clip(F, -Fs, Fs)/(1 + (min(abs(F), Fs)/max(abs(F), Fs))**p)**(1/p)",
             place=Place.OUTPUT,
+            contradiction=_above_limit,
             nonlinear=(
                 NonlinearParameter("limit", "{y}", "force", 0.6, 1.5, 4, reach=(0.4, 3.0), symbol="Fs"),
                 NonlinearParameter("sharpness", "1", "one", 3.0, 10.0, 2, reach=(0.5, 2.0), symbol="p"),

@@ -86,6 +86,21 @@ _OVERTONES = 7
 """Highest multiple of a disturbance's frequency."""
 _FREQUENCY = NonlinearParameter("frequency", "Hz", "time", 0.01, 50.0, 1, lines=0.7, symbol="f")
 
+_FEWEST_CYCLES = 2.0
+_APART = 0.5
+"""Lines (1/duration) by which a disturbance must keep away from the excitation's own."""
+
+
+def _no_disturbance(values, motion, force, noise, period) -> str:
+    """Fewer than two cycles are a drift; a line of the excitation's own grid is the model's error."""
+    frequency, duration = values["frequency"], float(motion.time[-1])
+    if frequency * duration < _FEWEST_CYCLES:
+        return f"its record holds {frequency * duration:.1f} cycles of it"
+    if period and abs(frequency * period - round(frequency * period)) < _APART * period / duration:
+        return "it repeats with the excitation"
+    return ""
+
+
 PERIODIC_DISTURBANCE = Effect(
     name="periodic_disturbance",
     mechanism="A force at a frequency of its own, unrelated to the input (breathing, pulse, a motor).",
@@ -96,6 +111,7 @@ PERIODIC_DISTURBANCE = Effect(
             name="sine",
             equation="A*sin(2*pi*f*t) + B*cos(2*pi*f*t)",
             place=Place.PARALLEL,
+            contradiction=_no_disturbance,
             linear=(
                 LinearParameter("sine_amplitude", "{y}", sign=0, symbol="A"),
                 LinearParameter("cosine_amplitude", "{y}", sign=0, symbol="B"),
@@ -107,6 +123,7 @@ PERIODIC_DISTURBANCE = Effect(
             name="overtones",
             equation=f"sum(n, 1, {_OVERTONES}, A_n*sin(n*(2*pi*f*t)) + B_n*cos(n*(2*pi*f*t)))",
             place=Place.PARALLEL,
+            contradiction=_no_disturbance,
             linear=tuple(
                 LinearParameter(f"{name}_amplitude_{order}", "{y}", sign=0, symbol=f"{symbol}_{order}")
                 for order in range(1, _OVERTONES + 1)

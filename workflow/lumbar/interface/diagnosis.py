@@ -183,7 +183,9 @@ class Diagnosis:
 
         verdict = self.verdict
         floor, trained = verdict.experiment.floor, verdict.experiment.floor_from
-        return compare_and_locate(self.records, verdict.base.fit, floor, trained, self.seed)
+        return compare_and_locate(
+            self.records, verdict.base.fit, floor, trained, self.seed, verdict.experiment.surface
+        )
 
     @property
     def sentences(self) -> list[str]:
@@ -243,7 +245,8 @@ class Diagnosis:
         return "\n  ".join(self.sentences)
 
     def __repr__(self) -> str:
-        return f"<Diagnosis of {self.settings.base} on {len(self.records)} records: {self.verdict.verdict}>"
+        base = self.verdict.base.fit.structure.base.name
+        return f"<Diagnosis of {base} on {len(self.records)} records: {self.verdict.verdict}>"
 
     def _repr_html_(self) -> str:
         return self.to_html()
@@ -316,14 +319,16 @@ class Refinement:
 
         floor, trained = self.experiment.floor, self.experiment.floor_from
         fit = self.path[-1].fit
-        return compare_and_locate(self.records, fit, floor, trained, self.seed)
+        return compare_and_locate(self.records, fit, floor, trained, self.seed, self.experiment.surface)
 
     def rows(self) -> list[dict]:
         """The error ladder: one dict per model."""
+        from lumbar.diagnosis.selection.refined_model import model_name
+
         unit = self.experiment.output_unit
         return [
             {
-                "model": "+".join([self.settings.base, *item.effects]),
+                "model": model_name(item.fit),
                 f"training ({unit})": item.train_rms,
                 f"unseen ({unit})": item.test_rms,
             }
@@ -339,15 +344,16 @@ class Refinement:
         write_json(Path(folder) / "refined.json", document)
 
     def __str__(self) -> str:
+        from lumbar.diagnosis.selection.refined_model import model_name
+
         unit = self.experiment.output_unit
         return "\n".join(
-            f"{'+'.join([self.settings.base, *item.effects])}: {item.train_rms:.4g} {unit} in training, "
-            f"{item.test_rms:.4g} unseen"
+            f"{model_name(item.fit)}: {item.train_rms:.4g} {unit} in training, {item.test_rms:.4g} unseen"
             for item in self.path
         )
 
     def __repr__(self) -> str:
-        return f"<Refinement of {self.settings.base}: {', '.join(self.effects) or 'no effect'}>"
+        return f"<Refinement of {self.path[0].fit.structure.base.name}: {', '.join(self.effects) or 'no effect'}>"
 
     def _repr_html_(self) -> str:
         import pandas as pd

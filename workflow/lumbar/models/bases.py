@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from lumbar.models.c_step import CStep
+from lumbar.models.contact import LIFT_OFF, TOUCH
 from lumbar.models.equation import Solution
 from lumbar.models.form import Form, LinearParameter, NonlinearParameter, Place
 from lumbar.models.motion import Motion
@@ -38,6 +39,8 @@ class Base:
     sensor_zero : bool
         Whether a sensor with a zero of its own gives the response, so that a constant belongs to every fit. A pendulum's
         moment is computed; a constant in it would be one of the person.
+    contact : bool
+        Whether the tool is not fastened to the tissue: it meets its surface at position 0 and never pulls.
     """
 
     name: str
@@ -48,6 +51,7 @@ class Base:
     solution: Solution | None = None
     system: str = "tissue"
     sensor_zero: bool = True
+    contact: bool = False
 
     @cached_property
     def form(self) -> Form:
@@ -64,9 +68,15 @@ class Base:
         )
 
     @property
+    def contact_forms(self) -> tuple[Form, ...]:
+        """What stands between tool and tissue: the last of the forms at the input, the first at the output."""
+        return (TOUCH, LIFT_OFF) if self.contact else ()
+
+    @property
     def latex(self) -> str:
         """The equation in LaTeX."""
-        return f"{_RESPONSES[self.system]} = {self.form.latex}"
+        latex = f"{_RESPONSES[self.system]} = {self.form.latex}"
+        return rf"{latex},\quad z \ge 0 \le F" if self.contact else latex
 
     @property
     def c_step(self) -> CStep | None:
@@ -92,29 +102,36 @@ def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
     return (relaxation(motion, nonlinear[0]),)
 
 
+_FASTENED = (
+    Base("LE", "k_e*z", (_SPRING,)),
+    Base("Maxwell", "k_b*q", (_BRANCH,), (_RELAXATION,), MAXWELL_STATE, elongation),
+    Base("KV", "k_e*z + b*v", (_SPRING, LinearParameter("viscosity", "{y} s/{x}", symbol="b"))),
+    Base("KB", "k_e*z + k_b*q", (_SPRING, _BRANCH), (_RELAXATION,), MAXWELL_STATE, elongation),
+)
+_PENDULUM = Base(
+    "pendulum",
+    "I*theta_ddot + b*theta_dot + G*sin(theta)",
+    (
+        LinearParameter("inertia", "{y} s^2/{x}", symbol="I"),
+        LinearParameter("damping", "{y} s/{x}", symbol="b"),
+        LinearParameter("gravity_moment", "{y}", 0, symbol="G", latex=r"m g \ell"),
+    ),
+    system="pendulum",
+    sensor_zero=False,
+)
+
 BASES = {
     base.name: base
     for base in (
-        Base("LE", "k_e*z", (_SPRING,)),
-        Base("Maxwell", "k_b*q", (_BRANCH,), (_RELAXATION,), MAXWELL_STATE, elongation),
-        Base("KV", "k_e*z + b*v", (_SPRING, LinearParameter("viscosity", "{y} s/{x}", symbol="b"))),
-        Base("KB", "k_e*z + k_b*q", (_SPRING, _BRANCH), (_RELAXATION,), MAXWELL_STATE, elongation),
-        Base(
-            "pendulum",
-            "I*theta_ddot + b*theta_dot + G*sin(theta)",
-            (
-                LinearParameter("inertia", "{y} s^2/{x}", symbol="I"),
-                LinearParameter("damping", "{y} s/{x}", symbol="b"),
-                LinearParameter("gravity_moment", "{y}", 0, symbol="G", latex=r"m g \ell"),
-            ),
-            system="pendulum",
-            sensor_zero=False,
-        ),
+        *_FASTENED,
+        *(replace(base, name=f"{base.name}-contact", contact=True) for base in _FASTENED),
+        _PENDULUM,
     )
 }
 """Base models by name.
 
-KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch. The pendulum is Eq. 4.1: M is the moment that
+KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch. A tool that is not fastened to the tissue has the bases
+with ``-contact``: positions count from the surface that it meets. The pendulum is Eq. 4.1: M is the moment that
 the person exerts at the pivot, positive with the angle θ from the vertical (not centred). Its gravity moment has the
 sign the data give it: m g ℓ > 0 where θ counts from straight down (hanging, as published), −m g ℓ < 0 where it counts
 from straight up (inverted).

@@ -38,6 +38,7 @@ Columns = Callable[[Motion, np.ndarray], list[np.ndarray]]
 InputTransform = Callable[[Motion, np.ndarray], Motion]
 OutputTransform = Callable[[np.ndarray, Motion, np.ndarray], np.ndarray]
 Starts = Callable[[Motion, np.ndarray], list[np.ndarray]]
+Contradiction = Callable[[dict[str, float], Motion, np.ndarray, float, float | None], str]
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,11 @@ class Form:
         C statements that write the states of the next sample, where the solver's step is less exact.
     hand_written : HandWritten, optional
         Instead of the equation.
+    essential : tuple of str
+        Linear parameters without which the mechanism is not there; default any of them.
+    contradiction : callable, optional
+        From parameters by name, motion, measured force less the sensor's zero, RMS of the noise and the excitation's
+        period (s, None where it has none): in words, what of the record contradicts the parameters; else ``""``.
     effect : str
         Name of the effect, which sets it.
 
@@ -107,6 +113,8 @@ class Form:
     solution: Solution | None = None
     c_solution: str = ""
     hand_written: HandWritten | None = None
+    essential: tuple[str, ...] = ()
+    contradiction: Contradiction | None = None
     effect: str = field(default="", compare=True)
 
     def check(self) -> None:

@@ -48,7 +48,7 @@ class Structure:
     @property
     def is_linear(self) -> bool:
         """Whether the force is linear in all linear parameters: no form acts on the output."""
-        return all(form.place is not Place.OUTPUT for form in self.forms)
+        return all(form.place is not Place.OUTPUT for form in (*self.base.contact_forms, *self.forms))
 
     def with_form(self, form: Form) -> Structure:
         """Structure with one form more."""
@@ -75,6 +75,9 @@ class Structure:
         for form in self.forms:
             if form.place is Place.INPUT:
                 motion = self._of(form.key, form.input_transform, motion, parts[form.key])
+        for form in self.base.contact_forms:
+            if form.place is Place.INPUT:
+                motion = self._of(form.key, form.input_transform, motion, np.empty(0))
         columns = self._of(self.base.name, self.base.columns, motion, base)
         for form in self.forms:
             if form.place is Place.PARALLEL:
@@ -91,9 +94,9 @@ class Structure:
             pieces = zip(motion.split(force), motion.parts, strict=True)
             return np.concatenate([self.output(piece, part, nonlinear) for piece, part in pieces])
         _, parts = self.nonlinear_of(nonlinear)
-        for form in self.forms:
+        for form in (*self.base.contact_forms, *self.forms):
             if form.place is Place.OUTPUT:
-                force = form.output_transform(force, motion, parts[form.key])
+                force = form.output_transform(force, motion, parts.get(form.key, np.empty(0)))
         return force
 
     def simulate(

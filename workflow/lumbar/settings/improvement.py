@@ -7,13 +7,26 @@ from typing import Annotated, Literal
 from lumbar.settings.key import NAME, UNIQUE, key, required, settings
 from lumbar.settings.layout import RecordSettings
 
+TISSUE_BASES = (
+    "auto",
+    "LE",
+    "Maxwell",
+    "KV",
+    "KB",
+    "LE-contact",
+    "Maxwell-contact",
+    "KV-contact",
+    "KB-contact",
+)
+"""Bases of a tissue that a study may name."""
+
 
 @settings
 class RecordSetSettings:
     """One set of records that is diagnosed."""
 
     name: str = required("Name of the set and its folder.", pattern=NAME)
-    base: Literal["LE", "Maxwell", "KV", "KB", "pendulum"] | None = key(
+    base: Literal[*TISSUE_BASES, "pendulum"] | None = key(
         None,
         "Base model of this set, instead of improvement.base. The records of a pendulum are read by "
         "lifting.moment_layout, all others by tissue.layout.",
@@ -27,7 +40,11 @@ class RecordSetSettings:
 class ImprovementSettings:
     """Comparing, diagnosing and refining models of tissue tests."""
 
-    base: Literal["LE", "Maxwell", "KV", "KB"] = key("KB", "Base model that effects are added to.")
+    base: Literal[*TISSUE_BASES] = key(
+        "auto",
+        "Base model that effects are added to; auto takes the one that the data ask for. Those with -contact are for a "
+        "tool that is not fastened to the tissue.",
+    )
     train: str | Annotated[tuple[str, ...], UNIQUE] | None = key(
         None, "Record to fit on, or a list of records to fit on together; null takes the longest."
     )

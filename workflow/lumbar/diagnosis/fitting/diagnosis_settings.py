@@ -24,7 +24,7 @@ class DiagnosisSettings:
     Attributes
     ----------
     base : str
-        Base model, a key of `lumbar.models.bases.BASES`.
+        Base model, a key of `lumbar.models.bases.BASES`, or ``"auto"``: that of a tissue which the data ask for.
     train : str, sequence of str or None
         Training record, or several that are fitted together; None takes the longest.
     periods : dict of str to float
@@ -35,11 +35,16 @@ class DiagnosisSettings:
         Most effects to add.
     """
 
-    base: str = "KB"
+    base: str = "auto"
     train: str | Sequence[str] | None = None
     periods: dict[str, float] = field(default_factory=dict)
     catalogue: dict[str, Effect] | None = None
     most_effects: int = 3
+
+    @property
+    def system(self) -> str:
+        """What the base is a model of."""
+        return BASES[self.base].system if self.base in BASES else "tissue"
 
     @property
     def candidates(self) -> dict[str, Effect]:
@@ -73,5 +78,6 @@ def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experimen
     InputError
         As `prepare`.
     """
-    base = BASES[settings.base]
-    return prepare([for_base(record, base) for record in records], settings.train, settings.periods)
+    base = BASES.get(settings.base)
+    seen = [for_base(record, base) for record in records] if base else records
+    return prepare(seen, settings.train, settings.periods)

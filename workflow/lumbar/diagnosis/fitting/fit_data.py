@@ -26,6 +26,8 @@ class FitData:
         Coefficients of an FIR filter that makes the noise white; ``[1]`` where it is white.
     counts_from : float
         Seconds at the start that are left out of every error.
+    own_zero : bool
+        Whether the sensor had another zero than in training: the mean of an error then says nothing.
     """
 
     name: str
@@ -33,6 +35,7 @@ class FitData:
     force: np.ndarray
     whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
     counts_from: float = SETTLING
+    own_zero: bool = False
 
     @property
     def first(self) -> int:
@@ -48,6 +51,10 @@ class FitData:
     def unwhitened(self) -> FitData:
         """The same record, its errors taken as they are."""
         return replace(self, whitening=np.ones(1))
+
+    def counted_from(self, position: float) -> FitData:
+        """The same record, its positions counted from here."""
+        return replace(self, motion=replace(self.motion, position=self.motion.position - position))
 
     @property
     def size(self) -> int:
@@ -107,6 +114,10 @@ class JointData(FitData):
     def unwhitened(self) -> FitData:
         """The same records, their errors taken as they are."""
         return JointData.of([part.unwhitened() for part in self.parts])
+
+    def counted_from(self, position: float) -> FitData:
+        """The same records, their positions counted from here."""
+        return JointData.of([part.counted_from(position) for part in self.parts])
 
     @property
     def size(self) -> int:

@@ -52,11 +52,15 @@ class Fit:
 
     def errors(self, record: FitData) -> np.ndarray:
         """Free-run simulation error of the samples that count."""
-        return record.settled(self.simulate(record.motion) - record.force)
+        return self._about_zero(record, record.settled(self.simulate(record.motion) - record.force))
 
     def whitened_errors(self, record: FitData) -> np.ndarray:
         """Free-run simulation error of the samples that count, through the record's whitening filter."""
-        return record.counted(self.simulate(record.motion) - record.force)
+        return self._about_zero(record, record.counted(self.simulate(record.motion) - record.force))
+
+    @staticmethod
+    def _about_zero(record: FitData, errors: np.ndarray) -> np.ndarray:
+        return errors - errors.mean() if record.own_zero else errors
 
 
 def solve_linear(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:

@@ -36,6 +36,8 @@ class Experiment:
     floor_from : str
         Name of the training record that the floor was taken from, or would have been.
     input_quantity, output_quantity : str
+    surface : float
+        Position from which positions are counted: that of a tissue's surface which the tool is not fastened to; else 0.
     """
 
     training: FitData
@@ -46,6 +48,26 @@ class Experiment:
     floor_from: str
     input_quantity: str = "position"
     output_quantity: str = "force"
+    surface: float = 0.0
+
+    def counted_from(self, surface: float) -> Experiment:
+        """The same records, their positions counted from here."""
+        shift = surface - self.surface
+        return replace(
+            self,
+            training=self.training.counted_from(shift),
+            tests=[item.counted_from(shift) for item in self.tests],
+            surface=surface,
+        )
+
+    @property
+    def own_zeros(self) -> bool:
+        """Whether the sensor's zero is one of every record instead of all."""
+        return all(item.own_zero for item in self.tests)
+
+    def with_own_zeros(self) -> Experiment:
+        """The same records, each with a zero of its own."""
+        return replace(self, tests=[replace(item, own_zero=True) for item in self.tests])
 
     def unwhitened(self) -> Experiment:
         """The same records, their errors taken as they are."""

@@ -144,3 +144,12 @@ def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
     if structure.base.sensor_zero:
         columns.append(data.counted(np.ones(len(data.force))))
     return np.stack(columns, axis=1)
+
+
+def zero_interval(fit: Fit, data: FitData) -> tuple[float, float]:
+    """95 % interval of the sensor's zero; that value itself where the base has none."""
+    if not fit.structure.base.sensor_zero:
+        return fit.zero, fit.zero
+    scaled, size = scaled_covariance(fit, data)
+    deviation = 1.96 * float(np.sqrt(max(scaled[-1, -1], 0.0)) / size[-1])
+    return fit.zero - deviation, fit.zero + deviation

@@ -41,6 +41,7 @@ def compare_and_locate(
     floor: NoiseFloor | None,
     floor_from: str,
     seed: int,
+    surface: float = 0.0,
 ) -> list[Simulated]:
     """Simulate a fit on every record, compare it, and see where it fails.
 
@@ -50,9 +51,15 @@ def compare_and_locate(
     fit : Fit
     floor, floor_from, seed
         As for `residual_reports`.
+    surface : float
+        Position that the fit counts positions from.
     """
     seen = [for_base(record, fit.structure.base) for record in records]
-    return residual_reports(seen, lambda record: fit.simulate(Motion.of(record)), floor, floor_from, seed)
+
+    def simulate(record: Record) -> np.ndarray:
+        return fit.simulate(Motion.of(record, offset=surface))
+
+    return residual_reports(seen, simulate, floor, floor_from, seed)
 
 
 def residual_reports(

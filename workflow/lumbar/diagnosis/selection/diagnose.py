@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
-from lumbar.diagnosis.fitting.joint_fit import add, fit_base
+from lumbar.diagnosis.fitting.joint_fit import add
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import estimates
+from lumbar.diagnosis.selection.base_choice import CHOSEN_BY_DATA, base_beside, choose_base
+from lumbar.diagnosis.selection.contradictions import contradictions
 from lumbar.diagnosis.selection.forward_selection import (
     REFITTED,
     Candidate,
@@ -25,9 +27,11 @@ from lumbar.diagnosis.selection.forward_selection import (
     unseen_improvement,
 )
 from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
+from lumbar.diagnosis.selection.offsets import offsets, zeros_differ
 from lumbar.diagnosis.selection.thresholds import (
     COMPLETE,
     LEVEL,
+    MOST_OF_REST,
     STRUCTURED,
     TIED,
     UNSEEN,
@@ -36,7 +40,6 @@ from lumbar.diagnosis.selection.thresholds import (
 )
 from lumbar.diagnosis.selection.verdict import Ranked, Verdict
 from lumbar.effects.catalogue import without_channels
-from lumbar.models.bases import BASES
 from lumbar.models.structure import Structure
 from lumbar.records.record import Record
 
@@ -60,19 +63,30 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
         For an unknown base and for records that cannot be used (`prepare`).
     """
     settings = settings or DiagnosisSettings()
-    catalogue = settings.candidates
     experiment = prepare_for(records, settings)
-    usable, not_tried = without_channels(catalogue, experiment.training.motion.channels)
-    null = shipped(BASES[settings.base].system)
-    found = _searched(experiment, replace(settings, catalogue=usable), null)
+    usable, not_tried = without_channels(settings.candidates, experiment.training.motion.channels)
+    settings = replace(settings, catalogue=usable)
+    found = _searched(experiment, settings)
     if experiment.error_dwarfs_noise(found.model.train_rms):
-        found = _searched(experiment.unwhitened(), replace(settings, catalogue=usable), null)
-    return replace(found, not_tried=not_tried)
+        found = _searched(experiment.unwhitened(), settings)
+    if not found.experiment.own_zeros and zeros_differ(found.model.fit, found.experiment):
+        again = _searched(found.experiment.with_own_zeros(), settings)
+        if again.model.test_rms < _ZEROS_HELP * found.model.test_rms:
+            found = again
+    return replace(found, not_tried=not_tried, findings=tuple(offsets(found)))
 
 
-def _searched(experiment: Experiment, settings: DiagnosisSettings, null: NullGains) -> Verdict:
-    base = judge(fit_base(Structure(BASES[settings.base]), experiment.training), experiment)
-    return _Selection(experiment, base, settings, null).diagnosis()
+def _searched(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
+    """Choose the base and select effects; once they are known, choose the base again."""
+    null = shipped(settings.system)
+    experiment, base = choose_base(experiment, settings.base, settings.candidates)
+    found = _Selection(experiment, base, settings, null).diagnosis()
+    if settings.base != CHOSEN_BY_DATA or found.model is found.base:
+        return found
+    other = base_beside(found.model, experiment)
+    if other is None:
+        return found
+    return _Selection(*choose_base(experiment, other, settings.candidates), settings, null).diagnosis()
 
 
 class _Selection:
@@ -86,6 +100,7 @@ class _Selection:
         self.forms = sum(len(effect.forms) for effect in settings.catalogue.values())
         self.singles = extend(base, settings.catalogue, experiment, most=None)
         self.tried = list(self.singles)
+        self.contradicting: dict[Candidate, bool] = {}
 
     def diagnosis(self) -> Verdict:
         ladder = self.climb()
@@ -113,20 +128,30 @@ class _Selection:
         """Whether an effect may be selected: no false alarm in training, and surely better on unseen records."""
         if after.test_rms >= before.test_rms or self.p_value(before, after) > LEVEL:
             return False
+        return self.surely_better(before, after) and not self.contradicts_itself(after)
+
+    def surely_better(self, before: Candidate, after: Candidate) -> bool:
+        """Whether the loss on unseen records falls, or for effects that accumulate that on what follows in training."""
         if unseen_improvement(before, after, self.experiment) > UNSEEN:
             return True
         added = set(after.effects) - set(before.effects)
         accumulating = any(self.settings.catalogue[name].accumulates for name in added)
         return accumulating and later_improvement(before, after, self.experiment) > UNSEEN
 
+    def contradicts_itself(self, candidate: Candidate) -> bool:
+        if candidate not in self.contradicting:
+            self.contradicting[candidate] = bool(contradictions(candidate.fit, self.experiment))
+        return self.contradicting[candidate]
+
     def worthwhile(self, before: Candidate, after: Candidate) -> bool:
         """Whether a further effect explains more than the form of the effects before it being slightly wrong."""
         removed = before.train_rms**2 - after.train_rms**2
-        floor = self.experiment.floor
-        if floor is None:
-            return removed >= WORTHWHILE_BLIND * self.base.train_rms**2
-        explainable = max(self.base.train_rms**2 - floor.rms**2, 0.0)
-        return removed >= max(WORTHWHILE * explainable, floor.rms**2)
+        if is_adequate(after, self.experiment):
+            return True
+        floor = 0.0 if self.experiment.floor is None else self.experiment.floor.rms
+        share = WORTHWHILE if floor else WORTHWHILE_BLIND
+        of_base, of_rest = (max(item.train_rms**2 - floor**2, 0.0) for item in (self.base, before))
+        return removed >= max(min(share * of_base, MOST_OF_REST * of_rest), floor**2)
 
     def climb(self) -> list[Candidate]:
         """Select effects one after the other; return the ladder from the base up."""
@@ -219,7 +244,9 @@ class _Selection:
         ]
 
     def share_removed(self, model: Candidate) -> float:
-        floor = self.experiment.floor.rms if self.experiment.floor else 0.0
+        # Where the noise is unknown nothing better than the best model met is known to be possible.
+        reached = min(item.test_rms for item in [*self.tried, model])
+        floor = self.experiment.floor.rms if self.experiment.floor else reached
         explainable = max(self.base.test_rms**2 - floor**2, 0.0)
         removed = max(self.base.test_rms**2 - model.test_rms**2, 0.0)
         return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
@@ -229,7 +256,7 @@ class _Selection:
             floor = self.experiment.floor
             # Periods that differ by more than noise show that something is missing, even where it raises the floor.
             differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
-            lacking = floor is not None and (differing or not is_adequate(self.base, self.experiment))
+            lacking = differing or not is_adequate(self.base, self.experiment)
             return "unexplained" if lacking else "adequate"
         if share < 0.5 and not is_adequate(model, self.experiment):
             return "unexplained"
@@ -252,8 +279,7 @@ class _Selection:
     def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
         if further is not None:
             return "named"
-        unknown = self.experiment.floor is None
-        return "adequate" if unknown or is_adequate(model, self.experiment, COMPLETE) else "unexplained"
+        return "adequate" if is_adequate(model, self.experiment, COMPLETE) else "unexplained"
 
     def ranking(self, model: Candidate) -> list[Ranked]:
         """The selected set first, then every other set tried, best first."""
@@ -272,5 +298,7 @@ class _Selection:
         )
 
 
+_ZEROS_HELP = 0.9
+"""Factor on the unseen error below which a zero of its own for every record is taken."""
 _SHOWN = 10
 """How many sets of effects a ranking shows."""

@@ -14,8 +14,12 @@ from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit, add, screen
 from lumbar.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.diagnosis.fitting.preparation import Experiment
+from lumbar.diagnosis.noise.noise_floor import prediction_error_filter
 from lumbar.models.form import Effect, Form
 
+_MOST_LEFT = 0.5
+"""Share of a response's variance that a model without a known noise floor may leave and still be adequate."""
+_PREDICTION_ORDER = 12
 ADEQUATE = 1.1
 """A model whose error is within this factor of the noise floor leaves nothing to explain."""
 LOOK_AHEAD = 3
@@ -137,14 +141,42 @@ def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
 
 
 def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
-    """Whether the errors are within this factor of the noise floor, or of what it may scatter to; False without one."""
+    """Whether the errors are within this factor of the noise floor, or of what it may scatter to.
+
+    Without a floor: whether the model explains most of the response and leaves white noise.
+    """
     if experiment.floor is None:
-        return False
+        return leaves_white_noise(candidate.fit, experiment, factor)
     floor, training, tests = experiment.floor, experiment.training, experiment.tests
     return all(
         rms <= floor.rms * max(factor, floor.largest_ratio(sum(item.size for item in records)))
         for rms, records in ((candidate.train_rms, [training]), (candidate.test_rms, tests))
     )
+
+
+def leaves_white_noise(fit: Fit, experiment: Experiment, factor: float) -> bool:
+    """Whether a model explains half of the variance of every record at least, and its past does not predict its error.
+
+    Prediction by an autoregressive model (Yule–Walker): white noise cannot be predicted, so the error is at most
+    this factor above that of the prediction.
+    """
+    for record in (experiment.training, *experiment.tests):
+        errors = fit.errors(record)
+        if np.mean(errors**2) > _MOST_LEFT * np.var(record.settled(record.force)):
+            return False
+        if predictability(errors) > factor:
+            return False
+    return True
+
+
+def predictability(errors: np.ndarray) -> float:
+    """RMS of a signal over that of its prediction error by its own past; 1 for white noise."""
+    size, order = len(errors), min(_PREDICTION_ORDER, len(errors) // 20)
+    length = 1 << (2 * size).bit_length()
+    covariance = np.fft.irfft(np.abs(np.fft.rfft(errors, length)) ** 2, length)[: order + 1] / size
+    _, gained = prediction_error_filter(covariance)
+    # What white noise would gain by chance: one part in its size for each coefficient.
+    return float(np.sqrt(max(gained * (1 - order / size), 1.0)))
 
 
 def best_by_effect(candidates: list[Candidate]) -> list[Candidate]:

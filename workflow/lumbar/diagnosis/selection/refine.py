@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
 from lumbar.diagnosis.fitting.identifiability import check_excited
-from lumbar.diagnosis.fitting.joint_fit import fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment
-from lumbar.diagnosis.selection.forward_selection import Candidate, exchange, extend, judge
+from lumbar.diagnosis.selection.base_choice import choose_base
+from lumbar.diagnosis.selection.forward_selection import Candidate, exchange, extend
 from lumbar.diagnosis.selection.refined_model import fitted_model, model_name
 from lumbar.effects.catalogue import choose, without_channels
 from lumbar.errors import InputError, NumericalError
-from lumbar.models.bases import BASES
 from lumbar.models.fitted_model import FittedModel
 from lumbar.models.form import Effect
-from lumbar.models.structure import Structure
 from lumbar.records.record import Record
 
 
@@ -47,11 +45,10 @@ def refine(
     chosen = {effect.name: effect for effect in choose(effects, settings.candidates)}
     experiment = prepare_for(records, settings)
     chosen = _with_channels(chosen, experiment)
-    ladder = _climbed(experiment, chosen, settings.base)
+    surfaced, ladder = _climbed(experiment, chosen, settings.base)
     if experiment.error_dwarfs_noise(ladder[-1].train_rms):
-        experiment = experiment.unwhitened()
-        ladder = _climbed(experiment, chosen, settings.base)
-    return experiment, ladder
+        surfaced, ladder = _climbed(experiment.unwhitened(), chosen, settings.base)
+    return surfaced, ladder
 
 
 def refined_fit(records: list[Record], effects: list[str], settings: DiagnosisSettings) -> FittedModel:
@@ -69,15 +66,18 @@ def refined_fit(records: list[Record], effects: list[str], settings: DiagnosisSe
     return fitted_model(ladder[-1], experiment)
 
 
-def _climbed(experiment: Experiment, chosen: dict[str, Effect], base: str) -> list[Candidate]:
-    """Ladder of fitted models: base, base and first effect, ….
+def _climbed(
+    experiment: Experiment, chosen: dict[str, Effect], base: str
+) -> tuple[Experiment, list[Candidate]]:
+    """Records from the tissue's surface on, and ladder of fitted models: base, base and first effect, ….
 
     Raises
     ------
     InputError, NumericalError
         As `refine`.
     """
-    ladder = [judge(fit_base(Structure(BASES[base]), experiment.training), experiment)]
+    experiment, first = choose_base(experiment, base, chosen)
+    ladder = [first]
     for name in chosen:
         # The best by likelihood and number of parameters: a form with more of them always fits a little better.
         rung = extend(ladder[-1], {name: chosen[name]}, experiment)[0]
@@ -96,10 +96,10 @@ def _climbed(experiment: Experiment, chosen: dict[str, Effect], base: str) -> li
         ladder[-1] = best if set(best.effects) == set(chosen) else ladder[-1]
     if not ladder[-1].fit.converged:
         raise NumericalError(
-            f"{base} with {', '.join(chosen)}: the fit on {experiment.training.name} did not converge; "
+            f"{first.fit.structure.base.name} with {', '.join(chosen)}: the fit on {experiment.training.name} did not converge; "
             "the data may not excite what is asked"
         )
-    return ladder
+    return experiment, ladder
 
 
 def _with_channels(chosen: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:

@@ -50,7 +50,7 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         name=model_name(fit),
         structure=fit.structure,
         sampling_time=training.motion.sampling_time,
-        input=Port(experiment.input_quantity, experiment.input_unit),
+        input=Port(experiment.input_quantity, experiment.input_unit, experiment.surface),
         output=Port(experiment.output_quantity, experiment.output_unit, fit.zero),
         base=fit.structure.base.name,
         estimator=OUTPUT_ERROR,

@@ -43,7 +43,7 @@ def headline(diagnosis: Verdict) -> str:
 def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
     unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
-    lines = []
+    lines = [item.sentence for item in diagnosis.findings]
     if not diagnosis.model.fit.converged:
         lines.append(
             f"The fit of {effects_text(diagnosis.selected)} did not converge: its parameters are where the optimiser "

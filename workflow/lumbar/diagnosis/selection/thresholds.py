@@ -15,5 +15,8 @@ WORTHWHILE = 0.007
 """A further effect must remove this share of what the base leaves to explain of the training record, and as much as
 the noise itself: the wrong mathematical form of the first effect leaves a little that any other one can mop up. (On
 unseen records, where forms are extrapolated, that little may be a lot.)"""
+MOST_OF_REST = 0.5
+"""A further effect is worthwhile too where it removes this share of what the model before it leaves to explain: where one
+effect dwarfs all others (inertia at high frequency), a share of what the base leaves would hide them."""
 WORTHWHILE_BLIND = 0.02
 """The same, of the base's squared error, where the noise floor is unknown."""

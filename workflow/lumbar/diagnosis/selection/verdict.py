@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.selection.forward_selection import Candidate
 from lumbar.models.fitted_model import FittedParameter
@@ -55,6 +56,8 @@ class Verdict:
         leaves only noise, so that no step was made.
     not_tried : list of (Form, tuple of str)
         Forms that need channels which the records do not have, with these channels.
+    findings : tuple of Finding
+        What is true of the records and is no physical effect.
     """
 
     experiment: Experiment
@@ -67,6 +70,7 @@ class Verdict:
     verdict_after: str
     further: Candidate | None = None
     not_tried: list[tuple[Form, tuple[str, ...]]] = field(default_factory=list)
+    findings: tuple[Finding, ...] = ()
 
     @property
     def model(self) -> Candidate:
@@ -97,6 +101,7 @@ class Verdict:
             "further": None if self.further is None else self.further.effects[-1],
             "selected": list(self.selected),
             "tied_with": [_new_effects(item, self.selected) for item in self.tied_with],
+            "findings": [item.to_json() for item in self.findings],
             "noise_floor_rms": None if floor is None else floor.rms,
             "explainable_share_removed": self.explainable_share_removed,
             "ranking": [_ranked_json(item) for item in self.ranking],

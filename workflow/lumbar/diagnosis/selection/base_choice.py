@@ -1,0 +1,146 @@
+"""Which base model the data ask for, and where the surface of a tissue lies that the tool is not fastened to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.diagnosis.fitting.joint_fit import fit, fit_base
+from lumbar.diagnosis.fitting.preparation import Experiment
+from lumbar.diagnosis.selection.forward_selection import Candidate, extend, judge
+from lumbar.diagnosis.selection.thresholds import TIED
+from lumbar.models.bases import BASES
+from lumbar.models.form import Effect
+from lumbar.models.structure import Structure
+
+CHOSEN_BY_DATA = "auto"
+"""Name that stands for the choice of a base by the data."""
+TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
+"""Bases of a fastened tool that are tried, and with ``-contact`` those of a tool that is not."""
+_SURFACES = 40
+"""Depths at which the surface is looked for."""
+_SEARCHED = 0.06
+"""Share of the range about the first surface in which the best one is sought."""
+_LEAST_SHARE = 0.03
+"""Share of the samples that must lie above the surface."""
+_FLAT = 0.1
+"""Spread of the force above the surface, in those of the whole record, up to which nothing is touched there."""
+
+
+def choose_base(
+    experiment: Experiment, name: str, catalogue: dict[str, Effect]
+) -> tuple[Experiment, Candidate]:
+    """Fit the base that is named, or the one that the data ask for.
+
+    By the likelihood of all records and the number of parameters. A base with contact must beat a fastened one with the
+    effect ``contact_loss``, which likewise loses the tissue.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    name : str
+        A key of `lumbar.models.bases.BASES`, or `CHOSEN_BY_DATA`.
+    catalogue : dict of str to Effect
+
+    Returns
+    -------
+    Experiment
+        Its positions counted from the tissue's surface where the base is one with contact.
+    Candidate
+    """
+    if name != CHOSEN_BY_DATA:
+        if BASES[name].contact:
+            return at_surface(experiment, (name,))
+        return experiment, _fitted(experiment, name)
+    fastened = min((_fitted(experiment, base) for base in TISSUE_BASES), key=lambda item: item.score)
+    if first_surface(experiment) is None:
+        return experiment, fastened
+    from_surface, touching = at_surface(experiment, tuple(f"{base}-contact" for base in TISSUE_BASES))
+    lost = {key: effect for key, effect in catalogue.items() if key == "contact_loss"}
+    rivals = [fastened, *extend(fastened, lost, experiment)]
+    if touching.score < min(item.score for item in rivals):
+        return from_surface, touching
+    return experiment, fastened
+
+
+def base_beside(model: Candidate, experiment: Experiment) -> str | None:
+    """Name of the base that surely explains all records better with the same effects; None where there is none.
+
+    What a model lacks may have passed for a Maxwell branch as long as it was lacking.
+    """
+    mine = model.fit.structure.base
+    contact = "-contact" if mine.contact else ""
+    _, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
+    forms = model.fit.structure.forms
+    found = []
+    for name in TISSUE_BASES:
+        other = BASES[name + contact]
+        if other is mine:
+            continue
+        bare = fit_base(Structure(other), experiment.training)
+        start = np.concatenate([bare.nonlinear, *(parts[form.key] for form in forms)])
+        found.append(judge(fit(Structure(other, forms), experiment.training, start), experiment))
+    best = min(found, key=lambda item: item.score)
+    return best.fit.structure.base.name if best.score < model.score - TIED else None
+
+
+def _fitted(experiment: Experiment, name: str) -> Candidate:
+    return judge(fit_base(Structure(BASES[name]), experiment.training), experiment)
+
+
+def first_surface(experiment: Experiment) -> float | None:
+    """Position from which on a spring explains the training record best, or None where nothing is flat above it."""
+    training = experiment.training
+    position, force = (training.settled(item) for item in (training.motion.position, training.force))
+    reach = np.ptp(position)
+    if reach == 0:
+        return None
+    trials = position.min() + reach * np.linspace(0.02, 0.8, _SURFACES)
+    ones = np.ones(len(position))
+
+    def left(surface: float) -> float:
+        columns = np.column_stack([ones, np.maximum(position - surface, 0.0)])
+        solution, *_ = np.linalg.lstsq(columns, force, rcond=None)
+        return float(np.sum((columns @ solution - force) ** 2)) if solution[1] > 0 else np.inf
+
+    errors = [left(surface) for surface in trials]
+    if not np.isfinite(min(errors)):
+        return None
+    surface = float(trials[int(np.argmin(errors))])
+    above = position < surface - 0.02 * reach
+    if np.mean(above) < _LEAST_SHARE or np.std(force[above]) > _FLAT * np.std(force):
+        return None
+    return surface
+
+
+def at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experiment, Candidate]:
+    """Find the surface of the tissue, and the best of several bases with contact from there."""
+    start = first_surface(experiment)
+    if start is None:
+        start = float(experiment.training.motion.position.min())
+    first = experiment.counted_from(start)
+    best = min((_fitted(first, name) for name in names), key=lambda item: item.fit.squared_error)
+    experiment, best = with_surface(experiment, best, start)
+    found = [_fitted(experiment, name) for name in names if name != best.fit.structure.base.name]
+    return experiment, min([best, *found], key=lambda item: item.score)
+
+
+def with_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
+    """Refit a model with contact together with the position of the surface.
+
+    Brent's bounded method on the error that is left at each surface, the model's parameters fitted anew.
+    """
+    from scipy.optimize import minimize_scalar
+
+    reach = _SEARCHED * float(np.ptp(experiment.training.motion.position))
+
+    def refitted(surface: float):
+        return fit(
+            model.fit.structure, experiment.counted_from(surface).training, model.fit.nonlinear
+        ).squared_error
+
+    found = minimize_scalar(
+        refitted, bounds=(start - reach, start + reach), method="bounded", options={"xatol": 1e-4 * reach}
+    )
+    moved = experiment.counted_from(float(found.x))
+    refit = fit(model.fit.structure, moved.training, model.fit.nonlinear)
+    return moved, judge(refit, moved)
