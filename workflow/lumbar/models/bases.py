@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from lumbar.models.c_step import CStep
-from lumbar.models.contact import LIFT_OFF, TOUCH
+from lumbar.models.contact import surface_of_branch, surface_of_dashpot
 from lumbar.models.equation import Solution
-from lumbar.models.form import Form, LinearParameter, NonlinearParameter, Place
+from lumbar.models.form import Form, HandWritten, LinearParameter, NonlinearParameter, Place
 from lumbar.models.motion import Motion
 from lumbar.models.operators import relaxation
 
@@ -39,8 +40,11 @@ class Base:
     sensor_zero : bool
         Whether a sensor with a zero of its own gives the response, so that a constant belongs to every fit. A pendulum's
         moment is computed; a constant in it would be one of the person.
-    contact : bool
-        Whether the tool is not fastened to the tissue: it meets its surface at position 0 and never pulls.
+    hand_written : HandWritten, optional
+        Instead of the equation, as of a `Form`.
+    touching : callable, optional
+        For a tool that is not fastened to the tissue, which it meets at position 0 and never pulls: from motion and
+        nonlinear parameters to whether it touches, (samples,). Where it does not, effects add no force.
     """
 
     name: str
@@ -51,7 +55,8 @@ class Base:
     solution: Solution | None = None
     system: str = "tissue"
     sensor_zero: bool = True
-    contact: bool = False
+    hand_written: HandWritten | None = None
+    touching: Callable[[Motion, np.ndarray], np.ndarray] | None = None
 
     @cached_property
     def form(self) -> Form:
@@ -64,19 +69,19 @@ class Base:
             nonlinear=self.nonlinear,
             state=self.state,
             solution=self.solution,
+            hand_written=self.hand_written,
             effect="base",
         )
 
     @property
-    def contact_forms(self) -> tuple[Form, ...]:
-        """What stands between tool and tissue: the last of the forms at the input, the first at the output."""
-        return (TOUCH, LIFT_OFF) if self.contact else ()
+    def contact(self) -> bool:
+        """Whether the tool is not fastened to the tissue."""
+        return self.touching is not None
 
     @property
     def latex(self) -> str:
         """The equation in LaTeX."""
-        latex = f"{_RESPONSES[self.system]} = {self.form.latex}"
-        return rf"{latex},\quad z \ge 0 \le F" if self.contact else latex
+        return f"{_RESPONSES[self.system]} = {self.form.latex}"
 
     @property
     def c_step(self) -> CStep | None:
@@ -108,6 +113,64 @@ _FASTENED = (
     Base("KV", "k_e*z + b*v", (_SPRING, LinearParameter("viscosity", "{y} s/{x}", symbol="b"))),
     Base("KB", "k_e*z + k_b*q", (_SPRING, _BRANCH), (_RELAXATION,), MAXWELL_STATE, elongation),
 )
+
+
+def _branch_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    ratio, time_constant = nonlinear
+    return surface_of_branch(motion, 1.0 / (1.0 + ratio), time_constant)
+
+
+def _branch_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
+    dashpot, touching = _branch_meets(motion, nonlinear)
+    ratio = nonlinear[0]
+    return [touching * ((1.0 + ratio) * motion.position - ratio * dashpot)]
+
+
+def _dashpot_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
+    surface, touching = surface_of_dashpot(motion, nonlinear[0])
+    return [touching * (surface + nonlinear[0] * motion.velocity)]
+
+
+_FREE = r"\quad F \ge 0"
+_TOUCHED = (
+    Base(
+        "LE-contact",
+        "k_e*max(z, 0)",
+        (_SPRING,),
+        touching=lambda motion, nonlinear: motion.position > 0,
+    ),
+    Base(
+        "KV-contact",
+        r"k_e\,(x + T \dot x)," + _FREE,
+        (_SPRING,),
+        (
+            NonlinearParameter(
+                "retardation_time",
+                "s",
+                "time",
+                0.01,
+                1.0,
+                4,
+                reach=(0.1, 4.0),
+                symbol="T",
+                follows_record=True,
+            ),
+        ),
+        hand_written=HandWritten(columns=_dashpot_in_contact),
+        touching=lambda motion, nonlinear: surface_of_dashpot(motion, nonlinear[0])[1],
+    ),
+    Base(
+        "KB-contact",
+        r"k_e\,(x + \rho (x - w)),\quad \dot w = (x - w)/\tau," + _FREE,
+        (_SPRING,),
+        (
+            NonlinearParameter("branch_ratio", "1", "one", 0.3, 10.0, 3, reach=(0.05, 20.0), symbol="rho"),
+            _RELAXATION,
+        ),
+        hand_written=HandWritten(columns=_branch_in_contact),
+        touching=lambda motion, nonlinear: _branch_meets(motion, nonlinear)[1],
+    ),
+)
 _PENDULUM = Base(
     "pendulum",
     "I*theta_ddot + b*theta_dot + G*sin(theta)",
@@ -124,7 +187,7 @@ BASES = {
     base.name: base
     for base in (
         *_FASTENED,
-        *(replace(base, name=f"{base.name}-contact", contact=True) for base in _FASTENED),
+        *_TOUCHED,
         _PENDULUM,
     )
 }

@@ -277,6 +277,8 @@ class FittedModel:
             effects = ", ".join(self.structure.effects)
             raise NumericalError(f"{self.name}: no transfer function holds its effects ({effects})")
         base = self.structure.base
+        if base.contact:
+            raise NumericalError(f"{self.name}: no transfer function holds a contact that is lost")
         values = {item.name: self[item.name].value for item in (*base.linear, *base.nonlinear)}
         if base.system == "pendulum":
             return control.TransferFunction(

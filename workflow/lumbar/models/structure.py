@@ -48,7 +48,7 @@ class Structure:
     @property
     def is_linear(self) -> bool:
         """Whether the force is linear in all linear parameters: no form acts on the output."""
-        return all(form.place is not Place.OUTPUT for form in (*self.base.contact_forms, *self.forms))
+        return all(form.place is not Place.OUTPUT for form in self.forms)
 
     def with_form(self, form: Form) -> Structure:
         """Structure with one form more."""
@@ -75,13 +75,12 @@ class Structure:
         for form in self.forms:
             if form.place is Place.INPUT:
                 motion = self._of(form.key, form.input_transform, motion, parts[form.key])
-        for form in self.base.contact_forms:
-            if form.place is Place.INPUT:
-                motion = self._of(form.key, form.input_transform, motion, np.empty(0))
         columns = self._of(self.base.name, self.base.columns, motion, base)
+        touching = self.base.touching(motion, base) if self.base.contact else None
         for form in self.forms:
             if form.place is Place.PARALLEL:
-                columns = [*columns, *self._of(form.key, form.columns, motion, parts[form.key])]
+                added = self._of(form.key, form.columns, motion, parts[form.key])
+                columns = [*columns, *(added if touching is None else [touching * item for item in added])]
         return np.array(columns).T
 
     @staticmethod
@@ -94,9 +93,9 @@ class Structure:
             pieces = zip(motion.split(force), motion.parts, strict=True)
             return np.concatenate([self.output(piece, part, nonlinear) for piece, part in pieces])
         _, parts = self.nonlinear_of(nonlinear)
-        for form in (*self.base.contact_forms, *self.forms):
+        for form in self.forms:
             if form.place is Place.OUTPUT:
-                force = form.output_transform(force, motion, parts.get(form.key, np.empty(0)))
+                force = form.output_transform(force, motion, parts[form.key])
         return force
 
     def simulate(

@@ -14,7 +14,6 @@ TISSUE_BASES = (
     "KV",
     "KB",
     "LE-contact",
-    "Maxwell-contact",
     "KV-contact",
     "KB-contact",
 )

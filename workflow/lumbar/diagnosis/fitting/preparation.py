@@ -126,12 +126,15 @@ def prepare(
     check_excitation(max(chosen, key=lambda item: float(np.ptp(item["input"]))), others)
     first, floor = _noise_floor_of(chosen, periods or {})
     check_response(first, floor)
-    training, tests = _split(chosen, others)
     whitening = np.ones(1) if floor is None else floor.whitening
-    fitted = [_fit_data(item, whitening) for item in training]
+    fitted = [_fit_data(item, whitening) for item in chosen]
+    tests = [_fit_data(item, _at_rate(whitening, item, first)) for item in others]
+    if not others:
+        # The last part of every record is held back; what began in the first part goes on there.
+        fitted, tests = map(list, zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True))
     return Experiment(
         fitted[0] if len(fitted) == 1 else JointData.of(fitted),
-        [_fit_data(item, _at_rate(whitening, item, first)) for item in tests],
+        tests,
         floor,
         first.channels["input"].unit,
         first.channels["output"].unit,
@@ -179,15 +182,3 @@ def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndar
 
 def _fit_data(record: Record, whitening: np.ndarray) -> FitData:
     return FitData(record.name, Motion.of(record), record["output"], whitening)
-
-
-def _split(chosen: list[Record], others: list[Record]) -> tuple[list[Record], list[Record]]:
-    """Training and test records; where all are fitted, the last part of each is held back."""
-    if others:
-        return chosen, others
-    cuts = [item.time[0] + (1 - _HELD_BACK) * item.duration for item in chosen]
-    pairs = list(zip(chosen, cuts, strict=True))
-    return (
-        [item.between(item.time[0], cut) for item, cut in pairs],
-        [item.between(cut, np.inf) for item, cut in pairs],
-    )

@@ -6,7 +6,7 @@ import numpy as np
 
 from lumbar.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment
-from lumbar.diagnosis.selection.forward_selection import Candidate, extend, judge
+from lumbar.diagnosis.selection.forward_selection import Candidate, best_by_effect, extend, judge
 from lumbar.diagnosis.selection.thresholds import TIED
 from lumbar.models.bases import BASES
 from lumbar.models.form import Effect
@@ -15,11 +15,15 @@ from lumbar.models.structure import Structure
 CHOSEN_BY_DATA = "auto"
 """Name that stands for the choice of a base by the data."""
 TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
-"""Bases of a fastened tool that are tried, and with ``-contact`` those of a tool that is not."""
+"""Bases of a fastened tool that are tried."""
+CONTACT_BASES = ("KB-contact", "KV-contact", "LE-contact")
+"""Bases of a tool that is not fastened to the tissue."""
 _SURFACES = 40
 """Depths at which the surface is looked for."""
 _SEARCHED = 0.06
 """Share of the range about the first surface in which the best one is sought."""
+_WITH_EFFECT = 3
+"""Effects, those with the best screening, with which the surface is sought again."""
 _LEAST_SHARE = 0.03
 """Share of the samples that must lie above the surface."""
 _FLAT = 0.1
@@ -49,12 +53,13 @@ def choose_base(
     """
     if name != CHOSEN_BY_DATA:
         if BASES[name].contact:
-            return at_surface(experiment, (name,))
+            return _surface_of_refined(*at_surface(experiment, (name,)), catalogue)
         return experiment, _fitted(experiment, name)
     fastened = min((_fitted(experiment, base) for base in TISSUE_BASES), key=lambda item: item.score)
     if first_surface(experiment) is None:
         return experiment, fastened
-    from_surface, touching = at_surface(experiment, tuple(f"{base}-contact" for base in TISSUE_BASES))
+    from_surface, touching = at_surface(experiment, CONTACT_BASES)
+    from_surface, touching = _surface_of_refined(from_surface, touching, catalogue)
     lost = {key: effect for key, effect in catalogue.items() if key == "contact_loss"}
     rivals = [fastened, *extend(fastened, lost, experiment)]
     if touching.score < min(item.score for item in rivals):
@@ -68,12 +73,11 @@ def base_beside(model: Candidate, experiment: Experiment) -> str | None:
     What a model lacks may have passed for a Maxwell branch as long as it was lacking.
     """
     mine = model.fit.structure.base
-    contact = "-contact" if mine.contact else ""
     _, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
     forms = model.fit.structure.forms
     found = []
-    for name in TISSUE_BASES:
-        other = BASES[name + contact]
+    for name in CONTACT_BASES if mine.contact else TISSUE_BASES:
+        other = BASES[name]
         if other is mine:
             continue
         bare = fit_base(Structure(other), experiment.training)
@@ -122,6 +126,19 @@ def at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experime
     experiment, best = with_surface(experiment, best, start)
     found = [_fitted(experiment, name) for name in names if name != best.fit.structure.base.name]
     return experiment, min([best, *found], key=lambda item: item.score)
+
+
+def _surface_of_refined(
+    experiment: Experiment, base: Candidate, catalogue: dict[str, Effect]
+) -> tuple[Experiment, Candidate]:
+    """Surface that fits best with the best single effect: what the base lacks moves it."""
+    singles = best_by_effect(extend(base, catalogue, experiment, most=_WITH_EFFECT, all_forms=False))
+    refined = [with_surface(experiment, item, experiment.surface) for item in singles[:_WITH_EFFECT]]
+    refined = [pair for pair in refined if pair[1].score < base.score - TIED]
+    if not refined:
+        return experiment, base
+    moved, _ = min(refined, key=lambda pair: pair[1].score)
+    return moved, judge(fit(base.fit.structure, moved.training, base.fit.nonlinear), moved)
 
 
 def with_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:

@@ -29,6 +29,7 @@ from lumbar.diagnosis.selection.forward_selection import (
 from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
 from lumbar.diagnosis.selection.offsets import offsets, zeros_differ
 from lumbar.diagnosis.selection.thresholds import (
+    BLIND,
     COMPLETE,
     LEVEL,
     MOST_OF_REST,
@@ -126,7 +127,8 @@ class _Selection:
 
     def passes(self, before: Candidate, after: Candidate) -> bool:
         """Whether an effect may be selected: no false alarm in training, and surely better on unseen records."""
-        if after.test_rms >= before.test_rms or self.p_value(before, after) > LEVEL:
+        largest = before.test_rms if self.experiment.floor else BLIND * before.test_rms
+        if after.test_rms >= largest or self.p_value(before, after) > LEVEL:
             return False
         return self.surely_better(before, after) and not self.contradicts_itself(after)
 

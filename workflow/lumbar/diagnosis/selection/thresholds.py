@@ -18,5 +18,8 @@ unseen records, where forms are extrapolated, that little may be a lot.)"""
 MOST_OF_REST = 0.5
 """A further effect is worthwhile too where it removes this share of what the model before it leaves to explain: where one
 effect dwarfs all others (inertia at high frequency), a share of what the base leaves would hide them."""
+BLIND = 0.95
+"""Factor on the unseen error below which an effect must bring it where the noise is unknown: the likelihood then takes
+what is left for white noise, and colour passes for certainty."""
 WORTHWHILE_BLIND = 0.02
 """The same, of the base's squared error, where the noise floor is unknown."""

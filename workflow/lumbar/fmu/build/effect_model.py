@@ -74,10 +74,7 @@ class EffectModel:
     @cached_property
     def terms(self) -> tuple[Term, ...]:
         """Input forms, base and parallel forms, output forms: the order of evaluation. The base is a term too."""
-        between = {form.place: (form, (), ()) for form in self.base.contact_forms}
         given = [(self.base.form, *self.base_numbers), *self.forms]
-        if between:
-            given = [between[Place.OUTPUT], *given, between[Place.INPUT]]
         ordered = [item for place in Place for item in given if item[0].place is place]
         # One number counts the samples taken.
         memory = 1 + _MOTION_STATES * (1 + sum(form.place is Place.INPUT for form, _, _ in given))
