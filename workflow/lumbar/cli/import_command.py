@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lumbar.cli.options import add_output, new_command
+from lumbar.cli.options import add_output
 
 
 def add(commands) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import InputError, Problems
+from lumbar.records.importing.raw_table import COLUMNS_FOLLOW
 from lumbar.records.importing.recording import Choices, ImportedRecording, to_record
 from lumbar.records.importing.source_file import read_source, record_name
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
@@ -92,13 +93,16 @@ def import_recordings(
     for name in sorted({name for name in names if names.count(name) > 1}):
         shared = ", ".join(str(path) for path, own in zip(paths, names, strict=True) if own == name)
         problems.add("", f"{shared} would all be the record {name!r}", "rename all but one of them")
-    recordings = []
+    recordings, told = [], {}
     for path, name in zip(paths, names, strict=True):
         try:
             raw, sha256 = read_source(path, choices.table)
             recordings.append(to_record(raw, choices, name, sha256))
         except InputError as error:
-            problems.add("", str(error).replace("\n", "\n    "))
+            what = str(error).replace(str(path), "").split(COLUMNS_FOLLOW)[0]
+            alike = told.setdefault(what, path)
+            words = str(error) if alike is path else f"{path}: as {alike}"
+            problems.add("", words.replace("\n", "\n    "))
     problems.raise_if_any()
     return ImportedRecordings(tuple(recordings))
 
@@ -136,9 +140,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
 
         return pd.DataFrame([_numbers(recording) for recording in self.recordings])
 
-    def save(
-        self, folder: str | os.PathLike, *, data: str | None = None, licence: str | None = None
-    ) -> Path:
+    def save(self, folder: str | os.PathLike, *, data: str | None = None, licence: str | None = None) -> Path:
         """Write a tidy CSV file per record, and a study that the workflow and ``--config`` accept.
 
         Parameters
@@ -184,7 +186,11 @@ class ImportedRecordings(Sequence[ImportedRecording]):
 def _numbers(recording: ImportedRecording) -> dict:
     """What a person checks a record by."""
     record, names = recording.record, recording.names
-    row: dict = {"record": record.name, "samples": len(record), "rate (Hz)": round(1 / record.sampling_time, 4)}
+    row: dict = {
+        "record": record.name,
+        "samples": len(record),
+        "rate (Hz)": round(1 / record.sampling_time, 4),
+    }
     row["start (s)"], row["end (s)"] = record.time[0], record.time[-1]
     for role in record.channels:
         row[f"least {names[role]}"], row[f"largest {names[role]}"] = record[role].min(), record[role].max()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -19,6 +20,11 @@ if TYPE_CHECKING:
 Kind = Literal["tissue", "pendulum", "surgeon", "markers", "survey"]
 COLUMN_ENDINGS = (".csv", ".txt", ".mat")
 MARKER_ENDINGS = (".c3d", ".trc")
+_ABOUT = re.compile(
+    r"(readme|read[_-]me|licen[cs]e|copying|copyright|notice|citation|changelog|lizenz|liesmich|lisez[_-]?moi|licencia|leeme)"
+    r"([^a-z].*)?\.txt"
+)
+"""Names of text files that go with data, in small letters: readme.txt, license-data.txt."""
 
 
 def read(
@@ -151,8 +157,9 @@ def column_files(folder: Path) -> list[Path]:
 
 
 def is_column_file(path: Path) -> bool:
-    """Whether the name is that of a column file."""
-    return path.is_file() and path.name.lower().removesuffix(".gz").endswith(COLUMN_ENDINGS)
+    """Whether the name is that of a column file, and not of words about the data such as ``LICENSE.txt``."""
+    name = path.name.lower().removesuffix(".gz")
+    return path.is_file() and name.endswith(COLUMN_ENDINGS) and not _ABOUT.fullmatch(name)
 
 
 def is_marker_file(path: Path) -> bool:

@@ -178,6 +178,13 @@ def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str]
             problems.add(
                 role, f"column {wanted!r} is a name, but the layout has no header", "give its number"
             )
+        elif header.count(wanted) > 1:
+            twice = [str(number) for number, name in enumerate(header, start=1) if name == wanted]
+            problems.add(
+                role,
+                f"column {wanted!r} stands in columns {' and '.join(twice)}",
+                "give the number of one of them",
+            )
         elif wanted in header:
             positions[role] = header.index(wanted)
         elif not column.optional:

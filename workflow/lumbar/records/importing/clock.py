@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -35,7 +36,9 @@ def stated_time(
         return np.arange(samples) / told, f"no column; {told:g} Hz as told by --rate"
     values = [rate.value for rate in stated]
     if not values:
-        raise InputError(f"{source}: no column of time and no rate is stated; give --time COLUMN or --rate HZ")
+        raise InputError(
+            f"{source}: no column of time and no rate is stated; give --time COLUMN or --rate HZ"
+        )
     if max(values) > (1 + 1e-6) * min(values):
         found = ", ".join(f"{rate.value:g} Hz ({rate.place})" for rate in stated)
         raise InputError(f"{source}: no column of time, and the file states {found}; choose by --rate HZ")
@@ -141,5 +144,5 @@ def _check_gaps(record: Record, steps: np.ndarray, step: float, lines: Sequence[
 
 def longest(time: np.ndarray, edges: Sequence[int], step: float) -> str:
     """Advice to take the longest part between these samples, as an option that can be typed."""
-    first, stop = max(zip(edges[:-1], edges[1:], strict=True), key=lambda part: part[1] - part[0])
+    first, stop = max(pairwise(edges), key=lambda part: part[1] - part[0])
     return f"the longest part without one is --trim {time[first]:.9g}:{time[stop - 1] + step / 2:.9g}"

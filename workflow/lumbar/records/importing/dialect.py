@@ -24,7 +24,9 @@ _NUMBER = {
 }
 CLOCK = re.compile(r"^(\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ]+)?\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?Z?$")
 """A time of day, with a date or without."""
-MISSING = frozenset(["", "nan", "n/a", "na", "#n/a", "-", "--", "---", "null", "none", "inf", "-inf", "#div/0!"])
+MISSING = frozenset(
+    ["", "nan", "n/a", "na", "#n/a", "-", "--", "---", "null", "none", "inf", "-inf", "#div/0!"]
+)
 """What stands in a cell without a value, in small letters."""
 DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "blanks"}
 """Delimiters in the order in which one is preferred where two read a table alike."""
@@ -69,9 +71,7 @@ class Dialect:
 
     def is_torn_row(self, line: str) -> bool:
         """Whether a line is a row with something in it that is no number, or with cells too few or too many."""
-        return (
-            not self.is_row(line) and sum(_is_number(cell, self.decimal) for cell in self.split(line)) >= 2
-        )
+        return not self.is_row(line) and sum(_is_number(cell, self.decimal) for cell in self.split(line)) >= 2
 
     def __str__(self) -> str:
         mark = "comma" if self.decimal == "," else "point"

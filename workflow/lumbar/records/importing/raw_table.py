@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+COLUMNS_FOLLOW = "\n    read as "
+"""What parts, in a message, the problems of a table from its columns."""
+
 
 @dataclass(frozen=True)
 class RawColumn:
@@ -83,6 +86,7 @@ class RawTable:
     lines: Sequence[int] | None = None
     rates: tuple[StatedRate, ...] = ()
 
-    def described(self, columns: Sequence[RawColumn] | None = None) -> str:
-        """Columns with their first values and ranges, one per line."""
-        return "\n".join(f"      {column.label}: {column.sample}" for column in columns or self.columns)
+    def described(self) -> str:
+        """How it was read, and columns with their first values and ranges, one per line: the end of a message."""
+        columns = "\n".join(f"      {column.label}: {column.sample}" for column in self.columns)
+        return f"{COLUMNS_FOLLOW}{self.form}, with\n{columns}"

@@ -26,14 +26,16 @@ _WORDS = {
 }
 _WEAK = {"time": "t", "position": "x y z p", "force": "f fx fy fz"}
 """Names of one letter, which others use for other things."""
-_OTHERS = frozenset(
+_OTHERS = (
     "velocity vel speed geschwindigkeit vitesse velocidad velocita acceleration acc accel beschleunigung strain stress "
     "dehnung spannung temperature temp temperatur current strom index idx sample samples cycle cycles zyklus count "
-    "command cmd commanded setpoint soll sollwert target ref reference segment rate".split()
+    "command cmd commanded setpoint soll sollwert target ref reference segment rate"
 )
 """Words of what is measured or commanded beside the three; a column named so is taken on request only."""
 _SMOOTHER = 5.0
 """How many times smoother one of two nameless columns must be to pass for the position."""
+_COARSE = 1e-4
+"""Smallest step between values, as a share of their range, from which a column tells nothing by its smoothness."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def named_so(name: str, role: str) -> int:
     (3, 2, 1, -1)
     """
     tokens, words = _tokens(name), set(_WORDS[role].split())
-    if _OTHERS & set(tokens):
+    if set(_OTHERS.split()) & set(tokens):
         return -1
     if words & {*tokens, _plain(name)}:
         return 3
@@ -119,6 +121,7 @@ def find_roles(table: RawTable, wishes: dict[str, Wish]) -> dict[str, Role]:
         try:
             column, why = _wished(table, wish.column, role) if wish.column else _found(free, role)
             if column is not None:
+                _check_twice(column, wish.column, table, role)
                 roles[role] = _in_unit(column, role, wish.unit, why)
         except InputError as error:
             problems.append(str(error))
@@ -126,8 +129,7 @@ def find_roles(table: RawTable, wishes: dict[str, Wish]) -> dict[str, Role]:
     if problems or missing:
         told = "\n".join(f"  - {problem}" for problem in problems)
         raise InputError(
-            f"{table.source}: not everything can be told from the file\n{told}\n"
-            f"    read as {table.form}, with\n{table.described()}"
+            f"{table.source}: not everything can be told from the file\n{told}{table.described()}"
         )
     return roles
 
@@ -139,10 +141,20 @@ def _wished(table: RawTable, wish: str, role: str) -> tuple[RawColumn, str]:
         [column for column in table.columns if column.name and _plain(column.name) == _plain(wish)],
         [column for column in table.columns if str(column.number) == wish],
     ):
-        if len(found) == 1:
+        if found:
             return found[0], f"as told by --{role}"
     labels = ", ".join(column.label for column in table.columns)
     raise InputError(f"--{role} {wish!r}: no such column; there are {labels}")
+
+
+def _check_twice(column: RawColumn, wish: str | None, table: RawTable, role: str) -> None:
+    """Refuse a name that stands twice in the header, unless the column was told by its number."""
+    twice = [other.number for other in table.columns if other.name == column.name]
+    if column.name and len(twice) > 1 and wish != str(column.number):
+        numbers = " and ".join(map(str, twice))
+        raise InputError(
+            f"{role} is {column.name!r}, which stands in columns {numbers}; choose by --{role} NUMBER"
+        )
 
 
 def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
@@ -179,7 +191,7 @@ def _by_numbers(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str
             if np.all(np.diff(column.values) > 0) and not np.all(np.diff(column.values) == 1)
         ]
         return (clocks[0], "it grows with every row") if len(clocks) == 1 else (None, "")
-    if role == "position" and len(nameless) == 2:
+    if role == "position" and len(nameless) == 2 and not any(map(_is_coarse, nameless)):
         rough, smooth = sorted(nameless, key=_roughness, reverse=True)
         if _roughness(rough) > _SMOOTHER * _roughness(smooth):
             return smooth, "it is the smoother of two columns without names"
@@ -190,10 +202,17 @@ def _by_numbers(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str
 
 
 def _roughness(column: RawColumn) -> float:
-    """Second differences against the spread: large for noise, small for a designed motion."""
+    """Fourth differences against the spread: large for noise, small for a designed motion."""
     values = column.values[np.isfinite(column.values)]
-    spread = np.std(values) if len(values) > 2 else 0.0
-    return float(np.std(np.diff(values, 2)) / spread) if spread > 0 else np.inf
+    return (
+        float(np.std(np.diff(values, 4)) / np.std(values)) if len(values) > 8 and np.ptp(values) else np.inf
+    )
+
+
+def _is_coarse(column: RawColumn) -> bool:
+    """Whether a converter's steps are so large that they, and not the signal, make the differences."""
+    levels = np.unique(column.values[np.isfinite(column.values)])
+    return len(levels) < 2 or bool(np.diff(levels).min() > _COARSE * np.ptp(levels))
 
 
 _SLOWEST_HZ = 20.0
@@ -212,7 +231,11 @@ def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
     unit = find_unit(column.unit)
     step = float(np.nanmedian(np.diff(column.values)))
     if unit is not None and unit.quantity in QUANTITIES[role]:
-        if role == "time" and step > 0 and not _PLAUSIBLE_HZ[0] <= 1 / (step * unit.factor) <= _PLAUSIBLE_HZ[1]:
+        if (
+            role == "time"
+            and step > 0
+            and not _PLAUSIBLE_HZ[0] <= 1 / (step * unit.factor) <= _PLAUSIBLE_HZ[1]
+        ):
             raise InputError(
                 f"time is {column.label}, whose steps of {step:g} {unit.name} are {1 / (step * unit.factor):g} Hz, which no "
                 "testing machine records at; give --time-unit"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -203,5 +202,8 @@ def _record_lines(entry: dict) -> list[str]:
 
 
 def _quoted(text: str) -> str:
-    """A YAML scalar: as it stands where it is a plain word, else in quotes."""
-    return text if re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", text) else json.dumps(text, ensure_ascii=False)
+    """A YAML scalar that reads as this text: as it stands where that is a plain word, else in quotes."""
+    import yaml
+
+    dumped = yaml.safe_dump(text, allow_unicode=True, width=float("inf"))
+    return dumped.removesuffix("\n").removesuffix("\n...")

@@ -39,8 +39,8 @@ def read_text(content: bytes, source: str, table: str | None = None) -> RawTable
     Raises
     ------
     InputError
-        If no table is found, or several are; for rows with something in them that is no number, by line; for a column
-        name that stands twice.
+        If no table is found, or several are; or rows hold something that is no number, with their
+        lines.
     """
     text, encoding = decoded(content)
     return table_of_lines(text.splitlines(), source, encoding, table)
@@ -58,11 +58,14 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
     first, last = _chosen(blocks, table, source)
     before = [stop for _, stop in blocks if stop < first]
     above = lines[before[-1] + 1 if before else 0 : first]
-    names, units = _header(above, dialect, source)
+    names, units = _header(above, dialect)
     values, numbers = _values(lines, first, last, dialect, source)
     columns = tuple(
         RawColumn(
-            column + 1, names[column], "s" if _is_clock(lines[first], dialect, column) else units[column], given
+            column + 1,
+            names[column],
+            "s" if _is_clock(lines[first], dialect, column) else units[column],
+            given,
         )
         for column, given in enumerate(values.T)
         if column not in dialect.text_columns
@@ -72,9 +75,7 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
 
 
 def _chosen(blocks: list[tuple[int, int]], table: str | None, source: str) -> tuple[int, int]:
-    found = ", ".join(
-        f"{number}: lines {a + 1} to {b + 1}" for number, (a, b) in enumerate(blocks, start=1)
-    )
+    found = ", ".join(f"{number}: lines {a + 1} to {b + 1}" for number, (a, b) in enumerate(blocks, start=1))
     if table is None:
         if len(blocks) > 1:
             raise InputError(
@@ -86,7 +87,7 @@ def _chosen(blocks: list[tuple[int, int]], table: str | None, source: str) -> tu
     return blocks[int(table) - 1]
 
 
-def _header(above: list[str], dialect: Dialect, source: str) -> tuple[list[str], list[str]]:
+def _header(above: list[str], dialect: Dialect) -> tuple[list[str], list[str]]:
     """Names and units of the columns from the rows right above the table, empty where there are none."""
     near = [line for line in above if line.strip()][-_HEADER_ROWS:]
     rows = [cells for line in near if (cells := _header_cells(line, dialect))]
@@ -98,7 +99,6 @@ def _header(above: list[str], dialect: Dialect, source: str) -> tuple[list[str],
             parted = [name_and_unit(cell) for cell in cells]
             names = [name for name, _ in parted]
             units = [unit or below for (_, unit), below in zip(parted, units, strict=True)]
-            _check_twice([cell for cell in cells if cell], source)
             break
     return names, [
         unit or labelled for unit, labelled in zip(units, _unit_labels(above, dialect), strict=True)
@@ -113,7 +113,10 @@ def _header_cells(line: str, dialect: Dialect) -> list[str] | None:
     line = _COMMENT.sub("", line)
     ways = [dialect.split(line)]
     if dialect.delimiter is None:
-        ways += [re.split(r"\s{2,}|\t", line.strip()), re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line)]
+        ways += [
+            re.split(r"\s{2,}|\t", line.strip()),
+            re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line),
+        ]
         ways += [re.findall(r"[\[(][^\])]*[\])]|\S+", line)]
     for cells in ways:
         cells = [cell.strip().strip('"') for cell in cells]
@@ -142,16 +145,6 @@ def _unit_labels(above: list[str], dialect: Dialect) -> list[str]:
     return [""] * dialect.width
 
 
-def _check_twice(names: list[str], source: str) -> None:
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        found = ", ".join(
-            f"{name!r} in columns {' and '.join(str(n + 1) for n, other in enumerate(names) if other == name)}"
-            for name in twice
-        )
-        raise InputError(f"{source}: a name stands twice in the header: {found}; rename one of them")
-
-
 def _values(
     lines: list[str], first: int, last: int, dialect: Dialect, source: str
 ) -> tuple[np.ndarray, list[int]]:
@@ -162,7 +155,9 @@ def _values(
             continue
         if not dialect.is_row(lines[number]):
             problems.add(
-                f"line {number + 1}", f"{lines[number].strip()[:60]!r}", f"{dialect.width} numbers are expected"
+                f"line {number + 1}",
+                f"{lines[number].strip()[:60]!r}",
+                f"{dialect.width} numbers are expected",
             )
             if len(problems.entries) >= _MOST_PROBLEMS:
                 problems.add("", f"reading stopped after {_MOST_PROBLEMS} problems")

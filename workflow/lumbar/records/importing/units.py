@@ -37,16 +37,15 @@ _SPELLED = {
     ("force", 1e3 * _POUND): "kip kips klbf",
     ("force", 9.80665): "kgf kp",
     ("force", 9.80665e-3): "gf",
-    ("torque", 1.0): "Nm N·m N*m N-m",
+    ("torque", 1.0): "Nm N·m N*m N-m newtonmeter newtonmetre",
     ("torque", 1e-3): "mNm mN·m Nmm N·mm N*mm",
-    ("torque", 10.0 * 0.1): "newtonmeter newtonmetre",
     ("torque", _POUND * _INCH * 1e-3): "lbf·in lbf-in lbf*in in-lb in-lbf",
     ("torque", 12 * _POUND * _INCH * 1e-3): "lbf·ft lbf-ft ft-lb ft-lbf",
 }
 """Quantity and factor to the target's unit (s, mm, rad, N, N·m), with the spellings."""
 TARGETS = {"time": "s", "length": "mm", "angle": "rad", "force": "N", "torque": "N·m"}
 """Unit in which records are written, by quantity."""
-_READINGS = frozenset("V mV uV volt volts A mA count counts cnt cnts bit bits raw digit digits a.u. au".split())
+_READINGS = "V mV uV volt volts count counts cnt cnts bit bits raw digit digits a.u. au"
 """Units of a sensor's reading, from which no force or length follows without a calibration."""
 
 
@@ -83,7 +82,7 @@ def _tables() -> tuple[dict[str, Unit], dict[str, Unit]]:
         for (quantity, factor), words in _SPELLED.items()
         for word in words.split()
     }
-    exact |= {word: Unit(word, "reading", 1.0, word) for word in _READINGS}
+    exact |= {word: Unit(word, "reading", 1.0, word) for word in _READINGS.split()}
     by_small: dict[str, list[Unit]] = {}
     for word, unit in exact.items():
         by_small.setdefault(word.casefold(), []).append(unit)
@@ -143,7 +142,7 @@ def told_unit(text: str, place: str) -> Unit:
     if unit is None or factor == 0 or not math.isfinite(factor):
         known = ", ".join(words.split()[0] for words in _SPELLED.values())
         raise InputError(
-            f"{place} {text!r} is no unit; known are {known}, {', '.join(sorted(_READINGS)[:4])} …, and a number before "
+            f"{place} {text!r} is no unit; known are {known}, {', '.join(_READINGS.split()[:3])} …, and a number before "
             "one of them for a sensor's calibration, as in '35.15 N'"
         )
     return Unit(text.strip(), unit.quantity, factor * unit.factor, unit.target)
