@@ -12,15 +12,16 @@ import csv
 import re
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 FEWEST_ROWS = 8
 _LOOKED_AT = 3000
 """Lines from which the dialect is chosen."""
 _NUMBER = {
-    ".": re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$"),
+    ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?"),
     # A comma is a decimal mark only between digits: "0, 1, 2" is a list.
-    ",": re.compile(r"^[+-]?(\d+(,\d+)?|,\d+)([eEdD][+-]?\d+)?$"),
+    ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eEdD][+-]?\d+)?"),
 }
 CLOCK = re.compile(r"^(\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ]+)?\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?Z?$")
 """A time of day, with a date or without."""
@@ -59,8 +60,17 @@ class Dialect:
         """Cells of a line; quotes protect delimiters, and an empty cell at the end of rows is none."""
         return _split(line, self.delimiter)
 
+    @cached_property
+    def _all_numbers(self) -> re.Pattern:
+        """What most rows are, told at once."""
+        number = _NUMBER[self.decimal].pattern
+        between = r"\s+" if self.delimiter is None else rf"\s*{re.escape(self.delimiter)}\s*"
+        return re.compile(rf"\s*{number}(?:{between}{number}){{{self.width - 1}}}\s*")
+
     def is_row(self, line: str) -> bool:
         """Whether a line is a row of the table: every cell that should hold a number does, or says it has none."""
+        if self._all_numbers.fullmatch(line):
+            return True
         cells = _padded(self.split(line), self.width)
         if len(cells) != self.width:
             return False
@@ -92,7 +102,7 @@ def _padded(cells: list[str], width: int) -> list[str]:
 
 
 def _is_number(cell: str, decimal: str) -> bool:
-    return bool(_NUMBER[decimal].match(cell) or CLOCK.match(cell))
+    return bool(_NUMBER[decimal].fullmatch(cell) or CLOCK.match(cell))
 
 
 def _fits(cell: str, decimal: str) -> bool:
