@@ -36,10 +36,7 @@ def test_a_dry_run_shows_and_writes_nothing(run, sources):
     assert sorted(sources.iterdir()) == before
     lines = [line.strip() for line in out.splitlines()]
     assert "UTF-8, columns parted by tab, decimal comma, lines 19 to 618" in lines
-    assert (
-        "position: column 2 'Displacement' [mm]: by its name 'Displacement' and its unit mm, in mm as the file says"
-        in lines
-    )
+    assert "position: column 2 'Displacement' [mm], by its name; unit mm, as the file says" in lines
     assert lines[5].split() == ["time_s", "position_mm", "force_N"]
     assert [float(cell) for cell in lines[6].split()] == pytest.approx([0, POSITION[0], FORCE[0]], abs=1e-4)
     speed = np.abs(np.gradient(POSITION, TIME)).max()
@@ -72,7 +69,7 @@ def test_records_and_a_study_are_written(run, sources, tmp_path, project):
     assert records.names == ["excel_deutsch", "labview"]
     np.testing.assert_allclose(records["labview"]["output"], FORCE, atol=2e-5)
     text = (output / "study.yaml").read_text()
-    assert "#   force: column 3 'Load' [N]: by its name 'Load' and its unit N, in N as the file says" in text
+    assert "#   force: column 3 'Load' [N], by its name; unit N, as the file says" in text
     study = load_study(yaml.safe_load(text), project, [output / "study.yaml"])
     assert study.settings.data_source.licence == "CC0"
     assert [study.recording(record.file) for record in study.settings.tissue.records] == [

@@ -127,7 +127,7 @@ def test_a_name_that_stands_twice_is_refused(tmp_path, head):
     [
         (
             "time_s,position,force_N\n",
-            "position is column 2 'position' (by its name 'position'), without a unit; give --position-unit, e.g. mm",
+            "position is column 2 'position', by its name, without a unit; give --position-unit, e.g. mm",
         ),
         (
             "time_s,position_mm,load [V]\n",
@@ -151,9 +151,7 @@ def test_a_header_that_cannot_be_true_is_asked_about(tmp_path):
 
 def test_a_clock_in_whole_numbers_needs_its_unit(tmp_path):
     text = "time,position_mm,force_N\n" + rows(",", columns=(1e3 * TIME, POSITION, FORCE))
-    assert "time is column 1 'time' (by its name 'time'), without a unit; give --time-unit" in refusal(
-        tmp_path, text
-    )
+    assert "time is column 1 'time', by its name, without a unit; give --time-unit" in refusal(tmp_path, text)
     assert imported(tmp_path, text, time_unit="ms").record.time == pytest.approx(TIME)
 
 

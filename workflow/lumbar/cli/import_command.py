@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lumbar.cli.options import add_output
-
 
 def add(commands) -> None:
     """Add the command to the parser."""
@@ -31,7 +29,7 @@ def add(commands) -> None:
         "--data", metavar="LABEL", help="words for the source of the data on tables and figures"
     )
     parser.add_argument("--licence", metavar="TEXT", help="licence of the data (default: not stated)")
-    add_output(parser, required=False)
+    parser.add_argument("--output", type=Path, metavar="DIR", help="folder for records and study")
     parser.set_defaults(run=run, parser=parser)
 
 
@@ -39,15 +37,15 @@ def _add_columns(parser: argparse.ArgumentParser) -> None:
     for role in ("time", "position", "force"):
         none = "; none if there is no such column" if role == "time" else ""
         parser.add_argument(f"--{role}", metavar="COLUMN", help=f"column of {role}: name, or number{none}")
-    for role, examples in (
-        ("time", "s, ms, µs"),
-        ("position", "m, mm, µm, inch, rad, deg"),
-        ("force", "N, mN, kN, lbf, N·m"),
+    for role, examples, calibration in (
+        ("time", "s, ms, µs", "0.5 ms"),
+        ("position", "m, mm, µm, inch, rad, deg", "0.01 mm"),
+        ("force", "N, mN, kN, lbf, N·m", "35.15 N"),
     ):
         parser.add_argument(
             f"--{role}-unit",
             metavar="UNIT",
-            help=f"its unit ({examples}), or what one unit of a sensor's reading is, as '35.15 {examples.split(',')[0]}'",
+            help=f"its unit ({examples}), or what one of the file's numbers is, as '{calibration}'",
         )
 
 
@@ -101,4 +99,5 @@ def run(options) -> None:
     if options.dry_run:
         return
     study = imported.save(options.output, data=options.data, licence=options.licence)
-    print(f"{study.parent}: {len(imported)} records and {study.name}; next: {imported.next_command(study)}")
+    written = f"{len(imported)} record{'s' * (len(imported) != 1)} and {study.name}"
+    print(f"{study.parent}: {written}; next: {imported.next_command(study)}")

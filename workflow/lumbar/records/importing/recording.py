@@ -143,11 +143,11 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
                 f"leave --rate out, or say --time {NONE}"
             )
         time = roles["time"].column.values * roles["time"].unit.factor
-        grounds = {"time": f"{roles['time'].column.label}: {roles['time'].why}"}
+        grounds = {"time": f"{roles['time'].column.label}, {roles['time'].why}"}
     else:
         time, words = stated_time(samples, choices.rate, table.rates, table.source)
         grounds = {"time": words}
-    grounds |= {role: f"{roles[role].column.label}: {roles[role].why}" for role in CHANNELS}
+    grounds |= {role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS}
     lines, notes = table.lines, []
     keep = _trimmed(time, choices.trim, table.source)
     if choices.trim:

@@ -20,7 +20,7 @@ _WORDS = {
     "time": "time zeit temps tiempo tempo tijd tid aika timestamp elapsed laufzeit pruefzeit testzeit x_value",
     "position": "position posicion posizione positie pos displacement displ disp extension stroke crosshead travel weg "
     "verfahrweg traversenweg standardweg auslenkung deplacement desplazamiento spostamento verplaatsing depth "
-    "indentation eindringtiefe tiefe hub lvdt angle winkel angulo rotation stellung",
+    "indentation eindringtiefe tiefe hub lvdt encoder angle winkel angulo rotation stellung",
     "force": "force kraft pruefkraft standardkraft load last fuerza forza kracht forca effort carga carico loadcell "
     "torque drehmoment moment couple",
 }
@@ -171,8 +171,7 @@ def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
         if len(best) > 1:
             labels = " or ".join(column.label for column in best)
             raise InputError(f"{role} may be {labels}; choose by --{role} NAME or NUMBER")
-        grounds = [f"its name {best[0].name!r}"] * (named > 0) + [f"its unit {best[0].unit}"] * fits
-        return best[0], f"by {' and '.join(grounds)}"
+        return best[0], "by its name" if named else "by its unit"
     return _by_numbers(free, role)
 
 
@@ -190,13 +189,13 @@ def _by_numbers(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str
             for column in nameless
             if np.all(np.diff(column.values) > 0) and not np.all(np.diff(column.values) == 1)
         ]
-        return (clocks[0], "it grows with every row") if len(clocks) == 1 else (None, "")
+        return (clocks[0], "as it grows with every row") if len(clocks) == 1 else (None, "")
     if role == "position" and len(nameless) == 2 and not any(map(_is_coarse, nameless)):
         rough, smooth = sorted(nameless, key=_roughness, reverse=True)
         if _roughness(rough) > _SMOOTHER * _roughness(smooth):
-            return smooth, "it is the smoother of two columns without names"
+            return smooth, "as it is the smoother of two columns without names"
     if role == "force" and len(nameless) == 1:
-        return nameless[0], "it is the only column left"
+        return nameless[0], "as it is the only column left"
     labels = ", ".join(column.label for column in free)
     raise InputError(f"no column says that it is {role}; choose by --{role} NAME or NUMBER among {labels}")
 
@@ -227,7 +226,7 @@ def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
         unit = told_unit(told, f"--{role}-unit")
         if unit.quantity not in (*QUANTITIES[role], *(["reading"] if role != "time" else [])):
             raise InputError(f"--{role}-unit {told!r} is a unit of {unit.quantity}, not of {role}")
-        return Role(column, unit, f"{why}, in {unit.name} as told by --{role}-unit")
+        return Role(column, unit, f"{why}; unit {unit.name}, as told by --{role}-unit")
     unit = find_unit(column.unit)
     step = float(np.nanmedian(np.diff(column.values)))
     if unit is not None and unit.quantity in QUANTITIES[role]:
@@ -240,16 +239,16 @@ def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
                 f"time is {column.label}, whose steps of {step:g} {unit.name} are {1 / (step * unit.factor):g} Hz, which no "
                 "testing machine records at; give --time-unit"
             )
-        return Role(column, unit, f"{why}, in {unit.name} as the file says")
+        return Role(column, unit, f"{why}; unit {unit.name}, as the file says")
     if role == "time" and not column.unit and 0 < step <= 1 / _SLOWEST_HZ:
         unit = told_unit("s", "--time-unit")
-        return Role(column, unit, f"{why}, in s as its steps of {step:g} are too small for ms")
+        return Role(column, unit, f"{why}; unit s, as its steps of {step:g} are too small for ms")
     example = {"time": "ms", "position": "mm", "force": "N"}[role]
     if unit is not None and unit.quantity == "reading":
         found = f"{column.label} is what the sensor gave, in {unit.name}"
         words = f"say what one {unit.name} is, as in --{role}-unit '35.15 {example}', or --{role}-unit {unit.name}"
     else:
         stated = f"in {column.unit!r}, which is not known" if column.unit else "without a unit"
-        found = f"{role} is {column.label} ({why}), {stated}"
+        found = f"{role} is {column.label}, {why}, {stated}"
         words = f"give --{role}-unit, e.g. {example}"
     raise InputError(f"{found}; {words}")

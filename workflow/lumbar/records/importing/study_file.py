@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -155,7 +157,8 @@ def study_text(content: dict, folder: Path) -> str:
     label = content["data"] or f"recordings {folder.name}"
     longest = max(records, key=lambda entry: entry["duration_s"])
     lines = [
-        f"# Made by lumbar import; {PROVENANCE} holds the same for programs. The workflow: snakemake --configfile {STUDY}",
+        f"# Made by lumbar import; {PROVENANCE} holds the same for programs. In the project's folder:",
+        f"#   snakemake --cores 2 --configfile {shlex.quote(str(folder / STUDY))}",
         f"study: {_quoted(name)}",
         f"title: {_quoted(label)}",
         "data: recordings",
@@ -201,9 +204,12 @@ def _record_lines(entry: dict) -> list[str]:
     return [*comment, f"    - {{name: {_quoted(entry['name'])}, file: {_quoted(entry['file'])}}}"]
 
 
+_PLAIN = re.compile(r"[A-Za-z][\w.-]*( [\w.-]+)*")
+
+
 def _quoted(text: str) -> str:
-    """A YAML scalar that reads as this text: as it stands where that is a plain word, else in quotes."""
+    """A YAML scalar that reads as this text: as it stands where it is words that are no constant, else in quotes."""
     import yaml
 
-    dumped = yaml.safe_dump(text, allow_unicode=True, width=float("inf"))
-    return dumped.removesuffix("\n").removesuffix("\n...")
+    plain = _PLAIN.fullmatch(text) and yaml.safe_load(text) == text
+    return text if plain else json.dumps(text, ensure_ascii=False)
