@@ -135,6 +135,19 @@ def foreign_files() -> dict[str, tuple[bytes, dict]]:
             ).encode(),
             {},
         ),
+        "excel_sep.csv": (("sep=;\r\nZeit;Weg;Kraft\r\ns;mm;N\r\n" + rows(";", ",")).encode(), {}),
+        "line_break_in_names.csv": (
+            ('"Time\n(s)","Position\n(mm)","Force\n(N)"\n' + rows(",")).encode(),
+            {},
+        ),
+        "units_above_names.txt": (("s|mm|N\nTime|Position|Force\n" + rows("|")).encode(), {}),
+        "old_mac_minus.csv": (
+            ("time_s,position_mm,force_N\n" + rows(","))
+            .replace("-", "\N{MINUS SIGN}")
+            .replace("\n", "\r")
+            .encode(),
+            {},
+        ),
         "others_beside.csv": (
             (
                 "Index;Zeit ms;Sollweg mm;Weg mm;Geschwindigkeit mm/s;Kraft N\n"

@@ -1,4 +1,4 @@
-"""One recording written in twenty dialects is read back as the same record."""
+"""One recording written in two dozen dialects is read back as the same record."""
 
 from __future__ import annotations
 

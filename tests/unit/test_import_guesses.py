@@ -83,6 +83,8 @@ def test_a_header_is_parted(cell, parted):
         ("Gesamtkraft", "force", 2),
         ("t", "time", 1),
         ("Fz", "force", 1),
+        ("Siła", "force", 3),
+        ("时间", "time", 3),
         ("Sollweg", "position", 0),
         ("Soll Weg", "position", -1),
         ("Force rate", "force", -1),
@@ -131,7 +133,7 @@ def test_a_name_that_stands_twice_is_refused(tmp_path, head):
         ),
         (
             "time_s,position_mm,load [V]\n",
-            "what the sensor gave, in V; say what one V is, as in --force-unit '35.15 N', or --force-unit V",
+            "what the sensor gave, in V; say what one of its numbers is, as in --force-unit '35.15 N', or --force-unit V",
         ),
         (
             "time_s,a,b\n",
@@ -211,6 +213,25 @@ def test_torn_rows_are_named(tmp_path):
     assert "2 problems" in told
     assert "line 101: '0.495,over,1.2'; 3 numbers are expected" in told
     assert "line 201: '0.995,1.2'" in told
+
+
+def test_commas_for_two_things_are_refused(tmp_path):
+    assert "commas part both columns and decimals" in refusal(tmp_path, HEAD + rows(",", ","))
+
+
+def test_a_column_that_is_not_read_as_numbers_is_told(tmp_path):
+    thousands = "".join(
+        f"{t:.3f};{1e3 * z:,.2f};{f:.4f}\n" for t, z, f in zip(TIME, POSITION, FORCE, strict=True)
+    )
+    told = refusal(tmp_path, "t (s);z (µm);F (N)\n" + thousands)
+    assert "column 2 is no number ('1,262.21')" in told
+    told = refusal(tmp_path, "position_mm,force_N\n" + rows(","))
+    assert "no names: above the table stands 'position_mm,force_N'" in told
+
+
+def test_no_column_has_two_roles(tmp_path):
+    assert "is taken already" in refusal(tmp_path, HEAD + rows(","), position=2, force="2")
+    assert "--position 'none': no such column" in refusal(tmp_path, HEAD + rows(","), position="none")
 
 
 @pytest.mark.parametrize("text", ["", "no numbers\nat all\n", "1,2,3\n2,3,4\n"])

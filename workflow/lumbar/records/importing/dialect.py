@@ -33,8 +33,13 @@ DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "bl
 """Delimiters in the order in which one is preferred where two read a table alike."""
 
 
-def decoded(content: bytes) -> tuple[str, str]:
-    """Return text and the name of its encoding: UTF-16 or UTF-8 by their marks or bytes, else Windows-1252."""
+def decoded(content: bytes) -> tuple[list[str], str]:
+    """Return lines of text, as an editor counts them, and the encoding: UTF-16, UTF-8 or else Windows-1252."""
+    text, encoding = _decoded(content)
+    return re.split(r"\r\n|\r|\n", text.replace("\N{MINUS SIGN}", "-")), encoding
+
+
+def _decoded(content: bytes) -> tuple[str, str]:
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16"), "UTF-16"
     zeros = content[:2000]

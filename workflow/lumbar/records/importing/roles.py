@@ -17,19 +17,21 @@ NONE = "none"
 """What a person gives for the time of a table that has none."""
 QUANTITIES = {"time": ("time",), "position": ("length", "angle"), "force": ("force", "torque")}
 _WORDS = {
-    "time": "time zeit temps tiempo tempo tijd tid aika timestamp elapsed laufzeit pruefzeit testzeit x_value",
+    "time": "time zeit temps tiempo tempo tijd tid aika timestamp elapsed laufzeit pruefzeit testzeit x_value "
+    "czas cas время 时间 時間",
     "position": "position posicion posizione positie pos displacement displ disp extension stroke crosshead travel weg "
     "verfahrweg traversenweg standardweg auslenkung deplacement desplazamiento spostamento verplaatsing depth "
-    "indentation eindringtiefe tiefe hub lvdt encoder angle winkel angulo rotation stellung",
+    "indentation eindringtiefe tiefe hub lvdt encoder angle winkel angulo rotation stellung "
+    "przemieszczenie перемещение 位移 変位",
     "force": "force kraft pruefkraft standardkraft load last fuerza forza kracht forca effort carga carico loadcell "
-    "torque drehmoment moment couple",
+    "torque drehmoment moment couple siła сила усилие нагрузка 力 荷重",
 }
 _WEAK = {"time": "t", "position": "x y z p", "force": "f fx fy fz"}
 """Names of one letter, which others use for other things."""
 _OTHERS = (
     "velocity vel speed geschwindigkeit vitesse velocidad velocita acceleration acc accel beschleunigung strain stress "
     "dehnung spannung temperature temp temperatur current strom index idx sample samples cycle cycles zyklus count "
-    "command cmd commanded setpoint soll sollwert target ref reference segment rate"
+    "command cmd commanded setpoint soll sollwert target ref reference error segment rate"
 )
 """Words of what is measured or commanded beside the three; a column named so is taken on request only."""
 _SMOOTHER = 5.0
@@ -70,7 +72,7 @@ def _plain(text: str) -> str:
 
 def _tokens(name: str) -> list[str]:
     parted = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
-    return [token for token in re.split(r"[^a-z]+", _plain(parted)) if token]
+    return [token for token in re.split(r"[\W\d_]+", _plain(parted)) if token]
 
 
 def named_so(name: str, role: str) -> int:
@@ -107,11 +109,11 @@ def find_roles(table: RawTable, wishes: dict[str, Wish]) -> dict[str, Role]:
     """
     problems: list[str] = []
     roles: dict[str, Role] = {}
+    taken: set[int] = set()
     for role in ROLES:
         wish = wishes.get(role, Wish())
-        if wish.column == NONE:
+        if role == "time" and wish.column == NONE:
             continue
-        taken = [found.column.number for found in roles.values()]
         others = {other.column for name, other in wishes.items() if name != role and other.column}
         free = [
             column
@@ -121,12 +123,14 @@ def find_roles(table: RawTable, wishes: dict[str, Wish]) -> dict[str, Role]:
         try:
             column, why = _wished(table, wish.column, role) if wish.column else _found(free, role)
             if column is not None:
+                if column.number in taken:
+                    raise InputError(f"--{role}: {column.label} is taken already")
+                taken.add(column.number)
                 _check_twice(column, wish.column, table, role)
                 roles[role] = _in_unit(column, role, wish.unit, why)
         except InputError as error:
             problems.append(str(error))
-    missing = [role for role in ("position", "force") if role not in roles]
-    if problems or missing:
+    if problems:
         told = "\n".join(f"  - {problem}" for problem in problems)
         raise InputError(
             f"{table.source}: not everything can be told from the file\n{told}{table.described()}"
@@ -243,12 +247,16 @@ def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
     if role == "time" and not column.unit and 0 < step <= 1 / _SLOWEST_HZ:
         unit = told_unit("s", "--time-unit")
         return Role(column, unit, f"{why}; unit s, as its steps of {step:g} are too small for ms")
-    example = {"time": "ms", "position": "mm", "force": "N"}[role]
+    example, calibration = {
+        "time": ("ms", "0.5 ms"),
+        "position": ("mm", "0.01 mm"),
+        "force": ("N", "35.15 N"),
+    }[role]
     if unit is not None and unit.quantity == "reading":
         found = f"{column.label} is what the sensor gave, in {unit.name}"
-        words = f"say what one {unit.name} is, as in --{role}-unit '35.15 {example}', or --{role}-unit {unit.name}"
+        words = f"say what one of its numbers is, as in --{role}-unit '{calibration}', or --{role}-unit {unit.name}"
     else:
-        stated = f"in {column.unit!r}, which is not known" if column.unit else "without a unit"
+        stated = f"in {column.unit}, which is no unit of {role}" if column.unit else "without a unit"
         found = f"{role} is {column.label}, {why}, {stated}"
         words = f"give --{role}-unit, e.g. {example}"
     raise InputError(f"{found}; {words}")

@@ -42,8 +42,8 @@ def read_text(content: bytes, source: str, table: str | None = None) -> RawTable
         If no table is found, or several are; or rows hold something that is no number, with their
         lines.
     """
-    text, encoding = decoded(content)
-    return table_of_lines(text.splitlines(), source, encoding, table)
+    lines, encoding = decoded(content)
+    return table_of_lines(lines, source, encoding, table)
 
 
 def table_of_lines(lines: list[str], source: str, encoding: str, table: str | None = None) -> RawTable:
@@ -59,6 +59,9 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
     before = [stop for _, stop in blocks if stop < first]
     above = lines[before[-1] + 1 if before else 0 : first]
     names, units = _header(above, dialect)
+    remarks = [] if any(names) else _nameless(above, lines[first], dialect, source)
+    words = {column: dialect.split(lines[first])[column] for column in sorted(dialect.text_columns)}
+    remarks += [f"column {column + 1} is no number ({cell!r})" for column, cell in words.items()]
     values, numbers = _values(lines, first, last, dialect, source)
     columns = tuple(
         RawColumn(
@@ -70,7 +73,7 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
         for column, given in enumerate(values.T)
         if column not in dialect.text_columns
     )
-    form = f"{encoding}, {dialect}, lines {first + 1} to {last + 1}"
+    form = "; ".join([f"{encoding}, {dialect}, lines {first + 1} to {last + 1}", *remarks])
     return RawTable(source, form, columns, numbers, tuple(_stated_rates(lines[:first])))
 
 
@@ -89,20 +92,47 @@ def _chosen(blocks: list[tuple[int, int]], table: str | None, source: str) -> tu
 
 def _header(above: list[str], dialect: Dialect) -> tuple[list[str], list[str]]:
     """Names and units of the columns from the rows right above the table, empty where there are none."""
-    near = [line for line in above if line.strip()][-_HEADER_ROWS:]
+    near = _whole_lines([line for line in above if line.strip()])[-_HEADER_ROWS:]
     rows = [cells for line in near if (cells := _header_cells(line, dialect))]
-    names, units = [""] * dialect.width, [""] * dialect.width
-    for cells in reversed(rows):
-        if not any(units) and _is_unit_row(cells):
-            units = [cell.strip("[](){}<> ") for cell in cells]
+    names, units = [""] * dialect.width, _unit_labels(above, dialect)
+    unit_row = next((cells for cells in reversed(rows[-2:]) if _is_unit_row(cells)), None)
+    if unit_row:
+        units = [cell.strip("[](){}<> ") for cell in unit_row]
+    name_row = next((cells for cells in reversed(rows) if cells is not unit_row), None)
+    if name_row:
+        parted = [name_and_unit(cell) for cell in name_row]
+        names = [name for name, _ in parted]
+        units = [unit or stated for (_, unit), stated in zip(parted, units, strict=True)]
+    return names, units
+
+
+def _whole_lines(lines: list[str]) -> list[str]:
+    """Join the lines over which a cell in quotes goes on."""
+    whole: list[str] = []
+    for line in lines:
+        if whole and whole[-1].count('"') % 2:
+            whole[-1] += f" {line}"
         else:
-            parted = [name_and_unit(cell) for cell in cells]
-            names = [name for name, _ in parted]
-            units = [unit or below for (_, unit), below in zip(parted, units, strict=True)]
-            break
-    return names, [
-        unit or labelled for unit, labelled in zip(units, _unit_labels(above, dialect), strict=True)
-    ]
+            whole.append(line)
+    return whole
+
+
+def _nameless(above: list[str], row: str, dialect: Dialect, source: str) -> list[str]:
+    """Say what stands where names were expected.
+
+    Raises
+    ------
+    InputError
+        If the names are half as many as the cells of a row, so that commas part columns and decimals alike.
+    """
+    line = next((line for line in reversed(above) if line.strip()), "")
+    names = [cell for cell in dialect.split(line) if cell] if line else []
+    if dialect.delimiter == "," and "." not in row and 2 * len(names) == dialect.width:
+        raise InputError(
+            f"{source}: {len(names)} names, but rows of {dialect.width} cells such as {row!r}: commas part both columns and "
+            "decimals; write the file with another delimiter"
+        )
+    return [f"no names: above the table stands {line.strip()[:60]!r}"] if names else []
 
 
 def _header_cells(line: str, dialect: Dialect) -> list[str] | None:
