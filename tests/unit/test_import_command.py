@@ -11,7 +11,10 @@ from foreign_files import FORCE, POSITION, TIME, foreign_files, rows
 
 import lumbar
 from lumbar.config.study import load_study
+from lumbar.config.study_recordings import reading_plan
 from lumbar.errors import InputError
+from lumbar.interface.reading import read_listed
+from lumbar.records.checking import check_recordings
 from lumbar.records.columns import read_record
 from lumbar.records.importing.study_file import PROVENANCE
 
@@ -215,3 +218,20 @@ def test_the_bouc_wen_benchmark_states_its_rate(shared):
     told = {"position": "multisine/y", "force": "multisine/u", "position_unit": "m", "force_unit": "N"}
     [oscillator] = lumbar.import_recordings(shared / "real/bouc_wen/train.h5", **told)
     assert 1 / oscillator.record.sampling_time == pytest.approx(750)
+
+
+def test_a_study_reads_a_part_of_a_record(sources, tmp_path, project, run):
+    """``trim_s`` of a record reaches both the check of the recordings and their reading."""
+    assert run("import", sources / "labview.lvm", "--output", tmp_path / "records")[0] == 0
+    path = tmp_path / "records" / "study.yaml"
+    content = yaml.safe_load(path.read_text())
+    content["tissue"]["records"][0]["trim_s"] = [0.5, 2]
+    study = load_study(content, project)
+    [described] = check_recordings(reading_plan(study, ["tissue"]))["tissue"]
+    assert (described["samples"], described["duration_s"]) == (300, 1.5)
+    tissue = study.settings.tissue
+    [record] = read_listed([path.parent / "labview.csv"], tissue.records, tissue.layout)
+    np.testing.assert_allclose(record["output"], FORCE[100:400], atol=2e-5)
+    content["tissue"]["records"][0]["trim_s"] = [2, 0.5]
+    with pytest.raises(InputError, match="the start must lie before the end"):
+        load_study(content, project)

@@ -35,6 +35,7 @@ def read(
     rate: float | None = None,
     names: Iterable[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    trims: Mapping[str, tuple[float, float]] | None = None,
 ) -> RecordSet | MarkerRecording | Ratings:
     """Read recordings, whatever their format.
 
@@ -53,6 +54,8 @@ def read(
         Names of the records; default the files' stems.
     periods : mapping of str to float, optional
         Periods of the excitations in seconds by the record's name, where they are known.
+    trims : mapping of str to tuple of float, optional
+        Start and stop of the part that is read, in seconds of the file's clock, by the record's name.
 
     Returns
     -------
@@ -82,7 +85,7 @@ def read(
         from lumbar.records.ratings import read_ratings
 
         return read_ratings(_one(files, kind), layout or _default_layout(kind))
-    from lumbar.records.columns import read_record
+    from lumbar.records.columns import default_name, read_record
     from lumbar.records.record import same_units
 
     layout, periods = layout or _default_layout(kind or "tissue"), periods or {}
@@ -91,8 +94,11 @@ def read(
         for item in files
         for file in ([item] if item.suffix and not item.is_dir() else column_files(item))
     ]
-    names = list(names) if names is not None else [None] * len(files)
-    records = [read_record(file, layout, name, None, rate) for file, name in zip(files, names, strict=True)]
+    names = list(names) if names is not None else [default_name(file) for file in files]
+    records = [
+        read_record(file, layout, name, None, rate, (trims or {}).get(name))
+        for file, name in zip(files, names, strict=True)
+    ]
     same_units(records)
     return RecordSet(records).with_periods(periods)
 
@@ -103,7 +109,7 @@ def read_listed(
     layout: ColumnLayout,
     rate: float | None = None,
 ) -> RecordSet:
-    """Read the records that a study lists, each with the name and period that it has there.
+    """Read the records that a study lists, each with the name, period and part that it has there.
 
     Parameters
     ----------
@@ -115,7 +121,8 @@ def read_listed(
     """
     names = [entry.name for entry in listed]
     periods = {entry.name: entry.period_s for entry in listed if entry.period_s is not None}
-    return read(files, layout=layout, rate=rate, names=names, periods=periods)
+    trims = {entry.name: entry.trim_s for entry in listed if entry.trim_s is not None}
+    return read(files, layout=layout, rate=rate, names=names, periods=periods, trims=trims)
 
 
 def _one(files: list[Path], kind: str) -> Path:

@@ -12,7 +12,7 @@ from lumbar.records.clipping import check_clipping
 from lumbar.records.importing.clock import check_forward, contradictions, evened, longest, stated_time
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.roles import NONE, Role, Wish, find_roles
-from lumbar.records.record import FEWEST_SAMPLES, Channel, Record, check_record, place_of
+from lumbar.records.record import Channel, Record, check_record, place_of, samples_between
 
 CHANNELS = {"position": "input", "force": "output"}
 """Channel of a record by the role of a column."""
@@ -149,8 +149,9 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
         grounds = {"time": words}
     grounds |= {role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS}
     lines, notes = table.lines, []
-    keep = _trimmed(time, choices.trim, table.source)
+    keep = np.arange(samples)
     if choices.trim:
+        keep = samples_between(time, choices.trim, table.source)
         notes.append(f"{samples - keep.size} of {samples} samples lie outside --trim and are left out")
     lines = None if lines is None else [lines[sample] for sample in keep]
     check_forward(time[keep], lines, table.source)
@@ -171,19 +172,6 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
         check_clipping(record, lines)
     notes = (*notes, *resampled, *_suspicions(record, choices))
     return ImportedRecording(record, table.form, grounds, notes, samples, sha256, choices.clipped)
-
-
-def _trimmed(time: np.ndarray, trim: tuple[float, float] | None, source: str) -> np.ndarray:
-    """Samples that are taken."""
-    if trim is None:
-        return np.arange(len(time))
-    keep = np.flatnonzero((time >= trim[0]) & (time < trim[1]))
-    if len(keep) < FEWEST_SAMPLES:
-        raise InputError(
-            f"{source}: {len(keep)} samples in --trim {trim[0]:g}:{trim[1]:g}; the clock runs from "
-            f"{np.nanmin(time):g} to {np.nanmax(time):g} s, and at least {FEWEST_SAMPLES} samples are needed"
-        )
-    return keep
 
 
 def _channel(name: str, role: Role, keep: np.ndarray, sign: float) -> Channel:
