@@ -66,6 +66,10 @@ def foreign_files() -> dict[str, tuple[bytes, dict]]:
         ),
         "labview.lvm": ((labview + rows("\t", ",", end="\t")).encode(), {}),
         "labview_utf16.lvm": ((labview + rows("\t", ",", end="\t")).encode("utf-16"), {}),
+        "labview_without_x.lvm": (
+            (labview + rows("\t", ",", columns=(np.full(len(TIME), np.nan), POSITION, FORCE))).encode(),
+            {},
+        ),
         "instron.csv": (
             (instron + rows(",", columns=(TIME, POSITION, FORCE / 1e3), digits=8, quote='"')).encode(),
             {},

@@ -178,8 +178,34 @@ def test_without_a_clock_the_rate_is_asked_for(tmp_path):
     )
 
 
-def test_the_frequency_of_the_excitation_is_no_sampling_rate(tmp_path):
-    text = "Frequency: 2 Hz\nposition_mm,force_N\n" + rows(",", columns=(POSITION, FORCE))
+@pytest.mark.parametrize(
+    ("line", "rate"),
+    [
+        ("Sample Rate,200", 200),
+        ("Sampling frequency [kHz]: 0.2 kHz", 200),
+        ("Abtastrate: 2,0E+2 Hz", 200),
+        ("Abtastintervall = 5 ms", 200),
+        ("Fréquence d'échantillonnage : 200 Hz", 200),
+        ("Frecuencia de muestreo (Hz);200", 200),
+        ("# fs=200", 200),
+        ("Delta_X\t0,005\t0,005", 200),
+        ("Sampling Interval (s): 0.005", 200),
+        ("Data rate: 200 S/s", 200),
+        ("Scan Rate = 200 samples/s", 200),
+    ],
+)
+def test_a_rate_is_read_from_the_lines_above(tmp_path, line, rate):
+    one = imported(tmp_path, f"{line}\nposition_mm;force_N\n" + rows(";", columns=(POSITION, FORCE)))
+    assert 1 / one.record.sampling_time == pytest.approx(rate)
+    assert one.grounds["time"] == "no column; 200 Hz as line 1 says"
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["Samples: 600", "Sample: 7", "Sample diameter 10 mm", "Sample rate: 60 per min", "Frequency: 2 Hz"],
+)
+def test_other_numbers_are_no_rate(tmp_path, line):
+    text = f"{line}\nposition_mm;force_N\n" + rows(";", columns=(POSITION, FORCE))
     assert "no rate is stated" in refusal(tmp_path, text)
 
 

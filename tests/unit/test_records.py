@@ -314,7 +314,7 @@ def test_a_part_is_read_and_the_rest_not_even_checked(tmp_path, values):
     """A gap before the part is no fault; lines are still counted in the file."""
     text = text_of(values).replace("0.050000,", "0.049000,").replace("0.200000,", "0.190000,")
     path = written(tmp_path, text)
-    with pytest.raises(InputError, match="line 22: time 0.19 s after 0.19 s"):
+    with pytest.raises(InputError, match=r"line 22: time 0\.19 s after 0\.19 s"):
         read_record(path, LAYOUT)
     record = read_record(path, LAYOUT, trim=(0.205, 0.4))
     assert record.time == pytest.approx(TIME[21:40])

@@ -236,6 +236,8 @@ _RATE = re.compile(
     r"(?:[ée]chantillonnage|muestreo|campionamento)|\bfs\b",
     re.IGNORECASE,
 )
+_SAYS_RATE = re.compile(r"rate|fre[qc]|fr[ée]q|\bfs\b", re.IGNORECASE)
+"""What tells a rate in hertz without its unit from a number of samples."""
 _INTERVAL = re.compile(
     r"sampl\w*[\s_-]*(?:interval|period|time)|abtastintervall|abtastzeit|delta_?x|\bdt\b", re.IGNORECASE
 )
@@ -258,6 +260,6 @@ def _stated_rates(above: list[str]) -> list[StatedRate]:
             continue
         if interval and (unit in _PERIODS or not unit or unit not in _HERTZ):
             found.append(StatedRate(1.0 / (size * _PERIODS.get(unit, 1.0)), f"line {number}"))
-        elif unit in _HERTZ or re.search(r"[\[(]\s*(Hz)\s*[\])]|_hz\b", line, re.IGNORECASE):
+        elif unit in _HERTZ or (not unit and _SAYS_RATE.search(label[0])):
             found.append(StatedRate(size * _HERTZ.get(unit, 1.0), f"line {number}"))
     return found

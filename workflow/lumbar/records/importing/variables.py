@@ -53,7 +53,8 @@ def to_table(
     found = "; ".join(f"{', '.join(paths)} ({length} values)" for length, paths in grouped.items()) or "none"
     if not tables:
         raise InputError(
-            f"{source}: position and force need two vectors of one length, of at least {FEWEST_ROWS} values; there are {found}"
+            f"{source}: position and force need two vectors of one length, of at least {FEWEST_ROWS} values, in one file; there "
+            f"are {found}"
         )
     if len(tables) > 1:
         raise InputError(
