@@ -151,6 +151,9 @@ def test_all_files_are_told_of_at_once(run, tmp_path):
     assert err.count("give --force-unit") == 1
     assert f"b.txt: as {tmp_path / 'a.txt'}" in err
     assert "d.txt: no such file" in err
+    status, _, err = run("import", tmp_path, "--dry-run")
+    assert status == 1
+    assert "a folder; name the files in it that are recordings" in err
 
 
 def test_a_wrong_command_line(run, sources):

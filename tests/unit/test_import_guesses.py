@@ -324,3 +324,6 @@ def test_clipped_forces_are_refused_unless_accepted(tmp_path):
     text = HEAD + rows(",", columns=(TIME, POSITION, np.clip(FORCE, -4, 4)))
     assert "clipped" in refusal(tmp_path, text)
     assert imported(tmp_path, text, accept_clipped=True).clipped
+    jittered = TIME + np.random.default_rng(2).uniform(-0.3, 0.3, len(TIME)) / RATE
+    uneven = HEAD + rows(",", columns=(jittered, POSITION, np.clip(FORCE, -4, 4)))
+    assert "clipped" in refusal(tmp_path, uneven)

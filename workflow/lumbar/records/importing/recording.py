@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -135,48 +135,45 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
         cannot be analysed.
     """
     roles = find_roles(table, choices.wishes())
-    samples = len(table.columns[0].values)
-    if "time" in roles:
-        if choices.rate is not None:
-            raise InputError(
-                f"{table.source}: --rate is given, but {roles['time'].column.label} is time ({roles['time'].why}); "
-                f"leave --rate out, or say --time {NONE}"
-            )
-        time = roles["time"].column.values * roles["time"].unit.factor
-        grounds = {"time": f"{roles['time'].column.label}, {roles['time'].why}"}
-    else:
-        time, words = stated_time(samples, choices.rate, table.rates, table.source)
-        grounds = {"time": words}
-    grounds |= {role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS}
-    lines, notes = table.lines, []
+    time, clock = _clock(table, roles.get("time"), choices)
+    grounds = {"time": clock} | {role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS}
+    samples, notes = len(time), []
     keep = np.arange(samples)
     if choices.trim:
         keep = samples_between(time, choices.trim, table.source)
         notes.append(f"{samples - keep.size} of {samples} samples lie outside --trim and are left out")
-    lines = None if lines is None else [lines[sample] for sample in keep]
+    lines = None if table.lines is None else [table.lines[sample] for sample in keep]
     check_forward(time[keep], lines, table.source)
-    channels = {
-        channel: _channel(role, roles[role], keep, -1.0 if role == "force" and choices.flip_force else 1.0)
-        for role, channel in CHANNELS.items()
-    }
+    channels = {channel: _channel(role, roles[role], keep) for role, channel in CHANNELS.items()}
+    if choices.flip_force:
+        channels["output"] = replace(channels["output"], values=-channels["output"].values)
+        notes.append("the sign of the force is changed, as told by --flip-force")
     record = Record(name, time[keep], channels, table.source)
     _check_complete(record, lines)
-    if choices.flip_force:
-        notes.append("the sign of the force is changed, as told by --flip-force")
+    if not choices.clipped:
+        check_clipping(record, lines)  # before resampling, after which no two samples are alike
     notes += contradictions(record, table.rates)
     record, resampled = evened(record, lines)
-    if resampled:
-        lines = None
-    check_record(record, lines=lines)
-    if not choices.clipped:
-        check_clipping(record, lines)
-    notes = (*notes, *resampled, *_suspicions(record, choices))
-    return ImportedRecording(record, table.form, grounds, notes, samples, sha256, choices.clipped)
+    check_record(record, lines=None if resampled else lines)
+    notes += [*resampled, *_suspicions(record, choices)]
+    return ImportedRecording(record, table.form, grounds, tuple(notes), samples, sha256, choices.clipped)
 
 
-def _channel(name: str, role: Role, keep: np.ndarray, sign: float) -> Channel:
+def _clock(table: RawTable, role: Role | None, choices: Choices) -> tuple[np.ndarray, str]:
+    """Return the time of the samples in seconds, and where it comes from."""
+    if role is None:
+        return stated_time(len(table.columns[0].values), choices.rate, table.rates, table.source)
+    if choices.rate is not None:
+        raise InputError(
+            f"{table.source}: --rate is given, but {role.column.label} is time ({role.why}); leave --rate out, or say "
+            f"--time {NONE}"
+        )
+    return role.column.values * role.unit.factor, f"{role.column.label}, {role.why}"
+
+
+def _channel(name: str, role: Role, keep: np.ndarray) -> Channel:
     quantity = _NAMES.get(role.unit.quantity, name)
-    return Channel(role.column.values[keep] * (role.unit.factor * sign), quantity, role.unit.target)
+    return Channel(role.column.values[keep] * role.unit.factor, quantity, role.unit.target)
 
 
 def _check_complete(record: Record, lines: Sequence[int] | None) -> None:

@@ -36,6 +36,8 @@ def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
     InputError
         If there is no such file, or no table in it.
     """
+    if path.is_dir():
+        raise InputError(f"{path}: a folder; name the files in it that are recordings")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     stored = path.read_bytes()
