@@ -129,6 +129,24 @@ def foreign_files() -> dict[str, tuple[bytes, dict]]:
             {},
         ),
         "dates.csv": (dated.encode(), {}),
+        "zwick.txt": (
+            (
+                '"Prüfzeit"\t"Standardweg"\t"Standardkraft"\n"s"\t"mm"\t"N"\n' + rows("\t", ",", end="\t")
+            ).encode("cp1252"),
+            {},
+        ),
+        "wave_matrix.csv": (
+            (
+                '"Total Time (s)","Cycle Elapsed Time (s)","Total Cycles","Step",'
+                '"Position(Linear:Digital Position) (mm)","Load(Linear:Load) (kN)"\n'
+                + rows(
+                    ",",
+                    columns=(TIME, TIME % 0.9, TIME // 0.9, 1 + 0 * TIME, POSITION, FORCE / 1e3),
+                    digits=8,
+                )
+            ).encode(),
+            {},
+        ),
         "exponents.txt": (
             (
                 "time[s]\tdisplacement[m]\tforce[N]\n"

@@ -30,10 +30,18 @@ def test_vectors_of_a_matlab_file(tmp_path):
 
 def test_fields_of_a_structure_with_the_rate_beside(tmp_path):
     trial = {"position_mm": POSITION, "force_N": FORCE, "fs": RATE}
-    savemat(tmp_path / "a.mat", {"trial": trial})
+    savemat(tmp_path / "a.mat", {"speed_test": trial})
     imported = lumbar.import_recordings(tmp_path / "a.mat")
     check(imported)
-    assert imported[0].grounds["time"] == "no column; 200 Hz as trial.fs says"
+    assert imported[0].grounds["time"] == "no column; 200 Hz as speed_test.fs says"
+
+
+def test_signals_of_simulink_are_named_by_their_labels(tmp_path):
+    signals = [{"values": POSITION, "label": "stroke [mm]"}, {"values": FORCE, "label": "load [N]"}]
+    savemat(tmp_path / "a.mat", {"out": {"time": TIME, "signals": np.array(signals, dtype=object)}})
+    imported = lumbar.import_recordings(tmp_path / "a.mat")
+    check(imported)
+    assert imported[0].grounds["force"].startswith("column 3 'out.signals(2).load' [N], by its name")
 
 
 def test_columns_of_a_matrix_are_chosen_by_name(tmp_path):

@@ -38,13 +38,21 @@ def read_matlab(content: bytes, source: str, table: str | None = None) -> RawTab
     return to_table(arrays, source, "MATLAB", table)
 
 
+_LABELS = ("label", "Label", "name", "Name")
+_VALUES = ("values", "Values", "data", "Data")
+"""Fields of a signal as Simulink and measuring systems write it: its values are named after its label."""
+
+
 def _collect(path: str, value, arrays: dict[str, np.ndarray], opaque: list[str]) -> None:
     """Note the numbers of a variable and of all its fields, by path."""
     if type(value).__name__ in ("MatlabOpaque", "MatlabFunction") or path.startswith("__"):
         opaque.append(path)
     elif hasattr(value, "_fieldnames"):
-        for name in value._fieldnames:
-            _collect(f"{path}.{name}", getattr(value, name), arrays, opaque)
+        fields = {name: getattr(value, name) for name in value._fieldnames}
+        label = next((fields[name] for name in _LABELS if isinstance(fields.get(name), str)), "")
+        for name, field in fields.items():
+            own = f".{label}" if label and name in _VALUES else f".{name}"
+            _collect(f"{path}{own}", field, arrays, opaque)
     elif isinstance(value, np.ndarray) and value.dtype == object:
         for number, item in enumerate(value.ravel(), start=1):
             _collect(f"{path}({number})", item, arrays, opaque)

@@ -25,12 +25,20 @@ class RawColumn:
         As the file states it; empty where it does not.
     values : numpy.ndarray of float, shape (samples,)
         NaN where the file has no number.
+    group : str
+        Beginning of the name that says nothing of what was measured: the groups above a variable.
     """
 
     number: int
     name: str
     unit: str
     values: np.ndarray
+    group: str = ""
+
+    @property
+    def own_name(self) -> str:
+        """The name within its group."""
+        return self.name.removeprefix(self.group)
 
     @property
     def label(self) -> str:

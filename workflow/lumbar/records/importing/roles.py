@@ -165,7 +165,7 @@ def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
     """Find a column by its name, else by its unit, else by its numbers; none for a time that is not there."""
     ranked: dict[tuple[int, bool], list[RawColumn]] = {}
     for column in free:
-        unit, named = find_unit(column.unit), named_so(column.name, role)
+        unit, named = find_unit(column.unit), named_so(column.own_name, role)
         fits = unit is not None and unit.quantity in QUANTITIES[role]
         contradicts = unit is not None and not fits and unit.quantity != "reading"
         if named >= 0 and not contradicts and (named or fits) and not (role == "time" and not _grows(column)):

@@ -22,6 +22,7 @@ from lumbar.records.importing.units import find_unit, name_and_unit
 _MOST_PROBLEMS = 20
 _HEADER_ROWS = 4
 """Lines above a table among which names and units are looked for."""
+_DAY = 86400.0
 _COMMENT = re.compile(r"^\s*[#%!;]+\s*")
 
 
@@ -213,17 +214,15 @@ def _numbers(cells: tuple[str, ...], decimal: str) -> np.ndarray:
 
 
 def _seconds(cells: tuple[str, ...]) -> np.ndarray:
-    """Seconds since the first of these times of day; a day that ends between two of them is counted on."""
+    """Seconds since the first of these times of day; dates are left out, as days and months are told apart by guesses:
+    a day that ends between two of them is counted on."""
     import pandas as pd
 
-    text = [cell.replace(",", ".").rstrip("Z") for cell in cells]
-    if " " in text[0] or "T" in text[0]:
-        stamps = pd.to_datetime(pd.Series(text), format="mixed", dayfirst="-" not in text[0]).to_numpy()
-        return (stamps - stamps[0]) / np.timedelta64(1, "ns") * 1e-9
-    padded = [cell if cell.count(":") == 2 else f"{cell}:00" for cell in text]
-    seconds = pd.to_timedelta(pd.Series(padded)).dt.total_seconds().to_numpy()
-    midnights = np.concatenate([[0], np.cumsum(np.diff(seconds) < -43200)])
-    return seconds - seconds[0] + 86400 * midnights
+    times = [re.split(r"[T ]+", cell.replace(",", ".").rstrip("Z"))[-1] for cell in cells]
+    padded = pd.Series([time if time.count(":") == 2 else f"{time}:00" for time in times])
+    seconds = pd.to_timedelta(padded, errors="coerce").dt.total_seconds().to_numpy()
+    midnights = np.concatenate([[0], np.cumsum(np.diff(seconds) < -_DAY / 2)])
+    return seconds - seconds[0] + _DAY * midnights
 
 
 def _is_clock(line: str, dialect: Dialect, column: int) -> bool:

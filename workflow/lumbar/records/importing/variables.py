@@ -65,7 +65,9 @@ def to_table(
     for number, path in enumerate(paths, start=1):
         name, unit = name_and_unit(path)
         stated = (units or {}).get(path, "")
-        columns.append(RawColumn(number, path if stated else name, stated or unit, vectors[path]))
+        name = path if stated else name
+        group = name[: max(name.rfind("."), name.rfind("/")) + 1]
+        columns.append(RawColumn(number, name, stated or unit, vectors[path], group))
     return RawTable(source, form, tuple(columns), rates=tuple(_stated(taken)))
 
 
