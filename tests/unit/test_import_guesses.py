@@ -260,6 +260,15 @@ def test_no_column_has_two_roles(tmp_path):
     assert "--position 'none': no such column" in refusal(tmp_path, HEAD + rows(","), position="none")
 
 
+def test_rows_that_are_in_no_table_are_told(tmp_path):
+    lines = (HEAD + rows(",")).splitlines()
+    cut = imported(tmp_path, "\n".join([*lines[:-1], "2.995,1.2"]))
+    assert cut.form.endswith("lines 2 to 600; line 601 is no whole row ('2.995,1.2')")
+    event = imported(tmp_path, "\n".join([*lines[:598], "Event: stop", *lines[598:]]))
+    assert event.form.endswith("lines 2 to 598; lines 600 to 602 are too few rows for a table")
+    assert len(event.record) == 597
+
+
 @pytest.mark.parametrize("text", ["", "no numbers\nat all\n", "1,2,3\n2,3,4\n"])
 def test_what_is_no_table(tmp_path, text):
     assert "no table of numbers" in refusal(tmp_path, text)

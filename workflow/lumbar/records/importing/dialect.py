@@ -155,7 +155,7 @@ def _as_table(split: list[list[str]], delimiter: str | None, decimal: str) -> tu
 
 
 def find_blocks(lines: list[str], dialect: Dialect) -> list[tuple[int, int]]:
-    """Return first and last line (from 0) of every table: rows with at most blank lines between them."""
+    """Return first and last line (from 0) of every run of rows with at most blank lines between them."""
     rows = [number for number, line in enumerate(lines) if line.strip() and dialect.is_row(line)]
     if not rows:
         return []
@@ -166,5 +166,4 @@ def find_blocks(lines: list[str], dialect: Dialect) -> list[tuple[int, int]]:
         if between and not all(dialect.is_torn_row(line) for line in between):
             stops.append(before)
             starts.append(after)
-    blocks = zip(starts, [*stops, rows[-1]], strict=True)
-    return [(first, last) for first, last in blocks if last - first + 1 >= FEWEST_ROWS]
+    return list(zip(starts, [*stops, rows[-1]], strict=True))

@@ -26,7 +26,7 @@ _WORDS = {
     "force": "force kraft pruefkraft standardkraft load last fuerza forza kracht forca effort carga carico loadcell "
     "torque drehmoment moment couple siła сила усилие нагрузка 力 荷重",
 }
-_WEAK = {"time": "t", "position": "x y z p", "force": "f fx fy fz"}
+_WEAK = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
 """Names of one letter, which others use for other things."""
 _OTHERS = (
     "velocity vel speed geschwindigkeit vitesse velocidad velocita acceleration acc accel beschleunigung strain stress "

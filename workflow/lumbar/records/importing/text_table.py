@@ -50,7 +50,8 @@ def read_text(content: bytes, source: str, table: str | None = None) -> RawTable
 def table_of_lines(lines: list[str], source: str, encoding: str, table: str | None = None) -> RawTable:
     """Return the table in these lines of text; parameters as of `read_text`."""
     dialect = find_dialect(lines)
-    blocks = find_blocks(lines, dialect) if dialect else []
+    runs = find_blocks(lines, dialect) if dialect else []
+    blocks = [(first, last) for first, last in runs if last - first + 1 >= FEWEST_ROWS]
     if dialect is None or not blocks:
         raise InputError(
             f"{source}: no table of numbers in these {len(lines)} lines ({encoding}); at least {FEWEST_ROWS} rows with two "
@@ -62,6 +63,7 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
     names, units = _header(above, dialect)
     remarks = [] if any(names) else _nameless(above, lines[first], dialect, source)
     words = {column: dialect.split(lines[first])[column] for column in sorted(dialect.text_columns)}
+    remarks += _left_out(lines, last, runs, dialect)
     remarks += [f"column {column + 1} is no number ({cell!r})" for column, cell in words.items()]
     values, numbers = _values(lines, first, last, dialect, source)
     columns = tuple(
@@ -89,6 +91,16 @@ def _chosen(blocks: list[tuple[int, int]], table: str | None, source: str) -> tu
     if not table.isdigit() or not 1 <= int(table) <= len(blocks):
         raise InputError(f"{source}: no table {table!r}; there are {found}")
     return blocks[int(table) - 1]
+
+
+def _left_out(lines: list[str], last: int, runs: list[tuple[int, int]], dialect: Dialect) -> list[str]:
+    """Say which numbers are in no table: rows too few for one, and a row at the end that is not whole."""
+    told = [
+        f"lines {a + 1} to {b + 1} are too few rows for a table" for a, b in runs if b - a + 1 < FEWEST_ROWS
+    ]
+    if last + 1 < len(lines) and dialect.is_torn_row(lines[last + 1]):
+        told.append(f"line {last + 2} is no whole row ({lines[last + 1].strip()[:60]!r})")
+    return told
 
 
 def _header(above: list[str], dialect: Dialect) -> tuple[list[str], list[str]]:
