@@ -23,8 +23,8 @@ _SURE = 4.0
 """Standard errors by which an energy must differ from 0."""
 _LOSS = 0.1
 """Energy, as the correlation of force and speed, that is no longer a sensor's lag or backlash."""
-_ROUGHER, _SMOOTHER = 1.1, 0.95
-"""Detail of the input in that of the output from which on it is the rougher or the smoother one."""
+_ROUGHER, _SMOOTHER, _MUCH_SMOOTHER = 1.1, 0.95, 0.6
+"""Detail of the input in that of the output from which on it is the rougher or the smoother one, or beyond any spring."""
 _BEYOND_MASS = 0.1
 """By how much a correlation must exceed that of a mass: its force is −|ẋ|²/(|x||ẍ|), correlated with its position."""
 _ALONG = 0.3
@@ -100,7 +100,7 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
         )
         return _direction(experiment, layout, reason, roughness)
     surely_given = _standard_errors([pair.blocks for pair in pairs]) < -_SURE
-    detailed = roughness < _SMOOTHER and correlation < _ALONG
+    detailed = roughness < _MUCH_SMOOTHER or (roughness < _SMOOTHER and correlation < _ALONG)
     against = roughness < _ROUGHER and correlation < -_ALONG
     if surely_given and energy < -_LOSS and (detailed or against):
         reason = (
@@ -108,7 +108,7 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
             f"and speed {energy:+.2f})"
         )
         return _sign(experiment, layout, reason, energy)
-    if correlation < -(1 / spread + _BEYOND_MASS) and energy < _LOSS:
+    if correlation < -(1 / spread + _BEYOND_MASS):
         reason = (
             f"the {experiment.output_quantity} falls where the {experiment.input_quantity} grows (correlation "
             f"{correlation:+.2f}), and no material at rest pulls away from its rest"
