@@ -12,7 +12,7 @@ spring, a dashpot and a mass:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -42,6 +42,8 @@ _WORTHWHILE = 0.997
 """Share of the squared error that a higher order must leave at most for a still higher one to be tried."""
 _LARGEST_SPRING = 10.0
 """Largest force of the spring in forces measured, both as standard deviations."""
+_LONG = 12_000
+"""Samples on which poles are searched at most."""
 _SMALLEST = 1e-12
 """Share of the force's power below which an error is rounding."""
 
@@ -165,13 +167,21 @@ def _candidates(data: FitData) -> Iterator[LinearDynamics]:
     best = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), held)
     yield best
     for order in ORDERS:
-        fitted = _rational(data, order, held)
+        fitted = _on_all(data, lambda part, order=order: _rational(part, order, held))
         yield fitted
         if order == _DELAYED_ORDER and not held:
-            yield _delayed(data, fitted)
+            yield _on_all(data, lambda part, fitted=fitted: _delayed(part, fitted))
         if order > 2 and fitted.squared_error > _WORTHWHILE * best.squared_error:
             break
         best = min(best, fitted, key=lambda item: item.squared_error)
+
+
+def _on_all(data: FitData, fit: Callable[[FitData], LinearDynamics]) -> LinearDynamics:
+    """Search poles, on the beginning of what is still long at its lower rate, and solve for the rest on all of it."""
+    if data.size <= _LONG:
+        return fit(data)
+    found = fit(data.split(_LONG / data.size)[0])
+    return _solved(found.kind, data, found.poles, found.held)
 
 
 def _band(data: FitData) -> tuple[float, float]:
