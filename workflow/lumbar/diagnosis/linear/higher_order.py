@@ -164,15 +164,16 @@ def _independent_share(errors: np.ndarray) -> float:
 def _candidates(data: FitData) -> Iterator[LinearDynamics]:
     held = is_held(data.motion)
     yield _prony(data, held)
-    best = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), held)
+    best = lower = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), held)
     yield best
     for order in ORDERS:
-        fitted = _on_all(data, lambda part, order=order: _rational(part, order, held))
+        fitted = _on_all(data, lambda part, order=order, lower=lower: _rational(part, order, lower))
         yield fitted
         if order == _DELAYED_ORDER and not held:
             yield _on_all(data, lambda part, fitted=fitted: _delayed(part, fitted))
         if order > 2 and fitted.squared_error > _WORTHWHILE * best.squared_error:
             break
+        lower = fitted
         best = min(best, fitted, key=lambda item: item.squared_error)
 
 
@@ -180,7 +181,8 @@ def _on_all(data: FitData, fit: Callable[[FitData], LinearDynamics]) -> LinearDy
     """Search poles, on the beginning of what is still long at its lower rate, and solve for the rest on all of it."""
     if data.size <= _LONG:
         return fit(data)
-    found = fit(data.split(_LONG / data.size)[0])
+    settling = len(data.force) - data.size
+    found = fit(data.split((settling + _LONG) / len(data.force))[0])
     return _solved(found.kind, data, found.poles, found.held)
 
 
@@ -203,11 +205,13 @@ def _prony(data: FitData, held: bool) -> LinearDynamics:
     return _model("prony", data, poles, held, np.concatenate([linear[:direct], linear[direct:][kept]]))
 
 
-def _rational(data: FitData, order: int, held: bool) -> LinearDynamics:
-    """Refine poles from the best iterations of their relocation."""
+def _rational(data: FitData, order: int, lower: LinearDynamics) -> LinearDynamics:
+    """Refine poles from the last iterations of their relocation, or from those of a lower order and some more."""
     low, high = _band(data)
-    starts = relocated_poles(data, order, low, high, held)
-    found = [_solved("rational", data, poles, held) for poles in starts[-2:]]
+    more = np.geomspace(low, high, order - lower.order + 2)[1:-1]
+    starts = relocated_poles(data, order, low, high, lower.held)[-2:]
+    starts.append(Poles.of(np.concatenate([lower.poles.to_array(), -more])))
+    found = [_solved("rational", data, poles, lower.held) for poles in starts]
     return _refined(data, min(found, key=lambda item: item.squared_error))
 
 

@@ -53,6 +53,11 @@ class Poles:
         pairs += [(slow + fast, slow * fast) for slow, fast in zip(real[0:-1:2], real[1::2], strict=True)]
         return cls(real[len(real) - len(real) % 2 :], np.array(pairs).reshape(-1, 2))
 
+    def to_array(self) -> np.ndarray:
+        """Places of the poles (1/s), complex."""
+        pairs = [np.roots([1.0, *section]) for section in self.sections]
+        return np.concatenate([-self.rates, *pairs]).astype(complex)
+
     def to_vector(self) -> np.ndarray:
         """Logarithms of all that is searched: the delay where there is one, sections, rates."""
         delay = [self.delay] if self.delay else []
