@@ -60,7 +60,8 @@ class LinearDynamics:
     held : bool
         Whether the input is held between jumps: a discrete model, without derivatives of the input.
     linear, nonlinear : numpy.ndarray
-        Constant, stiffness, viscosity and mass, then of branches and sections; and what was searched beside them.
+        Constant, stiffness, viscosity and mass (what of them acts), then of sections and branches; and what was
+        searched beside them.
     squared_error : float
         Sum of squared (whitened) errors over the samples of the training record that count.
     train_rms, test_rms : float
@@ -166,9 +167,12 @@ def _candidates(data: FitData) -> Iterator[LinearDynamics]:
     yield _prony(data, held)
     best = lower = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), held)
     yield best
+    yield from (_solved("rational", data, replace(best.poles, direct=direct), held) for direct in (2, 3))
     for order in ORDERS:
         fitted = _on_all(data, lambda part, order=order, lower=lower: _rational(part, order, lower))
         yield fitted
+        if order == 1:
+            yield _on_all(data, lambda part, fitted=fitted: _without_derivatives(part, fitted))
         if order == _DELAYED_ORDER and not held:
             yield _on_all(data, lambda part, fitted=fitted: _delayed(part, fitted))
         if order > 2 and fitted.squared_error > _WORTHWHILE * best.squared_error:
@@ -213,6 +217,11 @@ def _rational(data: FitData, order: int, lower: LinearDynamics) -> LinearDynamic
     starts.append(Poles.of(np.concatenate([lower.poles.to_array(), -more])))
     found = [_solved("rational", data, poles, lower.held) for poles in starts]
     return _refined(data, min(found, key=lambda item: item.squared_error))
+
+
+def _without_derivatives(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
+    """The same poles beside constant and spring only, refined: of one pole it is the Kelvin–Boltzmann model."""
+    return _refined(data, _solved("rational", data, replace(fitted.poles, direct=2), fitted.held))
 
 
 def _delayed(data: FitData, fitted: LinearDynamics) -> LinearDynamics:

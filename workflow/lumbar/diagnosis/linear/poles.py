@@ -30,11 +30,14 @@ class Poles:
         Pairs of poles, roots of s² + a₁ s + a₀ with a₁ (1/s) and a₀ (1/s²) positive: complex or real.
     delay : float
         Seconds by which the force follows the position late.
+    direct : int
+        How many of the constant, the position and its two derivatives act beside the poles, in this order.
     """
 
     rates: np.ndarray
     sections: np.ndarray
     delay: float = 0.0
+    direct: int = 4
 
     @property
     def order(self) -> int:
@@ -113,7 +116,8 @@ def forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> np.ndarr
     """
     if isinstance(motion, JoinedMotions):
         return np.concatenate([forces(part, poles, held) for part in motion.parts])
-    return np.column_stack([*direct_forces(motion, poles.delay, held), *pole_forces(motion, poles, held)])
+    direct = direct_forces(motion, poles.delay, held)[: poles.direct]
+    return np.column_stack([*direct, *pole_forces(motion, poles, held)])
 
 
 def slope_forces(motion: Motion | JoinedMotions, poles: Poles, linear: np.ndarray, held: bool) -> np.ndarray:
