@@ -144,6 +144,7 @@ def test_one_sine_asks_for_no_more_than_it_shows():
     ]
     found = linear_dynamics(prepare(records, train="sine"))
     assert found.poles.direct == 2
+    assert found.order <= 1
     assert found.test_rms < 6 * SIGMA
 
 

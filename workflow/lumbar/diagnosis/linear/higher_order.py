@@ -44,6 +44,8 @@ _LARGEST_SPRING = 10.0
 """Largest force of the spring in forces measured, both as standard deviations."""
 _LONG = 12_000
 """Samples on which poles are searched at most."""
+_LINE_WIDTH = 2.0
+"""(ΣS)²/ΣS² of one sine through Hann's window."""
 _SMALLEST = 1e-12
 """Share of the force's power below which an error is rounding."""
 
@@ -168,7 +170,8 @@ def _candidates(data: FitData) -> Iterator[LinearDynamics]:
     best = lower = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), held)
     yield best
     yield from (_solved("rational", data, replace(best.poles, direct=direct), held) for direct in (2, 3))
-    for order in ORDERS:
+    lines = _excited_lines(data)
+    for order in (order for order in ORDERS if order == 1 or order < lines):
         fitted = _on_all(data, lambda part, order=order, lower=lower: _rational(part, order, lower))
         yield fitted
         if order == 1:
@@ -179,6 +182,16 @@ def _candidates(data: FitData) -> Iterator[LinearDynamics]:
             break
         lower = fitted
         best = min(best, fitted, key=lambda item: item.squared_error)
+
+
+def _excited_lines(data: FitData) -> float:
+    """How many frequencies the motion holds at all: a line determines two parameters, and so one more pole at most.
+
+    (ΣS)²/ΣS² of the power spectrum S of the position's steps, over that of a single line seen through the window.
+    """
+    steps = np.diff(data.motion.position)
+    power = np.abs(np.fft.rfft((steps - steps.mean()) * np.hanning(len(steps)))) ** 2
+    return float(power.sum()) ** 2 / float(np.sum(power**2)) / _LINE_WIDTH
 
 
 def _on_all(data: FitData, fit: Callable[[FitData], LinearDynamics]) -> LinearDynamics:
