@@ -106,6 +106,7 @@ PERIODIC_DISTURBANCE = Effect(
     mechanism="A force at a frequency of its own, unrelated to the input (breathing, pulse, a motor).",
     source="Pintelon and Schoukens, System Identification: A Frequency Domain Approach (2012), section 2.3",
     experiment="record the force at rest: the line stays",
+    unrepeated=True,
     forms=(
         Form(
             name="sine",

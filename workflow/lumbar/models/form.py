@@ -209,6 +209,8 @@ class Effect:
         Which excitation shows it best, for ties.
     accumulates : bool
         Whether it grows with time or path from each record's start, so that short records hardly show it.
+    unrepeated : bool
+        Whether it acts on a clock of its own, apart from the excitation's.
     """
 
     name: str
@@ -217,6 +219,12 @@ class Effect:
     source: str
     experiment: str = ""
     accumulates: bool = False
+    unrepeated: bool = False
+
+    @property
+    def changes(self) -> bool:
+        """Whether it makes one period of an excitation differ from another."""
+        return self.accumulates or self.unrepeated
 
     def __post_init__(self):
         object.__setattr__(self, "forms", tuple(replace(form, effect=self.name) for form in self.forms))

@@ -73,6 +73,17 @@ class FitData:
             signal = lfilter(self.whitening, [1.0], signal, axis=0)
         return self.settled(signal)
 
+    def error(self, simulated: np.ndarray) -> np.ndarray:
+        """Simulated less measured force over the samples that count; about its mean where the zero is another one."""
+        return self._about_zero(self.settled(simulated - self.force))
+
+    def whitened_error(self, simulated: np.ndarray) -> np.ndarray:
+        """The same through the whitening filter."""
+        return self._about_zero(self.counted(simulated - self.force))
+
+    def _about_zero(self, errors: np.ndarray) -> np.ndarray:
+        return errors - errors.mean() if self.own_zero else errors
+
     def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
         """Motion of the longest record, and a signal over all samples there."""
         return self.motion, signal
@@ -103,7 +114,7 @@ class JointData(FitData):
             np.concatenate([part.force for part in parts]),
             parts[0].whitening,
             parts[0].counts_from,
-            tuple(parts),
+            parts=tuple(parts),
         )
 
     def split(self, share: float) -> tuple[FitData, FitData]:

@@ -52,15 +52,11 @@ class Fit:
 
     def errors(self, record: FitData) -> np.ndarray:
         """Free-run simulation error of the samples that count."""
-        return self._about_zero(record, record.settled(self.simulate(record.motion) - record.force))
+        return record.error(self.simulate(record.motion))
 
     def whitened_errors(self, record: FitData) -> np.ndarray:
         """Free-run simulation error of the samples that count, through the record's whitening filter."""
-        return self._about_zero(record, record.counted(self.simulate(record.motion) - record.force))
-
-    @staticmethod
-    def _about_zero(record: FitData, errors: np.ndarray) -> np.ndarray:
-        return errors - errors.mean() if record.own_zero else errors
+        return record.whitened_error(self.simulate(record.motion))
 
 
 def solve_linear(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:

@@ -153,3 +153,17 @@ def zero_interval(fit: Fit, data: FitData) -> tuple[float, float]:
     scaled, size = scaled_covariance(fit, data)
     deviation = 1.96 * float(np.sqrt(max(scaled[-1, -1], 0.0)) / size[-1])
     return fit.zero - deviation, fit.zero + deviation
+
+
+def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> float:
+    """Mean variance of a fit's predictions of other records that comes from the uncertainty of its parameters.
+
+    In the output's unit squared: tr(J C Jᵀ)/N, J the records' sensitivities and C the parameters' covariance.
+    """
+    covariance, size = scaled_covariance(fit, data)
+    total, count = 0.0, 0
+    for record in records:
+        scaled = sensitivities(fit, record.unwhitened()) / size
+        total += float(np.einsum("ij,jk,ik->", scaled, covariance, scaled))
+        count += len(scaled)
+    return total / count

@@ -99,11 +99,11 @@ class LinearDynamics:
 
     def errors(self, record: FitData) -> np.ndarray:
         """Free-run simulation error of the samples that count."""
-        return record.settled(self.simulate(record.motion) - record.force)
+        return record.error(self.simulate(record.motion))
 
     def whitened_errors(self, record: FitData) -> np.ndarray:
         """Free-run simulation error of the samples that count, through the record's whitening filter."""
-        return record.counted(self.simulate(record.motion) - record.force)
+        return record.whitened_error(self.simulate(record.motion))
 
 
 def linear_dynamics(experiment: Experiment) -> LinearDynamics:

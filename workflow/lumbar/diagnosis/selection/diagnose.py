@@ -7,10 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
 from lumbar.diagnosis.fitting.joint_fit import add
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import estimates
+from lumbar.diagnosis.linear.direction import direction_or_sign
+from lumbar.diagnosis.linear.frequency_response import nonlinear_share
 from lumbar.diagnosis.selection.base_choice import CHOSEN_BY_DATA, base_beside, choose_base
 from lumbar.diagnosis.selection.contradictions import contradictions
 from lumbar.diagnosis.selection.forward_selection import (
@@ -26,6 +29,7 @@ from lumbar.diagnosis.selection.forward_selection import (
     pairs,
     unseen_improvement,
 )
+from lumbar.diagnosis.selection.linear_gate import LINEAR_EFFECTS, linear_alternative, linear_finding
 from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
 from lumbar.diagnosis.selection.offsets import offsets, zeros_differ
 from lumbar.diagnosis.selection.thresholds import (
@@ -67,14 +71,50 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     experiment = prepare_for(records, settings)
     usable, not_tried = without_channels(settings.candidates, experiment.training.motion.channels)
     settings = replace(settings, catalogue=usable)
+    turned = direction_or_sign(experiment) if settings.system == "tissue" else None
+    if turned is not None:
+        return replace(_turned(experiment, settings, turned), not_tried=not_tried)
     found = _searched(experiment, settings)
     if experiment.error_dwarfs_noise(found.model.train_rms):
         found = _searched(experiment.unwhitened(), settings)
-    if not found.experiment.own_zeros and zeros_differ(found.model.fit, found.experiment):
-        again = _searched(found.experiment.with_own_zeros(), settings)
-        if again.model.test_rms < _ZEROS_HELP * found.model.test_rms:
-            found = again
-    return replace(found, not_tried=not_tried, findings=tuple(offsets(found)))
+    found = _with_own_zeros(found, settings)
+    found, linear = _beside_linear(found, settings)
+    return replace(found, not_tried=not_tried, findings=(*offsets(found), *linear))
+
+
+def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> Verdict:
+    """Search again with a zero of its own for every record, where that takes away much of what is left."""
+    if found.experiment.own_zeros or not zeros_differ(found.model.fit, found.experiment):
+        return found
+    again = _searched(found.experiment.with_own_zeros(), settings)
+    return again if again.model.test_rms < _ZEROS_HELP * found.model.test_rms else found
+
+
+def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
+    """Ask whether linear dynamics of higher order explain more than the effects that were selected.
+
+    If so, and nothing nonlinear is left beside them, only linear effects are searched for. If something nonlinear is, no
+    effect of the catalogue explains it.
+    """
+    experiment = found.experiment
+    if settings.system != "tissue" or is_adequate(found.model, experiment):
+        return found, []
+    linear = linear_alternative(found.model, experiment)
+    if linear is None:
+        return found, []
+    said = [linear_finding(linear, found.model, experiment)]
+    if (nonlinear_share(experiment, linear.fit) or 0.0) > _NONLINEAR:
+        return replace(found, verdict="unexplained", tied_with=[]), said
+    only = {name: effect for name, effect in settings.candidates.items() if name in LINEAR_EFFECTS}
+    if set(found.selected) <= set(only):
+        return found, said
+    return _searched(experiment, replace(settings, catalogue=only)), said
+
+
+def _turned(experiment: Experiment, settings: DiagnosisSettings, turned: Finding) -> Verdict:
+    """No effect is looked for in records whose input and output, or a sign, are the wrong way round."""
+    experiment, base = choose_base(experiment, settings.base, settings.candidates)
+    return Verdict(experiment, base, "unexplained", [base], [], [], 0.0, "unexplained", findings=(turned,))
 
 
 def _searched(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
@@ -281,7 +321,15 @@ class _Selection:
     def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
         if further is not None:
             return "named"
-        return "adequate" if is_adequate(model, self.experiment, COMPLETE) else "unexplained"
+        return "adequate" if self.leaves_noise(model) else "unexplained"
+
+    def leaves_noise(self, model: Candidate) -> bool:
+        """Whether a refined model leaves noise alone, and periods that differ are explained by an effect of time or path."""
+        floor = self.experiment.floor
+        differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
+        if differing and not any(self.settings.catalogue[name].changes for name in model.effects):
+            return False
+        return is_adequate(model, self.experiment, COMPLETE)
 
     def ranking(self, model: Candidate) -> list[Ranked]:
         """The selected set first, then every other set tried, best first."""
@@ -300,6 +348,8 @@ class _Selection:
         )
 
 
+_NONLINEAR = 0.1
+"""Share of what the best linear model leaves that is surely not linear, from which on something nonlinear is missing."""
 _ZEROS_HELP = 0.9
 """Factor on the unseen error below which a zero of its own for every record is taken."""
 _SHOWN = 10

@@ -14,12 +14,15 @@ from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit, add, screen
 from lumbar.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.diagnosis.fitting.preparation import Experiment
+from lumbar.diagnosis.fitting.uncertainty import prediction_variance
 from lumbar.diagnosis.noise.noise_floor import prediction_error_filter
 from lumbar.models.form import Effect, Form
 
 _MOST_LEFT = 0.5
 """Share of a response's variance that a model without a known noise floor may leave and still be adequate."""
 _PREDICTION_ORDER = 12
+_UNCERTAIN = 4.0
+"""Variances of a prediction, from the uncertainty of the parameters, that an unseen error may be above the noise (95 %)."""
 ADEQUATE = 1.1
 """A model whose error is within this factor of the noise floor leaves nothing to explain."""
 LOOK_AHEAD = 3
@@ -148,10 +151,16 @@ def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = AD
     if experiment.floor is None:
         return leaves_white_noise(candidate.fit, experiment, factor)
     floor, training, tests = experiment.floor, experiment.training, experiment.tests
-    return all(
-        rms <= floor.rms * max(factor, floor.largest_ratio(sum(item.size for item in records)))
-        for rms, records in ((candidate.train_rms, [training]), (candidate.test_rms, tests))
-    )
+
+    def largest(records: list[FitData]) -> float:
+        return floor.rms * max(factor, floor.largest_ratio(sum(item.size for item in records)))
+
+    if candidate.train_rms > largest([training]):
+        return False
+    if candidate.test_rms <= largest(tests):
+        return True
+    left = candidate.test_rms**2 - largest(tests) ** 2
+    return left <= _UNCERTAIN * prediction_variance(candidate.fit, training, tests)
 
 
 def leaves_white_noise(fit: Fit, experiment: Experiment, factor: float) -> bool:

@@ -26,6 +26,9 @@ def headline(diagnosis: Verdict) -> str:
     before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
     named = effects_text(diagnosis.selected)
     fall = f"the error on unseen records falls from {before:.3g} to {after:.3g} {unit}"
+    turned = next((item for item in diagnosis.findings if item.kind in ("direction", "sign")), None)
+    if turned is not None:
+        return f"These records are not what the {base} model takes. {turned.sentence}"
     if diagnosis.verdict == "adequate":
         return f"Nothing is missing: what the {base} model leaves ({before:.3g} {unit}) is noise as far as can be told."
     if diagnosis.verdict == "named":
