@@ -8,12 +8,14 @@ CORES ?= 2
 STUDY ?= thesis
 VENV := .venv
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
-CONFIGFILE := $(if $(filter-out thesis,$(STUDY)),--configfile config/studies/$(STUDY).yaml)
+STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
+CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
 .PHONY: results test test-portable report check-results update-reference benchmark lint format lock docs docs-site clean help environment
 
 results: environment ## every table, figure and FMU of the study (default target)
+	@python -m lumbar.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
 	snakemake --cores $(CORES) $(CONFIGFILE)
 
 environment: $(VENV)/installed ## .venv from the lock

@@ -22,9 +22,9 @@ def load_settings(*files: str | os.PathLike) -> StudySettings:
     """
     from lumbar.config.consistency import check_effects
     from lumbar.config.validation import Origins, laid_over, validated
-    from lumbar.config.yaml_file import read_yaml
     from lumbar.errors import Problems
     from lumbar.settings.study_settings import StudySettings
+    from lumbar.yaml_file import read_yaml, way_of
 
     files, problems = tuple(map(Path, files)), Problems("configuration")
     read = [read_yaml(path, problems) for path in files]
@@ -38,8 +38,7 @@ def load_settings(*files: str | os.PathLike) -> StudySettings:
     improvement = replace(settings.improvement, effect_files=own)
 
     def add(key: str, found: str, allowed: str) -> None:
-        way = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
-        problems.add(origins.place(way), found, allowed)
+        problems.add(origins.place(way_of(key)), found, allowed)
 
     check_effects(improvement, Path(), add)
     problems.raise_if_any()

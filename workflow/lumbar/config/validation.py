@@ -9,9 +9,9 @@ from functools import cache
 from typing import Any, TypeVar
 
 from lumbar.config.allowed import KeyType, key_at, keys_of, section_of
-from lumbar.config.yaml_file import YamlFile
 from lumbar.errors import Problems
 from lumbar.settings.plain import plain
+from lumbar.yaml_file import YamlFile
 
 Kind = TypeVar("Kind")
 _LONGEST_VALUE = 60
