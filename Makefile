@@ -56,6 +56,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 lint: environment ## what the continuous integration checks before the tests
 	ruff check .
 	ruff format --check .
+	mypy
 	snakefmt --check Snakefile workflow/rules
 	snakemake --lint
 

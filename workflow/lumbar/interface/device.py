@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lumbar.models.fitted_model import FittedModel
-from lumbar.settings.runtime import RuntimeSettings
+from lumbar.settings.runtime import Platform, RuntimeSettings
 
 
 def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLike] = ()) -> list[FittedModel]:
@@ -49,7 +49,7 @@ def export_fmu(
     *,
     trained_on: str | None = None,
     rate_Hz: float | None = None,
-    targets: Iterable[str] | None = None,
+    targets: Iterable[Platform] | None = None,
     effect_files: Iterable[str | os.PathLike] = (),
     settings: RuntimeSettings | None = None,
     data: str = "",
@@ -108,8 +108,8 @@ def export_fmu(
 def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained_on) -> RuntimeSettings:
     """The settings with what is given, or what the file leaves no choice of, before what they say."""
     records = {model.trained_on for model in fitted} - {None}
-    only = records.pop() if len(records) == 1 else settings.trained_on
+    only = records.pop() if len(records) == 1 else None
     # Of an error ladder, which holds no discrete model, the last rung is what a user wants.
     ladder = not any(model.discrete for model in fitted)
     names = tuple(names or ([fitted[-1].name] if ladder else settings.models))
-    return replace(settings, trained_on=trained_on or only, models=names)
+    return replace(settings, trained_on=trained_on or only or settings.trained_on, models=names)

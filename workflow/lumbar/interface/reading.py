@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from lumbar.errors import InputError
 from lumbar.records.record_set import RecordSet
@@ -21,11 +21,40 @@ COLUMN_ENDINGS = (".csv", ".txt", ".mat")
 MARKER_ENDINGS = (".c3d", ".trc")
 
 
+Source = str | os.PathLike | Iterable[str | os.PathLike]
+
+
+@overload
 def read(
-    source: str | os.PathLike | Iterable[str | os.PathLike],
+    source: Source,
+    kind: Literal["tissue", "pendulum", "surgeon"],
+    *,
+    layout: ColumnLayout | None = None,
+    rate: float | None = None,
+    names: Iterable[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+) -> RecordSet: ...
+@overload
+def read(
+    source: Source, kind: Literal["markers"], *, layout: MarkerLayout | None = None
+) -> MarkerRecording: ...
+@overload
+def read(source: Source, kind: Literal["survey"], *, layout: RatingsLayout | None = None) -> Ratings: ...
+@overload
+def read(
+    source: Source,
+    kind: None = None,
+    *,
+    layout: ColumnLayout | MarkerLayout | None = None,
+    rate: float | None = None,
+    names: Iterable[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+) -> RecordSet | Any: ...  # the file's ending decides
+def read(
+    source: Source,
     kind: Kind | None = None,
     *,
-    layout: ColumnLayout | MarkerLayout | RatingsLayout | None = None,
+    layout: Any = None,
     rate: float | None = None,
     names: Iterable[str] | None = None,
     periods: Mapping[str, float] | None = None,
@@ -85,8 +114,8 @@ def read(
         for item in files
         for file in ([item] if item.suffix and not item.is_dir() else column_files(item))
     ]
-    names = list(names) if names is not None else [None] * len(files)
-    records = [read_record(file, layout, name, None, rate) for file, name in zip(files, names, strict=True)]
+    called = [None] * len(files) if names is None else list(names)
+    records = [read_record(file, layout, name, None, rate) for file, name in zip(files, called, strict=True)]
     same_units(records)
     return RecordSet(records).with_periods(periods)
 
@@ -109,7 +138,7 @@ def read_listed(
     """
     names = [entry.name for entry in listed]
     periods = {entry.name: entry.period_s for entry in listed if entry.period_s is not None}
-    return read(files, layout=layout, rate=rate, names=names, periods=periods)
+    return read(files, "tissue", layout=layout, rate=rate, names=names, periods=periods)
 
 
 def _one(files: list[Path], kind: str) -> Path:

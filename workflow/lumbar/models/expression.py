@@ -124,8 +124,8 @@ class _Reader:
         if depth > DEEPEST:
             raise InputError(f"{_shown(self.text)} is nested more than {DEEPEST} deep")
         match node:
-            case ast.Constant(value=value) if type(value) in (int, float):
-                return self._number(node)
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+                return self._number(node, value)
             case ast.Name(id=name):
                 return self._symbol(node, name)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
@@ -142,9 +142,9 @@ class _Reader:
         found = ast.get_source_segment(self.text, node) or self.text
         return InputError(f"{_shown(found)} is not allowed; {allowed}")
 
-    def _number(self, node: ast.Constant) -> Number:
+    def _number(self, node: ast.Constant, written: float) -> Number:
         try:
-            value = float(node.value)
+            value = float(written)
         except OverflowError:
             value = math.inf
         if not math.isfinite(value):

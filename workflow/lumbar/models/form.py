@@ -57,9 +57,10 @@ class HandWritten:
         Roles of channels beside input and output that it needs.
     """
 
-    columns: Columns | None = None
-    input_transform: InputTransform | None = None
-    output_transform: OutputTransform | None = None
+    # Which of the three there is follows from the form's place.
+    columns: Columns = None  # type: ignore[assignment]
+    input_transform: InputTransform = None  # type: ignore[assignment]
+    output_transform: OutputTransform = None  # type: ignore[assignment]
     c_step: CStep | None = None
     channels: tuple[str, ...] = ()
 
@@ -174,6 +175,7 @@ class Form:
 
     def input_transform(self, motion: Motion, nonlinear: np.ndarray) -> Motion:
         """Motion that an input form lets the tissue see."""
+        assert self.hand_written is not None  # no equation transforms a motion
         return self.hand_written.input_transform(motion, nonlinear)
 
     def output_transform(self, force: np.ndarray, motion: Motion, nonlinear: np.ndarray) -> np.ndarray:

@@ -129,8 +129,8 @@ class _Latex:
                 return self.names.get(name) or symbol_latex(name), _ATOM
             case Operation("+" | "-" as name, (left, right)):
                 below = _SUM if name == "+" else _PRODUCT
-                right = f"({self.text(right, 0)})" if _signed(right) else self.text(right, below)
-                return f"{self.text(left, _SUM)} {name} {right}", _SUM
+                second = f"({self.text(right, 0)})" if _signed(right) else self.text(right, below)
+                return f"{self.text(left, _SUM)} {name} {second}", _SUM
             case Operation("neg", (operand,)):
                 return f"-{self.text(operand, _PRODUCT)}", _SIGNED
             case Operation("*"):
@@ -141,7 +141,7 @@ class _Latex:
                 raised = self._operand(exponent)
                 return self._base(base) + (f"^{raised}" if len(raised) == 1 else f"^{{{raised}}}"), _POWER
             case Operation("where", operands):
-                return self._choice(*operands)
+                return self._choice(*operands)  # type: ignore[arg-type]  # the first is a comparison
             case Operation("sum", (index, first, last, term)):
                 limits = [self.text(part, 0) for part in (index, first, last)]
                 return rf"\sum_{{{limits[0]}={limits[1]}}}^{{{limits[2]}}} {self.text(term, _PRODUCT)}", _SUM
@@ -188,7 +188,7 @@ class _Latex:
             return f"{self.text(above, _SIGNED)}/{self.text(below, _ATOM)}", _PRODUCT
         return rf"\frac{{{self.text(above, 0)}}}{{{self.text(below, 0)}}}", _ATOM
 
-    def _choice(self, condition: Expression, yes: Expression, no: Expression) -> tuple[str, int]:
+    def _choice(self, condition: Operation, yes: Expression, no: Expression) -> tuple[str, int]:
         """Iverson's brackets: 1 where they hold, 0 where not."""
         zero = Number(0.0)
         other = Operation(_OPPOSITE[condition.name], condition.operands)

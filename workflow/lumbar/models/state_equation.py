@@ -45,7 +45,7 @@ _TOLERANCE = 1e-13
 _TERMS = 14
 """Of φ₁'s series for matrices, whose norm is first halved to at most 1/2: it then ends below rounding."""
 _STEP = Symbol(STEP_SYMBOL)
-_RATES = {
+_RATES: dict[str, Expression] = {
     **{symbol: Symbol("dz") for symbol in ("z", "theta")},
     "s": Operation("abs", (Symbol("dz"),)),
     "t": _STEP,

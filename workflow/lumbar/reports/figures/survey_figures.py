@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,17 +15,17 @@ _LINE = 105
 _HATCHES = {"disagree": ("xxx", "//"), "neutral": "", "agree": ("..", "")}
 
 
-def likert_figure(models: list[str], counts: np.ndarray, labels: list[str], statement: str):
+def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[str], statement: str):
     """Diverging bars of the ratings: disagreement to the left of zero, agreement to the right.
 
     The middle point of an odd scale straddles zero.
 
     Parameters
     ----------
-    models : list of str
+    models : sequence of str
     counts : numpy.ndarray of int, shape (models, points)
         How often each point was given, from the least to the greatest agreement.
-    labels : list of str
+    labels : sequence of str
         Names of the points.
     statement : str
         What the participants agreed with.
