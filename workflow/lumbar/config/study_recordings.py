@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
 from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
@@ -46,11 +45,9 @@ def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, flo
     InputError
         For an unknown base.
     """
-    from lumbar.models.bases import BASES
+    from lumbar.models.bases import base_named
 
-    if base not in BASES:
-        raise InputError(f"unknown base model {base!r}; known are {', '.join(BASES)}")
-    if BASES[base].system == "pendulum":
+    if base_named(base).system == "pendulum":
         return settings.lifting.moment_layout, None
     return settings.tissue.layout, settings.tissue.rate_Hz
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from lumbar.effects.signature import standard_motion
 from lumbar.errors import InputError, Problems
-from lumbar.models.expression import parse
 from lumbar.models.form import Effect, Form, Place
 from lumbar.models.parameter import SCALES, Constant, LinearParameter, NonlinearParameter
+from lumbar.models.parsing import parse
 from lumbar.yaml_file import YamlFile, read_yaml, way_of
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")

@@ -20,17 +20,16 @@ from lumbar.models.expression import (
     Number,
     Operation,
     Symbol,
-    check_powers,
     expanded,
-    linear_parts,
-    parse,
     substituted,
     symbols,
     whole_power,
 )
+from lumbar.models.expression_checks import check_powers, linear_parts
 from lumbar.models.motion import Motion
 from lumbar.models.motion_signals import FORCE, NEVER_NEGATIVE, SIGNALS
 from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter, Parameter
+from lumbar.models.parsing import parse
 from lumbar.models.printing import c_text, latex, portable, symbol_latex
 from lumbar.models.state_equation import MOST_STATES, STEP_SYMBOL, StateEquation
 

@@ -62,7 +62,7 @@ class Evaluator:
 
     Examples
     --------
-    >>> from lumbar.models.expression import parse
+    >>> from lumbar.models.parsing import parse
     >>> Evaluator([parse("z**3"), parse("2*z")])({"z": np.array([1.0, 2.0])})
     [array([1., 8.]), array([2., 4.])]
     """

@@ -4,7 +4,7 @@ A model's force is composed in this order::
 
     motion --(input forms: delay, play)--> motion' --> base force + parallel forms' forces --(output forms)--> force
 
-A form is one equation (`lumbar.models.expression` says what may stand in it); its simulation, its LaTeX and its C code
+A form is one equation (`lumbar.models.parsing` says what may stand in it); its simulation, its LaTeX and its C code
 follow. A parallel form is a sum of terms that *linear parameters* are factors of, so that they can be solved for
 directly (separable least squares); what enters otherwise is a *nonlinear parameter*, positive, searched over decades. Output
 forms have nonlinear parameters only. What no equation can say (play, delay) is a `HandWritten` form.

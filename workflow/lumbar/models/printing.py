@@ -82,7 +82,7 @@ def latex(expression: Expression, names: Mapping[str, str]) -> str:
 
     Examples
     --------
-    >>> from lumbar.models.expression import parse
+    >>> from lumbar.models.parsing import parse
     >>> latex(parse("Fc*tanh(v/vs)"), {})
     'F_c \\\\tanh(v/v_s)'
     """
@@ -147,7 +147,7 @@ class _Latex:
                 return rf"\sum_{{{limits[0]}={limits[1]}}}^{{{limits[2]}}} {self.text(term, _PRODUCT)}", _SUM
             case Operation("hypot", operands):
                 return _CALLED["hypot"].format(*map(self._base, operands)), _ATOM
-            case Operation(name, (left, right)) if name in COMPARISONS.values():
+            case Operation(name, (left, right)) if name in COMPARISONS:
                 return f"{self.text(left, 0)} {_RELATIONS[name]} {self.text(right, 0)}", 0
             case Operation(name, operands):
                 own = _POWER if name == "exp" else _ATOM
@@ -322,7 +322,7 @@ def _c_text(expression: Expression, names: Mapping[str, str], rank: int) -> str:
             # The operand on the right keeps its brackets: C computes sums and products from the left.
             own = _C_RANK[name]
             text = f"{_c_text(left, names, own)} {name} {_c_text(right, names, own + 1)}"
-        case Operation(name, (left, right)) if name in COMPARISONS.values():
+        case Operation(name, (left, right)) if name in COMPARISONS:
             text, own = f"{_c_text(left, names, 1)} {name} {_c_text(right, names, 1)}", 1
         case Operation(name, operands):
             return f"{name}({', '.join(_c_text(operand, names, 0) for operand in operands)})"

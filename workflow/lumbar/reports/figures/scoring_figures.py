@@ -50,7 +50,11 @@ def confusion_figure(confusion: pd.DataFrame):
     return figure
 
 
-def power_figure(curve: PowerCurve, share: float, confidence: float, bins: int = 8):
+_BINS = 8
+"""Groups of equally many experiments in the power curve."""
+
+
+def power_figure(curve: PowerCurve, share: float, confidence: float):
     """Draw the share of effects named over their strength.
 
     Parameters
@@ -60,12 +64,10 @@ def power_figure(curve: PowerCurve, share: float, confidence: float, bins: int =
         Share marked by a line.
     confidence : float
         Of the Wilson intervals of the binned shares.
-    bins : int
-        Groups of equally many experiments.
     """
     figure, axis = new_figure(1.4 * SINGLE_COLUMN, 3.2)
     fine = np.geomspace(curve.strength[0], curve.strength[-1], 200)
-    for group in np.array_split(np.arange(len(curve.strength)), min(bins, len(curve.strength))):
+    for group in np.array_split(np.arange(len(curve.strength)), min(_BINS, len(curve.strength))):
         named = int(curve.named[group].sum())
         interval = binomtest(named, len(group)).proportion_ci(confidence, method="wilson")
         centre = np.exp(np.mean(np.log(curve.strength[group])))

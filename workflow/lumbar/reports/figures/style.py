@@ -1,4 +1,4 @@
-"""One look for all figures: sizes, colours per model and per lifter, saving as SVG and PDF.
+"""One look for all figures: sizes, colours per model, saving as SVG and PDF.
 
 Colours are those of Okabe and Ito (Color Universal Design, 2008), picked so that their lightness differs: with the
 line styles and markers given here every figure can be read in grey.
@@ -44,11 +44,6 @@ def model_look(name: str) -> dict:
     return MODELS.get(name, WITH_EFFECTS)
 
 
-LIFTERS = {
-    "expert": {"color": "#0072B2", "linestyle": "-", "marker": "o"},
-    "novice": {"color": "#D55E00", "linestyle": (0, (4, 1.5)), "marker": "s"},
-}
-"""Colour, line style and marker of the two lifters."""
 SEGMENTS = {"thorax": "#0072B2", "abdomen": "#E69F00", "pelvis": "#009E73"}
 """Colour of the three trunk segments."""
 SERIES = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
