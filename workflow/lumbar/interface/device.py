@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from lumbar.interface.data_label import NOT_SAID
 from lumbar.models.fitted_model import FittedModel
 from lumbar.settings.runtime import Platform, RuntimeSettings
 
@@ -74,7 +75,7 @@ def export_fmu(
     settings : RuntimeSettings, optional
         Moving average, limits, what to do with an unstable model, the compiler's cache.
     data : str
-        Words for the source of the data; they stand in the FMU.
+        Words for the source of the data; they stand in the FMU. Default those of the file.
 
     Returns
     -------
@@ -102,7 +103,9 @@ def export_fmu(
         data = data or read_from
     else:
         chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
-    return export_fmus(chosen, Path(folder), data, settings.targets, cache_folder(settings.compiler_cache))
+    return export_fmus(
+        chosen, Path(folder), data or NOT_SAID, settings.targets, cache_folder(settings.compiler_cache)
+    )
 
 
 def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained_on) -> RuntimeSettings:

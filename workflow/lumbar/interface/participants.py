@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.interface.data_label import NOT_SAID, data_label
 from lumbar.settings.seed import SEED
 from lumbar.settings.survey import SurveySettings
 
@@ -34,6 +35,7 @@ def analyse_survey(
     seed : int
         Of the bootstrap.
     data : str
+        Words for the source of the data; default the folder or file they were read from.
 
     Returns
     -------
@@ -49,8 +51,9 @@ def analyse_survey(
 
     settings = settings or SurveySettings()
     if isinstance(ratings, str | os.PathLike):
+        data = data_label(data, [os.fspath(ratings)])
         ratings = read_ratings(ratings, settings.layout)
-    return Survey(ratings, analyse(ratings, settings, seed, data), settings)
+    return Survey(ratings, analyse(ratings, settings, seed, data or NOT_SAID), settings)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
+from lumbar.interface.data_label import NOT_SAID, data_label
 from lumbar.lifting import lift as lifting
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
@@ -52,7 +53,7 @@ def lift(
         Name of the lift; default subject and box.
     settings : LiftingSettings, optional
     data : str
-        Words for the source of the data.
+        Words for the source of the data; default the folder or file they were read from.
 
     Returns
     -------
@@ -76,7 +77,11 @@ def lift(
     name = name or f"{subject.name}_{box_mass_kg:g}kg"
     recording = read_markers(markers, settings.markers, name=name)
     return Lift(
-        lifting.analyse_lift(recording, name, subject, trial, settings), subject, trial, settings, data
+        lifting.analyse_lift(recording, name, subject, trial, settings),
+        subject,
+        trial,
+        settings,
+        data_label(data, [recording.source]),
     )
 
 
@@ -177,6 +182,7 @@ def basins(
     seed : int
         Of the simulated starts.
     data : str
+        Words for the source of the data; default those of the lift.
 
     Returns
     -------
@@ -189,8 +195,9 @@ def basins(
         states, facts, data = lift.states, lift.facts, data or lift.data
     else:
         states, facts = _read_states(Path(lift), facts)
+        data = data or facts.get("data", "")
     trajectories, failures = trajectories_of_lift(states, facts, settings.pendulum.mass)
-    return Basins(trajectories, settings, seed, failures, data)
+    return Basins(trajectories, settings, seed, failures, data or NOT_SAID)
 
 
 def _read_states(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping]:

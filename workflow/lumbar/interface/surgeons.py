@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.interface.data_label import data_label
 from lumbar.records.record import Record
 from lumbar.settings.plain import plain
 from lumbar.settings.seed import SEED
@@ -42,6 +43,7 @@ def bandwidth(
     seed : int
         Of the intervals.
     data : str
+        Words for the source of the data; default the folder or file they were read from.
 
     Returns
     -------
@@ -50,6 +52,7 @@ def bandwidth(
     from lumbar.signals.surgeon_motion import motion_bandwidths, motion_spectra
 
     settings, trials = settings or SurgeonSettings(), list(trials)
+    data = data_label(data, (trial.source for trial in trials))
     surgeons = list(surgeons or (trial.name.split("_trial")[0] for trial in trials))
     spectra = motion_spectra(trials, surgeons, settings.welch)
     return Bandwidth(spectra, motion_bandwidths(spectra, settings.bandwidth, seed), settings, data)
@@ -141,6 +144,7 @@ def design_signals(
     settings : SignalsSettings, optional
     seed : int
     data : str
+        Words for the source of the band; default those of the bandwidth, or that it was given.
 
     Returns
     -------
@@ -157,12 +161,13 @@ def design_signals(
 
     settings = settings or SignalsSettings()
     if isinstance(band, Bandwidth):
-        band = excited_band(band.values, settings)
+        data, band = data or band.data, excited_band(band.values, settings)
     elif isinstance(band, str | os.PathLike):
-        band = excited_band(read_json(Path(band)), settings)
+        values = read_json(Path(band))
+        data, band = data or values.get("data", ""), excited_band(values, settings)
     elif not 0 < band < settings.rate_Hz / 2:
         raise InputError(f"the band is {band:g} Hz; allowed: above 0 and below {settings.rate_Hz / 2:g} Hz")
-    return Signals(design_excitation(band, settings, seed), band, settings, data)
+    return Signals(design_excitation(band, settings, seed), band, settings, data or "band given by hand")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

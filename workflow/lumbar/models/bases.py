@@ -61,6 +61,11 @@ class Base:
         )
 
     @property
+    def text(self) -> str:
+        """The equation in plain text."""
+        return f"{_RESPONSES[self.system]} = {self.form.text}"
+
+    @property
     def latex(self) -> str:
         """The equation in LaTeX."""
         return f"{_RESPONSES[self.system]} = {self.form.latex}"

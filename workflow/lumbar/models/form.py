@@ -157,6 +157,15 @@ class Form:
         arrow = r"F \to " if self.place is Place.OUTPUT else ""
         return arrow + self._equation.latex
 
+    @property
+    def text(self) -> str:
+        """The same in plain text, as a terminal shows it; of a hand-written form its name."""
+        if self.hand_written:
+            return self.name
+        states = (f"d{name}/dt = {rate}" for name, rate in self.state)
+        arrow = "F -> " if self.place is Place.OUTPUT else ""
+        return ", ".join([arrow + self.equation, *states])
+
     @cached_property
     def channels(self) -> tuple[str, ...]:
         """Roles of channels beside input and output that it needs; without them it is left out of a search."""

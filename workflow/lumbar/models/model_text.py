@@ -23,7 +23,8 @@ def in_text(model: FittedModel) -> str:
     if isinstance(model.structure, TransferFunction):
         equation = f"H(z) = {_ratio(model.structure, '({})/({})', 'z^-{}')}, {1 / model.sampling_time:g} Hz"
     else:
-        equation = "; ".join(_latex(model))
+        effects = [f"{form.effect}: {form.text}" for form in model.structure.forms]
+        equation = "; ".join([model.structure.base.text, *effects])
     width = max((len(item.key) for item in model.parameters), default=0)
     rows = [f"  {item.key:<{width}}  {_value(item)}" for item in model.parameters]
     notes = (model.no_parameters_because, _scores(model), model.remark)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import binomtest
 
-from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, SINGLE_COLUMN, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, SINGLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.scoring.power_curve import PowerCurve
 
 
+@house_style
 def confusion_figure(confusion: pd.DataFrame):
     """Draw what was said of what was hidden.
 
@@ -54,6 +55,7 @@ _BINS = 8
 """Groups of equally many experiments in the power curve."""
 
 
+@house_style
 def power_figure(curve: PowerCurve, share: float, confidence: float):
     """Draw the share of effects named over their strength.
 

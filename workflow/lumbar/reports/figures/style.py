@@ -10,12 +10,10 @@ import os
 from pathlib import Path
 
 import matplotlib as mpl
-
-mpl.use("Agg")
-
-import matplotlib.pyplot as plt
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
 
 from lumbar.files import replacing
 
@@ -69,6 +67,8 @@ _SETTINGS = {
     "pdf.fonttype": 42,
     "figure.constrained_layout.use": True,
 }
+house_style = mpl.rc_context(_SETTINGS)
+"""Decorator of what draws, within which matplotlib's settings are the house's: a notebook keeps its own."""
 _METADATA = {
     "svg": lambda words: {"Date": None, "Description": words},
     "pdf": lambda words: {"CreationDate": None, "ModDate": None, "Subject": words},
@@ -76,17 +76,18 @@ _METADATA = {
 
 
 def new_figure(width: float = DOUBLE_COLUMN, height: float = 3.0, **subplots):
-    """Return ``figure, axes`` of `matplotlib.pyplot.subplots` in the house's style.
+    """Return ``figure, axes`` as `matplotlib.pyplot.subplots` does, but known to nobody else: no window, nothing to close.
 
     Parameters
     ----------
     width, height : float
         Size in inches.
     **subplots
-        Passed on to `matplotlib.pyplot.subplots`, e.g. ``nrows=2, sharex=True``.
+        Passed on to `matplotlib.figure.Figure.subplots`, e.g. ``nrows=2, sharex=True``.
     """
-    mpl.rcParams.update(_SETTINGS)
-    return plt.subplots(figsize=(width, height), **subplots)
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(**subplots)
 
 
 def label_panels(axes) -> None:
@@ -110,8 +111,9 @@ def _settle_layout(figure) -> None:
             axes.set_position([round(value, 9) for value in axes.get_position(original=True).bounds])
 
 
+@house_style
 def save(figure, stem: str | os.PathLike, data: str) -> None:
-    """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run, and close the figure.
+    """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run.
 
     Parameters
     ----------
@@ -133,4 +135,3 @@ def save(figure, stem: str | os.PathLike, data: str) -> None:
         FigureCanvasSVG(figure).print_svg(temporary, metadata=_METADATA["svg"](words))
     with replacing(stem.with_name(f"{stem.name}.pdf")) as temporary:
         FigureCanvasPdf(figure).print_pdf(temporary, metadata=_METADATA["pdf"](words))
-    plt.close(figure)
