@@ -29,6 +29,14 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
     ------
     InputError
         With the place of everything that is missing, unknown or of the wrong type.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.synthetic.examples import example_records
+    >>> lumbar.refine(example_records(), ["coulomb_friction"]).save("refined")
+    >>> [model.name for model in lumbar.load_models("refined/refined.json")]
+    ['KB', 'KB+coulomb_friction']
     """
     return _read(Path(path), effect_files)[0]
 
@@ -88,6 +96,12 @@ def export_fmu(
         A model that is not there or cannot be exported, or an unknown platform.
     NumericalError
         An unstable model, where the settings refuse it.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> lumbar.export_fmu("refined/refined.json", "fmu", rate_Hz=1000)  # doctest: +SKIP
+    [PosixPath('fmu/KB+coulomb_friction_fmi2.fmu'), PosixPath('fmu/KB+coulomb_friction_fmi3.fmu')]
     """
     from lumbar.fmu.build.compiler import cache_folder
     from lumbar.fmu.build.export_model import export_models, select_models

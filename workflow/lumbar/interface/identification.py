@@ -60,9 +60,13 @@ def identify(
     Examples
     --------
     >>> import lumbar
-    >>> found = lumbar.identify(lumbar.read("recordings/tissue"), "multisine")  # doctest: +SKIP
-    >>> found["KB"]["spring_stiffness"].value                                    # doctest: +SKIP
-    0.61
+    >>> from lumbar.synthetic.examples import example_records
+    >>> found = lumbar.identify(example_records(), "multisine")
+    >>> found["KB"]
+    <FittedModel KB, arx on multisine, VAF 94.44 %>
+    >>> stiffness = found["KB"]["spring_stiffness"]
+    >>> f"{stiffness.value:.2f} {stiffness.unit}"
+    '0.62 N/mm'
     """
     import pandas as pd
 

@@ -45,6 +45,21 @@ def analyse_survey(
     ------
     NumericalError
         If the answers do not differ at all.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> import numpy as np
+    >>> from lumbar.records.ratings import Ratings
+    >>> scores = np.random.default_rng(1).integers(1, 4, (20, 3)) + [[0, 1, 2]]
+    >>> people, models = tuple(map(str, range(20))), ("IL", "MW", "KB")
+    >>> ratings = Ratings(people, models, scores, 5, ("KB",) * 20, groups={})
+    >>> from lumbar.settings.survey import SurveySettings
+    >>> survey = lumbar.analyse_survey(ratings, settings=SurveySettings(baseline="IL", resamples=1000))
+    >>> print(survey)
+    20 participants rated IL, MW, KB (source not said)
+    kruskal_wallis: 29.40, 2 degrees of freedom, p = 4.1e-07
+    friedman: 18.33, 2 degrees of freedom, p = 0.00010
     """
     from lumbar.records.ratings import read_ratings
     from lumbar.survey.survey_analysis import analyse_survey as analyse

@@ -90,9 +90,12 @@ def read(
     Examples
     --------
     >>> import lumbar
-    >>> records = lumbar.read("recordings/tissue")            # doctest: +SKIP
-    >>> records["multisine"].duration                         # doctest: +SKIP
-    100.0
+    >>> import numpy as np
+    >>> rows = [(0.01 * n, n % 7, n % 5) for n in range(1000)]
+    >>> np.savetxt("zigzag.csv", rows, delimiter=",", header="time_s,position_mm,force_N", comments="")
+    >>> records = lumbar.read("zigzag.csv")
+    >>> records["zigzag"]
+    <Record zigzag: 1000 samples at 100 Hz, 10 s; position (mm), force (N)>
     """
     files = [Path(source)] if isinstance(source, str | os.PathLike) else [Path(item) for item in source]
     if len(files) == 1 and kind is None and files[0].suffix.lower() in MARKER_ENDINGS:

@@ -48,6 +48,20 @@ def bandwidth(
     Returns
     -------
     Bandwidth
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> import numpy as np
+    >>> from lumbar.records.record import Channel, Record
+    >>> time = np.arange(0, 40, 0.01)
+    >>> wobble = np.sin(2 * np.pi * 0.7 * time) + 0.3 * np.sin(2 * np.pi * 2.1 * time)
+    >>> trials = [Record("anna_trial_1", time, {"position": Channel(wobble, "position", "mm")})]
+    >>> found = lumbar.bandwidth(trials)
+    >>> found
+    <Bandwidth of 1 surgeon>
+    >>> f"{found.values['position']['power_share']['value_Hz']:.1f} Hz"
+    '2.1 Hz'
     """
     from lumbar.signals.surgeon_motion import motion_bandwidths, motion_spectra
 
@@ -109,7 +123,8 @@ class Bandwidth:
         ]
 
     def __repr__(self) -> str:
-        return f"<Bandwidth of {len(set(self.spectra.surgeons))} surgeons>"
+        count = len(set(self.spectra.surgeons))
+        return f"<Bandwidth of {count} surgeon{'s' * (count != 1)}>"
 
     def __str__(self) -> str:
         return "\n".join(f"{row['quantity']}, {row['rule']}: {_text(row)}" for row in self.rows())
@@ -154,6 +169,15 @@ def design_signals(
     ------
     InputError
         If the band is not within the Nyquist frequency, or the machine cannot play a signal.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> signals = lumbar.design_signals(2.5)
+    >>> print(signals)
+    multisine, noise, chirp: excited up to 2.5 Hz
+    >>> signals.properties.frame["signal"].tolist()
+    ['multisine', 'noise', 'chirp']
     """
     from lumbar.errors import InputError
     from lumbar.files import read_json
