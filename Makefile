@@ -65,10 +65,11 @@ format: environment ## put the sources into the house's format
 	ruff format .
 	snakefmt Snakefile workflow/rules
 
-docs: environment ## renew the references of configuration keys, effects and equations
+docs: environment ## renew the references of configuration keys, effects, equations and figures
 	python -m lumbar.config.reference docs/config
 	python -m lumbar.reports.effects_reference docs
 	python -m lumbar.reports.equation_index docs
+	python -m lumbar.reports.gallery docs
 
 SITE := build/docs-venv
 # An environment of its own, from the newest versions that pyproject.toml allows: .venv stays the lock's.
