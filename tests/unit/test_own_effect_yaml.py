@@ -165,7 +165,7 @@ def test_the_examples_twins_are_one_effect(project):
         ("rib_distance", "sine_of_ribs", "parameters: sine_of_ribs is there twice"),
         ("  p: {", "  v: {", "parameters: v is taken: velocity; call it otherwise"),
         ("  B: {", "  A: {", "lines 6 and 7: key 'parameters.A' stands twice; keep one"),
-        ("parameters:", "parameters: [", "line 8: not valid YAML: .*expected ',' or"),
+        ("parameters:", "parameters: [", "line 7: not valid YAML: .*expected ',' or"),
         ("name: ribs\nmechanism: The", "name: &a ribs\nsource: *a\nmechanism: The", "line 3: source: an alias; anchors are"),
         ("name: ribs", "name: !!python/object/apply:os.getcwd []", "line 2: name: tag '.*os.getcwd'; tags are not read"),
         ("equation:", "place: input\nequation:", "line 4: place: 'input'; parallel .* or output"),
