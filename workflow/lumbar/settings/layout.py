@@ -120,6 +120,15 @@ class RecordSettings:
     period_s: float | None = key(
         "Period of the excitation, where it is periodic.", default=None, unit="s", gt=0
     )
+    trim_s: tuple[float, float] | None = key(
+        "Start and end of the part that is read, on the file's own clock; null reads all of it.",
+        default=None,
+        unit="s",
+    )
+
+    def __post_init__(self):
+        if self.trim_s is not None and not self.trim_s[0] < self.trim_s[1]:
+            raise ValueError("trim_s: the start must lie before the end")
 
 
 def columns(**roles: tuple[str, str, str]) -> dict[str, ColumnSettings]:
