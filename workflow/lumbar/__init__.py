@@ -62,7 +62,9 @@ def __getattr__(name: str):
         raise AttributeError(f"module 'lumbar' has no attribute {name!r}; its verbs are {', '.join(__all__)}")
     from importlib import import_module
 
-    verb = getattr(import_module(_VERBS[name]), name)
+    from lumbar.interface.checked_settings import checking_settings
+
+    verb = checking_settings(getattr(import_module(_VERBS[name]), name))
     globals()[name] = verb
     return verb
 

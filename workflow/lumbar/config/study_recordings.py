@@ -45,10 +45,9 @@ def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, flo
     InputError
         For an unknown base.
     """
-    from lumbar.effects.catalogue import catalogue_of
+    from lumbar.models.bases import system_of
 
-    catalogue_of(base)
-    if base == "pendulum":
+    if system_of(base) == "pendulum":
         return settings.lifting.moment_layout, None
     return settings.tissue.layout, settings.tissue.rate_Hz
 

@@ -16,7 +16,7 @@ from lumbar.effects import (
     time_dependent,
 )
 from lumbar.errors import InputError
-from lumbar.models.bases import BASES
+from lumbar.models.bases import BASES, system_of
 from lumbar.models.form import Effect, Form
 
 TISSUE = {
@@ -60,11 +60,7 @@ def catalogue_of(base: str) -> dict[str, Effect]:
     InputError
         For an unknown base.
     """
-    if base == "auto":
-        return TISSUE
-    if base not in BASES:
-        raise InputError(f"unknown base model {base!r}; known are auto, {', '.join(BASES)}")
-    return CATALOGUES[BASES[base].system]
+    return CATALOGUES[system_of(base)]
 
 
 def without_channels(

@@ -79,21 +79,26 @@ def import_recordings(
     Examples
     --------
     >>> import lumbar
-    >>> imported = lumbar.import_recordings("trial_1.txt", force_unit="lbf")     # doctest: +SKIP
-    >>> print(imported)                                                          # doctest: +SKIP
-    >>> diagnosis = lumbar.diagnose(imported.records)                            # doctest: +SKIP
+    >>> import numpy as np
+    >>> rows = [(0.01 * n, n % 7, n % 5) for n in range(1000)]
+    >>> np.savetxt("trial_1.txt", rows, delimiter=";", header="Time (s);Position (mm);Load", comments="")
+    >>> imported = lumbar.import_recordings("trial_1.txt", force_unit="lbf")
+    >>> imported.records["trial_1"]
+    <Record trial_1: 1000 samples at 100 Hz, 10 s; position (mm), force (N)>
     """
-    columns = (None if column is None else str(column) for column in (time, position, force))
+    called, moved, pushed, part = (
+        None if item is None else str(item) for item in (time, position, force, table)
+    )
     units = (time_unit, position_unit, force_unit)
-    part = None if table is None else str(table)
-    choices = Choices(*columns, *units, rate, flip_force, trim, part, accept_clipped)
+    choices = Choices(called, moved, pushed, *units, rate, flip_force, trim, part, accept_clipped)
     paths = [Path(files)] if isinstance(files, str | os.PathLike) else [Path(file) for file in files]
     names = [record_name(path) for path in paths]
     problems = Problems("import")
     for name in sorted({name for name in names if names.count(name) > 1}):
         shared = ", ".join(str(path) for path, own in zip(paths, names, strict=True) if own == name)
         problems.add("", f"{shared} would all be the record {name!r}", "rename all but one of them")
-    recordings, told = [], {}
+    recordings: list = []
+    told: dict = {}
     for path, name in zip(paths, names, strict=True):
         try:
             raw, sha256 = read_source(path, choices.table)

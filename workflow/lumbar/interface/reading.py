@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from lumbar.errors import InputError
 from lumbar.records.record_set import RecordSet
@@ -27,11 +27,42 @@ _ABOUT = re.compile(
 """Names of text files that go with data, in small letters: readme.txt, license-data.txt."""
 
 
+Source = str | os.PathLike | Iterable[str | os.PathLike]
+
+
+@overload
 def read(
-    source: str | os.PathLike | Iterable[str | os.PathLike],
+    source: Source,
+    kind: Literal["tissue", "pendulum", "surgeon"],
+    *,
+    layout: ColumnLayout | None = None,
+    rate: float | None = None,
+    names: Iterable[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+    trims: Mapping[str, tuple[float, float]] | None = None,
+) -> RecordSet: ...
+@overload
+def read(
+    source: Source, kind: Literal["markers"], *, layout: MarkerLayout | None = None
+) -> MarkerRecording: ...
+@overload
+def read(source: Source, kind: Literal["survey"], *, layout: RatingsLayout | None = None) -> Ratings: ...
+@overload
+def read(
+    source: Source,
+    kind: None = None,
+    *,
+    layout: ColumnLayout | MarkerLayout | None = None,
+    rate: float | None = None,
+    names: Iterable[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+    trims: Mapping[str, tuple[float, float]] | None = None,
+) -> RecordSet | Any: ...  # the file's ending decides
+def read(
+    source: Source,
     kind: Kind | None = None,
     *,
-    layout: ColumnLayout | MarkerLayout | RatingsLayout | None = None,
+    layout: Any = None,
     rate: float | None = None,
     names: Iterable[str] | None = None,
     periods: Mapping[str, float] | None = None,
@@ -70,9 +101,12 @@ def read(
     Examples
     --------
     >>> import lumbar
-    >>> records = lumbar.read("recordings/tissue")            # doctest: +SKIP
-    >>> records["multisine"].duration                         # doctest: +SKIP
-    100.0
+    >>> import numpy as np
+    >>> rows = [(0.01 * n, n % 7, n % 5) for n in range(1000)]
+    >>> np.savetxt("zigzag.csv", rows, delimiter=",", header="time_s,position_mm,force_N", comments="")
+    >>> records = lumbar.read("zigzag.csv")
+    >>> records["zigzag"]
+    <Record zigzag: 1000 samples at 100 Hz, 10 s; position (mm), force (N)>
     """
     files = [Path(source)] if isinstance(source, str | os.PathLike) else [Path(item) for item in source]
     if len(files) == 1 and kind is None and files[0].suffix.lower() in MARKER_ENDINGS:
@@ -94,10 +128,10 @@ def read(
         for item in files
         for file in ([item] if item.suffix and not item.is_dir() else column_files(item))
     ]
-    names = list(names) if names is not None else [default_name(file) for file in files]
+    called = [default_name(file) for file in files] if names is None else list(names)
     records = [
         read_record(file, layout, name, None, rate, (trims or {}).get(name))
-        for file, name in zip(files, names, strict=True)
+        for file, name in zip(files, called, strict=True)
     ]
     same_units(records)
     return RecordSet(records).with_periods(periods)
@@ -122,7 +156,7 @@ def read_listed(
     names = [entry.name for entry in listed]
     periods = {entry.name: entry.period_s for entry in listed if entry.period_s is not None}
     trims = {entry.name: entry.trim_s for entry in listed if entry.trim_s is not None}
-    return read(files, layout=layout, rate=rate, names=names, periods=periods, trims=trims)
+    return read(files, "tissue", layout=layout, rate=rate, names=names, periods=periods, trims=trims)
 
 
 def _one(files: list[Path], kind: str) -> Path:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lumbar.errors import InputError
 from lumbar.models.c_step import CStep
 from lumbar.models.contact import surface_of_branch, surface_of_dashpot
 from lumbar.models.equation import Solution
@@ -77,6 +78,11 @@ class Base:
     def contact(self) -> bool:
         """Whether the tool is not fastened to the tissue."""
         return self.touching is not None
+
+    @property
+    def text(self) -> str:
+        """The equation in plain text."""
+        return f"{_RESPONSES[self.system]} = {self.form.text}"
 
     @property
     def latex(self) -> str:
@@ -199,3 +205,22 @@ the person exerts at the pivot, positive with the angle θ from the vertical (no
 sign the data give it: m g ℓ > 0 where θ counts from straight down (hanging, as published), −m g ℓ < 0 where it counts
 from straight up (inverted).
 """
+
+
+CHOSEN_BY_DATA = "auto"
+"""Name that stands for the base of a tissue that the data ask for."""
+
+
+def system_of(name: str) -> str:
+    """What the base of a name is a model of.
+
+    Raises
+    ------
+    InputError
+        For an unknown one, with those that there are.
+    """
+    if name == CHOSEN_BY_DATA:
+        return "tissue"
+    if name not in BASES:
+        raise InputError(f"unknown base model {name!r}; known are {CHOSEN_BY_DATA}, {', '.join(BASES)}")
+    return BASES[name].system

@@ -72,14 +72,15 @@ class Structure:
         if isinstance(motion, JoinedMotions):
             return np.concatenate([self.design(part, nonlinear) for part in motion.parts])
         base, parts = self.nonlinear_of(nonlinear)
+        seen: Motion = motion
         for form in self.forms:
             if form.place is Place.INPUT:
-                motion = self._of(form.key, form.input_transform, motion, parts[form.key])
-        columns = self._of(self.base.name, self.base.columns, motion, base)
-        touching = self.base.touching(motion, base) if self.base.contact else None
+                seen = self._of(form.key, form.input_transform, seen, parts[form.key])
+        columns = self._of(self.base.name, self.base.columns, seen, base)
+        touching = None if self.base.touching is None else self.base.touching(seen, base)
         for form in self.forms:
             if form.place is Place.PARALLEL:
-                added = self._of(form.key, form.columns, motion, parts[form.key])
+                added = self._of(form.key, form.columns, seen, parts[form.key])
                 columns = [*columns, *(added if touching is None else [touching * item for item in added])]
         return np.array(columns).T
 

@@ -48,7 +48,7 @@ class FlatTop:
 def flat_tops(values: np.ndarray) -> list[FlatTop]:
     """Flat tops at the largest and at the smallest value; empty where a channel is not clipped."""
     levels, counts = np.unique(values, return_counts=True)
-    found = []
+    found: list[FlatTop] = []
     if len(levels) < 3:
         return found
     for extreme, beside in ((-1, -2), (0, 1)):

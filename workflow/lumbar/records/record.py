@@ -38,7 +38,7 @@ class Channel:
         return f"{self.quantity.capitalize()} ({self.unit})" if self.unit else self.quantity.capitalize()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Record:
     """Channels that share one evenly sampled clock.
 
@@ -69,6 +69,14 @@ class Record:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def __repr__(self) -> str:
+        """What it is, in one line."""
+        channels = ", ".join(f"{item.quantity} ({item.unit})" for item in self.channels.values())
+        rate = round(1 / self.sampling_time, 4) if len(self) > 1 else float("nan")
+        return (
+            f"<Record {self.name}: {len(self)} samples at {rate:g} Hz, {len(self) / rate:.4g} s; {channels}>"
+        )
 
     @property
     def sampling_time(self) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.effects.catalogue import catalogue_of, catalogue_with
-from lumbar.models.bases import BASES
+from lumbar.models.bases import BASES, CHOSEN_BY_DATA, system_of
 from lumbar.models.form import Effect
 from lumbar.models.measured_angle import for_base
 from lumbar.records.record import Record
@@ -35,7 +35,7 @@ class DiagnosisSettings:
         Most effects to add.
     """
 
-    base: str = "auto"
+    base: str = CHOSEN_BY_DATA
     train: str | Sequence[str] | None = None
     periods: dict[str, float] = field(default_factory=dict)
     catalogue: dict[str, Effect] | None = None
@@ -44,7 +44,7 @@ class DiagnosisSettings:
     @property
     def system(self) -> str:
         """What the base is a model of."""
-        return BASES[self.base].system if self.base in BASES else "tissue"
+        return system_of(self.base)
 
     @property
     def candidates(self) -> dict[str, Effect]:

@@ -8,12 +8,10 @@ from lumbar.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.selection.forward_selection import Candidate, best_by_effect, extend, judge
 from lumbar.diagnosis.selection.thresholds import TIED
-from lumbar.models.bases import BASES
+from lumbar.models.bases import BASES, CHOSEN_BY_DATA
 from lumbar.models.form import Effect
 from lumbar.models.structure import Structure
 
-CHOSEN_BY_DATA = "auto"
-"""Name that stands for the choice of a base by the data."""
 TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
 """Bases of a fastened tool that are tried."""
 CONTACT_BASES = ("KB-contact", "KV-contact", "LE-contact")

@@ -14,7 +14,7 @@ from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import estimates
 from lumbar.diagnosis.linear.direction import direction_or_sign
 from lumbar.diagnosis.linear.frequency_response import nonlinear_share
-from lumbar.diagnosis.selection.base_choice import CHOSEN_BY_DATA, base_beside, choose_base
+from lumbar.diagnosis.selection.base_choice import base_beside, choose_base
 from lumbar.diagnosis.selection.contradictions import contradictions
 from lumbar.diagnosis.selection.forward_selection import (
     REFITTED,
@@ -45,6 +45,7 @@ from lumbar.diagnosis.selection.thresholds import (
 )
 from lumbar.diagnosis.selection.verdict import Ranked, Verdict
 from lumbar.effects.catalogue import without_channels
+from lumbar.models.bases import CHOSEN_BY_DATA
 from lumbar.models.structure import Structure
 from lumbar.records.record import Record
 

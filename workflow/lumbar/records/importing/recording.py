@@ -142,7 +142,7 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
     if choices.trim:
         keep = samples_between(time, choices.trim, table.source)
         notes.append(f"{samples - keep.size} of {samples} samples lie outside --trim and are left out")
-    lines = None if table.lines is None else [table.lines[sample] for sample in keep]
+    lines = None if table.lines is None else [table.lines[int(sample)] for sample in keep]
     check_forward(time[keep], lines, table.source)
     channels = {channel: _channel(role, roles[role], keep) for role, channel in CHANNELS.items()}
     if choices.flip_force:

@@ -227,10 +227,10 @@ _PLAUSIBLE_HZ = (1.0, 1e5)
 
 def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
     if told:
-        unit = told_unit(told, f"--{role}-unit")
-        if unit.quantity not in (*QUANTITIES[role], *(["reading"] if role != "time" else [])):
-            raise InputError(f"--{role}-unit {told!r} is a unit of {unit.quantity}, not of {role}")
-        return Role(column, unit, f"{why}; unit {unit.name}, as told by --{role}-unit")
+        given = told_unit(told, f"--{role}-unit")
+        if given.quantity not in (*QUANTITIES[role], *(["reading"] if role != "time" else [])):
+            raise InputError(f"--{role}-unit {told!r} is a unit of {given.quantity}, not of {role}")
+        return Role(column, given, f"{why}; unit {given.name}, as told by --{role}-unit")
     unit = find_unit(column.unit)
     step = float(np.nanmedian(np.diff(column.values)))
     if unit is not None and unit.quantity in QUANTITIES[role]:

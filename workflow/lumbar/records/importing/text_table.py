@@ -263,7 +263,9 @@ def _stated_rates(above: list[str]) -> list[StatedRate]:
     for number, line in enumerate(above, start=1):
         interval, rate = _INTERVAL.search(line), _RATE.search(line)
         label = interval or rate
-        value = label and _VALUE.search(line, label.end())
+        if label is None:
+            continue
+        value = _VALUE.search(line, label.end())
         if not value or value.start() - label.end() > 25:
             continue
         size, unit = float(value[1].replace(",", ".")), (value[2] or "").casefold()
