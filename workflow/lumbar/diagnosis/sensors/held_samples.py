@@ -1,0 +1,129 @@
+"""Held samples: a channel that stays at one value for a few samples while it is moving, and then catches up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.diagnosis.finding import Finding
+from lumbar.records.record import Record
+
+_LONGEST = 25
+"""Repeated samples in a row; what stays longer may be meant to."""
+_BESIDE = 3
+"""Samples on either side over which the speed is taken."""
+_STEPS_OF_RESOLUTION = 20
+"""Size of the changes beside a run, in steps of the channel's resolution, that leaves no room for equal neighbours."""
+_FEWEST_RUNS = 2
+_SHARE = 0.6
+"""Share of the runs that must catch up, of those whose speed shows it."""
+_SMOOTH = 0.7
+"""Change of the steps over the steps, below which a channel moves smoothly."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldSamples:
+    """Samples of one channel that repeat the one before.
+
+    Attributes
+    ----------
+    role : str
+    samples : numpy.ndarray of int
+        Every repeated sample.
+    runs : int
+    """
+
+    role: str
+    samples: np.ndarray
+    runs: int
+
+    kind = "held_samples"
+
+    def finding(self, record: Record) -> Finding:
+        """Say how many samples were held in which channel, and where the first is."""
+        quantity = record.channels[self.role].quantity
+        return Finding(
+            self.kind,
+            f"{record.name}: the {quantity} is held over {len(self.samples)} samples in {self.runs} places, the first at "
+            f"{record.time[self.samples[0]]:.4g} s, while it moves; they are filled in from beside: look for a sensor that "
+            "is read too often, or for lost messages",
+            len(self.samples),
+            "samples",
+            record.name,
+        )
+
+    def mended(self, record: Record) -> Record:
+        """The record with the held samples interpolated by a cubic spline, and noted as filled."""
+        from scipy.interpolate import make_interp_spline
+
+        kept = np.ones(len(record), dtype=bool)
+        kept[self.samples] = False
+        values = record[self.role].copy()
+        places = np.flatnonzero(kept)
+        values[self.samples] = make_interp_spline(places, values[places], k=3)(self.samples)
+        filled = tuple(np.union1d(record.filled, self.samples).astype(int).tolist())
+        return replace(record.with_values(**{self.role: values}), filled=filled)
+
+
+def find_held(record: Record, role: str) -> HeldSamples | None:
+    """Return the samples of a channel that were held while it moved, or None.
+
+    A rest, a flat top, a dead zone and the crest of a wave repeat a value too. A held sample differs from them in that
+    the channel moves on both sides of it, that the runs stand at different values, and that the value jumps afterwards to
+    where the motion has gone. Where noise hides that jump, values that are far finer than the noise do not repeat by
+    chance.
+    """
+    values = record[role]
+    steps = np.diff(values)
+    starts, lengths = _runs(steps)
+    if len(starts) < _FEWEST_RUNS:
+        return None
+    resolution = _resolution(values)
+    moving = _moving(steps, starts, lengths, resolution)
+    moving &= (values[starts] < values.max()) & (values[starts] > values.min())
+    starts, lengths = starts[moving], lengths[moving]
+    if len(starts) < _FEWEST_RUNS or len(np.unique(values[starts])) < 0.9 * len(starts):
+        return None
+    if not _caught_up(steps, starts, lengths):
+        return None
+    samples = np.concatenate([start + 1 + np.arange(length) for start, length in zip(starts, lengths, strict=True)])
+    return HeldSamples(role, samples, len(starts))
+
+
+def _runs(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First sample of every run of equal values, and how many samples repeat it."""
+    equal = np.concatenate([[False], steps == 0, [False]])
+    starts = np.flatnonzero(~equal[:-1] & equal[1:])
+    return starts, np.flatnonzero(equal[:-1] & ~equal[1:]) - starts
+
+
+def _resolution(values: np.ndarray) -> float:
+    """Smallest distance between two values that occur, short of rounding."""
+    gaps = np.diff(np.unique(values))
+    gaps = gaps[gaps > 1e-9 * np.ptp(values)]
+    return float(gaps.min()) if gaps.size else 0.0
+
+
+def _moving(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray, resolution: float) -> np.ndarray:
+    """Runs with room on both sides in which the channel moves by far more than its resolution."""
+    before = starts[:, None] - 1 - np.arange(_BESIDE)
+    after = (starts + lengths)[:, None] + np.arange(_BESIDE + 1)
+    inside = (before.min(axis=1) >= 0) & (after.max(axis=1) < len(steps)) & (lengths <= _LONGEST)
+    beside = np.abs(steps[np.clip(np.hstack([before, after]), 0, len(steps) - 1)])
+    return inside & (beside > 0).all(axis=1) & (np.median(beside, axis=1) > _STEPS_OF_RESOLUTION * resolution)
+
+
+def _caught_up(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> bool:
+    """Whether the channel jumps after its runs to where it would have gone; or is too rough to show it."""
+    before = starts[:, None] - 1 - np.arange(_BESIDE)
+    after = (starts + lengths + 1)[:, None] + np.arange(_BESIDE)
+    near = np.hstack([before[:, ::-1], after])
+    speed = steps[near].mean(axis=1)
+    roughness = np.median(np.abs(np.diff(steps[near], axis=1)), axis=1)
+    jump = steps[starts + lengths] / np.where(speed == 0, np.inf, speed * (lengths + 1))
+    clear = np.abs(speed) * lengths > 2 * roughness
+    if clear.sum() >= _FEWEST_RUNS:
+        return bool(np.mean((jump[clear] > 0.5) & (jump[clear] < 1.7)) >= _SHARE)
+    moved = np.abs(steps[steps != 0])
+    return bool(np.median(np.abs(np.diff(steps))) > _SMOOTH * np.median(moved))
