@@ -17,6 +17,10 @@ _HIGHEST = 0.7
 """Highest edge, in Nyquist frequencies, that leaves enough beyond it."""
 _TRANSITION = 0.25
 """Width of the filter's transition, as a share of the edge."""
+_REACH = 8.0
+"""Length over which a signal is carried on beyond its ends, in periods of the edge."""
+_CONTINUES = 1e-3
+"""Smallest singular value, of the largest, of what is fitted for that."""
 
 
 def excitation_band(values: np.ndarray, sampling_time: float) -> float | None:
@@ -50,7 +54,8 @@ def excitation_band(values: np.ndarray, sampling_time: float) -> float | None:
 def within_band(values: np.ndarray, sampling_time: float, edge: float) -> np.ndarray:
     """Return a signal without what lies beyond an edge, with zero phase: gain 1 up to the edge, 0 from 1.25 edge on.
 
-    The signal goes on beyond its ends as its mirror image about them, so that level and slope are kept there.
+    Beyond its ends the signal is carried on by what fits it there and has no other frequencies (Fourier continuation:
+    Bruno, Han and Pohlman, J. Comput. Phys. 227 (2007) 1094-1125): a mirror image would bend sharply at the end, and ring.
 
     Parameters
     ----------
@@ -62,15 +67,28 @@ def within_band(values: np.ndarray, sampling_time: float, edge: float) -> np.nda
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
-    size = len(values)
-    reach = min(size - 1, int(8 / (_TRANSITION * edge * sampling_time)) + 1)
-    line = np.linspace(values[0], values[-1], size)  # mirrored about their ends, what is left goes on smoothly
-    rest = values - line
-    extended = np.concatenate([-rest[reach:0:-1], rest, -rest[-2 : -reach - 2 : -1]])
+    reach = min(len(values) - 1, int(_REACH / (edge * sampling_time)) + 1)
+    mean = values.mean()
+    rest = values - mean
+    before = _continued(rest[reach::-1], sampling_time, edge)[::-1]
+    after = _continued(rest[-reach - 1 :], sampling_time, edge)
+    extended = np.concatenate([before, rest, after])
     length = next_fast_len(len(extended), real=True)
     spectrum = rfft(extended, length)
     spectrum *= _gain(np.fft.rfftfreq(length, sampling_time), edge)
-    return line + irfft(spectrum, length)[reach : reach + size]
+    return mean + irfft(spectrum, length)[len(before) : len(before) + len(values)]
+
+
+def _continued(end: np.ndarray, sampling_time: float, edge: float) -> np.ndarray:
+    """What follows the end of a signal, for as long again, and fades to zero: shape (samples - 1,)."""
+    size = len(end)
+    harmonics = max(int(2 * size * sampling_time * edge), 1) + 1
+    angle = np.pi * np.arange(2 * size - 1)[:, None] / size * np.arange(harmonics)
+    basis = np.hstack([np.cos(angle), np.sin(angle[:, 1:])])
+    follows = basis[size:] @ np.linalg.lstsq(basis[:size], end, rcond=_CONTINUES)[0]
+    largest = 2 * np.abs(end).max()
+    fade = 0.5 + 0.5 * np.cos(np.pi * np.linspace(0, 1, size - 1) ** 2)
+    return np.clip(follows, -largest, largest) * fade
 
 
 def _gain(frequency: np.ndarray, edge: float) -> np.ndarray:

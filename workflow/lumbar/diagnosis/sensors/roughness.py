@@ -69,7 +69,7 @@ def roughness_of(record: Record) -> Roughness | None:
         return None
     noise, jitter = _noise_and_jitter(rough, speed, step, edge)
     found = Roughness(edge, smooth, rough, speed, noise, jitter)
-    return found if _matters(found, record) and not _is_motion(found, record) else None
+    return None if not _matters(found, record) or (noise > 0 and _is_motion(found, record)) else found
 
 
 def _spread(values: np.ndarray) -> float:

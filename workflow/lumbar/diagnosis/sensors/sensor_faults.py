@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Protocol
 
 from lumbar.diagnosis.finding import Finding
+from lumbar.diagnosis.sensors.clock_skew import find_skew
 from lumbar.diagnosis.sensors.dropped_samples import find_dropped
 from lumbar.diagnosis.sensors.gaps import find_gaps
 from lumbar.diagnosis.sensors.held_samples import find_held
@@ -96,5 +97,9 @@ def _rough(record: Record) -> list[Fault]:
     return faults
 
 
-_FINDERS: tuple[Callable[[Record], list[Fault]], ...] = (_gaps, _held, _dropped, _rough)
+def _skew(record: Record) -> list[Fault]:
+    return [fault for fault in (find_skew(record),) if fault]
+
+
+_FINDERS: tuple[Callable[[Record], list[Fault]], ...] = (_gaps, _held, _dropped, _rough, _skew)
 """In an order in which each finds what it looks for unspoilt: whole records before smooth ones."""
