@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from lumbar.diagnosis.finding import Finding
+from lumbar.diagnosis.noise.noise_spectrum import line_power, smooth_power
 from lumbar.diagnosis.noise.periods import FEWEST_PERIODS, Folding, find_period, fold_periods
 from lumbar.records.record import Record
 
 _FEWEST_PERIODS = FEWEST_PERIODS + 2
 """Periods from which on a line through their delays says something."""
-_TELLS = 0.03
-"""Share of the force's rate of change that stiffness, damping and size of the force must leave unexplained."""
 _SURE = 6.0
-"""Standard errors of the slope."""
+"""Standard errors of a skew."""
+_BETTER = 20.0
+"""Squared error, in noise variances, by which one explanation is clearly better than another."""
+_UNEXPLAINED = 0.1
+"""Share of what grows that may be left, beyond noise, when a skew is taken off."""
 _STRAIGHT = 0.9
 """Share of the delays' variance that lies on a line."""
 _TAPS = 16
@@ -63,23 +67,66 @@ class ClockSkew:
 def find_skew(record: Record) -> ClockSkew | None:
     """Return the skew between the clocks of force and position of a periodic record, or None where none is sure.
 
-    Every period's force differs from the mean of all by a delay, and may differ in level, slope, size, stiffness and damping,
-    which change over a record for physical reasons. Delays that lie on a line, clearly off level, are a skew.
+    What grows from period to period is, for a skew, the mean period's rate of change; for a tissue that changes, the mean
+    force, position or speed (gain, stiffness, damping). A skew is told where the first alone leaves little, the others leave
+    clearly more, two of them together not clearly less, and the delays of the single periods lie on a line.
     """
     folding = _periods(record)
     if folding is None:
         return None
-    delays, errors = _delays(record, folding)
-    if not delays.size:
-        return None
+    force, position = folding.fold(record["output"]), folding.fold(record["input"]).mean(axis=0)
     middle = folding.rows.mean(axis=1) * record.sampling_time
     middle -= middle.mean()
-    rate = float(middle @ delays / (middle @ middle))
-    left = delays - delays.mean() - rate * middle
-    scatter = max(np.sum(left**2) / (len(delays) - 2), float(np.mean(errors**2)))
-    error = float(np.sqrt(scatter / (middle @ middle)))
-    straight = np.sum(left**2) <= (1 - _STRAIGHT) * np.sum((delays - delays.mean()) ** 2)
-    return ClockSkew(rate, error) if straight and abs(rate) > _SURE * error else None
+    mean = force.mean(axis=0)
+    deviations = force - mean
+    growth = middle @ deviations / (middle @ middle)
+    noise = line_power(deviations - np.outer(middle, growth), len(force) - 2)
+    weight = 1 / np.sqrt(smooth_power(noise, len(force) - 2) * len(mean) / (middle @ middle))
+    weight[0] = 0.0  # a level that drifts says nothing
+    ramp = np.linspace(-1, 1, len(mean))  # nor does its drift within a period
+    rate, speed = (_rate(values, record.sampling_time) for values in (mean, position))
+    spectra = {"rate": rate, "force": mean, "position": position, "speed": speed}
+    spectra = {name: _lines(values, weight, ramp) for name, values in spectra.items()}
+    wanted = _lines(growth, weight, ramp)
+    if not _is_skew(wanted, spectra):
+        return None
+    column = spectra["rate"]
+    amounts = np.array([column @ _lines(row, weight, ramp) for row in deviations]) / (column @ column)
+    slope = float(middle @ amounts / (middle @ middle))
+    left = amounts - slope * middle
+    if np.sum(left**2) > (1 - _STRAIGHT) * np.sum(amounts**2):
+        return None
+    return ClockSkew(-slope, float(np.sqrt(np.sum(left**2) / (len(left) - 2) / (middle @ middle))))
+
+
+def _lines(values: np.ndarray, weight: np.ndarray, ramp: np.ndarray) -> np.ndarray:
+    """Whitened real and imaginary parts of a period's lines, without what is along a ramp."""
+    lines = [np.concatenate([found.real, found.imag]) for found in (np.fft.rfft(values) * weight, np.fft.rfft(ramp) * weight)]
+    return lines[0] - lines[1] * (lines[0] @ lines[1]) / (lines[1] @ lines[1])
+
+
+def _is_skew(growth: np.ndarray, spectra: dict[str, np.ndarray]) -> bool:
+    """Whether the rate of change alone explains what grows, and nothing else does as well."""
+    left = {
+        names: _left(growth, [spectra[name] for name in names])
+        for names in [("rate",), *combinations(("force", "position", "speed"), 1), *combinations(("force", "position", "speed"), 2)]
+    }
+    rate = left.pop(("rate",))
+    explained = float(growth @ growth) - rate
+    others = min(value for names, value in left.items() if len(names) == 1)
+    pairs = min(value for names, value in left.items() if len(names) == 2)
+    usual = len(growth) / 2  # every line's noise is 1/2 in its real and in its imaginary part
+    return bool(
+        explained > _SURE**2
+        and others - rate > _BETTER
+        and rate - pairs < _BETTER
+        and rate - usual < _UNEXPLAINED * explained
+    )
+
+
+def _left(growth: np.ndarray, columns: list[np.ndarray]) -> float:
+    columns = np.column_stack(columns)
+    return float(np.sum((growth - columns @ np.linalg.lstsq(columns, growth, rcond=None)[0]) ** 2))
 
 
 def _periods(record: Record) -> Folding | None:
@@ -95,45 +142,12 @@ def _periods(record: Record) -> Folding | None:
     return fold_periods(record, period)
 
 
-def _delays(record: Record, folding: Folding) -> tuple[np.ndarray, np.ndarray]:
-    """Delay of every period's force behind the mean of all (seconds) and its standard error; empty where it cannot be told."""
-    force, position = folding.fold(record["output"]), folding.fold(record["input"]).mean(axis=0)
-    mean = force.mean(axis=0)
-    lines = max(2, min(folding.samples // 4, _content(mean)))
-    rate, response, speed = _rate(mean, lines), _within(mean, lines), _rate(position, lines)
-    other = np.column_stack(
-        [np.ones(folding.samples), np.linspace(-1, 1, folding.samples), response, position, speed]
-    )
-    other = np.linalg.qr(other)[0]
-    alone = rate - other @ (other.T @ rate)
-    size = float(alone @ alone)
-    if size <= _TELLS**2 * float(rate @ rate):
-        return np.empty(0), np.empty(0)
-    deviations = force - mean
-    amounts = deviations @ alone / size
-    left = deviations - np.outer(amounts, alone) - (deviations @ other) @ other.T
-    errors = np.sqrt(np.mean(left**2, axis=1) / size)
-    return -amounts * record.sampling_time, errors * record.sampling_time
-
-
-def _content(force: np.ndarray) -> int:
-    """Highest line of a mean period with a part of the force that is worth differentiating."""
-    power = np.abs(np.fft.rfft(force - force.mean())) ** 2
-    level = np.median(power)
-    return int(np.flatnonzero(power > 30 * level)[-1]) if np.any(power > 30 * level) else 2
-
-
-def _within(values: np.ndarray, lines: int) -> np.ndarray:
-    spectrum = np.fft.rfft(values)
-    spectrum[lines + 1 :] = 0
+def _rate(values: np.ndarray, sampling_time: float) -> np.ndarray:
+    """Rate of change (per second) of a period."""
+    frequency = np.fft.rfftfreq(len(values), sampling_time)
+    spectrum = np.fft.rfft(values) * 2j * np.pi * frequency
+    spectrum[-1] = 0  # half the sampling rate has no rate of change
     return np.fft.irfft(spectrum, len(values))
-
-
-def _rate(values: np.ndarray, lines: int) -> np.ndarray:
-    """Change per sample of a period, of its lines up to this one."""
-    spectrum = np.fft.rfft(values)
-    spectrum[lines + 1 :] = 0
-    return np.fft.irfft(spectrum * 2j * np.pi * np.fft.rfftfreq(len(values)), len(values))
 
 
 def shifted(values: np.ndarray, rate: float) -> np.ndarray:
