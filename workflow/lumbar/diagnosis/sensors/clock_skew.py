@@ -22,6 +22,8 @@ _UNEXPLAINED = 0.1
 """Share of what grows that may be left, beyond noise, when a skew is taken off."""
 _STRAIGHT = 0.9
 """Share of the delays' variance that lies on a line."""
+_MOST_SLIP = 1.0
+"""Samples by which a period may slip against its folding over a record: beyond, the mean of the periods is blurred."""
 _TAPS = 16
 """Half length of the interpolating filter, in samples."""
 _KAISER = 8.0
@@ -74,18 +76,25 @@ def find_skew(record: Record) -> ClockSkew | None:
     folding = _periods(record)
     if folding is None:
         return None
-    force, position = folding.fold(record["output"]), folding.fold(record["input"]).mean(axis=0)
+    force, position = folding.fold(record["output"]), folding.fold(record["input"])
     middle = folding.rows.mean(axis=1) * record.sampling_time
     middle -= middle.mean()
-    mean = force.mean(axis=0)
-    deviations = force - mean
+    # A level that drifts from period to period slopes within the mean period too, and jumps at its ends.
+    drift = float(middle @ force.mean(axis=1) / (middle @ middle)) * record.sampling_time
+    force = force - drift * (np.arange(folding.samples) - folding.samples / 2)
+    mean, position = force.mean(axis=0), position - position.mean()
+    rate, speed = (_rate(values, record.sampling_time) for values in (mean, position.mean(axis=0)))
+    # A period that is not quite a whole number of samples makes both channels slip against their folding.
+    slip = float(middle @ (position @ speed) / (middle @ middle) / (speed @ speed))
+    if abs(slip) * record.duration > _MOST_SLIP * record.sampling_time:
+        return None
+    deviations = force - mean - slip * np.outer(middle, rate)
     growth = middle @ deviations / (middle @ middle)
     noise = line_power(deviations - np.outer(middle, growth), len(force) - 2)
     weight = 1 / np.sqrt(smooth_power(noise, len(force) - 2) * len(mean) / (middle @ middle))
     weight[0] = 0.0  # a level that drifts says nothing
     ramp = np.linspace(-1, 1, len(mean))  # nor does its drift within a period
-    rate, speed = (_rate(values, record.sampling_time) for values in (mean, position))
-    spectra = {"rate": rate, "force": mean, "position": position, "speed": speed}
+    spectra = {"rate": rate, "force": mean, "position": position.mean(axis=0), "speed": speed}
     spectra = {name: _lines(values, weight, ramp) for name, values in spectra.items()}
     wanted = _lines(growth, weight, ramp)
     if not _is_skew(wanted, spectra):

@@ -16,6 +16,10 @@ _BESIDE = 3
 _STEPS_OF_RESOLUTION = 20
 """Size of the changes beside a run, in steps of the channel's resolution, that leaves no room for equal neighbours."""
 _FEWEST_RUNS = 2
+_CHANCE = (5, 4)
+"""Runs of two equal values that are told: so many more than as many times what is expected by chance."""
+_DIGITS = 2e-6
+"""Resolution of values written with six or seven digits, in the largest of them."""
 _SHARE = 0.6
 """Share of the runs that must catch up, of those whose speed shows it."""
 _SMOOTH = 0.7
@@ -85,6 +89,8 @@ def find_held(record: Record, role: str) -> HeldSamples | None:
     starts, lengths = starts[moving], lengths[moving]
     if len(starts) < _FEWEST_RUNS or len(np.unique(values[starts])) < 0.9 * len(starts):
         return None
+    if np.sum(lengths > 1) < _FEWEST_RUNS and len(starts) < _CHANCE[0] + _CHANCE[1] * _by_chance(values, steps, resolution):
+        return None
     if not _caught_up(steps, starts, lengths):
         return None
     samples = np.concatenate([start + 1 + np.arange(length) for start, length in zip(starts, lengths, strict=True)])
@@ -112,6 +118,13 @@ def _moving(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray, resoluti
     inside = (before.min(axis=1) >= 0) & (after.max(axis=1) < len(steps)) & (lengths <= _LONGEST)
     beside = np.abs(steps[np.clip(np.hstack([before, after]), 0, len(steps) - 1)])
     return inside & (beside > 0).all(axis=1) & (np.median(beside, axis=1) > _STEPS_OF_RESOLUTION * resolution)
+
+
+def _by_chance(values: np.ndarray, steps: np.ndarray, resolution: float) -> float:
+    """Equal neighbours to be expected of a channel that is read to this resolution: as dense as those that are nearly equal."""
+    near = 0.05 * float(np.median(np.abs(steps[steps != 0])))
+    coarsest = max(resolution, _DIGITS * float(np.abs(values).max()))
+    return float(np.sum((steps != 0) & (np.abs(steps) < near)) * coarsest / (2 * near))
 
 
 def _caught_up(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> bool:
