@@ -20,6 +20,10 @@ _CHANCE = (5, 4)
 """Runs of two equal values that are told: so many more than as many times what is expected by chance."""
 _DIGITS = 2e-6
 """Resolution of values written with six or seven digits, in the largest of them."""
+_FINE = 1e-3
+"""Resolution that cannot be told from finer ones, in the usual step from sample to sample."""
+_NEAR = 0.05
+"""What is nearly equal, in that step."""
 _SHARE = 0.6
 """Share of the runs that must catch up, of those whose speed shows it."""
 _SMOOTH = 0.7
@@ -83,13 +87,13 @@ def find_held(record: Record, role: str) -> HeldSamples | None:
     starts, lengths = _runs(steps)
     if len(starts) < _FEWEST_RUNS:
         return None
-    resolution = _resolution(values)
+    resolution = _resolution(values, steps)
     moving = _moving(steps, starts, lengths, resolution)
     moving &= (values[starts] < values.max()) & (values[starts] > values.min())
     starts, lengths = starts[moving], lengths[moving]
     if len(starts) < _FEWEST_RUNS or len(np.unique(values[starts])) < 0.9 * len(starts):
         return None
-    if np.sum(lengths > 1) < _FEWEST_RUNS and len(starts) < _CHANCE[0] + _CHANCE[1] * _by_chance(values, steps, resolution):
+    if np.sum(lengths > 1) < _FEWEST_RUNS and len(starts) < _CHANCE[0] + _CHANCE[1] * _by_chance(steps, resolution):
         return None
     if not _caught_up(steps, starts, lengths):
         return None
@@ -104,11 +108,12 @@ def _runs(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return starts, np.flatnonzero(equal[:-1] & ~equal[1:]) - starts
 
 
-def _resolution(values: np.ndarray) -> float:
-    """Smallest distance between two values that occur, short of rounding."""
+def _resolution(values: np.ndarray, steps: np.ndarray) -> float:
+    """Smallest distance between two values that occur, and no less than what digits that were cut off may make of it."""
     gaps = np.diff(np.unique(values))
-    gaps = gaps[gaps > 1e-9 * np.ptp(values)]
-    return float(gaps.min()) if gaps.size else 0.0
+    least = max(_DIGITS * np.abs(values).max(), _FINE * float(np.median(np.abs(steps[steps != 0]))))
+    gaps = gaps[gaps > least]
+    return float(gaps.min()) if gaps.size else least
 
 
 def _moving(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray, resolution: float) -> np.ndarray:
@@ -120,11 +125,10 @@ def _moving(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray, resoluti
     return inside & (beside > 0).all(axis=1) & (np.median(beside, axis=1) > _STEPS_OF_RESOLUTION * resolution)
 
 
-def _by_chance(values: np.ndarray, steps: np.ndarray, resolution: float) -> float:
+def _by_chance(steps: np.ndarray, resolution: float) -> float:
     """Equal neighbours to be expected of a channel that is read to this resolution: as dense as those that are nearly equal."""
-    near = 0.05 * float(np.median(np.abs(steps[steps != 0])))
-    coarsest = max(resolution, _DIGITS * float(np.abs(values).max()))
-    return float(np.sum((steps != 0) & (np.abs(steps) < near)) * coarsest / (2 * near))
+    near = _NEAR * float(np.median(np.abs(steps[steps != 0])))
+    return float(np.sum((steps != 0) & (np.abs(steps) < near)) * resolution / (2 * near))
 
 
 def _caught_up(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> bool:

@@ -14,8 +14,8 @@ _ON_STEPS = 0.9
 """Share of the values that lie on steps."""
 _WITHIN = 0.05
 """How far from a step a value may lie, in steps."""
-_EXPLAINS = 1.5
-"""Noise over that of the steps, up to which they explain it."""
+_EXPLAINS = 3.0
+"""Noise over that of the steps, up to which they explain it: at low speed it is coloured."""
 
 
 @dataclass(frozen=True, eq=False)

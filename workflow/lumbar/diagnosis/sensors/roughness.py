@@ -55,6 +55,11 @@ class Roughness:
     noise: float
     jitter: float
 
+    @property
+    def moves(self) -> float:
+        """RMS of what noise and jitter do to the position."""
+        return float(np.hypot(self.noise, self.jitter * np.sqrt(np.mean(self.speed**2))))
+
 
 def roughness_of(record: Record) -> Roughness | None:
     """Split a position at the edge of its band; None where nothing is left beyond it that matters and is noise."""
@@ -128,13 +133,12 @@ def _response_beyond(step: float, edge: float) -> np.ndarray:
 
 def _matters(found: Roughness, record: Record) -> bool:
     """Whether noise or jitter moves a modelled force by a part of the force's own noise, or is large beside the motion."""
-    moves = float(np.hypot(found.noise, found.jitter * np.sqrt(np.mean(found.speed**2))))
-    if moves > _MATTERS_ANYHOW * np.std(found.smooth):
+    if found.moves > _MATTERS_ANYHOW * np.std(found.smooth):
         return True
     force, step = record["output"], record.sampling_time
     beyond = _spread(force - within_band(force, step, found.edge))
     share = float(np.sum(_response_beyond(step, found.edge) ** 2))
-    return _gain_at_edge(found, force) * moves > _MATTERS * beyond / np.sqrt(share)
+    return _gain_at_edge(found, force) * found.moves > _MATTERS * beyond / np.sqrt(share)
 
 
 def _gain_at_edge(found: Roughness, force: np.ndarray) -> float:

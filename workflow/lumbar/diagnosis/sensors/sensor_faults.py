@@ -88,13 +88,11 @@ def _rough(record: Record) -> list[Fault]:
     found = roughness_of(record)
     if found is None:
         return []
-    faults: list[Fault] = []
-    if found.noise > 0:
-        step = find_step(record["input"], found.noise)
-        faults.append(PositionStep(step, found) if step else PositionNoise(found))
-    if found.jitter > 0:
-        faults.append(SamplingJitter(found))
-    return faults
+    step = find_step(record["input"], found.moves)
+    if step:  # what is left of a staircase grows with speed as what jitter does
+        return [PositionStep(step, found)]
+    faults: list[Fault] = [PositionNoise(found)] if found.noise > 0 else []
+    return [*faults, SamplingJitter(found)] if found.jitter > 0 else faults
 
 
 def _skew(record: Record) -> list[Fault]:
