@@ -51,7 +51,7 @@ def motion(kind: str, rng: np.random.Generator, time: np.ndarray, highest: float
     """Motion of size 1."""
     span = time[-1]
     if kind == "multisine":
-        return _multisine(rng, time, span / 8, highest)
+        return _multisine(rng, time, (span - 2 * (time[DENSE] - time[0])) / 10, highest)
     if kind == "shot":
         return _multisine(rng, time, 2.1 * span, highest)
     if kind == "sine":

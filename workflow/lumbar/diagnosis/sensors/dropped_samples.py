@@ -82,10 +82,10 @@ def find_dropped(record: Record) -> DroppedSamples | None:
     misfit = np.array([_misfit(values, missing) for missing in range(MOST_TOGETHER + 3)])
     best = misfit[1:].argmin(axis=0) + 1
     least = misfit[1:].min(axis=0)
-    usual = np.median(misfit[0]) + (1e-7 * np.ptp(values)) ** 2
     half = _POINTS // 2
     travel = np.abs(np.diff(values))
     moving = np.convolve(travel, np.ones(_POINTS - 1) / (_POINTS - 1), "valid") > _FEWEST_STEPS * travel.mean()
+    usual = np.median(misfit[0][moving]) + (1e-7 * np.ptp(values)) ** 2
     jumps = (misfit[0] > _CLEAR * usual) & (least < _CURED * misfit[0]) & moving & (best <= MOST_TOGETHER)
     cured = misfit[0] / np.maximum(least, 1e-3 * usual)
     jumps &= cured >= _largest_beside(cured, half)

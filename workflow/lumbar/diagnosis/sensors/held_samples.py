@@ -18,12 +18,16 @@ _STEPS_OF_RESOLUTION = 20
 _FEWEST_RUNS = 2
 _CHANCE = (5, 4)
 """Runs of two equal values that are told: so many more than as many times what is expected by chance."""
+_LONG = 0.2
+"""Share of runs of three equal values and more that is never by chance."""
 _DIGITS = 2e-6
 """Resolution of values written with six or seven digits, in the largest of them."""
 _FINE = 1e-3
 """Resolution that cannot be told from finer ones, in the usual step from sample to sample."""
 _NEAR = 0.05
 """What is nearly equal, in that step."""
+_JUMPS = (0.4, 6.0)
+"""Jump after a run over the travel that its neighbours' speed makes of it; less is a start after a rest."""
 _SHARE = 0.6
 """Share of the runs that must catch up, of those whose speed shows it."""
 _SMOOTH = 0.7
@@ -93,7 +97,7 @@ def find_held(record: Record, role: str) -> HeldSamples | None:
     starts, lengths = starts[moving], lengths[moving]
     if len(starts) < _FEWEST_RUNS or len(np.unique(values[starts])) < 0.9 * len(starts):
         return None
-    if np.sum(lengths > 1) < _FEWEST_RUNS and len(starts) < _CHANCE[0] + _CHANCE[1] * _by_chance(steps, resolution):
+    if np.sum(lengths > 1) < max(_FEWEST_RUNS, _LONG * len(starts)) and len(starts) < _CHANCE[0] + _CHANCE[1] * _by_chance(steps, resolution):
         return None
     if not _caught_up(steps, starts, lengths):
         return None
@@ -127,7 +131,7 @@ def _moving(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray, resoluti
 
 def _by_chance(steps: np.ndarray, resolution: float) -> float:
     """Equal neighbours to be expected of a channel that is read to this resolution: as dense as those that are nearly equal."""
-    near = _NEAR * float(np.median(np.abs(steps[steps != 0])))
+    near = max(_NEAR * float(np.median(np.abs(steps[steps != 0]))), 2.5 * resolution)
     return float(np.sum((steps != 0) & (np.abs(steps) < near)) * resolution / (2 * near))
 
 
@@ -141,6 +145,6 @@ def _caught_up(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> bo
     jump = steps[starts + lengths] / np.where(speed == 0, np.inf, speed * (lengths + 1))
     clear = np.abs(speed) * lengths > 2 * roughness
     if clear.sum() >= _FEWEST_RUNS:
-        return bool(np.mean((jump[clear] > 0.5) & (jump[clear] < 1.7)) >= _SHARE)
+        return bool(np.mean((jump[clear] > _JUMPS[0]) & (jump[clear] < _JUMPS[1])) >= _SHARE)
     moved = np.abs(steps[steps != 0])
     return bool(np.median(np.abs(np.diff(steps))) > _SMOOTH * np.median(moved))
