@@ -124,7 +124,7 @@ def test_rows_that_are_missing_are_filled_and_told(tmp_path):
     file = tmp_path / "gaps.csv"
     file.write_text("\n".join(["t,x,f", *rows]) + "\n")
     columns = {"time": ("t", "time", "s"), "input": ("x", "position", "mm"), "output": ("f", "force", "N")}
-    layout = ColumnLayout(columns={role: ColumnSettings(*cells) for role, cells in columns.items()})
+    layout = ColumnLayout(columns={role: ColumnSettings(column, quantity=quantity, unit=unit) for role, (column, quantity, unit) in columns.items()})
     record = read_record(file, layout)
     assert record.filled == (500, 501, 502, 903)
     assert len(record) == len(sound)

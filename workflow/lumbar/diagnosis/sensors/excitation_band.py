@@ -13,6 +13,8 @@ _FLOOR = (0.7, 0.9)
 """Where the floor is read, in Nyquist frequencies: beyond it filters of converters fall off."""
 _ABOVE_FLOOR = 4.0
 """Power over the floor's that belongs to the excitation."""
+_LONE_LINES = 9
+"""Bins of which more than half must stand above the floor."""
 _HIGHEST = 0.7
 """Highest edge, in Nyquist frequencies, that leaves enough beyond it."""
 _TRANSITION = 0.25
@@ -35,13 +37,14 @@ def excitation_band(values: np.ndarray, sampling_time: float) -> float | None:
     """
     if len(values) < _FEWEST_SEGMENTS * _SEGMENT[0]:
         return None
-    from scipy.signal import welch
+    from scipy.signal import medfilt, welch
 
     length = int(np.clip(2 ** int(np.log2(len(values) / _FEWEST_SEGMENTS)), *_SEGMENT))
     frequency, power = welch(values, 1 / sampling_time, ("kaiser", _KAISER), length, detrend="linear")
     nyquist = 0.5 / sampling_time
     floor = np.median(power[(frequency >= _FLOOR[0] * nyquist) & (frequency <= _FLOOR[1] * nyquist)])
-    level = np.convolve(power, np.ones(3) / 3, "same")
+    # Errors of a converter repeat with the excitation: single lines that stand out little are theirs.
+    level = medfilt(np.convolve(power, np.ones(3) / 3, "same"), _LONE_LINES)
     above = np.flatnonzero(level[frequency <= _FLOOR[1] * nyquist] > _ABOVE_FLOOR * floor)
     if not above.size or floor <= 0:
         return None
