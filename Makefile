@@ -11,7 +11,7 @@ PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 CONFIGFILE := $(if $(filter-out thesis,$(STUDY)),--configfile config/studies/$(STUDY).yaml)
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-portable report check-results update-reference benchmark lint format lock docs docs-site clean help environment
+.PHONY: results test test-portable acceptance report check-results update-reference benchmark lint format lock docs docs-site clean help environment
 
 results: environment ## every table, figure and FMU of the study (default target)
 	snakemake --cores $(CORES) $(CONFIGFILE)
@@ -32,6 +32,11 @@ test: environment ## the tests
 
 test-portable: environment ## tests, results and verdicts under other processors' kernels, threads, Pythons, packages: hours
 	python tests/portable/run.py
+
+# Both suites run to their end; the status tells whether an answer is another one than recorded.
+acceptance: environment ## records whose truth is known, public and hard ones: a judgement each, and docs/acceptance.md: minutes
+	python tests/real_records/run.py --markdown docs/acceptance.md; real=$$?; \
+	python tests/hard_effects/run.py --markdown docs/acceptance.md && exit $$real
 
 report: results ## results/<study>/report.html: one page, works offline
 	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/report.html
