@@ -62,7 +62,7 @@ class Roughness:
 
 
 def roughness_of(record: Record) -> Roughness | None:
-    """Split a position at the edge of its band; None where nothing is left beyond it that matters and is noise."""
+    """Split a position at the edge of its band; None where nothing is left beyond it that matters and is rough all along."""
     values, step = record["input"], record.sampling_time
     edge = excitation_band(values, step)
     if edge is None:
@@ -74,7 +74,7 @@ def roughness_of(record: Record) -> Roughness | None:
         return None
     noise, jitter = _noise_and_jitter(rough, speed, step, edge)
     found = Roughness(edge, smooth, rough, speed, noise, jitter)
-    return None if not _matters(found, record) or (noise > 0 and _is_motion(found, record)) else found
+    return found if _matters(found, record) else None
 
 
 def _spread(values: np.ndarray) -> float:
@@ -148,7 +148,7 @@ def _gain_at_edge(found: Roughness, force: np.ndarray) -> float:
     return float(np.hypot(stiffness, 2 * np.pi * found.edge * damping))
 
 
-def _is_motion(found: Roughness, record: Record) -> bool:
+def is_motion(found: Roughness, record: Record) -> bool:
     """Whether the force follows what lies beyond the band: then the tool moves so, and no sensor is at fault.
 
     Samples at low speed are looked at, where a clock that jitters does not make both channels deviate alike.

@@ -12,7 +12,7 @@ from lumbar.diagnosis.sensors.gaps import find_gaps
 from lumbar.diagnosis.sensors.held_samples import find_held
 from lumbar.diagnosis.sensors.position_noise import PositionNoise
 from lumbar.diagnosis.sensors.position_step import PositionStep, find_step
-from lumbar.diagnosis.sensors.roughness import roughness_of
+from lumbar.diagnosis.sensors.roughness import is_motion, roughness_of
 from lumbar.diagnosis.sensors.sampling_jitter import SamplingJitter
 from lumbar.records.record import Record
 
@@ -91,6 +91,8 @@ def _rough(record: Record) -> list[Fault]:
     step = find_step(record["input"], found.moves)
     if step:  # what is left of a staircase grows with speed as what jitter does
         return [PositionStep(step, found)]
+    if found.noise > 0 and is_motion(found, record):
+        return []
     faults: list[Fault] = [PositionNoise(found)] if found.noise > 0 else []
     return [*faults, SamplingJitter(found)] if found.jitter > 0 else faults
 
