@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.diagnosis.finding import Finding
+from lumbar.diagnosis.sensors.linear_response import linear_response
 from lumbar.records.record import Record
 
 _LONGEST = 25
@@ -66,14 +67,17 @@ class HeldSamples:
         )
 
     def mended(self, record: Record) -> Record:
-        """The record with the held samples interpolated by a cubic spline, and noted as filled."""
+        """The record with the held samples interpolated by a cubic spline, and noted as filled.
+
+        Of a force, what a linear tissue makes of the position is taken off first: the position is known there.
+        """
         from scipy.interpolate import make_interp_spline
 
-        kept = np.ones(len(record), dtype=bool)
-        kept[self.samples] = False
+        known = linear_response(record, self.samples) if self.role == "output" else np.zeros(len(record))
         values = record[self.role].copy()
-        places = np.flatnonzero(kept)
-        values[self.samples] = make_interp_spline(places, values[places], k=3)(self.samples)
+        kept = np.setdiff1d(np.arange(len(record)), self.samples)
+        between = make_interp_spline(kept, (values - known)[kept], k=3)
+        values[self.samples] = known[self.samples] + between(self.samples)
         filled = tuple(np.union1d(record.filled, self.samples).astype(int).tolist())
         return replace(record.with_values(**{self.role: values}), filled=filled)
 

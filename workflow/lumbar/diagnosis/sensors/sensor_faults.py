@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Protocol
 
+import numpy as np
+
 from lumbar.diagnosis.finding import Finding
-from lumbar.diagnosis.sensors.clock_skew import find_skew
+from lumbar.diagnosis.sensors.clock_skew import ClockSkew, find_skew, same_clocks
 from lumbar.diagnosis.sensors.dropped_samples import find_dropped
 from lumbar.diagnosis.sensors.gaps import find_gaps
 from lumbar.diagnosis.sensors.held_samples import find_held
@@ -54,11 +56,15 @@ def mended(record: Record, findings: Sequence[Finding]) -> Record:
     ----------
     record : Record
     findings : sequence of Finding
-        What `sensor_faults` found, of this record or of several; others are passed over.
+        What `sensor_faults` found in this record, or in all records of a set: a skew of the clocks that one of them tells
+        holds for the others too.
     """
     kinds = {item.kind for item in findings if item.record == record.name}
+    skews = [item.value for item in findings if item.kind == ClockSkew.kind]
     for _, _, after in _faults(record, kinds):
         record = after
+    if skews and ClockSkew.kind not in kinds:
+        return same_clocks(record, 1e-6 * float(np.median(skews)))
     return record
 
 
