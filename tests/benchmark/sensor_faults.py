@@ -1,6 +1,6 @@
 """How often sound sensors are accused, and from what size on each fault is told.
 
-    python tests/benchmark/sensor_faults.py [--records 1000] [--repeats 5]
+python tests/benchmark/sensor_faults.py [--records 1000] [--repeats 5]
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ def false_alarms(count: int) -> None:
     for record in clean_records(count):
         for finding in sensor_faults(record):
             accused[finding.kind] += 1
-            print(f"  accused: {record.name}, {record.duration:g} s at {1 / record.sampling_time:g} Hz: {finding.sentence}")
+            print(
+                f"  accused: {record.name}, {record.duration:g} s at {1 / record.sampling_time:g} Hz: {finding.sentence}"
+            )
     print(f"of {count} sound records accused: {dict(accused) or 'none'}")
 
 
@@ -58,7 +60,9 @@ def detected(repeats: int) -> None:
                 right = [value for found in kinds for name, value in found if name == KIND[fault]]
                 wrong = sum(name != KIND[fault] for found in kinds for name, _ in found)
                 mean = f" ({sum(right) / len(right):.3g})" if right else ""
-                cells.append(f"{size:g}: {len(right)}/{len(kinds)}{mean}" + (f" +{wrong} other" if wrong else ""))
+                cells.append(
+                    f"{size:g}: {len(right)}/{len(kinds)}{mean}" + (f" +{wrong} other" if wrong else "")
+                )
             print(f"{fault:17s} {kind:12s} {'; '.join(cells)}")
 
 

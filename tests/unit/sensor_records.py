@@ -13,13 +13,34 @@ from scipy.signal import lfilter
 from lumbar.records.record import Channel, Record
 
 DENSE = 4
-MOTIONS = ("multisine", "shot", "sine", "chirp", "ramp_hold", "smooth_hold", "triangle", "cycles", "needle", "hand")
+MOTIONS = (
+    "multisine",
+    "shot",
+    "sine",
+    "chirp",
+    "ramp_hold",
+    "smooth_hold",
+    "triangle",
+    "cycles",
+    "needle",
+    "hand",
+)
 EFFECTS = (
     "none", "hardening", "coulomb", "quadratic_damping", "softening", "drift", "delay", "backlash", "contact_loss",
     "inertia", "disturbance", "thinning",
 )  # fmt: skip
 NOISES = ("white", "ar1", "pink", "hum", "spikes", "coarse")
-FAULTS = ("noise", "low_passed_noise", "steps", "jitter", "shared_jitter", "skew", "dropped", "held", "held_force")
+FAULTS = (
+    "noise",
+    "low_passed_noise",
+    "steps",
+    "jitter",
+    "shared_jitter",
+    "skew",
+    "dropped",
+    "held",
+    "held_force",
+)
 
 
 def _multisine(rng, time, period, highest):
@@ -186,7 +207,9 @@ def tissue_record(
 def _held(values: np.ndarray, rng: np.random.Generator, share: float) -> np.ndarray:
     """Values of which a share is replaced by the one before, three in a row."""
     held = values.copy()
-    for start in rng.choice(np.arange(20, len(values) - 20, 8), max(round(share * len(values) / 3), 2), replace=False):
+    for start in rng.choice(
+        np.arange(20, len(values) - 20, 8), max(round(share * len(values) / 3), 2), replace=False
+    ):
         held[start + 1 : start + 4] = held[start]
     return held
 

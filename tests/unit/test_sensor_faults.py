@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from sensor_records import clean_records, tissue_record
 
 from lumbar.diagnosis.sensors.clock_skew import shifted
 from lumbar.diagnosis.sensors.excitation_band import excitation_band, within_band
@@ -16,7 +17,6 @@ from lumbar.diagnosis.sensors.sensor_faults import mended, sensor_faults
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
-from sensor_records import clean_records, tissue_record
 
 EFFECTS = ("none", "hardening", "coulomb")
 
@@ -63,7 +63,9 @@ def test_the_skew_of_two_clocks(size):
     even = mended(record, [found])
     # Mended, the force repeats with the position again: its last period is its second one but for noise.
     period = round(10.0 / record.sampling_time)
-    before, after = (np.std(item["output"][-period:] - item["output"][period : 2 * period]) for item in (record, even))
+    before, after = (
+        np.std(item["output"][-period:] - item["output"][period : 2 * period]) for item in (record, even)
+    )
     sound = tissue_record("multisine", "hardening", seconds=100.0, seed=2)
     usual = np.std(sound["output"][-period:] - sound["output"][period : 2 * period])
     assert after < 1.05 * usual < before
@@ -78,7 +80,9 @@ def test_lost_rows_are_put_back_where_they_were():
     sound = tissue_record("multisine", "hardening", seconds=40.0, seed=5)
     lost = [400, 1203, 1204, 2900]
     kept = np.setdiff1d(np.arange(len(sound)), lost)
-    short = replace(sound, time=sound.time[: len(kept)]).with_values(input=sound["input"][kept], output=sound["output"][kept])
+    short = replace(sound, time=sound.time[: len(kept)]).with_values(
+        input=sound["input"][kept], output=sound["output"][kept]
+    )
     (found,) = sensor_faults(short)
     assert (found.kind, found.value) == ("dropped_samples", 4)
     whole = mended(short, [found])
@@ -112,19 +116,31 @@ def test_rests_crests_and_flat_tops_are_no_held_samples():
     crest = np.sin(2 * np.pi * (time - 0.005))  # two equal samples at every crest
     for position in (stairs, crest, np.clip(crest, -0.5, 0.5)):
         force = lfilter([0.1], [1, -0.9], position) + 0.01 * np.random.default_rng(1).standard_normal(4000)
-        record = Record("rest", time, {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")})
+        record = Record(
+            "rest",
+            time,
+            {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")},
+        )
         assert "held_samples" not in kinds(record)
         assert "dropped_samples" not in kinds(record)
 
 
 def test_rows_that_are_missing_are_filled_and_told(tmp_path):
     sound = tissue_record("multisine", "none", seconds=20.0, seed=8)
-    rows = [f"{t:.6f},{x:.7g},{f:.7g}" for t, x, f in zip(sound.time, sound["input"], sound["output"], strict=True)]
+    rows = [
+        f"{t:.6f},{x:.7g},{f:.7g}"
+        for t, x, f in zip(sound.time, sound["input"], sound["output"], strict=True)
+    ]
     del rows[500:503], rows[900]
     file = tmp_path / "gaps.csv"
     file.write_text("\n".join(["t,x,f", *rows]) + "\n")
     columns = {"time": ("t", "time", "s"), "input": ("x", "position", "mm"), "output": ("f", "force", "N")}
-    layout = ColumnLayout(columns={role: ColumnSettings(column, quantity=quantity, unit=unit) for role, (column, quantity, unit) in columns.items()})
+    layout = ColumnLayout(
+        columns={
+            role: ColumnSettings(column, quantity=quantity, unit=unit)
+            for role, (column, quantity, unit) in columns.items()
+        }
+    )
     record = read_record(file, layout)
     assert record.filled == (500, 501, 502, 903)
     assert len(record) == len(sound)
@@ -158,7 +174,11 @@ def test_a_tool_that_shakes_is_no_noise_of_its_sensor():
     """The force follows what lies beyond the excitation's band."""
     time = np.arange(4000) / 100.0
     rng = np.random.default_rng(11)
-    moved = np.sin(2 * np.pi * 0.7 * time) + np.sin(2 * np.pi * 1.9 * time + 1) + 0.01 * rng.standard_normal(len(time))
+    moved = (
+        np.sin(2 * np.pi * 0.7 * time)
+        + np.sin(2 * np.pi * 1.9 * time + 1)
+        + 0.01 * rng.standard_normal(len(time))
+    )
     force = 0.4 * moved + 1e-3 * rng.standard_normal(len(time))
     channels = {"input": Channel(moved, "position", "mm"), "output": Channel(force, "force", "N")}
     assert kinds(Record("shaking", time, channels)) == []
@@ -186,7 +206,11 @@ def test_shifting_in_time_against_a_closed_form():
 def test_long_records_take_little_memory():
     rng = np.random.default_rng(12)
     time = np.arange(1_000_000) / 1000.0
-    position = np.sin(2 * np.pi * 0.37 * time) + 0.5 * np.sin(2 * np.pi * 1.1 * time) + 1e-3 * rng.standard_normal(len(time))
+    position = (
+        np.sin(2 * np.pi * 0.37 * time)
+        + 0.5 * np.sin(2 * np.pi * 1.1 * time)
+        + 1e-3 * rng.standard_normal(len(time))
+    )
     force = 0.4 * np.sin(2 * np.pi * 0.37 * time) + 0.01 * rng.standard_normal(len(time))
     channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
     record = Record("long", time, channels)

@@ -121,25 +121,27 @@ def same_clocks(record: Record, rate: float) -> Record:
 
 def _lines(values: np.ndarray, weight: np.ndarray, ramp: np.ndarray) -> np.ndarray:
     """Whitened real and imaginary parts of a period's lines, without what is along a ramp."""
-    lines = [np.concatenate([found.real, found.imag]) for found in (np.fft.rfft(values) * weight, np.fft.rfft(ramp) * weight)]
+    lines = [
+        np.concatenate([found.real, found.imag])
+        for found in (np.fft.rfft(values) * weight, np.fft.rfft(ramp) * weight)
+    ]
     return lines[0] - lines[1] * (lines[0] @ lines[1]) / (lines[1] @ lines[1])
 
 
 def _is_skew(growth: np.ndarray, spectra: dict[str, np.ndarray]) -> bool:
     """Whether the rate of change alone explains what grows, and nothing else does as well."""
-    left = {
-        names: _left(growth, [spectra[name] for name in names])
-        for names in [("rate",), *combinations(("force", "position", "speed"), 1), *combinations(("force", "position", "speed"), 2)]
-    }
+    others = ("force", "position", "speed")
+    explanations = [("rate",), *combinations(others, 1), *combinations(others, 2)]
+    left = {names: _left(growth, [spectra[name] for name in names]) for names in explanations}
     rate = left.pop(("rate",))
     explained = float(growth @ growth) - rate
-    others = min(value for names, value in left.items() if len(names) == 1)
-    pairs = min(value for names, value in left.items() if len(names) == 2)
+    single = min(value for names, value in left.items() if len(names) == 1)
+    paired = min(value for names, value in left.items() if len(names) == 2)
     usual = len(growth) / 2  # every line's noise is 1/2 in its real and in its imaginary part
     return bool(
         explained > _SURE**2
-        and others - rate > _BETTER
-        and rate - pairs < _BETTER
+        and single - rate > _BETTER
+        and rate - paired < _BETTER
         and rate - usual < _UNEXPLAINED * explained
     )
 
@@ -181,7 +183,9 @@ def shifted(values: np.ndarray, rate: float) -> np.ndarray:
     size = len(values)
     taps = np.arange(-_TAPS + 1, _TAPS + 1)
     result = np.empty(size)
-    padded = np.concatenate([2 * values[0] - values[_TAPS:0:-1], values, 2 * values[-1] - values[-2 : -_TAPS - 2 : -1]])
+    padded = np.concatenate(
+        [2 * values[0] - values[_TAPS:0:-1], values, 2 * values[-1] - values[-2 : -_TAPS - 2 : -1]]
+    )
     for start in range(0, size, _BLOCK):
         place = np.clip(np.arange(start, min(start + _BLOCK, size)) * (1 + rate), 0, size - 1)
         whole = np.floor(place).astype(int)

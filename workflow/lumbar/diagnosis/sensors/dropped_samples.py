@@ -84,7 +84,9 @@ def find_dropped(record: Record) -> DroppedSamples | None:
     least = misfit[1:].min(axis=0)
     half = _POINTS // 2
     travel = np.abs(np.diff(values))
-    moving = np.convolve(travel, np.ones(_POINTS - 1) / (_POINTS - 1), "valid") > _FEWEST_STEPS * travel.mean()
+    moving = (
+        np.convolve(travel, np.ones(_POINTS - 1) / (_POINTS - 1), "valid") > _FEWEST_STEPS * travel.mean()
+    )
     usual = np.median(misfit[0][moving]) + (1e-7 * np.ptp(values)) ** 2
     jumps = (misfit[0] > _CLEAR * usual) & (least < _CURED * misfit[0]) & moving & (best <= MOST_TOGETHER)
     cured = misfit[0] / np.maximum(least, 1e-3 * usual)

@@ -26,7 +26,7 @@ _CONTINUES = 1e-3
 
 
 def excitation_band(values: np.ndarray, sampling_time: float) -> float | None:
-    """Return the upper edge (Hz) of an excitation's band; None where it goes on up to half the sampling rate, or falls all the way.
+    """Return the upper edge (Hz) of an excitation's band; None where no level floor follows it.
 
     Parameters
     ----------

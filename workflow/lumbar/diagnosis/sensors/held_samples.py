@@ -16,6 +16,8 @@ _BESIDE = 3
 """Samples on either side over which the speed is taken."""
 _STEPS_OF_RESOLUTION = 20
 """Size of the changes beside a run, in steps of the channel's resolution, that leaves no room for equal neighbours."""
+_NEXT_TO_ANOTHER = 0.5
+"""Share of the samples beside a run at which the channel must move, in a channel that is held elsewhere."""
 _FEWEST_RUNS = 2
 _CHANCE = (5, 4)
 """Runs of two equal values that are told: so many more than as many times what is expected by chance."""
@@ -96,16 +98,23 @@ def find_held(record: Record, role: str) -> HeldSamples | None:
     if len(starts) < _FEWEST_RUNS:
         return None
     resolution = _resolution(values, steps)
-    moving = _moving(steps, starts, lengths, resolution)
-    moving &= (values[starts] < values.max()) & (values[starts] > values.min())
-    starts, lengths = starts[moving], lengths[moving]
+    shares = _moving(steps, starts, lengths, resolution)
+    shares[(values[starts] == values.max()) | (values[starts] == values.min())] = 0
+    every = starts, lengths
+    starts, lengths = starts[shares == 1], lengths[shares == 1]
     if len(starts) < _FEWEST_RUNS or len(np.unique(values[starts])) < 0.9 * len(starts):
         return None
-    if np.sum(lengths > 1) < max(_FEWEST_RUNS, _LONG * len(starts)) and len(starts) < _CHANCE[0] + _CHANCE[1] * _by_chance(steps, resolution):
+    several = np.sum(lengths > 1) >= max(_FEWEST_RUNS, _LONG * len(starts))
+    if not several and len(starts) < _CHANCE[0] + _CHANCE[1] * _by_chance(steps, resolution):
         return None
     if not _caught_up(steps, starts, lengths):
         return None
-    samples = np.concatenate([start + 1 + np.arange(length) for start, length in zip(starts, lengths, strict=True)])
+    # Of two runs close to each other either hides that the channel moves beside the other.
+    beside = (shares >= _NEXT_TO_ANOTHER) & (every[1] <= lengths.max())
+    starts, lengths = (found[beside] for found in every)
+    samples = np.concatenate(
+        [start + 1 + np.arange(length) for start, length in zip(starts, lengths, strict=True)]
+    )
     return HeldSamples(role, samples, len(starts))
 
 
@@ -125,12 +134,14 @@ def _resolution(values: np.ndarray, steps: np.ndarray) -> float:
 
 
 def _moving(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray, resolution: float) -> np.ndarray:
-    """Runs with room on both sides in which the channel moves by far more than its resolution."""
+    """Share of the samples beside every run at which the channel moves; 0 where it moves by little more than its resolution."""
     before = starts[:, None] - 1 - np.arange(_BESIDE)
     after = (starts + lengths)[:, None] + np.arange(_BESIDE + 1)
     inside = (before.min(axis=1) >= 0) & (after.max(axis=1) < len(steps)) & (lengths <= _LONGEST)
     beside = np.abs(steps[np.clip(np.hstack([before, after]), 0, len(steps) - 1)])
-    return inside & (beside > 0).all(axis=1) & (np.median(beside, axis=1) > _STEPS_OF_RESOLUTION * resolution)
+    moves = beside > 0
+    usual = beside.sum(axis=1) / np.maximum(moves.sum(axis=1), 1)
+    return np.where(inside & (usual > _STEPS_OF_RESOLUTION * resolution), moves.mean(axis=1), 0.0)
 
 
 def _by_chance(steps: np.ndarray, resolution: float) -> float:
