@@ -16,8 +16,8 @@ _POINTS = 12
 """Points of the polynomial through a place, half of them on either side."""
 _CLEAR = 100.0
 """Squared misfit, in those that are usual in the record, that is a jump."""
-_CURED = 0.03
-"""Share of the squared misfit that may remain when samples are put in."""
+_CURED = 30.0
+"""Times by which the squared misfit must fall when samples are put in."""
 _FEWEST_STEPS = 0.03
 """Least travel per sample, in that of the whole record, at a place where loss is told."""
 
@@ -76,41 +76,34 @@ def find_dropped(record: Record) -> DroppedSamples | None:
     `MOST_TOGETHER` samples missing between. A corner of the motion, a step or a spike fits neither way; a lost sample fits
     once it is put in.
     """
+    from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
     values = record["input"]
     if len(values) < 4 * _POINTS:
         return None
-    misfit = np.array([_misfit(values, missing) for missing in range(MOST_TOGETHER + 3)])
-    best = misfit[1:].argmin(axis=0) + 1
-    least = misfit[1:].min(axis=0)
     half = _POINTS // 2
     travel = np.abs(np.diff(values))
-    moving = (
-        np.convolve(travel, np.ones(_POINTS - 1) / (_POINTS - 1), "valid") > _FEWEST_STEPS * travel.mean()
-    )
-    usual = np.median(misfit[0][moving]) + (1e-7 * np.ptp(values)) ** 2
-    jumps = (misfit[0] > _CLEAR * usual) & (least < _CURED * misfit[0]) & moving & (best <= MOST_TOGETHER)
-    cured = misfit[0] / np.maximum(least, 1e-3 * usual)
-    jumps &= cured >= _largest_beside(cured, half)
-    windows = np.flatnonzero(jumps)
+    moving = uniform_filter1d(travel, _POINTS - 1)[half - 1 : -half + 1] > _FEWEST_STEPS * travel.mean()
+    misfit = sum(np.convolve(values, column[::-1], "valid") ** 2 for column in _across(0))
+    usual = np.median(misfit[moving]) + (1e-7 * np.ptp(values)) ** 2
+    windows = np.flatnonzero((misfit > _CLEAR * usual) & moving)
     if not windows.size:
         return None
-    return DroppedSamples(windows + half - 1, best[windows])
+    around = values[windows[:, None] + np.arange(_POINTS)]
+    put_in = np.array(
+        [np.sum((around @ _across(missing).T) ** 2, axis=1) for missing in range(1, MOST_TOGETHER + 3)]
+    )
+    best, least = put_in.argmin(axis=0) + 1, put_in.min(axis=0)
+    cured = np.zeros(len(misfit))
+    cured[windows] = misfit[windows] / np.maximum(least, 1e-3 * usual)
+    told = (cured[windows] > _CURED) & (best <= MOST_TOGETHER)
+    told &= cured[windows] >= maximum_filter1d(cured, 2 * half - 1)[windows]
+    return DroppedSamples(windows[told] + half - 1, best[told]) if told.any() else None
 
 
-def _misfit(values: np.ndarray, missing: int) -> np.ndarray:
-    """Squared misfit of a polynomial through every `_POINTS` samples, so many missing in their middle."""
+def _across(missing: int) -> np.ndarray:
+    """What is at right angles to all polynomials through `_POINTS` samples, so many missing in their middle."""
     half = _POINTS // 2
     places = np.concatenate([np.arange(half), half + missing + np.arange(half)]).astype(float)
     places = (places - places.mean()) / np.ptp(places)
-    basis, _ = np.linalg.qr(np.vander(places, _POINTS, increasing=True))
-    across = basis[:, _DEGREE + 1 :]
-    total = np.zeros(len(values) - _POINTS + 1)
-    for column in across.T:
-        total += np.convolve(values, column[::-1], "valid") ** 2
-    return total
-
-
-def _largest_beside(values: np.ndarray, reach: int) -> np.ndarray:
-    from scipy.ndimage import maximum_filter1d
-
-    return maximum_filter1d(values, 2 * reach - 1)
+    return np.linalg.qr(np.vander(places, _POINTS, increasing=True))[0][:, _DEGREE + 1 :].T

@@ -40,8 +40,8 @@ class Roughness:
     ----------
     edge : float
         Hz.
-    smooth, rough, speed : numpy.ndarray, shape (samples,)
-        The position within its band, the rest of it, and the speed (per second).
+    smooth, rough, speed, answer : numpy.ndarray, shape (samples,)
+        The position within its band, the rest of it, the speed (per second), and the force beyond that band.
     noise : float
         σ, in the position's unit, over the whole of the spectrum; 0 where the jitter is enough.
     jitter : float
@@ -52,6 +52,7 @@ class Roughness:
     smooth: np.ndarray
     rough: np.ndarray
     speed: np.ndarray
+    answer: np.ndarray
     noise: float
     jitter: float
 
@@ -73,7 +74,8 @@ def roughness_of(record: Record) -> Roughness | None:
     if usual <= _LEAST * np.std(values) or np.sqrt(np.mean(rough**2)) > _CONCENTRATED * usual:
         return None
     noise, jitter = _noise_and_jitter(rough, speed, step, edge)
-    found = Roughness(edge, smooth, rough, speed, noise, jitter)
+    answer = record["output"] - within_band(record["output"], step, edge)
+    found = Roughness(edge, smooth, rough, speed, answer, noise, jitter)
     return found if _matters(found, record) else None
 
 
@@ -136,9 +138,8 @@ def _matters(found: Roughness, record: Record) -> bool:
     if found.moves > _MATTERS_ANYHOW * np.std(found.smooth):
         return True
     force, step = record["output"], record.sampling_time
-    beyond = _spread(force - within_band(force, step, found.edge))
     share = float(np.sum(_response_beyond(step, found.edge) ** 2))
-    return _gain_at_edge(found, force) * found.moves > _MATTERS * beyond / np.sqrt(share)
+    return _gain_at_edge(found, force) * found.moves > _MATTERS * _spread(found.answer) / np.sqrt(share)
 
 
 def _gain_at_edge(found: Roughness, force: np.ndarray) -> float:
@@ -154,10 +155,9 @@ def is_motion(found: Roughness, record: Record) -> bool:
     Samples at low speed are looked at, where a clock that jitters does not make both channels deviate alike.
     """
     force, step = record["output"], record.sampling_time
-    answer = force - within_band(force, step, found.edge)
     slow = np.abs(found.speed) <= np.median(np.abs(found.speed))
     columns = np.column_stack([found.rough, np.gradient(found.rough, step)])[slow]
-    fitted = columns @ np.linalg.lstsq(columns, answer[slow], rcond=None)[0]
-    explained, left = np.sum(fitted**2), np.sum((answer[slow] - fitted) ** 2)
+    fitted = columns @ np.linalg.lstsq(columns, found.answer[slow], rcond=None)[0]
+    explained, left = np.sum(fitted**2), np.sum((found.answer[slow] - fitted) ** 2)
     expected = _gain_at_edge(found, force) ** 2 * np.sum(columns[:, 0] ** 2)
     return bool(explained > 25.0 * left / slow.sum() and explained > 0.25 * expected)

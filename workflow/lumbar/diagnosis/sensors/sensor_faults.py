@@ -9,9 +9,9 @@ import numpy as np
 
 from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.sensors.clock_skew import ClockSkew, find_skew, same_clocks
-from lumbar.diagnosis.sensors.dropped_samples import find_dropped
-from lumbar.diagnosis.sensors.gaps import find_gaps
-from lumbar.diagnosis.sensors.held_samples import find_held
+from lumbar.diagnosis.sensors.dropped_samples import DroppedSamples, find_dropped
+from lumbar.diagnosis.sensors.gaps import Gaps, find_gaps
+from lumbar.diagnosis.sensors.held_samples import HeldSamples, find_held
 from lumbar.diagnosis.sensors.position_noise import PositionNoise
 from lumbar.diagnosis.sensors.position_step import PositionStep, find_step
 from lumbar.diagnosis.sensors.roughness import is_motion, roughness_of
@@ -70,7 +70,9 @@ def mended(record: Record, findings: Sequence[Finding]) -> Record:
 
 def _faults(record: Record, kinds: Collection[str] | None = None) -> Iterator[tuple[Fault, Record, Record]]:
     """Every fault, the record that it was found in, and that record mended; each looks at what the one before left."""
-    for find in _FINDERS:
+    for find, of in _FINDERS.items():
+        if kinds is not None and not of & set(kinds):
+            continue
         for fault in find(record):
             if kinds is None or fault.kind in kinds:
                 after = fault.mended(record)
@@ -107,5 +109,11 @@ def _skew(record: Record) -> list[Fault]:
     return [fault for fault in (find_skew(record),) if fault]
 
 
-_FINDERS: tuple[Callable[[Record], list[Fault]], ...] = (_gaps, _held, _dropped, _rough, _skew)
-"""In an order in which each finds what it looks for unspoilt: whole records before smooth ones."""
+_FINDERS: dict[Callable[[Record], list[Fault]], set[str]] = {
+    _gaps: {Gaps.kind},
+    _held: {HeldSamples.kind},
+    _dropped: {DroppedSamples.kind},
+    _rough: {PositionNoise.kind, PositionStep.kind, SamplingJitter.kind},
+    _skew: {ClockSkew.kind},
+}
+"""What finds which kinds, in an order in which each finds them unspoilt: whole records before smooth ones."""
