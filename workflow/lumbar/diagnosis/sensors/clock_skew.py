@@ -25,6 +25,8 @@ _STRAIGHT = 0.9
 """Share of the delays' variance that lies on a line."""
 _MOST_SLIP = 1.0
 """Samples by which a period may slip against its folding over a record: beyond, the mean of the periods is blurred."""
+_SLIPS = 0.3
+"""Share of a skew by which the position itself may slip against its folding."""
 _TAPS = 16
 """Half length of the interpolating filter, in samples."""
 _KAISER = 8.0
@@ -103,6 +105,8 @@ def find_skew(record: Record) -> ClockSkew | None:
     column = spectra["rate"]
     amounts = np.array([column @ _lines(row, weight, ramp) for row in deviations]) / (column @ column)
     slope = float(middle @ amounts / (middle @ middle))
+    if abs(slip) > _SLIPS * abs(slope):
+        return None
     left = amounts - slope * middle
     if np.sum(left**2) > (1 - _STRAIGHT) * np.sum(amounts**2):
         return None

@@ -16,6 +16,8 @@ _BESIDE = 3
 """Samples on either side over which the speed is taken."""
 _STEPS_OF_RESOLUTION = 20
 """Size of the changes beside a run, in steps of the channel's resolution, that leaves no room for equal neighbours."""
+_VARIED = 0.5
+"""Least share of the runs that stand at values of their own: those of a dead zone share one."""
 _NEXT_TO_ANOTHER = 0.5
 """Share of the samples beside a run at which the channel must move, in a channel that is held elsewhere."""
 _FEWEST_RUNS = 2
@@ -102,7 +104,7 @@ def find_held(record: Record, role: str) -> HeldSamples | None:
     shares[(values[starts] == values.max()) | (values[starts] == values.min())] = 0
     every = starts, lengths
     starts, lengths = starts[shares == 1], lengths[shares == 1]
-    if len(starts) < _FEWEST_RUNS or len(np.unique(values[starts])) < 0.9 * len(starts):
+    if len(starts) < _FEWEST_RUNS or len(np.unique(values[starts])) < _VARIED * len(starts):
         return None
     several = np.sum(lengths > 1) >= max(_FEWEST_RUNS, _LONG * len(starts))
     if not several and len(starts) < _CHANCE[0] + _CHANCE[1] * _by_chance(steps, resolution):
