@@ -71,7 +71,7 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
     Returns
     -------
     list of dict
-        ``chapter``, ``set``, ``reader``, ``path`` and ``layout`` of each file, and ``name``, ``period_s`` and
+        ``chapter``, ``set``, ``reader``, ``path`` and ``layout`` of each file, and ``name``, ``period_s``, ``trim_s`` and
         ``rate_Hz`` of column files where the configuration gives them; plain data, as parameters of a job are.
     """
     settings, plan = study.settings, []
@@ -111,6 +111,7 @@ def _column_reading(study: Study, chapter: str, record, layout: ColumnLayout, ra
         "layout": plain(layout),
         "name": record.name,
         "period_s": getattr(record, "period_s", None),
+        "trim_s": plain(getattr(record, "trim_s", None)),
         "rate_Hz": rate,
     }
     return {key: value for key, value in reading.items() if value is not None}

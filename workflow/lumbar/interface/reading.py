@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -19,6 +20,11 @@ if TYPE_CHECKING:
 Kind = Literal["tissue", "pendulum", "surgeon", "markers", "survey"]
 COLUMN_ENDINGS = (".csv", ".txt", ".mat")
 MARKER_ENDINGS = (".c3d", ".trc")
+_ABOUT = re.compile(
+    r"(readme|read[_-]me|licen[cs]e|copying|copyright|notice|citation|changelog|lizenz|liesmich|lisez[_-]?moi|licencia|leeme)"
+    r"([^a-z].*)?\.txt"
+)
+"""Names of text files that go with data, in small letters: readme.txt, license-data.txt."""
 
 
 def read(
@@ -29,6 +35,7 @@ def read(
     rate: float | None = None,
     names: Iterable[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    trims: Mapping[str, tuple[float, float]] | None = None,
 ) -> RecordSet | MarkerRecording | Ratings:
     """Read recordings, whatever their format.
 
@@ -47,6 +54,8 @@ def read(
         Names of the records; default the files' stems.
     periods : mapping of str to float, optional
         Periods of the excitations in seconds by the record's name, where they are known.
+    trims : mapping of str to tuple of float, optional
+        Start and stop of the part that is read, in seconds of the file's clock, by the record's name.
 
     Returns
     -------
@@ -76,7 +85,7 @@ def read(
         from lumbar.records.ratings import read_ratings
 
         return read_ratings(_one(files, kind), layout or _default_layout(kind))
-    from lumbar.records.columns import read_record
+    from lumbar.records.columns import default_name, read_record
     from lumbar.records.record import same_units
 
     layout, periods = layout or _default_layout(kind or "tissue"), periods or {}
@@ -85,8 +94,11 @@ def read(
         for item in files
         for file in ([item] if item.suffix and not item.is_dir() else column_files(item))
     ]
-    names = list(names) if names is not None else [None] * len(files)
-    records = [read_record(file, layout, name, None, rate) for file, name in zip(files, names, strict=True)]
+    names = list(names) if names is not None else [default_name(file) for file in files]
+    records = [
+        read_record(file, layout, name, None, rate, (trims or {}).get(name))
+        for file, name in zip(files, names, strict=True)
+    ]
     same_units(records)
     return RecordSet(records).with_periods(periods)
 
@@ -97,7 +109,7 @@ def read_listed(
     layout: ColumnLayout,
     rate: float | None = None,
 ) -> RecordSet:
-    """Read the records that a study lists, each with the name and period that it has there.
+    """Read the records that a study lists, each with the name, period and part that it has there.
 
     Parameters
     ----------
@@ -109,7 +121,8 @@ def read_listed(
     """
     names = [entry.name for entry in listed]
     periods = {entry.name: entry.period_s for entry in listed if entry.period_s is not None}
-    return read(files, layout=layout, rate=rate, names=names, periods=periods)
+    trims = {entry.name: entry.trim_s for entry in listed if entry.trim_s is not None}
+    return read(files, layout=layout, rate=rate, names=names, periods=periods, trims=trims)
 
 
 def _one(files: list[Path], kind: str) -> Path:
@@ -151,8 +164,9 @@ def column_files(folder: Path) -> list[Path]:
 
 
 def is_column_file(path: Path) -> bool:
-    """Whether the name is that of a column file."""
-    return path.is_file() and path.name.lower().removesuffix(".gz").endswith(COLUMN_ENDINGS)
+    """Whether the name is that of a column file, and not of words about the data such as ``LICENSE.txt``."""
+    name = path.name.lower().removesuffix(".gz")
+    return path.is_file() and name.endswith(COLUMN_ENDINGS) and not _ABOUT.fullmatch(name)
 
 
 def is_marker_file(path: Path) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lumbar.errors import Problems
+from lumbar.errors import InputError, Problems
 
 CLOCK_TOLERANCE = 0.25
 """How far a sample may lie from an even clock, as a share of the sampling interval."""
@@ -101,6 +101,32 @@ class Record:
 
 FEWEST_SAMPLES = 8
 """Fewest samples of a record that can be analysed."""
+
+
+def samples_between(time: np.ndarray, trim: tuple[float, float], source: str) -> np.ndarray:
+    """Return the numbers of the samples with ``start <= time < stop``.
+
+    Parameters
+    ----------
+    time : numpy.ndarray of float, shape (samples,)
+        Seconds; may hold NaN, which lies nowhere.
+    trim : tuple of float
+        Start and stop in seconds.
+    source : str
+        File, for the message.
+
+    Raises
+    ------
+    InputError
+        If fewer than `FEWEST_SAMPLES` lie between them.
+    """
+    keep = np.flatnonzero((time >= trim[0] - 1e-9) & (time < trim[1] - 1e-9))
+    if len(keep) < FEWEST_SAMPLES:
+        raise InputError(
+            f"{source}: {len(keep)} samples from {trim[0]:g} to {trim[1]:g} s; the clock runs from {np.nanmin(time):g} to "
+            f"{np.nanmax(time):g} s, and at least {FEWEST_SAMPLES} samples are needed"
+        )
+    return keep
 
 
 def place_of(sample: int, lines: Sequence[int] | None) -> str:

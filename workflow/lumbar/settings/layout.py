@@ -116,6 +116,15 @@ class RecordSettings:
     name: str = required("Name of the record in tables and file names.", pattern=RECORD_NAME)
     file: str = required("File below data_root.", min_length=1)
     period_s: float | None = key(None, "Period of the excitation, where it is periodic.", unit="s", gt=0)
+    trim_s: tuple[float, float] | None = key(
+        None,
+        "Start and end of the part that is read, on the file's own clock; null reads all of it.",
+        unit="s",
+    )
+
+    def __post_init__(self):
+        if self.trim_s is not None and not self.trim_s[0] < self.trim_s[1]:
+            raise ValueError("trim_s: the start must lie before the end")
 
 
 def columns(**roles: tuple[str, str, str]) -> dict[str, ColumnSettings]:
