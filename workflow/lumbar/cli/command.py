@@ -20,6 +20,7 @@ COMMANDS = (
     "compare",
     "locate",
     "diagnose",
+    "propose",
     "refine",
     "export",
     "survey",
