@@ -42,6 +42,6 @@ def run(options) -> None:
     law = propose(records, **chosen)
     if options.output and law.found:
         law.save(options.output, options.output.stem)
-    if options.picture and law.proposal.surfaces:
+    if options.picture and law.proposal.is_needed:
         law.draw(options.picture)
     print(law)

@@ -124,7 +124,7 @@ class ProposedLaw:
         from lumbar.reports.figures.law_figure import law_figure
         from lumbar.reports.figures.style import save
 
-        if not self.proposal.surfaces:
+        if not self.proposal.is_needed:
             raise InputError(f"nothing to draw: {self.sentences[0]}")
         save(law_figure(self.proposal), Path(stem), self.diagnosis.data or "records")
 

@@ -58,9 +58,10 @@ def sentences(proposal: Proposal) -> list[str]:
     if not proposal.is_needed:
         return [f"No law is needed: {name} leaves nothing but noise ({said})."]
     best = proposal.surfaces[0]
+    on = "+".join([before.fit.structure.base.name, *proposal.left_by.effects])
     seen = (
         f"Without a formula, the best smooth function of {best.first.words} and {best.second.words} explains "
-        f"{100 * best.share:.0f} % of what {name} leaves to explain."
+        f"{100 * best.share:.0f} % of what {on} leaves to explain."
     )
     if proposal.law is None:
         refused = [f"{_tried_words(item.law)}: {item.refused}" for item in proposal.tried]
@@ -71,7 +72,6 @@ def sentences(proposal: Proposal) -> list[str]:
         ]
     law, form = proposal.law, form_found(proposal)
     states = "".join(f", d{symbol}/dt = {rate}" for symbol, rate in form.state)
-    on = "+".join([law.start.fit.structure.base.name, *law.start.effects])
     return [
         f"Proposed for {on}: F = {form.equation}{states} ({words(proposal)}); {MARK}.",
         f"The unseen error falls from {before.test_rms:.3g} to {law.candidate.test_rms:.3g} {unit}{beside}; "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -85,8 +86,6 @@ class Proposal:
         Standard errors by which the loss falls there.
     extrapolation : Extrapolation or None
     range : Range
-    surfaces : list of Surface
-        The missing force without a formula, the pair of coordinates that explains most first; none where nothing is missing.
     """
 
     experiment: Experiment
@@ -98,12 +97,21 @@ class Proposal:
     certainty: float
     extrapolation: Extrapolation | None
     range: Range
-    surfaces: list[Surface]
 
     @property
     def is_needed(self) -> bool:
         """Whether something is missing beyond the catalogue."""
         return not is_adequate(self.before, self.experiment, COMPLETE)
+
+    @property
+    def left_by(self) -> Candidate:
+        """The model that the law is added to; without a law the catalogue's best."""
+        return self.before if self.law is None else self.law.start
+
+    @cached_property
+    def surfaces(self) -> list[Surface]:
+        """What `left_by` leaves, without a formula, the pair of coordinates that explains most first."""
+        return surfaces(self.left_by.fit, self.experiment)
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -142,11 +150,14 @@ def propose(
     Proposal
         Without a law where nothing is missing, and where no formula passes.
     """
-    before, terms = before or base, library() if terms is None else terms
-    none = Proposal(experiment, base, before, None, [], 0.0, 0.0, None, _range(experiment), [])
-    if not none.is_needed:
-        return none
-    known = surfaces(before.fit, experiment)
+    before = before or base
+    none = Proposal(experiment, base, before, None, [], 0.0, 0.0, None, _range(experiment))
+    return _searched(none, library() if terms is None else terms, system) if none.is_needed else none
+
+
+def _searched(none: Proposal, terms: Sequence[Term], system: str) -> Proposal:
+    """The proposal with what a search finds, beside the base and beside the catalogue's best model."""
+    experiment, base, before = none.experiment, none.base, none.before
     chosen_on, confirmed_on = alternate(experiment)
     search = Search(chosen_on, terms)
     starts = [base] if before.effects == base.effects else [base, before]
@@ -160,15 +171,15 @@ def propose(
             if not refused:
                 passed.append(law)
                 break
-    none = replace(none, tried=tried, surfaces=known)
     if not passed:
-        return none
+        return replace(none, tried=tried)
     law = passed[0]
     if len(passed) > 1 and passed[1].candidate.test_rms * _NEARLY < law.candidate.test_rms:
         law = passed[1]
     return replace(
         none,
         law=law,
+        tried=tried,
         share_removed=test.share_removed(law.fit),
         certainty=test.certainty(law),
         extrapolation=extrapolation(law.fit, experiment),

@@ -49,11 +49,11 @@ def _label(place: Coordinate, proposal: Proposal) -> str:
 
 
 def _added(proposal: Proposal) -> np.ndarray | None:
-    """What the model with the law gives more than the catalogue's best, over all samples that count."""
+    """What the model with the law gives more than that without it, over all samples that count."""
     if proposal.law is None:
         return None
     records = (proposal.experiment.training, *proposal.experiment.tests)
-    before, after = proposal.before.fit, proposal.law.fit
+    before, after = proposal.left_by.fit, proposal.law.fit
     return np.concatenate(
         [item.settled(after.simulate(item.motion) - before.simulate(item.motion)) for item in records]
     )
@@ -97,7 +97,7 @@ def _draw_sections(axis, surface: Surface, added: np.ndarray | None, proposal: P
     symbol = surface.second.symbol
     for quantile, (marker, line), color in zip(_SECTIONS, _LOOKS, SERIES, strict=False):
         inside = np.abs(ranks - quantile) <= _WIDTH
-        label = f"${symbol}$ ≈ {np.median(second[inside]):.2g}"
+        label = f"${symbol}$ ≈ {_short(float(np.median(second[inside])))}"
         axis.plot(
             middle, _means(first[inside], surface.force[inside], edges), marker, color=color, markersize=2.5,
             label=label,
@@ -110,8 +110,18 @@ def _draw_sections(axis, surface: Surface, added: np.ndarray | None, proposal: P
     bottom, top = axis.get_ylim()
     axis.set_ylim(bottom, top + 0.4 * (top - bottom))
     axis.legend(
-        loc="upper center", title=told, title_fontsize=7, ncols=3, columnspacing=0.6, handletextpad=0.2
+        loc="upper center",
+        title=told,
+        title_fontsize=6,
+        fontsize=6,
+        ncols=3,
+        columnspacing=0.6,
+        handletextpad=0.1,
     )
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}"
 
 
 def _draw_errors(axis, proposal: Proposal) -> None:
