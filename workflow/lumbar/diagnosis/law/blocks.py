@@ -62,10 +62,9 @@ def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
     return replace(experiment, tests=first), replace(experiment, tests=second)
 
 
-def within(data: FitData, share: float) -> np.ndarray:
-    """Samples that count at which position and speed are within a share of their largest; shape (samples that count,)."""
-    position = data.settled(data.motion.position)
-    speed = np.abs(data.settled(data.motion.velocity))
-    middle = (position.max() + position.min()) / 2
-    near = np.abs(position - middle) <= share * np.ptp(position) / 2
-    return near & (speed <= share * speed.max())
+def within(data: FitData, fitted: FitData, share: float) -> np.ndarray:
+    """Samples of a record with position and speed within a share of the ranges of another; shape (samples that count,)."""
+    ranged, fastest = fitted.motion.position, np.abs(fitted.motion.velocity).max()
+    middle, half = (ranged.max() + ranged.min()) / 2, np.ptp(ranged) / 2
+    near = np.abs(data.settled(data.motion.position) - middle) <= share * half
+    return near & (np.abs(data.settled(data.motion.velocity)) <= share * fastest)

@@ -24,8 +24,10 @@ _ROUNDING = 1e-3
 """Work given away, as a share of force times amplitude, that is none."""
 INNER = 0.7
 """Share of the ranges of position and speed that the trial of extrapolation fits to."""
-_AS_GOOD = 1.3
-"""Error outside the inner range, in that of the fit to all of it, up to which a law counts as extrapolating."""
+_AS_GOOD = 1.15
+"""Error outside a range, in that inside or of a fit to all of it, up to which a law counts as extrapolating."""
+_FEWEST = 50
+"""Samples that an error is taken from."""
 
 
 def motions(data: FitData) -> list[Motion]:
@@ -83,26 +85,44 @@ class Extrapolation:
     Attributes
     ----------
     inner_rms : float
-        Error outside the inner range of a fit to samples in it alone, all records together.
+        Error on the training record outside its inner range, of a fit to samples in it alone.
     all_rms : float
         Error of the fit to all samples, at the same ones.
+    beyond_rms : float or None
+        Error on unseen samples beyond the training record's range of position or speed; None where they are few.
+    floor : float or None
+        Noise.
     """
 
     inner_rms: float
     all_rms: float
+    beyond_rms: float | None
+    floor: float | None
 
     @property
     def holds(self) -> bool:
-        """Whether the fit to the inner range does nearly as well outside."""
-        return self.inner_rms <= _AS_GOOD * self.all_rms
+        """Whether both errors are nearly what they are where the law was fitted."""
+        if self.inner_rms > _AS_GOOD * self.all_rms:
+            return False
+        return self.beyond_rms is None or self.beyond_rms <= _AS_GOOD * max(self.all_rms, self.floor or 0.0)
 
 
 def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
-    """Fit to the samples with position and speed within `INNER` of their ranges and look outside; None where too few are."""
+    """Fit to the samples with position and speed within `INNER` of their ranges and look outside; None where too few are.
+
+    Unseen samples beyond the training record's range are looked at as well.
+    """
     training = experiment.training
-    inner = within(training, INNER)
-    if min(inner.sum(), (~inner).sum()) < 50:
+    inner = within(training, training, INNER)
+    if min(inner.sum(), (~inner).sum()) < _FEWEST:
         return None
     again = refit(fit.structure, Chosen.of(training, inner), fit.nonlinear)
     outer = Chosen.of(training, ~inner)
-    return Extrapolation(again.rms(outer), fit.rms(outer))
+    beyond = [Chosen.of(item, ~within(item, training, 1.0)) for item in experiment.tests]
+    enough = sum(item.size for item in beyond) >= _FEWEST
+    return Extrapolation(
+        again.rms(outer),
+        fit.rms(outer),
+        fit.rms(*beyond) if enough else None,
+        None if experiment.floor is None else experiment.floor.rms,
+    )

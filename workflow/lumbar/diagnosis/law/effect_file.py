@@ -45,7 +45,9 @@ def extrapolation_words(proposal: Proposal) -> str:
         f"fitted to the inner {100 * INNER:.0f} % of that range it errs by {tried.inner_rms:.3g} {unit} outside, beside "
         f"{tried.all_rms:.3g} {unit} when fitted to all"
     )
-    return f"{said}; beyond the range it is a guess" if tried.holds else f"{said}: it does not extrapolate"
+    if tried.beyond_rms is not None:
+        said += f", and by {tried.beyond_rms:.3g} {unit} on unseen samples beyond the range"
+    return f"{said}; farther on it is a guess" if tried.holds else f"{said}: it does not extrapolate"
 
 
 def sentences(proposal: Proposal) -> list[str]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -38,10 +39,12 @@ STARTS = 2
 """Starting values refined per term."""
 BEAM = 2
 """Laws of one length that are lengthened."""
-_STEPS = np.delete(np.geomspace(0.8, 1.25, 31), 15)
-"""Factors by which a parameter is moved to look past steps of the error."""
+_STEPS = tuple(np.geomspace(1 / reach, reach, 31) for reach in (1.25, 1.015))
+"""Factors by which a parameter is moved, first far and then near, to look past steps of the error."""
 _AT_BOUND = 0.01
 """Relative distance within which a parameter counts as at its bound."""
+_SAME = 1e-6
+"""Relative difference of errors that are on the same step."""
 _LEAST = 0.1
 """A further term must remove this share of the noise's variance."""
 _PERIODS = 3
@@ -245,14 +248,12 @@ class Search:
             design = data.counted(structure.design(data.motion, point))
             return float(np.sum((force - design @ solve_linear(design, force, structure.signs)) ** 2))
 
-        best, least = nonlinear, squared_error(nonlinear)
-        for index in range(first, len(nonlinear)):
-            for factor in _STEPS:
-                point = best.copy()
-                point[index] = nonlinear[index] * factor
-                error = squared_error(point)
-                if error < least:
-                    best, least = point, error
+        best = nonlinear.copy()
+        for index, factors in product(range(first, len(nonlinear)), _STEPS):
+            tried = best[index] * factors
+            errors = np.array([squared_error(_with(best, index, value)) for value in tried])
+            # On a step all values are alike: its middle is the likeliest.
+            best[index] = np.median(tried[errors <= errors.min() * (1 + _SAME)])
         return best
 
     def worthwhile(self, before: Law, after: Law) -> bool:
@@ -282,6 +283,13 @@ class Search:
             if is_adequate(best[-1].candidate, self.experiment):
                 break
         return best
+
+
+def _with(point: np.ndarray, index: int, value: float) -> np.ndarray:
+    """A point with one of its coordinates changed."""
+    changed = point.copy()
+    changed[index] = value
+    return changed
 
 
 def _at_bound(found: Fit, data: FitData, first: int) -> bool:
