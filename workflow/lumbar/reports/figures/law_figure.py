@@ -82,11 +82,12 @@ def _draw_map(figure, axis, surface: Surface, proposal: Proposal) -> None:
     largest = np.nanmax(np.abs(mean))
     drawn = axis.pcolormesh(columns, rows, mean, cmap="Greys", vmin=-largest, vmax=largest, rasterized=True)
     middle = [(edges[1:] + edges[:-1]) / 2 for edges in (columns, rows)]
-    axis.contour(*middle, np.nan_to_num(mean), levels=[0.0], colors=SERIES[3], linewidths=0.8)
+    axis.contour(*middle, np.ma.masked_invalid(mean), levels=[0.0], colors=SERIES[3], linewidths=0.8)
     bar = figure.colorbar(drawn, ax=axis, location="top", shrink=0.9)
     bar.set_label(f"Missing force ({proposal.experiment.output_unit}), line at 0", size=7)
     axis.set_ylabel(_label(surface.second, proposal))
     axis.grid(visible=False)
+    axis.patch.set(hatch="///", edgecolor="#bbbbbb")  # where nothing was measured
 
 
 def _draw_sections(axis, surface: Surface, added: np.ndarray | None, proposal: Proposal) -> None:
