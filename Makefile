@@ -8,12 +8,14 @@ CORES ?= 2
 STUDY ?= thesis
 VENV := .venv
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
-CONFIGFILE := $(if $(filter-out thesis,$(STUDY)),--configfile config/studies/$(STUDY).yaml)
+STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
+CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-portable report check-results update-reference benchmark lint format lock docs docs-site clean help environment
+.PHONY: results test test-portable acceptance report check-results update-reference benchmark lint format lock docs docs-site clean help environment
 
 results: environment ## every table, figure and FMU of the study (default target)
+	@python -m lumbar.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
 	snakemake --cores $(CORES) $(CONFIGFILE)
 
 environment: $(VENV)/installed ## .venv from the lock
@@ -32,6 +34,11 @@ test: environment ## the tests
 
 test-portable: environment ## tests, results and verdicts under other processors' kernels, threads, Pythons, packages: hours
 	python tests/portable/run.py
+
+# Both suites run to their end; the status tells whether an answer is another one than recorded.
+acceptance: environment ## records whose truth is known, public and hard ones: a judgement each, and docs/acceptance.md: minutes
+	python tests/real_records/run.py --markdown docs/acceptance.md; real=$$?; \
+	python tests/hard_effects/run.py --markdown docs/acceptance.md && exit $$real
 
 report: results ## results/<study>/report.html: one page, works offline
 	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/report.html
@@ -54,6 +61,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 lint: environment ## what the continuous integration checks before the tests
 	ruff check .
 	ruff format --check .
+	mypy
 	snakefmt --check Snakefile workflow/rules
 	snakemake --lint
 
@@ -62,10 +70,11 @@ format: environment ## put the sources into the house's format
 	ruff format .
 	snakefmt Snakefile workflow/rules
 
-docs: environment ## renew the references of configuration keys, effects and equations
+docs: environment ## renew the references of configuration keys, effects, equations and figures
 	python -m lumbar.config.reference docs/config
 	python -m lumbar.reports.effects_reference docs
 	python -m lumbar.reports.equation_index docs
+	python -m lumbar.reports.gallery docs
 
 SITE := build/docs-venv
 # An environment of its own, from the newest versions that pyproject.toml allows: .venv stays the lock's.

@@ -19,8 +19,8 @@ PROJECT = TESTS.parent
 def pytest_collection_modifyitems(items):
     """Mark tests by their folder: what starts Snakemake is an integration test, all else a unit test."""
     for item in items:
-        inside = TESTS / "unit" in item.path.parents
-        item.add_marker("unit" if inside else "integration")
+        starts_snakemake = {TESTS / "workflow", TESTS / "end_to_end"} & set(item.path.parents)
+        item.add_marker("integration" if starts_snakemake else "unit")
 
 
 @pytest.fixture(scope="session")
@@ -35,8 +35,8 @@ def shared() -> Path:
     folder = Path(os.environ.get("LUMBAR_SHARED", PROJECT.parent / "shared"))
     if not (folder / "real").is_dir():
         pytest.skip(
-            f"no recordings in {folder}: get those that config/studies/*.yaml name, as real/<data set>/ in a folder, "
-            "and set LUMBAR_SHARED to it"
+            f"no recordings in {folder}: get those that config/studies/*.yaml and tests/real_records/README.md name, as "
+            "real/<data set>/ in a folder, and set LUMBAR_SHARED to it"
         )
     return folder
 

@@ -12,6 +12,8 @@ from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parent.parent
 PARTS = ("Snakefile", "profiles", "config", "workflow", "resources", "envs")
+ZIG_CACHE = PROJECT / ".snakemake" / "zig-cache"
+"""The cache that the workflow uses too; a cold one costs seconds, and the default study's run has one of its own."""
 
 
 @dataclass(frozen=True)

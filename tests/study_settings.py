@@ -7,11 +7,11 @@ from typing import Any, TypeVar
 
 from lumbar.config.study import read_subject
 from lumbar.config.validation import Origins, laid_over, validated
-from lumbar.config.yaml_file import read_yaml
 from lumbar.errors import Problems
 from lumbar.settings.plain import plain, typed
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings
+from lumbar.yaml_file import read_yaml
 from running import PROJECT
 
 Kind = TypeVar("Kind")

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from running import copy_project, snakemake
+from running import ZIG_CACHE, copy_project, snakemake
 
 # Wall-clock readings differ between runs; everything else is compared byte for byte.
 VOLATILE = ("logs", "benchmarks")
@@ -134,23 +134,29 @@ def test_editing_a_library_module_reruns_what_uses_it(default_run, module, rerun
     assert untouched not in run.jobs
 
 
-# Fewer knots and starts, and one set of tissue records fewer to diagnose: the same steps on less.
-COARSE = """
+# Fewer knots, starts, resamples and effects, and one set of tissue records fewer to diagnose: the same steps on less.
+COARSE = f"""
+surgeon: {{bandwidth: {{resamples: 200}}}}
+survey: {{resamples: 1000}}
+tissue: {{bootstrap: {{resamples: 100}}}}
+runtime: {{compiler_cache: {ZIG_CACHE}, check_samples: 200}}
 stability:
-  knots: 250
-  sum_of_squares: {knots: 8}
-  attack: {starts: 50}
-  limits: {knots: 84}
+  knots: 101
+  sum_of_squares: {{knots: 5}}
+  thesis_method: {{knots: 5}}
+  attack: {{starts: 50}}
+  limits: {{knots: 84, certified_knots: 5}}
 improvement:
+  most_effects: 1
   record_sets:
-    - {name: tissue}
+    - {{name: tissue}}
     - name: hip_moment
       base: pendulum
       records:
-        - {name: paced, file: hip_moment/paced.csv}
-        - {name: fast, file: hip_moment/fast.csv}
-        - {name: slow, file: hip_moment/slow.csv}
-        - {name: empty_handed, file: hip_moment/empty_handed.csv}
+        - {{name: paced, file: hip_moment/paced.csv}}
+        - {{name: fast, file: hip_moment/fast.csv}}
+        - {{name: slow, file: hip_moment/slow.csv}}
+        - {{name: empty_handed, file: hip_moment/empty_handed.csv}}
 """
 
 

@@ -7,13 +7,14 @@ import pytest
 from effect_entries import effect_entry
 from runtime_models import SETTINGS, TARGET, models_json, selected
 
+from running import ZIG_CACHE
 from study_settings import changed
 
 
 @pytest.fixture(scope="session")
-def zig_cache(project):
+def zig_cache():
     """Return the cache that the workflow uses too; a cold one costs seconds and has a test of its own."""
-    return project / ".snakemake" / "zig-cache"
+    return ZIG_CACHE
 
 
 @pytest.fixture(scope="session")
@@ -98,3 +99,11 @@ def run(capsys):
         return status, captured.out, captured.err
 
     return call
+
+
+@pytest.fixture(scope="module")
+def functions(zig_cache, tmp_path_factory):
+    """Elementary functions as the C code of FMUs computes them."""
+    from portable_functions import portable_functions
+
+    return portable_functions(tmp_path_factory.mktemp("math"), zig_cache)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from lumbar.effects.catalogue import CATALOGUES
 from lumbar.fmu.build.export_model import ExportModel, select_models
 from lumbar.models.form import Effect
 from lumbar.models.models_file import read_models
 from lumbar.settings.runtime import RuntimeSettings
+from study_settings import changed
 
 TARGET = ["x86_64-linux"]
 POSITION, FORCE, GAIN, FORCE_OFFSET, FORCE_LIMIT, POSITION_OFFSET = 1, 2, 3, 4, 5, 6
@@ -72,3 +75,19 @@ def get(slave, reference: int = FORCE) -> float:
     """Get a variable of an FMI 2.0 or 3.0 instance."""
     getter = slave.getReal if hasattr(slave, "getReal") else slave.getFloat64
     return getter([reference])[0]
+
+
+def exported(entry: dict, **settings):
+    """Return the model of an entry as it is exported."""
+    chosen = changed(SETTINGS, models=[entry["name"]], **settings)
+    return selected(models_json(entry), chosen)[0]
+
+
+def random_motion(samples: int, seed: int) -> np.ndarray:
+    """Movement with slow and fast parts, rests and steps about a mean of 0.5 mm."""
+    generator = np.random.default_rng(seed)
+    walk = np.cumsum(generator.standard_normal(samples)) * 0.1
+    walk -= np.linspace(0.0, walk[-1], samples)
+    rest = np.repeat(generator.random(samples // 50 + 1) < 0.2, 50)[:samples]
+    held = np.maximum.accumulate(np.where(rest, 0, np.arange(samples)))
+    return 0.5 + walk[held]

@@ -10,8 +10,8 @@ import sympy
 from c_programs import CModel
 from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry
 from latex_readings import constant_of, latex_names, read_latex
-from portable_functions import NEGLIGIBLE, portable_functions
-from runtime_models import SETTINGS, models_json, selected
+from portable_functions import NEGLIGIBLE
+from runtime_models import exported, random_motion
 
 from lumbar.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.models.bases import BASES
@@ -21,7 +21,6 @@ from lumbar.models.form import Place
 from lumbar.models.motion_signals import FORCE, SIGNALS
 from lumbar.models.sampled_motion import SampledMotion
 from lumbar.models.state_equation import STEP_SYMBOL
-from study_settings import changed
 
 on_x86_64_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
@@ -57,30 +56,10 @@ WITH_HAND_WRITTEN = [
 ]
 
 
-def exported(entry: dict, **settings):
-    chosen = changed(SETTINGS, models=[entry["name"]], **settings)
-    return selected(models_json(entry), chosen)[0]
-
-
-@pytest.fixture(scope="module")
-def functions(zig_cache, tmp_path_factory):
-    return portable_functions(tmp_path_factory.mktemp("math"), zig_cache)
-
-
 @pytest.fixture(scope="module")
 def c_folder(tmp_path_factory):
     """Return one folder for all models: what they have in common is compiled once."""
     return tmp_path_factory.mktemp("models")
-
-
-def random_motion(samples: int, seed: int) -> np.ndarray:
-    """Movement with slow and fast parts, rests and steps about a mean of 0.5 mm."""
-    generator = np.random.default_rng(seed)
-    walk = np.cumsum(generator.standard_normal(samples)) * 0.1
-    walk -= np.linspace(0.0, walk[-1], samples)
-    rest = np.repeat(generator.random(samples // 50 + 1) < 0.2, 50)[:samples]
-    held = np.maximum.accumulate(np.where(rest, 0, np.arange(samples)))
-    return 0.5 + walk[held]
 
 
 def test_what_is_written_by_hand_is_known():

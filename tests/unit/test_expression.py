@@ -8,17 +8,11 @@ import sympy
 
 from lumbar.effects.catalogue import CATALOGUES
 from lumbar.errors import InputError
+from lumbar.models.derivative import derivative
 from lumbar.models.evaluation import Evaluator
-from lumbar.models.expression import (
-    OPERANDS,
-    check_powers,
-    derivative,
-    expanded,
-    linear_parts,
-    parse,
-    symbols,
-    written,
-)
+from lumbar.models.expression import OPERANDS, expanded, symbols, written
+from lumbar.models.expression_checks import check_powers, linear_parts
+from lumbar.models.parsing import parse
 from lumbar.models.printing import c_text, latex, portable, symbol_latex
 
 FORMS = [form for catalogue in CATALOGUES.values() for effect in catalogue.values() for form in effect.forms]

@@ -243,7 +243,9 @@ def test_printed_it_shows_equation_parameters_and_scores():
     assert "&lt;b&gt;" in page
     with_effect = given("KB", "coulomb_friction/coulomb")
     for part in (with_effect.structure.base, *with_effect.structure.forms):
-        assert part.latex in str(with_effect)
+        assert part.text in str(with_effect)
+        assert part.latex.replace("<", "&lt;") in with_effect._repr_html_()
+    assert "\\" not in str(with_effect)
 
 
 def test_elements_of_a_base_that_is_fitted_with_effects_have_their_formula_and_intervals_by_simulation():

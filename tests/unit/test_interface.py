@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import filecmp
+import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +14,11 @@ from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
 from lumbar.errors import InputError
+from lumbar.interface.data_label import data_label
 from lumbar.records.record_set import RecordSet
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.signals import SignalsSettings
+from lumbar.settings.tissue import TissueSettings
 
 
 @pytest.fixture(scope="module")
@@ -131,3 +137,53 @@ def test_an_object_saves_what_the_command_writes(diagnosis, folder, run, tmp_pat
     assert names == sorted(path.name for path in (tmp_path / "object").iterdir())
     for name in names:
         assert filecmp.cmp(tmp_path / "command" / name, tmp_path / "object" / name, shallow=False), name
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"improvement": ImprovementSettings(base="KX")}, 'base: found "KX"; allowed: LE, Maxwell, KV, KB'),
+        ({"settings": TissueSettings(rate_Hz=-100)}, "rate_Hz: found -100; allowed: number > 0"),
+        (
+            {"settings": TissueSettings(bootstrap=replace(TissueSettings().bootstrap, confidence="0.9"))},
+            'bootstrap.confidence: found "0.9"; allowed: number',
+        ),
+    ],
+)
+def test_settings_made_in_python_are_checked_as_those_of_a_file(records, given, words):
+    with pytest.raises(InputError, match=re.escape(words)):
+        lumbar.identify(records, **given)
+
+
+def test_a_whole_number_or_one_of_numpy_is_taken_where_a_number_is_asked():
+    settings = SignalsSettings(round_Hz=np.float64(0.25), ramp_s=np.int64(1))
+    found = lumbar.design_signals(2.5, settings=settings).settings
+    assert (found.round_Hz, found.ramp_s, type(found.ramp_s)) == (0.25, 1.0, float)
+
+
+def test_one_model_is_compared_at_a_time(records):
+    for verb in (lumbar.compare, lumbar.locate):
+        with pytest.raises(
+            InputError, match=r"an object of class list: give one model, e\.g\. identification"
+        ):
+            verb(records, [])
+
+
+def test_data_are_called_after_their_files_where_nothing_is_said(records, folder, diagnosis, tmp_path):
+    assert lumbar.compare(records, diagnosis.model).data == folder.name
+    assert lumbar.design_signals(2.5).data == "band given by hand"
+    own = [record(np.arange(9.0), np.arange(9.0), "a")]
+    assert data_label("", (item.source for item in own)) == "source not said"
+    assert data_label("bench", ["a.csv"]) == "bench"
+
+
+def test_what_a_terminal_shows_is_short_and_plain(records, diagnosis):
+    assert repr(records["noise"]) == (
+        "<Record noise: 1500 samples at 100 Hz, 15 s; position (mm), force (N)>"
+    )
+    found = lumbar.compare(records, diagnosis.model)
+    assert len(repr(found.table)) < 400
+    assert str(found.table).splitlines()[0] == found.table.title
+    text = str(diagnosis.model)
+    assert "F = k_e*z + k_b*q, dq/dt = v - q/tau; coulomb_friction: Fc*tanh(v/vs), position in mm" in text
+    assert "\\" not in text and "$" not in text

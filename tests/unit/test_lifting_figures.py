@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -30,12 +29,6 @@ def drawn(project, tmp_path_factory):
         "events": {name: event.as_dict() for name, event in lift.events.items()},
         "summary": lifting.summary(lift, subject, trial, settings),
     }
-
-
-@pytest.fixture(autouse=True)
-def closed():
-    yield
-    plt.close("all")
 
 
 def texts(figure):

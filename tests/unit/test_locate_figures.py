@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from periodic_records import STEP, noise, noisy_record, record, relaxing_force
@@ -13,12 +12,6 @@ from lumbar.diagnosis.residuals.locate import locate
 from lumbar.reports.figures.comparison_figure import comparison_figure, default_segment
 from lumbar.reports.figures.location_figure import location_figure
 from lumbar.reports.figures.style import save
-
-
-@pytest.fixture(autouse=True)
-def _closed():
-    yield
-    plt.close("all")
 
 
 @pytest.fixture

@@ -308,3 +308,28 @@ def test_real_recordings_are_read(shared):
     record = read_record(shared / "real/friction_damper/ds2_1Hz30lbtension1amplitude.csv.gz", damper)
     assert 1 / record.sampling_time == pytest.approx(1024, rel=1e-3)
     assert np.ptp(record["input"]) == pytest.approx(2 * 25.4, rel=0.1)
+
+
+def test_a_part_is_read_and_the_rest_not_even_checked(tmp_path, values):
+    """A gap before the part is no fault; lines are still counted in the file."""
+    text = text_of(values).replace("0.050000,", "0.049000,").replace("0.200000,", "0.190000,")
+    path = written(tmp_path, text)
+    with pytest.raises(InputError, match=r"line 22: time 0\.19 s after 0\.19 s"):
+        read_record(path, LAYOUT)
+    record = read_record(path, LAYOUT, trim=(0.205, 0.4))
+    assert record.time == pytest.approx(TIME[21:40])
+    assert record["output"] == pytest.approx(values[21:40, 2], abs=1e-6)
+    with pytest.raises(InputError, match="line 22"):
+        read_record(path, LAYOUT, trim=(0.1, 0.4))
+    with pytest.raises(InputError, match=r"4 samples from 0.45 to 0.485 s; the clock runs from 0 to 0.49 s"):
+        read_record(path, LAYOUT, trim=(0.45, 0.485))
+
+
+def test_a_column_name_that_stands_twice_is_refused(tmp_path, values):
+    text = text_of(np.column_stack([values, values[:, 2]]), "t,z,f,f", "{:.6f},{:.6f},{:.6f},{:.6f}")
+    with pytest.raises(
+        InputError, match="output: column 'f' stands in columns 3 and 4; give the number of one of them"
+    ):
+        read_record(written(tmp_path, text), LAYOUT)
+    spare = text_of(np.column_stack([values, values[:, 2]]), "t,z,f,t2", "{:.6f},{:.6f},{:.6f},{:.6f}")
+    assert len(read_record(written(tmp_path, spare), LAYOUT)) == len(values)

@@ -9,8 +9,7 @@ import sys
 import numpy as np
 import pytest
 from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry, entry_of_effects, parameter
-from portable_functions import portable_functions
-from runtime_models import SETTINGS, TARGET, models_json, selected
+from runtime_models import TARGET, exported, random_motion
 
 from lumbar.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.errors import InputError, NumericalError
@@ -18,31 +17,10 @@ from lumbar.fmu.build.effect_entry import effect_model
 from lumbar.fmu.build.package import export_fmus
 from lumbar.fmu.check.fmu_check import check_fmus
 from lumbar.models.fitted_model import FittedModel
-from study_settings import changed
 
 on_x86_64_linux = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
 )
-
-
-def exported(entry: dict, **settings):
-    chosen = changed(SETTINGS, models=[entry["name"]], **settings)
-    return selected(models_json(entry), chosen)[0]
-
-
-@pytest.fixture(scope="module")
-def functions(zig_cache, tmp_path_factory):
-    return portable_functions(tmp_path_factory.mktemp("math"), zig_cache)
-
-
-def random_motion(samples: int, seed: int) -> np.ndarray:
-    """Movement with slow and fast parts, rests and steps about a mean of 0.5 mm."""
-    generator = np.random.default_rng(seed)
-    walk = np.cumsum(generator.standard_normal(samples)) * 0.1
-    walk -= np.linspace(0.0, walk[-1], samples)
-    rest = np.repeat(generator.random(samples // 50 + 1) < 0.2, 50)[:samples]
-    held = np.maximum.accumulate(np.where(rest, 0, np.arange(samples)))
-    return 0.5 + walk[held]
 
 
 @on_x86_64_linux

@@ -13,10 +13,11 @@ from scipy.integrate import solve_ivp
 from lumbar.effects.catalogue import TISSUE
 from lumbar.fmu.build.export_model import export_models
 from lumbar.models.bases import BASES
-from lumbar.models.expression import expanded, parse
+from lumbar.models.expression import expanded
 from lumbar.models.fitted_model import FittedModel, FittedParameter, Port
 from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
 from lumbar.models.motion import Motion
+from lumbar.models.parsing import parse
 from lumbar.models.state_equation import STEP_FUNCTIONS, STEP_SYMBOL, StateEquation
 from lumbar.models.structure import Structure
 from study_settings import changed

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import ast
+from pathlib import Path
+
 import matplotlib.colors as colours
 import numpy as np
 import pytest
 
-from lumbar.reports.figures.style import MODELS, new_figure, save
+from lumbar.reports.figures import style
+from lumbar.reports.figures.style import MODELS, house_style, new_figure, save
 
 
+@house_style
 def draw():
     figure, axes = new_figure(height=2.0)
     axes.plot(np.linspace(0, 1, 20), np.random.default_rng(0).normal(size=20), label="x")
@@ -35,12 +40,27 @@ def test_the_label_of_the_data_stands_on_the_figure(tmp_path):
     assert (tmp_path / "figure.svg").read_bytes() != (tmp_path / "other.svg").read_bytes()
 
 
-def test_figures_do_not_stay_open(tmp_path):
+def test_a_notebook_keeps_its_own_style_and_windows(tmp_path):
     import matplotlib.pyplot as plt
 
-    open_before = plt.get_fignums()
-    save(draw(), tmp_path / "figure", "")
-    assert plt.get_fignums() == open_before
+    with plt.rc_context({"font.size": 17, "axes.grid": False, "svg.hashsalt": "own"}):
+        before, backend, windows = dict(plt.rcParams), plt.get_backend(), plt.get_fignums()
+        save(draw(), tmp_path / "figure", "synthetic twin")
+        assert (dict(plt.rcParams), plt.get_backend(), plt.get_fignums()) == (before, backend, windows)
+    save(draw(), tmp_path / "other", "synthetic twin")
+    assert (tmp_path / "figure.svg").read_bytes() == (tmp_path / "other.svg").read_bytes()
+
+
+def test_every_figure_is_drawn_in_the_house_s_style():
+    """A function that makes a figure outside of the style would draw with whatever the user has set."""
+    for path in Path(style.__file__).parent.glob("*.py"):
+        for function in (
+            item for item in ast.parse(path.read_text()).body if isinstance(item, ast.FunctionDef)
+        ):
+            if "new_figure(" in ast.unparse(function.body):
+                assert [ast.unparse(item) for item in function.decorator_list] == ["house_style"], (
+                    function.name
+                )
 
 
 @pytest.mark.parametrize("kind", ["linestyle", "marker", "hatch"])

@@ -4,17 +4,10 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 from lumbar.reports.figures.survey_figures import best_picks_figure, likert_figure
-
-
-@pytest.fixture(autouse=True)
-def _closed():
-    yield
-    plt.close("all")
 
 
 @pytest.mark.parametrize("points", [2, 4, 5, 7])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import pytest
 
 from lumbar.reports.figures.workflow_figure import depths, draw_workflow, parse_rule_graph
@@ -35,7 +34,6 @@ def test_only_rules_of_chapters_are_drawn():
         {"fit": "second", "measure": "first"},
         {"first": "1 First", "second": "2 Second"},
     )
-    plt.close(figure)
     words = {text.get_text() for text in figure.axes[0].texts}
     assert words == {"fit", "measure", "1 First", "2 Second"}
     assert sum(type(patch).__name__ == "FancyArrowPatch" for patch in figure.axes[0].patches) == 1

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 import yaml
 
 from lumbar.config.study import load_study
-from lumbar.config.yaml_file import read_yaml
 from lumbar.errors import InputError, Problems
+from lumbar.yaml_file import read_yaml
 from running import PROJECT
 
 
@@ -36,7 +39,11 @@ def test_content_and_lines(tmp_path):
         (b"a: [1, 2\nb: 3\n", "a.yaml, line 2: not valid YAML: while parsing a flow sequence"),
         (b"a: 1\n\tb: 2\n", "a.yaml, line 2: not valid YAML: while scanning"),
         (b"a: 1\nb: *c\n", "a.yaml, line 2: not valid YAML: found undefined alias"),
-        (b"a: !!python/object/apply:os.system [ls]\n", "a.yaml, line 1: not valid YAML"),
+        (
+            b"a: !!python/object/apply:os.system [ls]\n",
+            "a.yaml, line 1: a: tag 'tag:yaml.org,2002:python/object",
+        ),
+        (b"b: !!python/name:os.system x\n", "a.yaml, line 1: b: could not determine a constructor"),
         (b"a: 1\n---\nb: 2\n", "not valid YAML"),
         (
             "a: 1\nb: Prüfstand\n".encode("latin-1"),
@@ -45,7 +52,7 @@ def test_content_and_lines(tmp_path):
         (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 1 and 4: key 'a' stands twice; keep one"),
         (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 2 and 3: key 'b.c' stands twice"),
         (b"a: {b: 1, b: 2}\n", "a.yaml, lines 1 and 1: key 'a.b' stands twice"),
-        (b"- 1\n", "a.yaml: holds no settings"),
+        (b"- 1\n", "a.yaml: no mapping"),
         (b"a: " + b"[" * 3000 + b"]" * 3000, "a.yaml: nested too deep"),
         (b"a: &a [x, x, x, x, x, x, x, x, x, x]\n", ""),
         (
@@ -55,7 +62,7 @@ def test_content_and_lines(tmp_path):
             ),
             "a.yaml: nested too deep, or aliases of aliases; at most",
         ),
-        (b"a: " + b"x" * 1_100_000, "settings are at most 1000000 bytes"),
+        (b"a: " + b"x" * 1_100_000, "at most 1000000 are read"),
     ],
 )
 def test_faults(tmp_path, content, words):
@@ -89,3 +96,21 @@ def test_messages_name_the_file_that_said_it_last(tmp_path):
     assert f"{upper}, lines 4 and 5: key 'survey.zeros' stands twice" in message
     assert "--config: seed: found -5" in message
     assert "4 problems" in message
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("title: Pr\xfcfung\n", "study.yaml, line 1: byte 0xfc is not UTF-8; save the file"),
+        ("title: x\nsurvey: [\n", "study.yaml, line 3: not valid YAML: while parsing a flow node"),
+        ("title: x\n", ""),
+    ],
+)
+def test_a_study_is_read_before_snakemake_reads_it(tmp_path, content, words):
+    """As ``make`` does: nothing of the workflow runs before Snakemake has read its ``--configfile``."""
+    path = tmp_path / "study.yaml"
+    path.write_text(content, encoding="latin-1")
+    command = [sys.executable, "-m", "lumbar.yaml_file", str(path)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == bool(words)
+    assert words in run.stderr and "Traceback" not in run.stderr

@@ -21,6 +21,7 @@ _VERBS = {
     "load_settings": "lumbar.config.settings_files",
     "load_subject": "lumbar.config.settings_files",
     "read": "lumbar.interface.reading",
+    "import_recordings": "lumbar.interface.importing",
     "bandwidth": "lumbar.interface.surgeons",
     "design_signals": "lumbar.interface.surgeons",
     "identify": "lumbar.interface.identification",
@@ -46,6 +47,7 @@ __all__ = [
     "diagnose",
     "export_fmu",
     "identify",
+    "import_recordings",
     "lift",
     "load_models",
     "load_settings",
@@ -62,7 +64,9 @@ def __getattr__(name: str):
         raise AttributeError(f"module 'lumbar' has no attribute {name!r}; its verbs are {', '.join(__all__)}")
     from importlib import import_module
 
-    verb = getattr(import_module(_VERBS[name]), name)
+    from lumbar.interface.checked_settings import checking_settings
+
+    verb = checking_settings(getattr(import_module(_VERBS[name]), name))
     globals()[name] = verb
     return verb
 

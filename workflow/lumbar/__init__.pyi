@@ -9,6 +9,7 @@ from lumbar.interface.device import load_models as load_models
 from lumbar.interface.diagnosis import diagnose as diagnose
 from lumbar.interface.diagnosis import refine as refine
 from lumbar.interface.identification import identify as identify
+from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.participants import analyse_survey as analyse_survey
 from lumbar.interface.person import basins as basins
 from lumbar.interface.person import lift as lift

@@ -8,15 +8,16 @@ from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
 Item = TypeVar("Item")
+_EVERY_S = 2.0
 
 
-def track(items: Iterable[Item], label: str, total: int | None = None, every: float = 2.0) -> Iterator[Item]:
-    """Yield `items`, saying on standard error how many are done, at most every `every` seconds."""
+def track(items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
+    """Yield `items`, saying on standard error how many are done, at most every two seconds."""
     total = len(items) if total is None else total  # type: ignore[arg-type]
     last = time.monotonic()
     for done, item in enumerate(items):
         now = time.monotonic()
-        if now - last >= every:
+        if now - last >= _EVERY_S:
             print(f"{label}: {done} of {total}", file=sys.stderr, flush=True)
             last = now
         yield item

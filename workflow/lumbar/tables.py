@@ -36,7 +36,7 @@ _TEX_ESCAPES = str.maketrans(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Table:
     """A table as it is published.
 
@@ -79,6 +79,17 @@ class Table:
             for row, value in enumerate(self.frame[column], start=1):
                 if isinstance(value, float) and math.isinf(value):
                     raise NumericalError(f"{self.title}: {value} in column {column}, row {row}")
+
+    def __repr__(self) -> str:
+        columns = ", ".join(map(str, self.frame.columns))
+        return f"<Table: {self.title} {len(self.frame)} rows; {columns}>"
+
+    def __str__(self) -> str:
+        """The table as a terminal shows it."""
+        return f"{self.title}\n{self.frame.to_string(index=False)}"
+
+    def _repr_html_(self) -> str:
+        return self.frame.to_html(index=False)
 
     def write(self, stem: str | os.PathLike) -> None:
         """Write ``stem.csv``, ``stem.tex`` and ``stem.html``.

@@ -5,7 +5,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
 
-from lumbar.config.yaml_file import check_readable
+from lumbar.yaml_file import check_readable
 from lumbar.errors import LumbarError
 
 try:

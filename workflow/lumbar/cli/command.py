@@ -13,6 +13,7 @@ from lumbar.environment import use_one_thread
 from lumbar.errors import explained
 
 COMMANDS = (
+    "import",
     "check",
     "bandwidth",
     "signals",

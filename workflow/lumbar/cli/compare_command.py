@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lumbar.cli.options import add_data, add_effects, add_fit, add_folder, add_output, new_command
+from lumbar.cli.options import add_model, new_command
 from lumbar.cli.record_folder import refined
 
 
@@ -14,11 +14,7 @@ def add(commands) -> None:
         "compare a model of tissue tests with every record: errors with intervals and the part that could be explained",
         "lumbar compare recordings/tissue --output out",
     )
-    add_folder(parser)
-    add_effects(parser)
-    add_fit(parser)
-    add_output(parser)
-    add_data(parser)
+    add_model(parser)
     parser.set_defaults(run=run)
 
 

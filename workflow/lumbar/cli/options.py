@@ -74,6 +74,15 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_model(parser: argparse.ArgumentParser, effects_required: bool = False) -> None:
+    """Add what names a base with effects, the records it is fitted to, and where results go."""
+    add_folder(parser)
+    add_effects(parser, effects_required)
+    add_fit(parser)
+    add_output(parser)
+    add_data(parser)
+
+
 def add_effects(parser: argparse.ArgumentParser, required: bool = False) -> None:
     """Add ``--add EFFECT``."""
     parser.add_argument(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lumbar.cli.options import add_data, add_effects, add_fit, add_folder, add_output, new_command
+from lumbar.cli.options import add_model, new_command
 from lumbar.cli.record_folder import refined
 
 
@@ -14,11 +14,7 @@ def add(commands) -> None:
         "add physical effects to a model of tissue tests and refit it",
         "lumbar refine recordings/tissue --add coulomb_friction --output out",
     )
-    add_folder(parser)
-    add_effects(parser, required=True)
-    add_fit(parser)
-    add_output(parser)
-    add_data(parser)
+    add_model(parser, effects_required=True)
     parser.set_defaults(run=run)
 
 

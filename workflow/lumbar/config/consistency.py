@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from lumbar.config.study_recordings import record_layout, record_set, recordings_of
 from lumbar.errors import LumbarError, Problems
 from lumbar.settings.stability import PendulumSettings
+from lumbar.yaml_file import way_of
 
 if TYPE_CHECKING:
     from lumbar.config.study import Study
@@ -122,8 +123,7 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
     """
 
     def add(key: str, found: str, allowed: str) -> None:
-        way = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
-        problems.add(origins.place(way), found, allowed)
+        problems.add(origins.place(way_of(key)), found, allowed)
 
     settings = study.settings
     if study.has("surgeon"):

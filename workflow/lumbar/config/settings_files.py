@@ -19,12 +19,20 @@ def load_settings(*files: str | os.PathLike) -> StudySettings:
     ------
     InputError
         With every file that cannot be read, and every wrong key and value of all files.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from pathlib import Path
+    >>> written = Path("study.yaml").write_text("improvement: {most_effects: 2}")
+    >>> lumbar.load_settings("study.yaml").improvement.most_effects
+    2
     """
     from lumbar.config.consistency import check_effects
     from lumbar.config.validation import Origins, laid_over, validated
-    from lumbar.config.yaml_file import read_yaml
     from lumbar.errors import Problems
     from lumbar.settings.study_settings import StudySettings
+    from lumbar.yaml_file import read_yaml, way_of
 
     files, problems = tuple(map(Path, files)), Problems("configuration")
     read = [read_yaml(path, problems) for path in files]
@@ -38,8 +46,7 @@ def load_settings(*files: str | os.PathLike) -> StudySettings:
     improvement = replace(settings.improvement, effect_files=own)
 
     def add(key: str, found: str, allowed: str) -> None:
-        way = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
-        problems.add(origins.place(way), found, allowed)
+        problems.add(origins.place(way_of(key)), found, allowed)
 
     check_effects(improvement, Path(), add)
     problems.raise_if_any()
@@ -58,6 +65,16 @@ def load_subject(path: str | os.PathLike) -> SubjectSettings:
     ------
     InputError
         As `load_settings`.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from pathlib import Path
+    >>> person = "name: ann, sex: female, mass_kg: 61, height_m: 1.68, experience: novice"
+    >>> trials = "trials: [{box_mass_kg: 15, markers: ann.c3d}]"
+    >>> written = Path("ann.yaml").write_text(f"subject: {{{person}, {trials}}}")
+    >>> lumbar.load_subject("ann.yaml").trials[0].markers
+    'ann.c3d'
     """
     from lumbar.config.study import read_subject
     from lumbar.errors import Problems

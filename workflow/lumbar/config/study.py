@@ -15,11 +15,11 @@ from lumbar.config.artefacts import Artefact, read_artefacts
 from lumbar.config.chapters import NEEDS
 from lumbar.config.consistency import check_consistency
 from lumbar.config.validation import Origins, validated
-from lumbar.config.yaml_file import YamlFile, read_yaml
 from lumbar.errors import Problems
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings, TrialSettings
 from lumbar.tables import SYNTHETIC_TWIN
+from lumbar.yaml_file import YamlFile, read_yaml
 
 TWIN = "twin"
 

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
 from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
@@ -46,11 +45,9 @@ def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, flo
     InputError
         For an unknown base.
     """
-    from lumbar.models.bases import BASES
+    from lumbar.models.bases import base_named
 
-    if base not in BASES:
-        raise InputError(f"unknown base model {base!r}; known are {', '.join(BASES)}")
-    if BASES[base].system == "pendulum":
+    if base_named(base).system == "pendulum":
         return settings.lifting.moment_layout, None
     return settings.tissue.layout, settings.tissue.rate_Hz
 
@@ -71,7 +68,7 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
     Returns
     -------
     list of dict
-        ``chapter``, ``set``, ``reader``, ``path`` and ``layout`` of each file, and ``name``, ``period_s`` and
+        ``chapter``, ``set``, ``reader``, ``path`` and ``layout`` of each file, and ``name``, ``period_s``, ``trim_s`` and
         ``rate_Hz`` of column files where the configuration gives them; plain data, as parameters of a job are.
     """
     settings, plan = study.settings, []
@@ -111,6 +108,7 @@ def _column_reading(study: Study, chapter: str, record, layout: ColumnLayout, ra
         "layout": plain(layout),
         "name": record.name,
         "period_s": getattr(record, "period_s", None),
+        "trim_s": plain(getattr(record, "trim_s", None)),
         "rate_Hz": rate,
     }
     return {key: value for key, value in reading.items() if value is not None}

@@ -9,9 +9,9 @@ from functools import cache
 from typing import Any, TypeVar
 
 from lumbar.config.allowed import KeyType, key_at, keys_of, section_of
-from lumbar.config.yaml_file import YamlFile
 from lumbar.errors import Problems
 from lumbar.settings.plain import plain
+from lumbar.yaml_file import YamlFile
 
 Kind = TypeVar("Kind")
 _LONGEST_VALUE = 60
@@ -103,7 +103,7 @@ def validated(
 
     merged = laid_over(_defaults(kind), content)
     try:
-        return _adapter(kind).validate_json(json.dumps(merged, default=str), strict=True)
+        return _adapter(kind).validate_json(json.dumps(merged, default=_as_plain), strict=True)
     except ValidationError as error:
         said: dict[tuple, tuple[str, str]] = {}
         for item in error.errors(include_url=False):
@@ -113,6 +113,11 @@ def validated(
         for way, (found, allowed) in said.items():
             problems.add(places[way], found, allowed)
     return None
+
+
+def _as_plain(value: Any) -> Any:
+    """Number of NumPy as Python's; anything else that no file can hold as its text, which is refused."""
+    return value.item() if hasattr(value, "item") else str(value)
 
 
 def _defaults(kind: type) -> dict:

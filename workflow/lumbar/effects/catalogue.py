@@ -16,7 +16,7 @@ from lumbar.effects import (
     time_dependent,
 )
 from lumbar.errors import InputError
-from lumbar.models.bases import BASES
+from lumbar.models.bases import BASES, base_named
 from lumbar.models.form import Effect, Form
 
 TISSUE = {
@@ -60,9 +60,7 @@ def catalogue_of(base: str) -> dict[str, Effect]:
     InputError
         For an unknown base.
     """
-    if base not in BASES:
-        raise InputError(f"unknown base model {base!r}; known are {', '.join(BASES)}")
-    return CATALOGUES[BASES[base].system]
+    return CATALOGUES[base_named(base).system]
 
 
 def without_channels(

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from lumbar.effects.own_effect_yaml import read_mapping
 from lumbar.effects.signature import standard_motion
 from lumbar.errors import InputError, Problems
-from lumbar.models.expression import parse
 from lumbar.models.form import Effect, Form, Place
 from lumbar.models.parameter import SCALES, Constant, LinearParameter, NonlinearParameter
+from lumbar.models.parsing import parse
+from lumbar.yaml_file import YamlFile, read_yaml, way_of
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _NAME_RULE = "letters a to z, digits and _, a letter first"
@@ -88,9 +88,10 @@ def _from_python(path: Path) -> dict[str, Effect]:
 
 def _from_yaml(path: Path, taken: Collection[str]) -> Effect:
     """One effect from a YAML file."""
-    problems = Problems(str(path))
-    content, lines = read_mapping(path)
-    read = _Reading(problems, lines)
+    problems = Problems(f"effect {path.name}")
+    file = read_yaml(path, problems, anchors=False)
+    problems.raise_if_any()
+    content, read = file.content, _Reading(problems, file)
     single = "forms" not in content
     read.keys(content, "", (*_EFFECT_KEYS, *(_FORM_KEYS if single else ())))
     name = read.name(content, "")
@@ -118,7 +119,7 @@ def _from_yaml(path: Path, taken: Collection[str]) -> Effect:
         accumulates=accumulates,
     )
     for index, form in enumerate(effect.forms):
-        where = "equation" if single else f"forms[{index}].equation"
+        where = "equation" if single else f"forms.{index}.equation"
         for found, allowed in _numerical_problems(form):
             read.problem(where, found, allowed)
     problems.raise_if_any()
@@ -128,17 +129,13 @@ def _from_yaml(path: Path, taken: Collection[str]) -> Effect:
 class _Reading:
     """Reads the parts of an effect's file and notes what is wrong, with key and line."""
 
-    def __init__(self, problems: Problems, lines: dict[str, int]):
+    def __init__(self, problems: Problems, file: YamlFile):
         self.problems = problems
-        self.lines = lines
+        self.file = file
 
     def problem(self, place: str, found: str, allowed: str = "") -> None:
         """Note a problem at a key, with its line or that of the key it belongs to."""
-        key = place
-        while key and key not in self.lines:
-            key = re.sub(r"(\.[^.\[\]]+|\[\d+\]|^[^.\[\]]+)$", "", key)
-        line = f"line {self.lines[key]}, " if key else ""
-        self.problems.add(f"{line}{place}", found, allowed)
+        self.problems.add(self.file.place(way_of(place)), found, allowed)
 
     def mapping(self, value: Any, place: str, needed: str) -> dict:
         """The value if it is a mapping; else an empty one, and a problem."""
@@ -178,7 +175,7 @@ class _Reading:
             return []
         forms = []
         for index, item in enumerate(content):
-            place = f"forms[{index}]"
+            place = f"forms.{index}"
             item = self.mapping(item, place, "name, equation, parameters …")
             self.keys(item, place, ("name", *_FORM_KEYS))
             forms.append(self.form(item, place))

@@ -7,8 +7,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
+from lumbar.errors import InputError
+from lumbar.interface.data_label import data_label
+from lumbar.models.fitted_model import FittedModel
 from lumbar.records.record import Record
 from lumbar.settings.seed import SEED
 
@@ -16,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from lumbar.diagnosis.residuals.residual_report import Simulated
-    from lumbar.models.fitted_model import FittedModel
     from lumbar.tables import Table
 
 
@@ -43,13 +45,29 @@ def compare(
     seed : int
         Of the intervals.
     data : str
-        Words for the source of the data.
+        Words for the source of the data; default the folder or file they were read from.
 
     Returns
     -------
     Comparisons
+
+    Raises
+    ------
+    InputError
+        If `model` is no model, or the records cannot be used.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.synthetic.examples import example_records
+    >>> records = example_records()
+    >>> found = lumbar.compare(records, lumbar.refine(records, ["coulomb_friction"]).model)
+    >>> found
+    <Comparisons of KB+coulomb_friction on 2 records>
+    >>> f"{found['other'].comparison.vaf.value:.1f} % of the variance"
+    '100.0 % of the variance'
     """
-    return Comparisons(model, _simulated(records, model, train, periods, seed), data)
+    return Comparisons(*_on_records(records, model, train, periods, seed, data))
 
 
 def locate(
@@ -61,24 +79,38 @@ def locate(
     seed: int = SEED,
     data: str = "",
 ) -> Locations:
-    """See where a model fails: time, frequency, motion, depth, reversals; parameters as of `compare`."""
-    return Locations(model, _simulated(records, model, train, periods, seed), data)
+    """See where a model fails: time, frequency, motion, depth, reversals; parameters as of `compare`.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.synthetic.examples import example_records
+    >>> records = example_records()
+    >>> found = lumbar.locate(records, lumbar.refine(records, []).model)
+    >>> print(found["other"].location.sentences[0].split(";")[0])
+    other: 0.224 N of the error's 0.224 N are not noise
+    """
+    return Locations(*_on_records(records, model, train, periods, seed, data))
 
 
-def _simulated(records, model, train, periods, seed) -> list[Simulated]:
+def _on_records(records, model, train, periods, seed, data) -> tuple[FittedModel, list[Simulated], str]:
     from lumbar.diagnosis.fitting.preparation import prepare
     from lumbar.diagnosis.residuals.residual_report import residual_reports
 
     records = list(records)
+    if not isinstance(model, FittedModel):
+        found = f"an object of class {type(model).__name__}"
+        raise InputError(f"model is {found}: give one model, e.g. identification['KB'] or diagnosis.model")
     if train is None and model.trained_on in [record.name for record in records]:
         train = model.trained_on
     experiment = prepare(records, train, dict(periods or {}))
-    return residual_reports(records, model.simulate, experiment.floor, experiment.floor_from, seed)
+    reports = residual_reports(records, model.simulate, experiment.floor, experiment.floor_from, seed)
+    return model, reports, data_label(data, (record.source for record in records))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _OnRecords(ABC):
-    """A model beside every record.
+class OnRecords(ABC):
+    """A model beside every record, which is found by its name.
 
     Attributes
     ----------
@@ -90,6 +122,8 @@ class _OnRecords(ABC):
     model: FittedModel
     simulated: list[Simulated]
     data: str
+    stem: ClassVar[str]
+    picture: ClassVar[str]
 
     def __len__(self) -> int:
         return len(self.simulated)
@@ -102,17 +136,24 @@ class _OnRecords(ABC):
 
     def __getitem__(self, name: str) -> Simulated:
         """What was found on the record of this name."""
-        return next(item for item in self.simulated if item.record.name == name)
+        found = next((item for item in self.simulated if item.record.name == name), None)
+        if found is None:
+            known = ", ".join(item.record.name for item in self.simulated)
+            raise InputError(f"no record {name!r}; there are {known}")
+        return found
 
-    def _save(self, folder: Path, picture: str) -> dict[str, Path]:
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write the numbers as a table, one picture per record, and a page: ``compare…`` or ``location…``."""
+        from lumbar.files import write_text
         from lumbar.reports.figures.style import save
 
-        svg = {}
+        folder, pictures = Path(folder), {}
         for item in self.simulated:
-            stem = folder / f"{picture}_{item.record.name}"
+            stem = folder / f"{self.picture}_{item.record.name}"
             save(self.figure(item.record.name), stem, self.data)
-            svg[item.record.name] = stem.with_name(f"{stem.name}.svg")
-        return svg
+            pictures[item.record.name] = stem.with_name(f"{stem.name}.svg")
+        self.table.write(folder / self.stem)
+        write_text(folder / f"{self.stem}_page.html", self._page(pictures))
 
     @property
     @abstractmethod
@@ -123,13 +164,18 @@ class _OnRecords(ABC):
     def figure(self, name: str) -> Figure:
         """Return the picture of one record."""
 
+    @abstractmethod
+    def _page(self, pictures: dict[str, Path]) -> str: ...
+
     def _repr_html_(self) -> str:
         return self.table.frame.to_html(index=False)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparisons(_OnRecords):
-    """How well a model agrees with every record; attributes as of `_OnRecords`."""
+class Comparisons(OnRecords):
+    """How well a model agrees with every record; attributes as of `OnRecords`."""
+
+    stem, picture = "compare", "comparison"
 
     @property
     def table(self) -> Table:
@@ -146,24 +192,20 @@ class Comparisons(_OnRecords):
         comparisons = [item.comparison for item in self.simulated]
         return comparison_figure(shown.record, shown.values, comparisons, self.model.name)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``compare`` as a table, one picture per record, and ``compare_page.html``."""
-        from lumbar.files import write_text
+    def _page(self, pictures: dict[str, Path]) -> str:
         from lumbar.reports.pages.record_pages import comparison_page
 
-        folder = Path(folder)
-        pictures = self._save(folder, "comparison")
-        self.table.write(folder / "compare")
-        page = comparison_page(self.simulated, self.model.name, self.data, pictures)
-        write_text(folder / "compare_page.html", page)
+        return comparison_page(self.simulated, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
         return "\n".join(item.comparison.sentence for item in self.simulated)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Locations(_OnRecords):
-    """Where a model fails on every record; attributes as of `_OnRecords`."""
+class Locations(OnRecords):
+    """Where a model fails on every record; attributes as of `OnRecords`."""
+
+    stem, picture = "location", "location"
 
     @property
     def table(self) -> Table:
@@ -178,16 +220,10 @@ class Locations(_OnRecords):
 
         return location_figure(self[name].location)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``location`` as a table, one picture per record, and ``location_page.html``."""
-        from lumbar.files import write_text
+    def _page(self, pictures: dict[str, Path]) -> str:
         from lumbar.reports.pages.record_pages import location_page
 
-        folder = Path(folder)
-        pictures = self._save(folder, "location")
-        self.table.write(folder / "location")
-        page = location_page(self.simulated, self.model.name, self.data, pictures)
-        write_text(folder / "location_page.html", page)
+        return location_page(self.simulated, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
         return "\n".join("\n  ".join(item.location.sentences) for item in self.simulated)

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from lumbar.interface.data_label import NOT_SAID
 from lumbar.models.fitted_model import FittedModel
-from lumbar.settings.runtime import RuntimeSettings
+from lumbar.settings.runtime import Platform, RuntimeSettings
 
 
 def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLike] = ()) -> list[FittedModel]:
@@ -28,6 +29,14 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
     ------
     InputError
         With the place of everything that is missing, unknown or of the wrong type.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.synthetic.examples import example_records
+    >>> lumbar.refine(example_records(), ["coulomb_friction"]).save("refined")
+    >>> [model.name for model in lumbar.load_models("refined/refined.json")]
+    ['KB', 'KB+coulomb_friction']
     """
     return _read(Path(path), effect_files)[0]
 
@@ -49,7 +58,7 @@ def export_fmu(
     *,
     trained_on: str | None = None,
     rate_Hz: float | None = None,
-    targets: Iterable[str] | None = None,
+    targets: Iterable[Platform] | None = None,
     effect_files: Iterable[str | os.PathLike] = (),
     settings: RuntimeSettings | None = None,
     data: str = "",
@@ -74,7 +83,7 @@ def export_fmu(
     settings : RuntimeSettings, optional
         Moving average, limits, what to do with an unstable model, the compiler's cache.
     data : str
-        Words for the source of the data; they stand in the FMU.
+        Words for the source of the data; they stand in the FMU. Default those of the file.
 
     Returns
     -------
@@ -87,6 +96,12 @@ def export_fmu(
         A model that is not there or cannot be exported, or an unknown platform.
     NumericalError
         An unstable model, where the settings refuse it.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> lumbar.export_fmu("refined/refined.json", "fmu", rate_Hz=1000)  # doctest: +SKIP
+    [PosixPath('fmu/KB+coulomb_friction_fmi2.fmu'), PosixPath('fmu/KB+coulomb_friction_fmi3.fmu')]
     """
     from lumbar.fmu.build.compiler import cache_folder
     from lumbar.fmu.build.export_model import export_models, select_models
@@ -102,14 +117,16 @@ def export_fmu(
         data = data or read_from
     else:
         chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
-    return export_fmus(chosen, Path(folder), data, settings.targets, cache_folder(settings.compiler_cache))
+    return export_fmus(
+        chosen, Path(folder), data or NOT_SAID, settings.targets, cache_folder(settings.compiler_cache)
+    )
 
 
 def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained_on) -> RuntimeSettings:
     """The settings with what is given, or what the file leaves no choice of, before what they say."""
     records = {model.trained_on for model in fitted} - {None}
-    only = records.pop() if len(records) == 1 else settings.trained_on
+    only = records.pop() if len(records) == 1 else None
     # Of an error ladder, which holds no discrete model, the last rung is what a user wants.
     ladder = not any(model.discrete for model in fitted)
     names = tuple(names or ([fitted[-1].name] if ladder else settings.models))
-    return replace(settings, trained_on=trained_on or only, models=names)
+    return replace(settings, trained_on=trained_on or only or settings.trained_on, models=names)

@@ -71,9 +71,13 @@ def diagnose(
     Examples
     --------
     >>> import lumbar
-    >>> diagnosis = lumbar.diagnose(lumbar.read("recordings/tissue"))  # doctest: +SKIP
-    >>> diagnosis.selected                                              # doctest: +SKIP
+    >>> from lumbar.settings.improvement import ImprovementSettings
+    >>> from lumbar.synthetic.examples import example_records
+    >>> diagnosis = lumbar.diagnose(example_records(), settings=ImprovementSettings(most_effects=1))
+    >>> diagnosis.selected
     ('coulomb_friction',)
+    >>> print(str(diagnosis).splitlines()[0])
+    The KB model is missing coulomb friction: with it the error on unseen records falls from 0.224 to 0.0099 N.
     """
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
@@ -109,6 +113,17 @@ def refine(
         For an unknown effect, one that the records lack channels for, or one that they do not excite.
     NumericalError
         If a fit does not converge, or an effect makes the model worse.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.synthetic.examples import example_records
+    >>> refined = lumbar.refine(example_records(), ["coulomb_friction"])
+    >>> print(refined)
+    KB: 0.231 N in training, 0.224 unseen
+    KB+coulomb_friction: 0.009912 N in training, 0.009902 unseen
+    >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
+    '0.40 N'
     """
     return _refined(list(records), list(effects), _chosen(settings, base, train, periods), seed, data)
 

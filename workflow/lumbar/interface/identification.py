@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
+from lumbar.interface.data_label import data_label
 from lumbar.models.fitted_model import ARX, FittedModel
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
@@ -45,7 +46,7 @@ def identify(
     seed : int
         Of the bootstrap.
     data : str
-        Words for the source of the data.
+        Words for the source of the data; default the folder or file they were read from.
 
     Returns
     -------
@@ -59,9 +60,13 @@ def identify(
     Examples
     --------
     >>> import lumbar
-    >>> found = lumbar.identify(lumbar.read("recordings/tissue"), "multisine")  # doctest: +SKIP
-    >>> found["KB"]["spring_stiffness"].value                                    # doctest: +SKIP
-    0.61
+    >>> from lumbar.synthetic.examples import example_records
+    >>> found = lumbar.identify(example_records(), "multisine")
+    >>> found["KB"]
+    <FittedModel KB, arx on multisine, VAF 94.44 %>
+    >>> stiffness = found["KB"]["spring_stiffness"]
+    >>> f"{stiffness.value:.2f} {stiffness.unit}"
+    '0.62 N/mm'
     """
     import pandas as pd
 
@@ -72,6 +77,7 @@ def identify(
 
     settings, improvement = settings or TissueSettings(), improvement or ImprovementSettings()
     records = list(records)
+    data = data_label(data, (record.source for record in records))
     named = {record.name: record for record in records}
     chosen = _training(train or settings.training, records, named)
     models, grid = [], []

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.interface.data_label import NOT_SAID, data_label
 from lumbar.settings.seed import SEED
 from lumbar.settings.survey import SurveySettings
 
@@ -34,6 +35,7 @@ def analyse_survey(
     seed : int
         Of the bootstrap.
     data : str
+        Words for the source of the data; default the folder or file they were read from.
 
     Returns
     -------
@@ -43,14 +45,30 @@ def analyse_survey(
     ------
     NumericalError
         If the answers do not differ at all.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> import numpy as np
+    >>> from lumbar.records.ratings import Ratings
+    >>> scores = np.random.default_rng(1).integers(1, 4, (20, 3)) + [[0, 1, 2]]
+    >>> people, models = tuple(map(str, range(20))), ("IL", "MW", "KB")
+    >>> ratings = Ratings(people, models, scores, 5, ("KB",) * 20, groups={})
+    >>> from lumbar.settings.survey import SurveySettings
+    >>> survey = lumbar.analyse_survey(ratings, settings=SurveySettings(baseline="IL", resamples=1000))
+    >>> print(survey)
+    20 participants rated IL, MW, KB (source not said)
+    kruskal_wallis: 29.40, 2 degrees of freedom, p = 4.1e-07
+    friedman: 18.33, 2 degrees of freedom, p = 0.00010
     """
     from lumbar.records.ratings import read_ratings
     from lumbar.survey.survey_analysis import analyse_survey as analyse
 
     settings = settings or SurveySettings()
     if isinstance(ratings, str | os.PathLike):
+        data = data_label(data, [os.fspath(ratings)])
         ratings = read_ratings(ratings, settings.layout)
-    return Survey(ratings, analyse(ratings, settings, seed, data), settings)
+    return Survey(ratings, analyse(ratings, settings, seed, data or NOT_SAID), settings)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

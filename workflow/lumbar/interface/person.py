@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
+from lumbar.interface.data_label import NOT_SAID, data_label
 from lumbar.lifting import lift as lifting
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
@@ -52,7 +53,7 @@ def lift(
         Name of the lift; default subject and box.
     settings : LiftingSettings, optional
     data : str
-        Words for the source of the data.
+        Words for the source of the data; default the folder or file they were read from.
 
     Returns
     -------
@@ -62,6 +63,17 @@ def lift(
     ------
     InputError, NumericalError
         Naming the file and what is wrong with it.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.synthetic.examples import example_lift
+    >>> somebody = example_lift("lift.c3d")
+    >>> print(lumbar.lift("lift.c3d", somebody, box_mass_kg=15))
+    lift_off: 2.310 s
+    toe_off: 3.930 s
+    deposit_start: 5.800 s
+    release: 7.070 s
     """
     from lumbar.records.markers import read_markers
 
@@ -76,7 +88,11 @@ def lift(
     name = name or f"{subject.name}_{box_mass_kg:g}kg"
     recording = read_markers(markers, settings.markers, name=name)
     return Lift(
-        lifting.analyse_lift(recording, name, subject, trial, settings), subject, trial, settings, data
+        lifting.analyse_lift(recording, name, subject, trial, settings),
+        subject,
+        trial,
+        settings,
+        data_label(data, [recording.source]),
     )
 
 
@@ -177,10 +193,25 @@ def basins(
     seed : int
         Of the simulated starts.
     data : str
+        Words for the source of the data; default those of the lift.
 
     Returns
     -------
     Basins
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.settings.stability import StabilitySettings
+    >>> from lumbar.synthetic.examples import example_lift
+    >>> lift = lumbar.lift("lift.c3d", example_lift("lift.c3d"), box_mass_kg=15)
+    >>> exact_alone = StabilitySettings(knots=51, proof=None, sum_of_squares=None, thesis_method=None)
+    >>> basins = lumbar.basins(lift, settings=exact_alone)
+    >>> print(basins)
+    thorax, lateral_bending, hanging: 0.217 rad²/s on average, 0.3452 at first
+    thorax, flexion_extension, hanging: 0.217 rad²/s on average, 0.3451 at first
+    thorax, lateral_bending, inverted: 0.4458 rad²/s on average, 0.5903 at first
+    thorax, flexion_extension, inverted: 0.4418 rad²/s on average, 0.5647 at first
     """
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
@@ -189,8 +220,9 @@ def basins(
         states, facts, data = lift.states, lift.facts, data or lift.data
     else:
         states, facts = _read_states(Path(lift), facts)
+        data = data or facts.get("data", "")
     trajectories, failures = trajectories_of_lift(states, facts, settings.pendulum.mass)
-    return Basins(trajectories, settings, seed, failures, data)
+    return Basins(trajectories, settings, seed, failures, data or NOT_SAID)
 
 
 def _read_states(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from lumbar.errors import InputError
 from lumbar.records.record_set import RecordSet
@@ -19,16 +20,53 @@ if TYPE_CHECKING:
 Kind = Literal["tissue", "pendulum", "surgeon", "markers", "survey"]
 COLUMN_ENDINGS = (".csv", ".txt", ".mat")
 MARKER_ENDINGS = (".c3d", ".trc")
+_ABOUT = re.compile(
+    r"(readme|read[_-]me|licen[cs]e|copying|copyright|notice|citation|changelog|lizenz|liesmich|lisez[_-]?moi|licencia|leeme)"
+    r"([^a-z].*)?\.txt"
+)
+"""Names of text files that go with data, in small letters: readme.txt, license-data.txt."""
 
 
+Source = str | os.PathLike | Iterable[str | os.PathLike]
+
+
+@overload
 def read(
-    source: str | os.PathLike | Iterable[str | os.PathLike],
-    kind: Kind | None = None,
+    source: Source,
+    kind: Literal["tissue", "pendulum", "surgeon"],
     *,
-    layout: ColumnLayout | MarkerLayout | RatingsLayout | None = None,
+    layout: ColumnLayout | None = None,
     rate: float | None = None,
     names: Iterable[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    trims: Mapping[str, tuple[float, float]] | None = None,
+) -> RecordSet: ...
+@overload
+def read(
+    source: Source, kind: Literal["markers"], *, layout: MarkerLayout | None = None
+) -> MarkerRecording: ...
+@overload
+def read(source: Source, kind: Literal["survey"], *, layout: RatingsLayout | None = None) -> Ratings: ...
+@overload
+def read(
+    source: Source,
+    kind: None = None,
+    *,
+    layout: ColumnLayout | MarkerLayout | None = None,
+    rate: float | None = None,
+    names: Iterable[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+    trims: Mapping[str, tuple[float, float]] | None = None,
+) -> RecordSet | Any: ...  # the file's ending decides
+def read(
+    source: Source,
+    kind: Kind | None = None,
+    *,
+    layout: Any = None,
+    rate: float | None = None,
+    names: Iterable[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+    trims: Mapping[str, tuple[float, float]] | None = None,
 ) -> RecordSet | MarkerRecording | Ratings:
     """Read recordings, whatever their format.
 
@@ -47,6 +85,8 @@ def read(
         Names of the records; default the files' stems.
     periods : mapping of str to float, optional
         Periods of the excitations in seconds by the record's name, where they are known.
+    trims : mapping of str to tuple of float, optional
+        Start and stop of the part that is read, in seconds of the file's clock, by the record's name.
 
     Returns
     -------
@@ -61,9 +101,12 @@ def read(
     Examples
     --------
     >>> import lumbar
-    >>> records = lumbar.read("recordings/tissue")            # doctest: +SKIP
-    >>> records["multisine"].duration                         # doctest: +SKIP
-    100.0
+    >>> import numpy as np
+    >>> rows = [(0.01 * n, n % 7, n % 5) for n in range(1000)]
+    >>> np.savetxt("zigzag.csv", rows, delimiter=",", header="time_s,position_mm,force_N", comments="")
+    >>> records = lumbar.read("zigzag.csv")
+    >>> records["zigzag"]
+    <Record zigzag: 1000 samples at 100 Hz, 10 s; position (mm), force (N)>
     """
     files = [Path(source)] if isinstance(source, str | os.PathLike) else [Path(item) for item in source]
     if len(files) == 1 and kind is None and files[0].suffix.lower() in MARKER_ENDINGS:
@@ -76,7 +119,7 @@ def read(
         from lumbar.records.ratings import read_ratings
 
         return read_ratings(_one(files, kind), layout or _default_layout(kind))
-    from lumbar.records.columns import read_record
+    from lumbar.records.columns import default_name, read_record
     from lumbar.records.record import same_units
 
     layout, periods = layout or _default_layout(kind or "tissue"), periods or {}
@@ -85,8 +128,11 @@ def read(
         for item in files
         for file in ([item] if item.suffix and not item.is_dir() else column_files(item))
     ]
-    names = list(names) if names is not None else [None] * len(files)
-    records = [read_record(file, layout, name, None, rate) for file, name in zip(files, names, strict=True)]
+    called = [default_name(file) for file in files] if names is None else list(names)
+    records = [
+        read_record(file, layout, name, None, rate, (trims or {}).get(name))
+        for file, name in zip(files, called, strict=True)
+    ]
     same_units(records)
     return RecordSet(records).with_periods(periods)
 
@@ -97,7 +143,7 @@ def read_listed(
     layout: ColumnLayout,
     rate: float | None = None,
 ) -> RecordSet:
-    """Read the records that a study lists, each with the name and period that it has there.
+    """Read the records that a study lists, each with the name, period and part that it has there.
 
     Parameters
     ----------
@@ -109,7 +155,8 @@ def read_listed(
     """
     names = [entry.name for entry in listed]
     periods = {entry.name: entry.period_s for entry in listed if entry.period_s is not None}
-    return read(files, layout=layout, rate=rate, names=names, periods=periods)
+    trims = {entry.name: entry.trim_s for entry in listed if entry.trim_s is not None}
+    return read(files, "tissue", layout=layout, rate=rate, names=names, periods=periods, trims=trims)
 
 
 def _one(files: list[Path], kind: str) -> Path:
@@ -151,8 +198,9 @@ def column_files(folder: Path) -> list[Path]:
 
 
 def is_column_file(path: Path) -> bool:
-    """Whether the name is that of a column file."""
-    return path.is_file() and path.name.lower().removesuffix(".gz").endswith(COLUMN_ENDINGS)
+    """Whether the name is that of a column file, and not of words about the data such as ``LICENSE.txt``."""
+    name = path.name.lower().removesuffix(".gz")
+    return path.is_file() and name.endswith(COLUMN_ENDINGS) and not _ABOUT.fullmatch(name)
 
 
 def is_marker_file(path: Path) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.interface.data_label import data_label
 from lumbar.records.record import Record
 from lumbar.settings.plain import plain
 from lumbar.settings.seed import SEED
@@ -42,14 +43,30 @@ def bandwidth(
     seed : int
         Of the intervals.
     data : str
+        Words for the source of the data; default the folder or file they were read from.
 
     Returns
     -------
     Bandwidth
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> import numpy as np
+    >>> from lumbar.records.record import Channel, Record
+    >>> time = np.arange(0, 40, 0.01)
+    >>> wobble = np.sin(2 * np.pi * 0.7 * time) + 0.3 * np.sin(2 * np.pi * 2.1 * time)
+    >>> trials = [Record("anna_trial_1", time, {"position": Channel(wobble, "position", "mm")})]
+    >>> found = lumbar.bandwidth(trials)
+    >>> found
+    <Bandwidth of 1 surgeon>
+    >>> f"{found.values['position']['power_share']['value_Hz']:.1f} Hz"
+    '2.1 Hz'
     """
     from lumbar.signals.surgeon_motion import motion_bandwidths, motion_spectra
 
     settings, trials = settings or SurgeonSettings(), list(trials)
+    data = data_label(data, (trial.source for trial in trials))
     surgeons = list(surgeons or (trial.name.split("_trial")[0] for trial in trials))
     spectra = motion_spectra(trials, surgeons, settings.welch)
     return Bandwidth(spectra, motion_bandwidths(spectra, settings.bandwidth, seed), settings, data)
@@ -106,7 +123,8 @@ class Bandwidth:
         ]
 
     def __repr__(self) -> str:
-        return f"<Bandwidth of {len(set(self.spectra.surgeons))} surgeons>"
+        count = len(set(self.spectra.surgeons))
+        return f"<Bandwidth of {count} surgeon{'s' * (count != 1)}>"
 
     def __str__(self) -> str:
         return "\n".join(f"{row['quantity']}, {row['rule']}: {_text(row)}" for row in self.rows())
@@ -141,6 +159,7 @@ def design_signals(
     settings : SignalsSettings, optional
     seed : int
     data : str
+        Words for the source of the band; default those of the bandwidth, or that it was given.
 
     Returns
     -------
@@ -150,6 +169,15 @@ def design_signals(
     ------
     InputError
         If the band is not within the Nyquist frequency, or the machine cannot play a signal.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> signals = lumbar.design_signals(2.5)
+    >>> print(signals)
+    multisine, noise, chirp: excited up to 2.5 Hz
+    >>> signals.properties.frame["signal"].tolist()
+    ['multisine', 'noise', 'chirp']
     """
     from lumbar.errors import InputError
     from lumbar.files import read_json
@@ -157,12 +185,13 @@ def design_signals(
 
     settings = settings or SignalsSettings()
     if isinstance(band, Bandwidth):
-        band = excited_band(band.values, settings)
+        data, band = data or band.data, excited_band(band.values, settings)
     elif isinstance(band, str | os.PathLike):
-        band = excited_band(read_json(Path(band)), settings)
+        values = read_json(Path(band))
+        data, band = data or values.get("data", ""), excited_band(values, settings)
     elif not 0 < band < settings.rate_Hz / 2:
         raise InputError(f"the band is {band:g} Hz; allowed: above 0 and below {settings.rate_Hz / 2:g} Hz")
-    return Signals(design_excitation(band, settings, seed), band, settings, data)
+    return Signals(design_excitation(band, settings, seed), band, settings, data or "band given by hand")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lumbar.errors import InputError
 from lumbar.models.c_step import CStep
 from lumbar.models.equation import Solution
 from lumbar.models.form import Form, LinearParameter, NonlinearParameter, Place
@@ -58,6 +59,11 @@ class Base:
             solution=self.solution,
             effect="base",
         )
+
+    @property
+    def text(self) -> str:
+        """The equation in plain text."""
+        return f"{_RESPONSES[self.system]} = {self.form.text}"
 
     @property
     def latex(self) -> str:
@@ -112,3 +118,16 @@ the person exerts at the pivot, positive with the angle θ from the vertical (no
 sign the data give it: m g ℓ > 0 where θ counts from straight down (hanging, as published), −m g ℓ < 0 where it counts
 from straight up (inverted).
 """
+
+
+def base_named(name: str) -> Base:
+    """Base model of a name.
+
+    Raises
+    ------
+    InputError
+        For an unknown one, with those that there are.
+    """
+    if name not in BASES:
+        raise InputError(f"unknown base model {name!r}; known are {', '.join(BASES)}")
+    return BASES[name]

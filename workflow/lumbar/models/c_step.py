@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -65,13 +64,3 @@ class CStep:
     def memory_size(self, numbers: Mapping[str, float]) -> int:
         """How many numbers the form keeps, given those that its code knows."""
         return self.memory(numbers) if callable(self.memory) else self.memory
-
-
-def ramp_relaxation(parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
-    """Pole and gain of q̇ = ż − q/τ for a position that is linear between samples (ramp-invariant)."""
-    ratio = sampling_time / parameters["relaxation_time"]
-    return {"pole": math.exp(-ratio), "gain": -math.expm1(-ratio) / ratio}
-
-
-RELAX = "next[0] = pole * memory[0] + gain * step;"
-"""The statement that goes with `ramp_relaxation`: elongation of a Maxwell branch's spring."""

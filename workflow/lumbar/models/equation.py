@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,17 +20,16 @@ from lumbar.models.expression import (
     Number,
     Operation,
     Symbol,
-    check_powers,
     expanded,
-    linear_parts,
-    parse,
     substituted,
     symbols,
     whole_power,
 )
+from lumbar.models.expression_checks import check_powers, linear_parts
 from lumbar.models.motion import Motion
 from lumbar.models.motion_signals import FORCE, NEVER_NEGATIVE, SIGNALS
-from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter
+from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter, Parameter
+from lumbar.models.parsing import parse
 from lumbar.models.printing import c_text, latex, portable, symbol_latex
 from lumbar.models.state_equation import MOST_STATES, STEP_SYMBOL, StateEquation
 
@@ -112,8 +111,11 @@ class Equation:
     @property
     def _named(self) -> tuple[str, ...]:
         """Symbols that it declares itself."""
-        items = (*self.linear, *self.nonlinear, *self.constants)
-        return (*(item.symbol for item in items), *(name for name, _ in self.states))
+        return (*(item.symbol for item in self._declared), *(name for name, _ in self.states))
+
+    @property
+    def _declared(self) -> tuple[Parameter | Constant, ...]:
+        return (*self.linear, *self.nonlinear, *self.constants)
 
     @property
     def _never_negative(self) -> set[str]:
@@ -200,7 +202,7 @@ class Equation:
         varying = {*SIGNALS, FORCE, *self.slopes}
         return tuple(index for index, column in enumerate(self.columns) if not symbols(column) & varying)
 
-    def parameters(self, nonlinear: Sequence[float]) -> dict[str, float]:
+    def parameters(self, nonlinear: Iterable[float]) -> dict[str, float]:
         """Nonlinear parameters and constants by symbol."""
         named = zip(self._nonlinear_symbols, nonlinear, strict=True)
         return {**dict(named), **{item.symbol: item.value for item in self.constants}}
@@ -208,7 +210,7 @@ class Equation:
     def forces(
         self,
         motion: Motion,
-        nonlinear: Sequence[float],
+        nonlinear: np.ndarray,
         solution: Solution | None = None,
         force: np.ndarray | None = None,
     ) -> list[np.ndarray]:
@@ -217,17 +219,17 @@ class Equation:
         Parameters
         ----------
         motion : Motion
-        nonlinear : sequence of float
+        nonlinear : numpy.ndarray
         solution : callable, optional
             Of the states, in place of the solver's.
         force : numpy.ndarray, optional
             What a form that acts on the output transforms.
         """
         values: dict = dict(zip(self._nonlinear_symbols, nonlinear, strict=True))
-        if self.states and solution is None:
-            values.update(self.state.trajectory(motion, self.parameters(nonlinear)))
-        elif self.states:
+        if self.state is not None and solution is not None:
             values.update(zip(self.slopes, solution(motion, nonlinear), strict=True))
+        elif self.state is not None:
+            values.update(self.state.trajectory(motion, self.parameters(nonlinear)))
         for name, signal in self._signals:
             values[name] = signal(motion)
         if force is not None:
@@ -235,13 +237,13 @@ class Equation:
         found = self._evaluator(values)
         for index in self._steady:
             found[index] = np.full(len(motion), float(found[index]))
-        return found
+        return found  # type: ignore[return-value]  # what is one number for all samples was written out
 
     @cached_property
     def latex(self) -> str:
         """The equation, those of its states, and what its constants are."""
         names = {name: item.latex for name, item in SIGNALS.items() if item.latex}
-        for item in (*self.linear, *self.nonlinear, *self.constants):
+        for item in self._declared:
             names[item.symbol] = item.in_latex
         rates = [rf"\dot {symbol_latex(name)} = {latex(parse(text), names)}" for name, text in self.states]
         said = [
@@ -257,10 +259,10 @@ class Equation:
     @cached_property
     def portable_terms(self) -> tuple[Expression, ...]:
         """What C adds up, term by term, in operations with the same bits on every platform."""
-        terms = [
-            column if self.transforms else Operation("*", (Symbol(item.symbol), column))
-            for column, item in zip(self.columns, self.linear or (None,), strict=True)
-        ]
+        terms = self.columns
+        if not self.transforms:
+            named = zip(self.linear, self.columns, strict=True)
+            terms = tuple(Operation("*", (Symbol(item.symbol), column)) for item, column in named)
         return tuple(portable(substituted(term, self._given)) for term in terms)
 
     def c_step(self, solution: str = "") -> CStep | None:
@@ -278,7 +280,7 @@ class Equation:
         names |= {name: f"next[{row}]" for row, name in enumerate(self.slopes)}
         names[STEP_SYMBOL] = STEP_SYMBOL
         shared, values = _c_lines("shared", self.portable_terms, names)
-        steps = [solution] if solution or not self.state else self._c_state_steps(names)
+        steps = [solution] if solution or not self.state else self._c_state_steps(self.state, names)
         statements = "\n".join(filter(None, [*steps, *shared]))
         return CStep(" + ".join(values), statements, len(self.slopes), self._c_constants)
 
@@ -294,9 +296,9 @@ class Equation:
             found["pole"] = float(max(map(abs, decays), default=0.0))
         return found
 
-    def _c_state_steps(self, names: Mapping[str, str]) -> list[str]:
+    def _c_state_steps(self, state: StateEquation, names: Mapping[str, str]) -> list[str]:
         """Statements of the exponential Rosenbrock–Euler step."""
-        state, given = self.state, self._given
+        given = self._given
         before = {name: f"memory[{row}]" for row, name in enumerate(state.names)}
         begun = {
             "position": "(position - step)",
@@ -326,7 +328,7 @@ def _c_lines(stem: str, trees: Sequence[Expression], names: Mapping[str, str]) -
         _count_uses(tree, uses, order)
     replaced: dict[Expression, Symbol] = {}
     known = dict(names)
-    lines = []
+    lines: list[str] = []
     for part in order:
         if uses[part] > 1:
             name = f"{stem}_{len(lines)}"

@@ -62,7 +62,7 @@ class Evaluator:
 
     Examples
     --------
-    >>> from lumbar.models.expression import parse
+    >>> from lumbar.models.parsing import parse
     >>> Evaluator([parse("z**3"), parse("2*z")])({"z": np.array([1.0, 2.0])})
     [array([1., 8.]), array([2., 4.])]
     """
@@ -79,7 +79,8 @@ class Evaluator:
         """Where the value of an expression will stand."""
         if expression in self._places:
             return self._places[expression]
-        value, step = None, None
+        value: float | None = None
+        step: tuple[Callable, list[int]] | None = None
         match expression:
             case Number(value):
                 pass
@@ -98,8 +99,9 @@ class Evaluator:
         if isinstance(expression, Symbol) and value is None:
             self._symbols.append((expression.name, place))
         if step:
-            first, second, *others = (*step[1], None)[: max(2, len(step[1]))]
-            self._operations.append((step[0], first, second, tuple(others), place))
+            function, (first, *others) = step
+            second = others[0] if others else None
+            self._operations.append((function, first, second, tuple(others[1:]), place))
         return place
 
     def _computed(self, expression: Operation) -> tuple[Callable, tuple[Expression, ...]]:

@@ -186,12 +186,14 @@ class FittedModel:
     @property
     def order(self) -> int:
         """Poles of the transfer function, or relaxations of the base."""
-        return len(self.structure.denominator) - 1 if self.discrete else len(self.structure.base.nonlinear)
+        if isinstance(self.structure, TransferFunction):
+            return len(self.structure.denominator) - 1
+        return len(self.structure.base.nonlinear)
 
     @property
     def stable(self) -> bool:
         """Whether a free run exists; continuous models relax, hence are stable."""
-        return self.structure.stable if self.discrete else True
+        return not isinstance(self.structure, TransferFunction) or self.structure.stable
 
     def __getitem__(self, key: str) -> FittedParameter:
         """Parameter by its name, with the effect's in front where it is not the base's: ``"drift.drift_rate"``.
@@ -210,9 +212,10 @@ class FittedModel:
     def values_of(self, part: Base | Form) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Linear and nonlinear parameters of the base or of an effect's form, in the part's own order."""
         owner = f"{part.effect}." if isinstance(part, Form) else ""
-        return tuple(
+        linear, nonlinear = (
             tuple(self[owner + item.name].value for item in kind) for kind in (part.linear, part.nonlinear)
         )
+        return linear, nonlinear
 
     def simulate(self, record: Record) -> np.ndarray:
         """Free run from a record's input alone.
@@ -239,8 +242,8 @@ class FittedModel:
             raise InputError(
                 f"{record.name}: the input is in {unit!r}, {self.name} takes {self.input.unit!r}"
             )
-        if not self.discrete:
-            return self._simulate_structure(record) + self.output.offset
+        if isinstance(self.structure, Structure):
+            return self._simulate_structure(self.structure, record) + self.output.offset
         if abs(record.sampling_time / self.sampling_time - 1) > 1e-4:
             raise InputError(
                 f"{record.name} is sampled at {1 / record.sampling_time:g} Hz, {self.name} is a difference equation at "
@@ -248,14 +251,14 @@ class FittedModel:
             )
         return self.structure.simulate(record["input"] - self.input.offset) + self.output.offset
 
-    def _simulate_structure(self, record: Record) -> np.ndarray:
+    def _simulate_structure(self, structure: Structure, record: Record) -> np.ndarray:
         from lumbar.models.measured_angle import for_base
         from lumbar.models.motion import Motion
 
-        parts = [self.values_of(part) for part in (self.structure.base, *self.structure.forms)]
+        parts = [self.values_of(structure.base), *map(self.values_of, structure.forms)]
         linear, nonlinear = (np.concatenate([part[kind] for part in parts]) for kind in (0, 1))
-        motion = Motion.of(for_base(record, self.structure.base), offset=self.input.offset)
-        return self.structure.simulate(motion, linear, nonlinear)
+        motion = Motion.of(for_base(record, structure.base), offset=self.input.offset)
+        return structure.simulate(motion, linear, nonlinear)
 
     def to_control(self) -> control.TransferFunction:
         """Transfer function of python-control: in z with ``dt``, or in s for a base without effects.
@@ -269,7 +272,7 @@ class FittedModel:
         """
         import control
 
-        if self.discrete:
+        if isinstance(self.structure, TransferFunction):
             from lumbar.models.state_space import aligned
 
             return control.TransferFunction(*aligned(self.structure), self.sampling_time)
@@ -297,7 +300,7 @@ class FittedModel:
         """
         import control
 
-        if self.discrete:
+        if isinstance(self.structure, TransferFunction):
             from lumbar.models.state_space import observer_form
 
             return observer_form(self.structure, self.sampling_time)

@@ -4,7 +4,7 @@ A model's force is composed in this order::
 
     motion --(input forms: delay, play)--> motion' --> base force + parallel forms' forces --(output forms)--> force
 
-A form is one equation (`lumbar.models.expression` says what may stand in it); its simulation, its LaTeX and its C code
+A form is one equation (`lumbar.models.parsing` says what may stand in it); its simulation, its LaTeX and its C code
 follow. A parallel form is a sum of terms that *linear parameters* are factors of, so that they can be solved for
 directly (separable least squares); what enters otherwise is a *nonlinear parameter*, positive, searched over decades. Output
 forms have nonlinear parameters only. What no equation can say (play, delay) is a `HandWritten` form.
@@ -57,9 +57,10 @@ class HandWritten:
         Roles of channels beside input and output that it needs.
     """
 
-    columns: Columns | None = None
-    input_transform: InputTransform | None = None
-    output_transform: OutputTransform | None = None
+    # Which of the three there is follows from the form's place.
+    columns: Columns = None  # type: ignore[assignment]
+    input_transform: InputTransform = None  # type: ignore[assignment]
+    output_transform: OutputTransform = None  # type: ignore[assignment]
     c_step: CStep | None = None
     channels: tuple[str, ...] = ()
 
@@ -156,6 +157,15 @@ class Form:
         arrow = r"F \to " if self.place is Place.OUTPUT else ""
         return arrow + self._equation.latex
 
+    @property
+    def text(self) -> str:
+        """The same in plain text, as a terminal shows it; of a hand-written form its name."""
+        if self.hand_written:
+            return self.name
+        states = (f"d{name}/dt = {rate}" for name, rate in self.state)
+        arrow = "F -> " if self.place is Place.OUTPUT else ""
+        return ", ".join([arrow + self.equation, *states])
+
     @cached_property
     def channels(self) -> tuple[str, ...]:
         """Roles of channels beside input and output that it needs; without them it is left out of a search."""
@@ -174,6 +184,7 @@ class Form:
 
     def input_transform(self, motion: Motion, nonlinear: np.ndarray) -> Motion:
         """Motion that an input form lets the tissue see."""
+        assert self.hand_written is not None  # no equation transforms a motion
         return self.hand_written.input_transform(motion, nonlinear)
 
     def output_transform(self, force: np.ndarray, motion: Motion, nonlinear: np.ndarray) -> np.ndarray:

@@ -61,7 +61,7 @@ class JoinedMotions:
         }
 
     def scale(self, kind: str) -> float:
-        """Largest size of a quantity in any of the records: see `lumbar.models.form.Shape`."""
+        """Largest size of a quantity in any of the records: see `lumbar.models.parameter.NonlinearParameter`."""
         return max(part.scale(kind) for part in self.parts)
 
     def split(self, signal: np.ndarray) -> list[np.ndarray]:

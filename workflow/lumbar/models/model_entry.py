@@ -43,13 +43,13 @@ class _Written:
 class _Entry(FittedModel):
     """A model as it is written: its fields are the schema of the file."""
 
-    structure: _Written
+    structure: _Written  # type: ignore[assignment]  # what is written stands for what it means
     __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012
 
 
 def entry_of(model: FittedModel) -> dict:
     """Return a model as plain data: its fields, with the structure as coefficients or as names of effects and forms."""
-    if model.discrete:
+    if isinstance(model.structure, TransferFunction):
         written = _Written(model.structure.numerator, model.structure.denominator)
     else:
         written = _Written(effects=tuple(_Added(form.effect, form.name) for form in model.structure.forms))
@@ -75,6 +75,7 @@ def read_entry(entry: dict, catalogues: Catalogues) -> FittedModel:
     problems = Problems(f"model {name!r}")
     model = checked_entry(entry, catalogues, problems)
     problems.raise_if_any()
+    assert model is not None  # else there were problems
     return model
 
 
@@ -84,6 +85,7 @@ def checked_entry(entry: dict, catalogues: Catalogues, problems: Problems) -> Fi
     if plain is None:
         return None
     before = len(problems.entries)
+    structure: TransferFunction | Structure | None
     if plain.structure.effects is None:
         structure = _transfer_function(plain.structure, problems)
     else:

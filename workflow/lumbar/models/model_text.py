@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 
 from lumbar.models.fitted_model import FittedModel, FittedParameter
+from lumbar.models.transfer_function import TransferFunction
 
 
 def headline(model: FittedModel) -> str:
@@ -19,10 +20,11 @@ def in_text(model: FittedModel) -> str:
     signals = (
         f"{model.input.quantity} in {model.input.unit} to {model.output.quantity} in {model.output.unit}"
     )
-    if model.discrete:
-        equation = f"H(z) = {_ratio(model, '({})/({})', 'z^-{}')}, {1 / model.sampling_time:g} Hz"
+    if isinstance(model.structure, TransferFunction):
+        equation = f"H(z) = {_ratio(model.structure, '({})/({})', 'z^-{}')}, {1 / model.sampling_time:g} Hz"
     else:
-        equation = "; ".join(_latex(model))
+        effects = [f"{form.effect}: {form.text}" for form in model.structure.forms]
+        equation = "; ".join([model.structure.base.text, *effects])
     width = max((len(item.key) for item in model.parameters), default=0)
     rows = [f"  {item.key:<{width}}  {_value(item)}" for item in model.parameters]
     notes = (model.no_parameters_because, _scores(model), model.remark)
@@ -45,9 +47,9 @@ def in_html(model: FittedModel) -> str:
 
 def _latex(model: FittedModel) -> list[str]:
     """Transfer function of a discrete model; equation of the base and of every effect of a continuous one."""
-    if model.discrete:
-        return ["H(z) = " + _ratio(model, r"\frac{{{}}}{{{}}}", "z^{{-{}}}")]
-    return [part.latex for part in (model.structure.base, *model.structure.forms)]
+    if isinstance(model.structure, TransferFunction):
+        return ["H(z) = " + _ratio(model.structure, r"\frac{{{}}}{{{}}}", "z^{{-{}}}")]
+    return [model.structure.base.latex, *(form.latex for form in model.structure.forms)]
 
 
 def _value(item: FittedParameter) -> str:
@@ -73,10 +75,8 @@ def _scores(model: FittedModel) -> str:
     )
 
 
-def _ratio(model: FittedModel, form: str, power: str) -> str:
-    numerator, denominator = (
-        _polynomial(part, power) for part in (model.structure.numerator, model.structure.denominator)
-    )
+def _ratio(ratio: TransferFunction, form: str, power: str) -> str:
+    numerator, denominator = (_polynomial(part, power) for part in (ratio.numerator, ratio.denominator))
     return numerator if denominator == "1" else form.format(numerator, denominator)
 
 

@@ -54,7 +54,8 @@ def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list
     models = []
     for index, entry in enumerate(content["models"]):
         own = Problems(f"models.{entry.get('name', index) if isinstance(entry, dict) else index}")
-        models.append(checked_entry(entry, catalogues, own))
+        model = checked_entry(entry, catalogues, own)
+        models += [model] if model else []
         problems.extend(own)
     problems.raise_if_any()
     return models

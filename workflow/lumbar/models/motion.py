@@ -144,7 +144,7 @@ class Motion:
         return Motion(self.time, position, self.sampling_time, False, self.channels)
 
     def scale(self, kind: str) -> float:
-        """Size of a quantity, for starting values: see `lumbar.models.form.Shape`."""
+        """Size of a quantity, for starting values: see `lumbar.models.parameter.NonlinearParameter`."""
         return {
             "position": lambda: float(np.ptp(self.position) / 2),
             "speed": lambda: float(np.abs(self.velocity).max()),

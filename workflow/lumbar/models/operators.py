@@ -23,8 +23,8 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
     Parameters
     ----------
     motion : Motion
-    time_constant : float
-        τ in seconds.
+    time_constant : float or complex
+        τ in seconds; complex of one of a conjugate pair of poles at −1/τ.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
         # Weights of the parabola's moments ∫e^{-(1-r)x} r^j dr, j = 0, 1, 2, with x the rate.
         linear = (1 - constant) / rate
         square = (1 - 2 * linear) / rate
-        driven = np.zeros(len(motion))
+        driven = np.zeros(len(motion), dtype=np.result_type(rate, float))
         driven[1:] = motion.sampling_time * (
             (constant - 3 * linear + 2 * square) * motion.velocity[:-1]
             + 4 * (linear - square) * motion.velocity_between

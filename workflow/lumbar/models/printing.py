@@ -82,7 +82,7 @@ def latex(expression: Expression, names: Mapping[str, str]) -> str:
 
     Examples
     --------
-    >>> from lumbar.models.expression import parse
+    >>> from lumbar.models.parsing import parse
     >>> latex(parse("Fc*tanh(v/vs)"), {})
     'F_c \\\\tanh(v/v_s)'
     """
@@ -129,8 +129,8 @@ class _Latex:
                 return self.names.get(name) or symbol_latex(name), _ATOM
             case Operation("+" | "-" as name, (left, right)):
                 below = _SUM if name == "+" else _PRODUCT
-                right = f"({self.text(right, 0)})" if _signed(right) else self.text(right, below)
-                return f"{self.text(left, _SUM)} {name} {right}", _SUM
+                second = f"({self.text(right, 0)})" if _signed(right) else self.text(right, below)
+                return f"{self.text(left, _SUM)} {name} {second}", _SUM
             case Operation("neg", (operand,)):
                 return f"-{self.text(operand, _PRODUCT)}", _SIGNED
             case Operation("*"):
@@ -141,13 +141,13 @@ class _Latex:
                 raised = self._operand(exponent)
                 return self._base(base) + (f"^{raised}" if len(raised) == 1 else f"^{{{raised}}}"), _POWER
             case Operation("where", operands):
-                return self._choice(*operands)
+                return self._choice(*operands)  # type: ignore[arg-type]  # the first is a comparison
             case Operation("sum", (index, first, last, term)):
                 limits = [self.text(part, 0) for part in (index, first, last)]
                 return rf"\sum_{{{limits[0]}={limits[1]}}}^{{{limits[2]}}} {self.text(term, _PRODUCT)}", _SUM
             case Operation("hypot", operands):
                 return _CALLED["hypot"].format(*map(self._base, operands)), _ATOM
-            case Operation(name, (left, right)) if name in COMPARISONS.values():
+            case Operation(name, (left, right)) if name in COMPARISONS:
                 return f"{self.text(left, 0)} {_RELATIONS[name]} {self.text(right, 0)}", 0
             case Operation(name, operands):
                 own = _POWER if name == "exp" else _ATOM
@@ -188,7 +188,7 @@ class _Latex:
             return f"{self.text(above, _SIGNED)}/{self.text(below, _ATOM)}", _PRODUCT
         return rf"\frac{{{self.text(above, 0)}}}{{{self.text(below, 0)}}}", _ATOM
 
-    def _choice(self, condition: Expression, yes: Expression, no: Expression) -> tuple[str, int]:
+    def _choice(self, condition: Operation, yes: Expression, no: Expression) -> tuple[str, int]:
         """Iverson's brackets: 1 where they hold, 0 where not."""
         zero = Number(0.0)
         other = Operation(_OPPOSITE[condition.name], condition.operands)
@@ -322,7 +322,7 @@ def _c_text(expression: Expression, names: Mapping[str, str], rank: int) -> str:
             # The operand on the right keeps its brackets: C computes sums and products from the left.
             own = _C_RANK[name]
             text = f"{_c_text(left, names, own)} {name} {_c_text(right, names, own + 1)}"
-        case Operation(name, (left, right)) if name in COMPARISONS.values():
+        case Operation(name, (left, right)) if name in COMPARISONS:
             text, own = f"{_c_text(left, names, 1)} {name} {_c_text(right, names, 1)}", 1
         case Operation(name, operands):
             return f"{name}({', '.join(_c_text(operand, names, 0) for operand in operands)})"

@@ -18,6 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lumbar.models.derivative import derivative
 from lumbar.models.evaluation import NUMPY, Evaluator, Functions
 from lumbar.models.expression import (
     COMPARISONS,
@@ -26,7 +27,6 @@ from lumbar.models.expression import (
     Operation,
     Symbol,
     add,
-    derivative,
     multiply,
     parts,
     symbols,
@@ -45,7 +45,7 @@ _TOLERANCE = 1e-13
 _TERMS = 14
 """Of φ₁'s series for matrices, whose norm is first halved to at most 1/2: it then ends below rounding."""
 _STEP = Symbol(STEP_SYMBOL)
-_RATES = {
+_RATES: dict[str, Expression] = {
     **{symbol: Symbol("dz") for symbol in ("z", "theta")},
     "s": Operation("abs", (Symbol("dz"),)),
     "t": _STEP,
@@ -102,7 +102,7 @@ class StateEquation:
             part
             for slope in self.slopes.values()
             for part in parts(slope)
-            if isinstance(part, Operation) and part.name in ("sign", *COMPARISONS.values())
+            if isinstance(part, Operation) and part.name in ("sign", *COMPARISONS)
         ]
         return not any(symbols(part) & set(self.names) for part in (*cells, *jumps))
 

@@ -48,4 +48,5 @@ def aligned(discrete: TransferFunction) -> tuple[np.ndarray, np.ndarray]:
     """Numerator and denominator of one length: as powers of z⁻¹ rising, and of z falling. Trailing zeros are left out."""
     parts = [np.trim_zeros(part, "b") for part in (discrete.numerator, discrete.denominator)]
     length = max(map(len, parts))
-    return tuple(np.pad(np.array(part, dtype=float), (0, length - len(part))) for part in parts)
+    numerator, denominator = (np.pad(np.array(part, dtype=float), (0, length - len(part))) for part in parts)
+    return numerator, denominator

@@ -72,13 +72,14 @@ class Structure:
         if isinstance(motion, JoinedMotions):
             return np.concatenate([self.design(part, nonlinear) for part in motion.parts])
         base, parts = self.nonlinear_of(nonlinear)
+        seen: Motion = motion
         for form in self.forms:
             if form.place is Place.INPUT:
-                motion = self._of(form.key, form.input_transform, motion, parts[form.key])
-        columns = self._of(self.base.name, self.base.columns, motion, base)
+                seen = self._of(form.key, form.input_transform, seen, parts[form.key])
+        columns = self._of(self.base.name, self.base.columns, seen, base)
         for form in self.forms:
             if form.place is Place.PARALLEL:
-                columns = [*columns, *self._of(form.key, form.columns, motion, parts[form.key])]
+                columns = [*columns, *self._of(form.key, form.columns, seen, parts[form.key])]
         return np.array(columns).T
 
     @staticmethod

@@ -99,7 +99,7 @@ class TissueModel:
                 raise NumericalError(
                     f"{self.name}: {name} is {value:.4g}; springs and dashpots need more than 0"
                 )
-        return self.derive(**values)
+        return self.derive(**values) if self.derive else {}
 
     def physical_parameters(
         self, transfer_function: TransferFunction, sampling_time: float

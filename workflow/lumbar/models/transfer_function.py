@@ -89,11 +89,11 @@ class TransferFunction:
         """
         lag = self.largest_lag
         count = len(inputs) - lag
-        past_inputs = sum(b * inputs[lag - j : lag - j + count] for j, b in enumerate(self.numerator))
-        past_outputs = sum(
+        moving_average = (b * inputs[lag - j : lag - j + count] for j, b in enumerate(self.numerator))
+        autoregression = (
             a * outputs[lag - i : lag - i + count] for i, a in enumerate(self.denominator) if i > 0
         )
-        return past_inputs - past_outputs
+        return sum(moving_average, np.zeros(count)) - sum(autoregression, np.zeros(count))
 
     @property
     def largest_lag(self) -> int:

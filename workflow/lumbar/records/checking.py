@@ -21,7 +21,7 @@ def check_recordings(plan: list[dict]) -> dict[str, list[dict]]:
     plan : list of dict
         One entry per file: ``chapter``, ``set`` (files whose quantities and units must agree, or null),
         ``reader`` (``columns``, ``markers`` or ``ratings``), ``path``, ``layout``, and for columns ``name``,
-        ``period_s`` and ``rate_Hz`` where they apply.
+        ``period_s``, ``rate_Hz`` and ``trim_s`` where they apply.
 
     Returns
     -------
@@ -83,6 +83,7 @@ def _columns(item: dict) -> tuple[object, dict]:
         name=item.get("name"),
         period=item.get("period_s"),
         rate=item.get("rate_Hz"),
+        trim=item.get("trim_s"),
     )
     channels = {
         role: {"quantity": channel.quantity, "unit": channel.unit}

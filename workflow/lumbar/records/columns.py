@@ -29,7 +29,8 @@ import numpy as np
 
 from lumbar.errors import InputError, Problems
 from lumbar.records.clipping import check_clipping
-from lumbar.records.record import Channel, Record, check_record
+from lumbar.records.missing_rows import with_missing_rows
+from lumbar.records.record import Channel, Record, check_record, samples_between
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 TIME = "time"
@@ -41,6 +42,7 @@ def read_record(
     name: str | None = None,
     period: float | None = None,
     rate: float | None = None,
+    trim: tuple[float, float] | None = None,
 ) -> Record:
     """Read one file into a validated record.
 
@@ -55,6 +57,8 @@ def read_record(
         Period of the excitation in seconds.
     rate : float, optional
         Resample to this rate in hertz, with an anti-aliasing filter. Default: leave as recorded.
+    trim : tuple of float, optional
+        Start and stop in seconds of the file's clock; what lies outside is not even checked.
 
     Returns
     -------
@@ -77,21 +81,27 @@ def read_record(
         scaled = {
             role: raw[role] * float(column.scale) + float(column.offset) for role, column in columns.items()
         }
+    time_unit = layout.columns[TIME].unit
+    if time_unit not in _SECONDS:
+        raise InputError(f"{path}: time is in {time_unit!r}; allowed are {', '.join(_SECONDS)}")
+    scaled[TIME] = scaled[TIME] * _SECONDS[time_unit]
+    if trim is not None:
+        keep = samples_between(scaled[TIME], trim, str(path))
+        scaled = {role: values[keep] for role, values in scaled.items()}
+        lines = None if lines is None else [lines[sample] for sample in keep]
     channels = {
         role: Channel(scaled[role], column.quantity or role, column.unit)
         for role, column in columns.items()
         if role != TIME
     }
-    time_unit = layout.columns[TIME].unit
-    if time_unit not in _SECONDS:
-        raise InputError(f"{path}: time is in {time_unit!r}; allowed are {', '.join(_SECONDS)}")
     record = Record(
-        name=name or Path(path.name.removesuffix(".gz")).stem,
-        time=scaled[TIME] * _SECONDS[time_unit],
+        name=name or default_name(path),
+        time=scaled[TIME],
         channels=channels,
         source=str(path),
         period=period,
     )
+    record, lines = with_missing_rows(record, lines)
     may_rest = [role for role, column in columns.items() if column.optional]
     check_record(record, may_rest=may_rest, lines=lines)
     if layout.clipped == "refuse":
@@ -101,6 +111,11 @@ def read_record(
 
         record = resample(record, rate)
     return record
+
+
+def default_name(path: Path) -> str:
+    """Name of a file's record where it is given none: the file's without endings."""
+    return Path(path.name.removesuffix(".gz")).stem
 
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
@@ -177,6 +192,13 @@ def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str]
         elif header is None:
             problems.add(
                 role, f"column {wanted!r} is a name, but the layout has no header", "give its number"
+            )
+        elif header.count(wanted) > 1:
+            twice = [str(number) for number, name in enumerate(header, start=1) if name == wanted]
+            problems.add(
+                role,
+                f"column {wanted!r} stands in columns {' and '.join(twice)}",
+                "give the number of one of them",
             )
         elif wanted in header:
             positions[role] = header.index(wanted)

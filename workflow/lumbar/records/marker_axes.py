@@ -70,8 +70,8 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
         problems.add("markers.up", f"{layout.up}, but the body stands along {found}", f'set up: "{found}"')
         problems.raise_if_any()
     heels, toes = ("L_HEEL", "R_HEEL"), ("L_TOE", "R_TOE")
-    feet = [_segment(positions, (heel,), (toe,)) for heel, toe in zip(heels, toes, strict=True)]
-    feet = [foot for foot in feet if foot is not None]
+    pairs = [_segment(positions, (heel,), (toe,)) for heel, toe in zip(heels, toes, strict=True)]
+    feet = [foot for foot in pairs if foot is not None]
     if feet:
         facing = np.mean(feet, axis=0) * [1, 1, 0]
         if _contradicts(facing, 1):
@@ -83,8 +83,8 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
                 f'set forward: "{found}" (or check_axes: false where the person turns)',
             )
             problems.raise_if_any()
-    across = [_segment(positions, (f"L_{part}",), (f"R_{part}",)) for part in _SIDES]
-    across = [width for width in across if width is not None]
+    widths = [_segment(positions, (f"L_{part}",), (f"R_{part}",)) for part in _SIDES]
+    across = [width for width in widths if width is not None]
     if across and _contradicts(np.mean(across, axis=0) * [1, 1, 0], 0):
         problems.add(
             "markers",

@@ -42,7 +42,7 @@ SPREAD_M = (0.02, 50.0)
 """Plausible size of the cloud of all markers over a recording, in metres: a wrong unit lies far outside."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MarkerRecording:
     """Marker trajectories of one person.
 
@@ -90,10 +90,8 @@ class MarkerRecording:
     def __len__(self) -> int:
         return len(self.time)
 
-    @property
-    def missing_share(self) -> float:
-        """Share of samples in which a marker was not seen, over all markers."""
-        return float(np.mean([np.isnan(points[:, 0]).mean() for points in self.positions.values()]))
+    def __repr__(self) -> str:
+        return f"<MarkerRecording {self.name}: {len(self)} frames at {self.rate:g} Hz, {len(self.positions)} markers>"
 
 
 def read_markers(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lumbar.errors import Problems
+from lumbar.errors import InputError, Problems
 
 CLOCK_TOLERANCE = 0.25
 """How far a sample may lie from an even clock, as a share of the sampling interval."""
@@ -38,7 +38,7 @@ class Channel:
         return f"{self.quantity.capitalize()} ({self.unit})" if self.unit else self.quantity.capitalize()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Record:
     """Channels that share one evenly sampled clock.
 
@@ -55,6 +55,8 @@ class Record:
         File it was read from, for messages.
     period : float or None
         Period of a periodic excitation in seconds, where it is known.
+    filled : tuple of int
+        Samples that were not recorded and are interpolated from their neighbours.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Record:
     channels: dict[str, Channel]
     source: str = ""
     period: float | None = None
+    filled: tuple[int, ...] = ()
 
     def __getitem__(self, role: str) -> np.ndarray:
         """Values of the channel with this role."""
@@ -69,6 +72,14 @@ class Record:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def __repr__(self) -> str:
+        """What it is, in one line."""
+        channels = ", ".join(f"{item.quantity} ({item.unit})" for item in self.channels.values())
+        rate = round(1 / self.sampling_time, 4) if len(self) > 1 else float("nan")
+        return (
+            f"<Record {self.name}: {len(self)} samples at {rate:g} Hz, {len(self) / rate:.4g} s; {channels}>"
+        )
 
     @property
     def sampling_time(self) -> float:
@@ -86,11 +97,44 @@ class Record:
         channels = {
             role: replace(channel, values=channel.values[keep]) for role, channel in self.channels.items()
         }
-        return replace(self, time=self.time[keep], channels=channels)
+        before = np.cumsum(keep) - 1
+        filled = tuple(int(before[sample]) for sample in self.filled if keep[sample])
+        return replace(self, time=self.time[keep], channels=channels, filled=filled)
+
+    def with_values(self, **values: np.ndarray) -> Record:
+        """Return the record with other values in the channels of these roles."""
+        changed = {role: replace(self.channels[role], values=found) for role, found in values.items()}
+        return replace(self, channels={**self.channels, **changed})
 
 
 FEWEST_SAMPLES = 8
 """Fewest samples of a record that can be analysed."""
+
+
+def samples_between(time: np.ndarray, trim: tuple[float, float], source: str) -> np.ndarray:
+    """Return the numbers of the samples with ``start <= time < stop``.
+
+    Parameters
+    ----------
+    time : numpy.ndarray of float, shape (samples,)
+        Seconds; may hold NaN, which lies nowhere.
+    trim : tuple of float
+        Start and stop in seconds.
+    source : str
+        File, for the message.
+
+    Raises
+    ------
+    InputError
+        If fewer than `FEWEST_SAMPLES` lie between them.
+    """
+    keep = np.flatnonzero((time >= trim[0] - 1e-9) & (time < trim[1] - 1e-9))
+    if len(keep) < FEWEST_SAMPLES:
+        raise InputError(
+            f"{source}: {len(keep)} samples from {trim[0]:g} to {trim[1]:g} s; the clock runs from {np.nanmin(time):g} to "
+            f"{np.nanmax(time):g} s, and at least {FEWEST_SAMPLES} samples are needed"
+        )
+    return keep
 
 
 def place_of(sample: int, lines: Sequence[int] | None) -> str:

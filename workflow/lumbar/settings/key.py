@@ -7,7 +7,6 @@ reference pages and the JSON schema from them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar, dataclass_transform
 
@@ -20,15 +19,15 @@ def required(meaning: str, *, unit: str | None = None, **limits) -> Any:
     return field(metadata={"description": meaning, **extra, **limits})
 
 
-def key(default, meaning: str, *, unit: str | None = None, **limits) -> Any:
+def key(meaning: str, *, default: Any, unit: str | None = None, **limits) -> Any:
     """Return a key of a section.
 
     Parameters
     ----------
-    default : object
-        What holds where a configuration says nothing.
     meaning : str
         One or two sentences for the reference and for error messages.
+    default : object
+        What holds where a configuration says nothing. By its name type checkers know that the key may be left out.
     unit : str, optional
         Of the value.
     **limits
@@ -40,10 +39,11 @@ def key(default, meaning: str, *, unit: str | None = None, **limits) -> Any:
     return field(default=default, metadata=metadata)
 
 
-def section(kind: Callable[..., Kind], **values) -> Any:
-    """Return a key that holds a section of its own, by default ``kind(**values)``; its meaning is the class's."""
+def section(*, default_factory: type, **values) -> Any:
+    """Return a key that holds a section of its own, by default the class with `values`; its meaning is the class's."""
     return field(
-        default_factory=lambda: kind(**values), metadata={"description": (kind.__doc__ or "").strip()}
+        default_factory=lambda: default_factory(**values),
+        metadata={"description": (default_factory.__doc__ or "").strip()},
     )
 
 

@@ -15,12 +15,12 @@ class ColumnSettings:
 
     column: str | Annotated[int, Each(ge=1)] = required("Name from the header, or number counted from 1.")
     unit: str = required("Unit after scaling, e.g. mm.")
-    quantity: str = key("", "What is measured, as it stands on axes, e.g. position.")
-    scale: float = key(1.0, "Factor from the file's numbers to the unit; not 0.")
-    offset: float = key(0.0, "Added after scaling.")
+    quantity: str = key("What is measured, as it stands on axes, e.g. position.", default="")
+    scale: float = key("Factor from the file's numbers to the unit; not 0.", default=1.0)
+    offset: float = key("Added after scaling.", default=0.0)
     optional: bool = key(
-        False,
         "true: the column may be absent, and constant; what needs it is then left out, and said to be.",
+        default=False,
     )
 
     def __post_init__(self):
@@ -32,16 +32,16 @@ class ColumnSettings:
 class ColumnLayout:
     """How the columns of a file are read."""
 
-    columns: dict[str, ColumnSettings] = key({}, "One entry per role, e.g. time, input, output.")
-    format: Literal["text", "mat"] = key("text", "text (CSV, TXT, .gz too) or mat (MATLAB 4 to 7.2).")
-    delimiter: str = key(",", "One character, or the word whitespace.")
-    header: bool = key(True, "Whether a line of column names comes before the data.")
-    comment: str | None = key(None, "Lines that start with this are skipped.")
-    decimal: Literal[".", ","] = key(".", "Decimal mark.")
+    columns: dict[str, ColumnSettings] = key("One entry per role, e.g. time, input, output.", default={})
+    format: Literal["text", "mat"] = key("text (CSV, TXT, .gz too) or mat (MATLAB 4 to 7.2).", default="text")
+    delimiter: str = key("One character, or the word whitespace.", default=",")
+    header: bool = key("Whether a line of column names comes before the data.", default=True)
+    comment: str | None = key("Lines that start with this are skipped.", default=None)
+    decimal: Literal[".", ","] = key("Decimal mark.", default=".")
     clipped: Literal["refuse", "accept"] = key(
-        "refuse",
         "Whether records are accepted whose force or position holds runs of samples exactly at its extreme, as of a "
         "converter at the end of its range.",
+        default="refuse",
     )
 
 
@@ -82,30 +82,32 @@ class MarkerLayout:
     """How marker files (C3D, TRC) are read."""
 
     unit: Literal["file", "m", "cm", "mm"] = key(
-        "file",
         "Unit of length: file takes the one the file states; any other one must not contradict it.",
+        default="file",
     )
-    up: Axis = key("+z", "Axis of the file that points up.")
-    forward: Axis = key("+y", "Axis of the file that points the way the person faces; perpendicular to up.")
+    up: Axis = key("Axis of the file that points up.", default="+z")
+    forward: Axis = key(
+        "Axis of the file that points the way the person faces; perpendicular to up.", default="+y"
+    )
     subject_prefix: str = key(
-        "strip",
         "Prefixes such as Subject:C7: strip takes all off, keep none, a subject's name that one alone.",
+        default="strip",
         min_length=1,
     )
     check_axes: bool = key(
-        True,
         "Whether up, forward and left/right are compared with the body; false where the person turns round or lies "
         "down.",
+        default=True,
     )
     aliases: dict[MarkerName, Alias] = key(
-        {},
         "Standard name to what fills it: a label, alternatives, {mean}, {between, share} or {from, offset_m}. Standard "
         "names are C7, T12, L5 (spine at L4/L5), MANUBRIUM, XIPHOID, SACRUM, L_/R_ SHOULDER, HIP (greater trochanter), "
         "WRIST, ANKLE, HEEL, TOE, and BOX_1, BOX_2, … on the box.",
+        default={},
     )
     required: Annotated[tuple[str, ...], UNIQUE] | None = key(
-        None,
         "Standard names without which a recording is refused; null: every alias. The others may be absent from a file.",
+        default=None,
     )
 
 
@@ -115,7 +117,18 @@ class RecordSettings:
 
     name: str = required("Name of the record in tables and file names.", pattern=RECORD_NAME)
     file: str = required("File below data_root.", min_length=1)
-    period_s: float | None = key(None, "Period of the excitation, where it is periodic.", unit="s", gt=0)
+    period_s: float | None = key(
+        "Period of the excitation, where it is periodic.", default=None, unit="s", gt=0
+    )
+    trim_s: tuple[float, float] | None = key(
+        "Start and end of the part that is read, on the file's own clock; null reads all of it.",
+        default=None,
+        unit="s",
+    )
+
+    def __post_init__(self):
+        if self.trim_s is not None and not self.trim_s[0] < self.trim_s[1]:
+            raise ValueError("trim_s: the start must lie before the end")
 
 
 def columns(**roles: tuple[str, str, str]) -> dict[str, ColumnSettings]:

@@ -51,12 +51,12 @@ class GapSettings:
     """How gaps in marker trajectories are treated."""
 
     maximum_s: float = key(
-        0.2, "Longest gap that a cubic spline bridges; 0 bridges none.", unit="s", ge=0, le=1
+        "Longest gap that a cubic spline bridges; 0 bridges none.", default=0.2, unit="s", ge=0, le=1
     )
     longer: Literal["error", "keep"] = key(
-        "error",
         "What becomes of longer gaps and of those at the start or end: error refuses the recording, "
         "keep leaves them open.",
+        default="error",
     )
 
 
@@ -65,52 +65,62 @@ class FilterSettings:
     """Butterworth low-pass filter of the trajectories, forward and backward."""
 
     cutoff_Hz: float = key(
-        6.0, "-3 dB frequency of both passes together; each pass is corrected for it.", unit="Hz", gt=0, le=50
+        "-3 dB frequency of both passes together; each pass is corrected for it.",
+        default=6.0,
+        unit="Hz",
+        gt=0,
+        le=50,
     )
-    order: int = key(2, "Order of each pass.", ge=1, le=8)
+    order: int = key("Order of each pass.", default=2, ge=1, le=8)
 
 
 @settings
 class EventSettings:
     """Thresholds by which the events of a lift are found."""
 
-    box_speed_m_s: float = key(0.05, "Speed above which the box moves.", unit="m/s", gt=0, le=1)
+    box_speed_m_s: float = key("Speed above which the box moves.", default=0.05, unit="m/s", gt=0, le=1)
     box_rest_m_s: float = key(
-        0.02,
         "Speed below which the box rests: its movement starts and ends there.",
+        default=0.02,
         unit="m/s",
         gt=0,
         le=1,
     )
     box_sustained_s: float = key(
-        0.1,
         "How long the box must move for its lift-off, and the wrists be away from it for the separation.",
+        default=0.1,
         unit="s",
         ge=0,
         le=1,
     )
     separation_m: float = key(
-        0.1,
         "Wrists have left the box when their distance from its centre grows by more than this.",
+        default=0.1,
         unit="m",
         gt=0,
         le=1,
     )
     grip_s: float = key(
-        0.5,
         "Time after lift-off whose median distance between wrists and box counts as the grip.",
+        default=0.5,
         unit="s",
         gt=0,
         le=5,
     )
-    toe_speed_m_s: float = key(0.3, "Speed of a toe that leaves the ground.", unit="m/s", gt=0, le=5)
-    toe_sustained_s: float = key(0.065, "How long the toe must keep that speed.", unit="s", ge=0, le=1)
+    toe_speed_m_s: float = key("Speed of a toe that leaves the ground.", default=0.3, unit="m/s", gt=0, le=5)
+    toe_sustained_s: float = key(
+        "How long the toe must keep that speed.", default=0.065, unit="s", ge=0, le=1
+    )
     descent_m: float = key(
-        0.05, "Descent of the wrists before the release that makes it a deposit.", unit="m", gt=0, le=2
+        "Descent of the wrists before the release that makes it a deposit.",
+        default=0.05,
+        unit="m",
+        gt=0,
+        le=2,
     )
     prominence_m_s: float = key(
-        0.05,
         "How far a local minimum of the wrists' speed must lie below its surroundings.",
+        default=0.05,
         unit="m/s",
         ge=0,
         le=2,
@@ -122,14 +132,14 @@ class BoxSettings:
     """How the box in the hands loads the pendulums."""
 
     share: Literal["by_mass", "whole"] = key(
-        "by_mass",
         "by_mass: the box is divided among the centres of mass in proportion to the segments' masses; "
         "whole: every pendulum carries the whole box.",
+        default="by_mass",
     )
     in_position: bool = key(
-        False,
         "true: angle and length are those of the common centre of mass of segment and box; false: of "
         "the segment alone.",
+        default=False,
     )
 
 
@@ -138,32 +148,32 @@ class LiftingSettings:
     """From marker files to the pendulums of the deposit."""
 
     subjects: Annotated[tuple[str, ...], UNIQUE] = key(
-        (), "People of the study, in order: files of config/subjects."
+        "People of the study, in order: files of config/subjects.", default=()
     )
-    markers: MarkerLayout = section(MarkerLayout, aliases=ALIASES)
-    moment_layout: ColumnLayout = section(ColumnLayout, columns=MOMENT_COLUMNS)
-    gaps: GapSettings = section(GapSettings)
-    filter: FilterSettings = section(FilterSettings)
-    events: EventSettings = section(EventSettings)
+    markers: MarkerLayout = section(default_factory=MarkerLayout, aliases=ALIASES)
+    moment_layout: ColumnLayout = section(default_factory=ColumnLayout, columns=MOMENT_COLUMNS)
+    gaps: GapSettings = section(default_factory=GapSettings)
+    filter: FilterSettings = section(default_factory=FilterSettings)
+    events: EventSettings = section(default_factory=EventSettings)
     segments: Literal["winter", "de_leva"] = key(
-        "winter",
         "Table of trunk segments: winter (Winter after Dempster, the thesis's) or de_leva (1996; "
         "sensitivity run, needs the subject's sex).",
+        default="winter",
     )
-    box: BoxSettings = section(BoxSettings)
+    box: BoxSettings = section(default_factory=BoxSettings)
     pivot: Literal["mid_ankle", "hip", "L5"] = key(
-        "mid_ankle",
         "Pivot of the pendulum: midpoint of the ankles, midpoint of the greater trochanters, or the "
         "L4/L5 marker. It moves with its markers.",
+        default="mid_ankle",
     )
     frame: Literal["laboratory", "pelvis"] = key(
-        "laboratory",
         "Axes of the planes: the laboratory's, or turned about the vertical so that x is the line of "
         "the hips at the start of the deposit.",
+        default="laboratory",
     )
     points: int = key(
-        1000,
         "Instants to which the deposit is resampled by a cubic spline (the real time is kept).",
+        default=1000,
         ge=10,
         le=100000,
     )

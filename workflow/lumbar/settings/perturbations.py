@@ -25,4 +25,4 @@ class PerturbationsSettings:
     plane: Literal["lateral_bending", "flexion_extension"] = required("Plane of the pendulum.")
     unperturbed: tuple[str, ...] = required("Files of the unperturbed trials.", min_length=3)
     perturbed: tuple[str, ...] = required("Files of the perturbed trials.", min_length=1)
-    markers: MarkerLayout = section(MarkerLayout)
+    markers: MarkerLayout = section(default_factory=MarkerLayout)

@@ -61,7 +61,7 @@ def _typed(kind: Any, content: Any) -> Any:
         return _typed(arguments[0], content)
     if origin in (Union, UnionType):
         return _typed(_member(arguments, content), content)
-    if is_dataclass(kind):
+    if isinstance(kind, type) and is_dataclass(kind):
         types = types_of(kind)
         given = [item for item in fields(kind) if name_of(item) in content]
         return kind(**{item.name: _typed(types[item.name], content[name_of(item)]) for item in given})

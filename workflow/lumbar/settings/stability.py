@@ -14,15 +14,15 @@ class PendulumSettings:
     """The pendulum of Eq. 4.1."""
 
     sign: Literal["hanging", "inverted"] = key(
-        "hanging",
         "Sign of the gravity term: hanging (+, as published) or inverted (−). Tables take this one; "
         "the other is computed beside it.",
+        default="hanging",
     )
     mass: Literal["with_box", "without_box"] = key(
-        "with_box", "Whether the box counts to the pendulum's mass."
+        "Whether the box counts to the pendulum's mass.", default="with_box"
     )
-    damping_N_m_s: float = key(1.0, "Damping b.", unit="N·m·s/rad", ge=0, le=1000)
-    gravity_m_s2: float = key(9.81, "Gravitational acceleration.", unit="m/s²", ge=0, le=30)
+    damping_N_m_s: float = key("Damping b.", default=1.0, unit="N·m·s/rad", ge=0, le=1000)
+    gravity_m_s2: float = key("Gravitational acceleration.", default=9.81, unit="m/s²", ge=0, le=30)
 
 
 @settings
@@ -30,12 +30,12 @@ class RegulatorSettings:
     """Weights of the linear-quadratic regulator on angle (rad) and angular velocity (rad/s), the same for everybody."""
 
     state_weight: tuple[tuple[float, float], tuple[float, float]] = key(
-        ((1.0, 0.0), (0.0, 0.1)), "Q, symmetric and positive semidefinite, per second."
+        "Q, symmetric and positive semidefinite, per second.", default=((1.0, 0.0), (0.0, 0.1))
     )
-    control_weight: float = key(0.003, "R in 1/(N²·m²·s), positive.", gt=0)
+    control_weight: float = key("R in 1/(N²·m²·s), positive.", default=0.003, gt=0)
     terminal_weight: tuple[tuple[float, float], tuple[float, float]] = key(
-        ((100.0, 0.0), (0.0, 10.0)),
         "Qf, symmetric and positive definite; the goal set is x̄ᵀ·Qf·x̄ ≤ goal_level.",
+        default=((100.0, 0.0), (0.0, 10.0)),
     )
 
 
@@ -44,9 +44,9 @@ class ProofSettings:
     """Proof between the knots by interval branch-and-bound; null leaves it out."""
 
     margin_1_s: float = key(
-        0.005,
         "By how much, in 1/s, ρ̇/ρ of the funnel that is proved exceeds the largest V̇/ρ on its "
         "boundary; its area is about 1 − margin·T/2 of the exact one's.",
+        default=0.005,
         unit="1/s",
         gt=0,
         le=100,
@@ -57,18 +57,18 @@ class ProofSettings:
 class SumOfSquaresSettings:
     """Certificates by sum-of-squares programmes beside the exact basins; null leaves them out."""
 
-    degree: Literal[3, 5, 7] = key(5, "Degree of the sine's Taylor polynomial.")
+    degree: Literal[3, 5, 7] = key("Degree of the sine's Taylor polynomial.", default=5)
     knots: int = key(
-        38,
         "Knots of ρ, with a certificate between each two; the nearest number that divides the basin's "
         "knots evenly is taken.",
+        default=38,
         ge=2,
         le=100000,
     )
-    alternations: int = key(2, "Programmes per interval.", ge=2, le=8)
+    alternations: int = key("Programmes per interval.", default=2, ge=2, le=8)
     margin_1_s: float = key(
-        2e-05,
         "Margin left in ρ̇/ρ, in 1/s, above the solver's tolerance.",
+        default=2e-05,
         unit="1/s",
         gt=0,
         le=1,
@@ -79,28 +79,30 @@ class SumOfSquaresSettings:
 class ThesisMethodSettings:
     """The thesis's bilinear alternation (Eqs 4.5–4.7) beside the exact basins; null leaves it out."""
 
-    degree: Literal[3, 5] = key(3, "Degree of the sine's Taylor polynomial.")
+    degree: Literal[3, 5] = key("Degree of the sine's Taylor polynomial.", default=3)
     knots: int = key(
-        10,
         "Knots of the alternation (the thesis: 1000); the nearest number that divides the basin's "
         "knots evenly is taken.",
+        default=10,
         ge=2,
         le=1000,
     )
-    initial_level: float = key(1.0, "First guess of ρ at every knot.", gt=0, le=1000000.0)
-    ratio: float = key(0.8, "Ratio of the geometric progression by which ρ is decreased.", ge=0.1, le=0.99)
-    alternations: int = key(2, "Alternations (the thesis: 2).", ge=1, le=20)
+    initial_level: float = key("First guess of ρ at every knot.", default=1.0, gt=0, le=1000000.0)
+    ratio: float = key(
+        "Ratio of the geometric progression by which ρ is decreased.", default=0.8, ge=0.1, le=0.99
+    )
+    alternations: int = key("Alternations (the thesis: 2).", default=2, ge=1, le=20)
 
 
 @settings
 class AttackSettings:
     """Simulated starts in every basin."""
 
-    starts: int = key(500, "Starts per basin, half on the boundary, half inside.", ge=2, le=1000000)
+    starts: int = key("Starts per basin, half on the boundary, half inside.", default=500, ge=2, le=1000000)
     control_overstated: float = key(
-        1.0,
         "Negative control: share of |d ln ρ/dt| by which ρ is made to fall too fast, so that starts "
         "must leave.",
+        default=1.0,
         ge=0.01,
         le=10,
     )
@@ -110,28 +112,30 @@ class AttackSettings:
 class LimitSettings:
     """What the real loop may add to the nominal one, for the table of extended basins."""
 
-    torque_N_m: float = key(60.0, "Largest torque |u| in N·m about the pivot.", unit="N·m", gt=0, le=10000)
+    torque_N_m: float = key(
+        "Largest torque |u| in N·m about the pivot.", default=60.0, unit="N·m", gt=0, le=10000
+    )
     mass_share: float = key(
-        0.05, "The true mass lies within the pendulum's mass times 1 ± this share.", ge=0, le=0.9
+        "The true mass lies within the pendulum's mass times 1 ± this share.", default=0.05, ge=0, le=0.9
     )
     knots: int = key(
-        334,
         "Points in time at which these basins, those of the Taylor polynomials in Table 4.1 and the "
         "figure that compares methods are computed.",
+        default=334,
         ge=50,
         le=100000,
     )
     certified_knots: int = key(
-        10,
         "Knots of ρ of the sum-of-squares method for these basins; the nearest number that divides "
         "their knots evenly is taken.",
+        default=10,
         ge=2,
         le=100000,
     )
     proved: bool = key(
-        False,
         "Whether these basins are proved between their knots too, with the margin of stability.proof; "
         "takes some ten seconds per lift.",
+        default=False,
     )
 
 
@@ -139,26 +143,26 @@ class LimitSettings:
 class StabilitySettings:
     """From pendulum states to basins of attraction."""
 
-    pendulum: PendulumSettings = section(PendulumSettings)
-    regulator: RegulatorSettings = section(RegulatorSettings)
-    goal_level: float = key(1.0, "ρ at the end of the trajectory.", gt=0, le=1000000.0)
+    pendulum: PendulumSettings = section(default_factory=PendulumSettings)
+    regulator: RegulatorSettings = section(default_factory=RegulatorSettings)
+    goal_level: float = key("ρ at the end of the trajectory.", default=1.0, gt=0, le=1000000.0)
     knots: int = key(
-        1000, "Points in time at which a basin is computed (the thesis: 1000).", ge=50, le=100000
+        "Points in time at which a basin is computed (the thesis: 1000).", default=1000, ge=50, le=100000
     )
-    proof: ProofSettings | None = section(ProofSettings)
-    sum_of_squares: SumOfSquaresSettings | None = section(SumOfSquaresSettings)
-    thesis_method: ThesisMethodSettings | None = section(ThesisMethodSettings)
-    attack: AttackSettings = section(AttackSettings)
-    limits: LimitSettings = section(LimitSettings)
+    proof: ProofSettings | None = section(default_factory=ProofSettings)
+    sum_of_squares: SumOfSquaresSettings | None = section(default_factory=SumOfSquaresSettings)
+    thesis_method: ThesisMethodSettings | None = section(default_factory=ThesisMethodSettings)
+    attack: AttackSettings = section(default_factory=AttackSettings)
+    limits: LimitSettings = section(default_factory=LimitSettings)
     lyapunov_shares: tuple[Share, ...] = key(
-        (0.0, 0.1, 0.25, 0.5, 1.0),
         "Shares λ of the decay Q + KᵀRK among which the best Lyapunov function is searched; 1 is the "
         "Riccati solution.",
+        default=(0.0, 0.1, 0.25, 0.5, 1.0),
         min_length=1,
     )
     sensitivity_factor: float = key(
-        2.0,
         "Factor by which Q, R and b are divided and multiplied for the range beside Table 4.1.",
+        default=2.0,
         ge=1.01,
         le=100,
     )

@@ -47,39 +47,43 @@ class StudySettings:
     """The whole configuration of a study."""
 
     study: str = key(
-        "study", "Name of the study and of its folder in results/: letters, digits, _ and -.", pattern=NAME
+        "Name of the study and of its folder in results/: letters, digits, _ and -.",
+        default="study",
+        pattern=NAME,
     )
-    title: str = key("", "One line that stands in the report.")
+    title: str = key("One line that stands in the report.", default="")
     data: Literal["twin", "recordings"] = key(
-        "twin",
         "twin: recordings are made, as the section twin says; recordings: they are read from data_root.",
+        default="twin",
     )
     data_root: str | None = key(
-        None,
         "Folder of the recordings, absolute or relative to the project. The environment variable LUMBAR_DATA replaces it.",
+        default=None,
     )
     data_source: SourceSettings | None = key(
-        None,
         "Where the recordings come from: name, licence and obtain, all three; shown on every table and figure and where "
         "the recordings are absent.",
+        default=None,
     )
     chapters: Annotated[tuple[Chapter, ...], UNIQUE] = key(
-        (), "Chapters the study can support, in the thesis's order; at least one."
+        "Chapters the study can support, in the thesis's order; at least one.", default=()
     )
-    seed: int = key(SEED, "Seed of bootstraps and simulations (the twin has a seed of its own).", ge=0)
+    seed: int = key(
+        "Seed of bootstraps and simulations (the twin has a seed of its own).", default=SEED, ge=0
+    )
     subject: SubjectSettings | None = key(
-        None, "One person; given to the workflow by itself, this person runs alone."
+        "One person; given to the workflow by itself, this person runs alone.", default=None
     )
-    surgeon: SurgeonSettings = section(SurgeonSettings)
-    signals: SignalsSettings = section(SignalsSettings)
-    tissue: TissueSettings = section(TissueSettings)
-    improvement: ImprovementSettings = section(ImprovementSettings)
-    runtime: RuntimeSettings = section(RuntimeSettings)
-    survey: SurveySettings = section(SurveySettings)
-    lifting: LiftingSettings = section(LiftingSettings)
-    stability: StabilitySettings = section(StabilitySettings)
+    surgeon: SurgeonSettings = section(default_factory=SurgeonSettings)
+    signals: SignalsSettings = section(default_factory=SignalsSettings)
+    tissue: TissueSettings = section(default_factory=TissueSettings)
+    improvement: ImprovementSettings = section(default_factory=ImprovementSettings)
+    runtime: RuntimeSettings = section(default_factory=RuntimeSettings)
+    survey: SurveySettings = section(default_factory=SurveySettings)
+    lifting: LiftingSettings = section(default_factory=LiftingSettings)
+    stability: StabilitySettings = section(default_factory=StabilitySettings)
     perturbations: PerturbationsSettings | None = key(
-        None, "Trials with and without perturbation; null where a study has none."
+        "Trials with and without perturbation; null where a study has none.", default=None
     )
-    twin: TwinSettings = section(TwinSettings)
-    hidden_effects: HiddenEffectsSettings = section(HiddenEffectsSettings)
+    twin: TwinSettings = section(default_factory=TwinSettings)
+    hidden_effects: HiddenEffectsSettings = section(default_factory=HiddenEffectsSettings)

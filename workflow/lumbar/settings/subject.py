@@ -11,11 +11,11 @@ from lumbar.settings.key import NAME, key, required, settings
 class DeclaredEvents:
     """Times set by hand; they replace the detected ones."""
 
-    lift_off_s: float | None = key(None, "Box leaves its support.", unit="s")
-    toe_off_s: float | None = key(None, "End of the lift.", unit="s")
-    deposit_start_s: float | None = key(None, "Start of the deposit.", unit="s")
-    release_s: float | None = key(None, "Box is released.", unit="s")
-    reason: str | None = key(None, "Why they are set by hand; stands beside the result.")
+    lift_off_s: float | None = key("Box leaves its support.", default=None, unit="s")
+    toe_off_s: float | None = key("End of the lift.", default=None, unit="s")
+    deposit_start_s: float | None = key("Start of the deposit.", default=None, unit="s")
+    release_s: float | None = key("Box is released.", default=None, unit="s")
+    reason: str | None = key("Why they are set by hand; stands beside the result.", default=None)
 
 
 @settings
@@ -24,8 +24,8 @@ class TrialSettings:
 
     box_mass_kg: float = required("Mass of the box.", unit="kg", ge=0, le=100)
     markers: str = required("Marker file (C3D, TRC).")
-    hip_moment: str | None = key(None, "Hip moment beside it (time_s, angle_rad, moment_Nm).")
-    events: DeclaredEvents | None = key(None, "Times set by hand; they replace the detected ones.")
+    hip_moment: str | None = key("Hip moment beside it (time_s, angle_rad, moment_Nm).", default=None)
+    events: DeclaredEvents | None = key("Times set by hand; they replace the detected ones.", default=None)
 
 
 @settings
@@ -42,7 +42,7 @@ class SubjectSettings:
     trials: tuple[TrialSettings, ...] = required(
         "One entry per recorded lift; several with the same box are repeated trials.", min_length=1
     )
-    assumed: tuple[str, ...] = key((), "Keys of this file that are assumptions and not measurements.")
+    assumed: tuple[str, ...] = key("Keys of this file that are assumptions and not measurements.", default=())
 
 
 @settings

@@ -24,46 +24,59 @@ class SyntheticSurgeon:
 class SyntheticSurgeonSettings:
     """Synthetic trials of gaining access."""
 
-    rate_Hz: float = key(100.0, "Samples per second.", unit="Hz", ge=30, le=10000)
-    duration_s: float = key(60.0, "Duration of a trial.", unit="s", ge=5, le=10000)
-    approach_mm: float = key(30.0, "Distance above the skin at which a trial begins.", unit="mm", ge=0)
-    approach_s: float = key(2.5, "Mean time to reach the skin.", unit="s", gt=0)
-    puncture_mm: float = key(6.0, "Depth of the puncture.", unit="mm", ge=0)
-    puncture_s: float = key(0.35, "Mean duration of the puncture.", unit="s", gt=0)
-    pause_s: float = key(0.7, "Mean rest between phases and bouts of strokes.", unit="s", gt=0)
+    rate_Hz: float = key("Samples per second.", default=100.0, unit="Hz", ge=30, le=10000)
+    duration_s: float = key("Duration of a trial.", default=60.0, unit="s", ge=5, le=10000)
+    approach_mm: float = key(
+        "Distance above the skin at which a trial begins.", default=30.0, unit="mm", ge=0
+    )
+    approach_s: float = key("Mean time to reach the skin.", default=2.5, unit="s", gt=0)
+    puncture_mm: float = key("Depth of the puncture.", default=6.0, unit="mm", ge=0)
+    puncture_s: float = key("Mean duration of the puncture.", default=0.35, unit="s", gt=0)
+    pause_s: float = key("Mean rest between phases and bouts of strokes.", default=0.7, unit="s", gt=0)
     reposition_mm: float = key(
-        12.0, "Standard deviation of the depth at which a bout begins.", unit="mm", ge=0
+        "Standard deviation of the depth at which a bout begins.", default=12.0, unit="mm", ge=0
     )
-    reposition_s: float = key(1.0, "Mean time to set the tool anew before a bout.", unit="s", gt=0)
-    strokes_per_bout: float = key(6.0, "Mean number of strokes between rests.", ge=1)
-    gain_mm_per_stroke: float = key(0.2, "Depth gained with every stroke.", unit="mm", ge=0)
+    reposition_s: float = key("Mean time to set the tool anew before a bout.", default=1.0, unit="s", gt=0)
+    strokes_per_bout: float = key("Mean number of strokes between rests.", default=6.0, ge=1)
+    gain_mm_per_stroke: float = key("Depth gained with every stroke.", default=0.2, unit="mm", ge=0)
     last_stroke_share: float = key(
-        0.4, "Stroke depth at the end of a trial as a share of that at its start.", gt=0, le=1
+        "Stroke depth at the end of a trial as a share of that at its start.", default=0.4, gt=0, le=1
     )
-    twist_deg: float = key(25.0, "Mean angle by which the tool is twisted during a stroke.", unit="°", ge=0)
-    lateral_mm: float = key(4.0, "Distance of the recorded point from the axis of twisting.", unit="mm", ge=0)
-    variation: float = key(0.2, "Log-normal spread of times and lengths within a trial.", ge=0, le=1)
+    twist_deg: float = key(
+        "Mean angle by which the tool is twisted during a stroke.", default=25.0, unit="°", ge=0
+    )
+    lateral_mm: float = key(
+        "Distance of the recorded point from the axis of twisting.", default=4.0, unit="mm", ge=0
+    )
+    variation: float = key("Log-normal spread of times and lengths within a trial.", default=0.2, ge=0, le=1)
     tremor_bandwidth_Hz: float = key(
-        1.0, "Standard deviation of the tremor's spectral peak.", unit="Hz", gt=0
+        "Standard deviation of the tremor's spectral peak.", default=1.0, unit="Hz", gt=0
     )
-    noise_rms_mm: float = key(0.01, "White measuring noise of every axis.", unit="mm", ge=0)
-    surgeons: dict[str, SyntheticSurgeon] = key({}, "One entry per surgeon named in surgeon.records.")
+    noise_rms_mm: float = key("White measuring noise of every axis.", default=0.01, unit="mm", ge=0)
+    surgeons: dict[str, SyntheticSurgeon] = key("One entry per surgeon named in surgeon.records.", default={})
 
 
 @settings
 class SyntheticTissueSettings:
     """The synthetic tissue, a Kelvin–Boltzmann solid beside a cubic spring, and the load cell."""
 
-    k1_N_per_mm: float = key(0.405, "Stiffness of the spring parallel to the dashpot.", unit="N/mm", gt=0)
-    k2_N_per_mm: float = key(3.24, "Stiffness of the spring in series with both.", unit="N/mm", gt=0)
+    k1_N_per_mm: float = key(
+        "Stiffness of the spring parallel to the dashpot.", default=0.405, unit="N/mm", gt=0
+    )
+    k2_N_per_mm: float = key("Stiffness of the spring in series with both.", default=3.24, unit="N/mm", gt=0)
     relaxation_s: float = key(
-        0.035, "Time constant b/(k1 + k2) of the relaxation at held position.", unit="s", gt=0, le=100
+        "Time constant b/(k1 + k2) of the relaxation at held position.", default=0.035, unit="s", gt=0, le=100
     )
     cubic_N_per_mm3: float = key(
-        0.0202, "Hardening that no linear model can describe: force per cube of the position.", unit="N/mm³"
+        "Hardening that no linear model can describe: force per cube of the position.",
+        default=0.0202,
+        unit="N/mm³",
     )
     noise_variance_share: float = key(
-        0.14, "White noise of the load cell as a share of the variance of the recorded force.", ge=0, lt=1
+        "White noise of the load cell as a share of the variance of the recorded force.",
+        default=0.14,
+        ge=0,
+        lt=1,
     )
 
 
@@ -71,27 +84,27 @@ class SyntheticTissueSettings:
 class SyntheticGapSettings:
     """Markers hidden for a moment."""
 
-    count: int = key(12, "Number of gaps in a recording, each in another marker.", ge=0, le=1000)
-    longest_s: float = key(0.15, "Longest gap.", unit="s", ge=0, le=1)
+    count: int = key("Number of gaps in a recording, each in another marker.", default=12, ge=0, le=1000)
+    longest_s: float = key("Longest gap.", default=0.15, unit="s", ge=0, le=1)
 
 
 @settings
 class WorkplaceSettings:
     """Box, pallet and table."""
 
-    box_width_m: float = key(0.4, "Width of the box between the hands.", unit="m", gt=0, le=2)
-    box_depth_m: float = key(0.32, "Depth of the box.", unit="m", gt=0, le=2)
-    box_height_m: float = key(0.28, "Height of the box.", unit="m", gt=0, le=2)
-    pallet_height_m: float = key(0.2, "Height of the pallet.", unit="m", ge=0, le=2)
+    box_width_m: float = key("Width of the box between the hands.", default=0.4, unit="m", gt=0, le=2)
+    box_depth_m: float = key("Depth of the box.", default=0.32, unit="m", gt=0, le=2)
+    box_height_m: float = key("Height of the box.", default=0.28, unit="m", gt=0, le=2)
+    pallet_height_m: float = key("Height of the pallet.", default=0.2, unit="m", ge=0, le=2)
     pallet_distance_m: float = key(
-        0.28, "Centre of the box ahead of the ankles before the lift.", unit="m", ge=0, le=2
+        "Centre of the box ahead of the ankles before the lift.", default=0.28, unit="m", ge=0, le=2
     )
-    table_height_m: float = key(0.66, "Height of the table.", unit="m", ge=0, le=2)
+    table_height_m: float = key("Height of the table.", default=0.66, unit="m", ge=0, le=2)
     table_distance_m: float = key(
-        0.43, "Centre of the box ahead of the ankles after the deposit.", unit="m", ge=0, le=2
+        "Centre of the box ahead of the ankles after the deposit.", default=0.43, unit="m", ge=0, le=2
     )
     walk_m: float = key(
-        0.9, "Way from the pallet to the table, walked in three steps.", unit="m", ge=0.2, le=5
+        "Way from the pallet to the table, walked in three steps.", default=0.9, unit="m", ge=0.2, le=5
     )
 
 
@@ -100,21 +113,21 @@ class HiddenMomentSettings:
     """What Eq. 4.1 leaves out."""
 
     hand_distance_m: float = key(
-        0.45,
         "Distance of the box from the hip while it is held; 0 takes the hand load away.",
+        default=0.45,
         unit="m",
         ge=0,
         le=2,
     )
     stiffening_N_m: float = key(
-        0.0,
         "Passive stiffness: this moment times exp(angle/stiffening_angle_rad) - 1; 0 takes it away.",
+        default=0.0,
         unit="N·m",
         ge=0,
         le=1000,
     )
     stiffening_angle_rad: float = key(
-        0.35, "Angle over which the passive moment grows e-fold.", unit="rad", ge=0.05, le=10
+        "Angle over which the passive moment grows e-fold.", default=0.35, unit="rad", ge=0.05, le=10
     )
 
 
@@ -135,13 +148,13 @@ class MomentTrial:
 class SyntheticMomentSettings:
     """Moment at the hip: the pendulum of Eq. 4.1 and the effects hidden in it."""
 
-    damping_N_m_s: float = key(8.0, "Damping b.", unit="N·m·s/rad", ge=0, le=1000)
-    noise_N_m: float = key(2.0, "Standard deviation of the noise.", unit="N·m", ge=0, le=1000)
-    hidden: HiddenMomentSettings = section(HiddenMomentSettings)
+    damping_N_m_s: float = key("Damping b.", default=8.0, unit="N·m·s/rad", ge=0, le=1000)
+    noise_N_m: float = key("Standard deviation of the noise.", default=2.0, unit="N·m", ge=0, le=1000)
+    hidden: HiddenMomentSettings = section(default_factory=HiddenMomentSettings)
     trials: dict[str, MomentTrial] = key(
-        {},
         "Trials in which one lift is repeated, by name; records of improvement.record_sets in the "
         "folder hip_moment.",
+        default={},
     )
 
 
@@ -191,18 +204,21 @@ class SyntheticLift:
 class SyntheticLiftingSettings:
     """Synthetic lifting recordings."""
 
-    rate_Hz: float = key(100.0, "Frames per second.", unit="Hz", ge=20, le=1000)
-    duration_s: float = key(9.5, "Length of a recording.", unit="s", ge=4, le=120)
+    rate_Hz: float = key("Frames per second.", default=100.0, unit="Hz", ge=20, le=1000)
+    duration_s: float = key("Length of a recording.", default=9.5, unit="s", ge=4, le=120)
     marker_noise_mm: float = key(
-        0.5, "Standard deviation of the white noise on every coordinate.", unit="mm", ge=0, le=20
+        "Standard deviation of the white noise on every coordinate.", default=0.5, unit="mm", ge=0, le=20
     )
-    gaps: SyntheticGapSettings = section(SyntheticGapSettings)
-    workplace: WorkplaceSettings = section(WorkplaceSettings)
-    hip_moment: SyntheticMomentSettings = section(SyntheticMomentSettings)
+    gaps: SyntheticGapSettings = section(default_factory=SyntheticGapSettings)
+    workplace: WorkplaceSettings = section(default_factory=WorkplaceSettings)
+    hip_moment: SyntheticMomentSettings = section(default_factory=SyntheticMomentSettings)
     people: dict[str, SyntheticPerson] = key(
-        {}, "True mass and stature of the synthetic people; the study declares its own in config/subjects."
+        "True mass and stature of the synthetic people; the study declares its own in config/subjects.",
+        default={},
     )
-    lifts: dict[str, SyntheticLift] = key({}, "Movement of every lift, by its name <subject>_<box mass>kg.")
+    lifts: dict[str, SyntheticLift] = key(
+        "Movement of every lift, by its name <subject>_<box mass>kg.", default={}
+    )
 
 
 @settings
@@ -210,12 +226,14 @@ class TwoHiddenEffectsSettings:
     """A second set of synthetic tissue tests, with two effects and little noise."""
 
     mechanisms: tuple[str, str] = key(
-        ("coulomb_friction", "hardening_stiffness"), "Mechanisms of the two effects."
+        "Mechanisms of the two effects.", default=("coulomb_friction", "hardening_stiffness")
     )
-    number: int = key(1, "Draw of the generator.", ge=0)
-    noise_share: float = key(0.01, "RMS of the noise over that of the force without the effects.", gt=0, le=1)
+    number: int = key("Draw of the generator.", default=1, ge=0)
+    noise_share: float = key(
+        "RMS of the noise over that of the force without the effects.", default=0.01, gt=0, le=1
+    )
     residual_over_noise: float = key(
-        16.0, "RMS that the best Kelvin–Boltzmann model leaves of each effect, over the noise.", gt=0
+        "RMS that the best Kelvin–Boltzmann model leaves of each effect, over the noise.", default=16.0, gt=0
     )
 
 
@@ -223,8 +241,8 @@ class TwoHiddenEffectsSettings:
 class TwinSettings:
     """The synthetic twin: one section per kind of recording."""
 
-    seed: int = key(45, "Seed of every random number of the twin.", ge=0)
-    surgeon: SyntheticSurgeonSettings = section(SyntheticSurgeonSettings)
-    tissue: SyntheticTissueSettings = section(SyntheticTissueSettings)
-    lifting: SyntheticLiftingSettings = section(SyntheticLiftingSettings)
-    two_hidden_effects: TwoHiddenEffectsSettings = section(TwoHiddenEffectsSettings)
+    seed: int = key("Seed of every random number of the twin.", default=45, ge=0)
+    surgeon: SyntheticSurgeonSettings = section(default_factory=SyntheticSurgeonSettings)
+    tissue: SyntheticTissueSettings = section(default_factory=SyntheticTissueSettings)
+    lifting: SyntheticLiftingSettings = section(default_factory=SyntheticLiftingSettings)
+    two_hidden_effects: TwoHiddenEffectsSettings = section(default_factory=TwoHiddenEffectsSettings)

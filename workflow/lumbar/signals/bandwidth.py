@@ -6,9 +6,6 @@ import numpy as np
 
 from lumbar.errors import InputError
 
-RULES = ("power_share", "level")
-"""Rules by which a bandwidth is read off a spectrum."""
-
 
 def _check(frequency: np.ndarray, psd: np.ndarray, maximum: float) -> None:
     if frequency.shape != psd.shape or len(frequency) < 3:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -102,7 +103,7 @@ def host_target() -> str:
     return name
 
 
-def resolve_targets(names: list[str]) -> list[str]:
+def resolve_targets(names: Sequence[str]) -> list[str]:
     """Return the targets in their order in `TARGETS`, ``"host"`` replaced by this machine's.
 
     Raises

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from lumbar.errors import InputError
@@ -121,7 +122,7 @@ def write_fmu(path: Path, files: dict[str, bytes]) -> None:
 
 
 def export_fmus(
-    models: list[ExportModel], folder: Path, data: str, targets: list[str], cache: Path
+    models: list[ExportModel], folder: Path, data: str, targets: Sequence[str], cache: Path
 ) -> list[Path]:
     """Compile each model once and write its FMUs, ``<name>_fmi2.fmu`` and ``<name>_fmi3.fmu``.
 

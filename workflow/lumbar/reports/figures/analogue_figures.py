@@ -6,7 +6,7 @@ import numpy as np
 
 from lumbar.models.network import Dashpot, Network, Parallel, Series, Spring
 from lumbar.models.tissue_models import IL, TissueModel
-from lumbar.reports.figures.style import DOUBLE_COLUMN, MODELS, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, MODELS, house_style, new_figure
 
 INK = "#000000"
 _LINE = 1.2
@@ -92,6 +92,7 @@ def _ground(axis, x: float, y: float) -> None:
         axis.plot([start + 0.1, start], [y, y - 0.12], color=INK, linewidth=0.6 * _LINE)
 
 
+@house_style
 def analogues_figure(models: tuple[TissueModel, ...]):
     """Figure 3.2: every model's mechanical analogue between the tool (top) and the ground.
 
@@ -149,6 +150,7 @@ def _block(axis, x: float, y: float, text: str, height: float = 0.8) -> None:
     axis.text(x, y, text, ha="center", va="center", fontsize=10)
 
 
+@house_style
 def arx_figure():
     """Figure 2.4: the ARX model as signal flow, and the equations A x = b it becomes."""
     figure, axis = new_figure(DOUBLE_COLUMN, 2.2)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.reports.figures.stability_figures import NO_BASIN, PLANE_TITLES, shared_legend
-from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
 from lumbar.stability.basins import close_loops
 from lumbar.stability.funnel.funnel import Funnels
 from lumbar.stability.funnel.invariance import normal_axes
@@ -30,6 +30,7 @@ STYLES = {
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 241)
 
 
+@house_style
 def comparison_figure(trajectories: list[Trajectory], settings: StabilitySettings):
     """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates.
 

@@ -6,7 +6,14 @@ import numpy as np
 
 from lumbar.diagnosis.residuals.compare import Comparison
 from lumbar.records.record import Record
-from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, MODELS, label_panels, new_figure
+from lumbar.reports.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    MODELS,
+    house_style,
+    label_panels,
+    new_figure,
+)
 
 _SHOWN = 500
 """Samples of the segment that is shown by default."""
@@ -25,6 +32,7 @@ def default_segment(record: Record, simulated: np.ndarray, start: float) -> tupl
     return float(record.time[chosen]), float(record.time[chosen + size])
 
 
+@house_style
 def comparison_figure(
     record: Record,
     simulated: np.ndarray,

@@ -6,9 +6,10 @@ import itertools
 
 import numpy as np
 
-from lumbar.reports.figures.style import DOUBLE_COLUMN, MODELS, SERIES, label_panels, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, MODELS, SERIES, house_style, label_panels, new_figure
 
 
+@house_style
 def fmu_force_figure(
     time: np.ndarray,
     inputs: np.ndarray,

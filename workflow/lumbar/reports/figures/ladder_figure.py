@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from lumbar.reports.figures.style import MODELS, SINGLE_COLUMN, new_figure
+from lumbar.reports.figures.style import MODELS, SINGLE_COLUMN, house_style, new_figure
 
 
+@house_style
 def ladder_figure(rungs: list[dict], unit: str, floor: float | None):
     """Draw training and unseen error of every rung, and the noise floor.
 

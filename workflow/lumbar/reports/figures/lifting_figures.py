@@ -3,7 +3,14 @@
 
 from __future__ import annotations
 
-from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, label_panels, new_figure
+from lumbar.reports.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    SEGMENTS,
+    house_style,
+    label_panels,
+    new_figure,
+)
 
 EVENT_LABELS = {
     "lift_off": "lift-off",
@@ -29,6 +36,7 @@ _LINES = {"thorax": "-", "abdomen": (0, (4, 1.5)), "pelvis": (0, (1, 1))}
 _GREY = "#888888"
 
 
+@house_style
 def events_figure(lift: dict):
     """Draw heights and speeds of box, wrists and toes over time, with the events found in them.
 
@@ -137,6 +145,7 @@ def _box(axis, points: dict, horizontal: int, color: str) -> None:
         )
 
 
+@house_style
 def pendulum_figure(lift: dict):
     """Figure 4.1: the inverted pendulums in flexion/extension, drawn on the person at the release.
 
@@ -191,6 +200,7 @@ def pendulum_figure(lift: dict):
     return figure
 
 
+@house_style
 def segments_figure(lift: dict):
     """Figure 4.2: torso markers, the three trunk segments and their centres of mass, from the front and the
     side.

@@ -9,7 +9,7 @@ from lumbar.diagnosis.residuals.locate import Location
 from lumbar.diagnosis.residuals.residual import SIGNIFICANT
 from lumbar.diagnosis.residuals.residual_diagnostic import View, percent
 from lumbar.diagnosis.residuals.residual_tests import EVEN_FUNCTIONS, LINEAR_FUNCTIONS
-from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, label_panels, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, house_style, label_panels, new_figure
 
 _LINES = {
     EXCITED: {"marker": "o", "color": SERIES[0], "label": "excited"},
@@ -27,6 +27,7 @@ _ODD_CURVES = 2
 _SIGNIFICANT_Z = 3.0
 
 
+@house_style
 def location_figure(location: Location):
     """Draw the views of a location, row by row: when and how fast, where in the motion, related to what.
 

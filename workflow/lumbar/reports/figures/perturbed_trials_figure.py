@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
 from lumbar.stability.comparison.perturbed_trials import (
     PHASE_POINTS,
     Trial,
@@ -24,6 +24,7 @@ COLOURS = {"unperturbed": SEGMENTS["thorax"], "perturbed": SEGMENTS["pelvis"]}
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 121)
 
 
+@house_style
 def trials_figure(trials: list[Trial], settings: PerturbationsSettings, stability: StabilitySettings):
     """Draw sections of the basin with all trials, and V/ρ of every trial over phase.
 

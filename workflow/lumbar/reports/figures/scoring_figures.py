@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import binomtest
 
-from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, SINGLE_COLUMN, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, SINGLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.scoring.power_curve import PowerCurve
 
 
+@house_style
 def confusion_figure(confusion: pd.DataFrame):
     """Draw what was said of what was hidden.
 
@@ -50,7 +51,12 @@ def confusion_figure(confusion: pd.DataFrame):
     return figure
 
 
-def power_figure(curve: PowerCurve, share: float, confidence: float, bins: int = 8):
+_BINS = 8
+"""Groups of equally many experiments in the power curve."""
+
+
+@house_style
+def power_figure(curve: PowerCurve, share: float, confidence: float):
     """Draw the share of effects named over their strength.
 
     Parameters
@@ -60,12 +66,10 @@ def power_figure(curve: PowerCurve, share: float, confidence: float, bins: int =
         Share marked by a line.
     confidence : float
         Of the Wilson intervals of the binned shares.
-    bins : int
-        Groups of equally many experiments.
     """
     figure, axis = new_figure(1.4 * SINGLE_COLUMN, 3.2)
     fine = np.geomspace(curve.strength[0], curve.strength[-1], 200)
-    for group in np.array_split(np.arange(len(curve.strength)), min(bins, len(curve.strength))):
+    for group in np.array_split(np.arange(len(curve.strength)), min(_BINS, len(curve.strength))):
         named = int(curve.named[group].sum())
         interval = binomtest(named, len(group)).proportion_ci(confidence, method="wilson")
         centre = np.exp(np.mean(np.log(curve.strength[group])))

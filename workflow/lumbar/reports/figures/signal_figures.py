@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, label_panels, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, house_style, label_panels, new_figure
 
 if TYPE_CHECKING:
     from lumbar.signals.excitation import Signal
@@ -16,6 +16,7 @@ _SHOWN_TO = 2.0
 """The spectra are shown up to this factor times the excited band."""
 
 
+@house_style
 def excitation_figure(signals: Sequence[Signal], band: float):
     """Draw position against time (left) and line amplitudes against frequency (right), one row per signal.
 

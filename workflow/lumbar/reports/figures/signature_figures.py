@@ -6,7 +6,7 @@ import numpy as np
 
 from lumbar.effects.signature import RATES, Signature, pictured_form, signatures
 from lumbar.models.form import Effect
-from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, house_style, new_figure
 
 _SHOWN = 8.0
 """Seconds shown over time."""
@@ -16,6 +16,7 @@ _BASE = {"color": "#999999", "linestyle": (0, (4, 1.5)), "linewidth": 1.0}
 _AXES = {"tissue": ("Position", "force"), "pendulum": ("Angle", "moment")}
 
 
+@house_style
 def signature_figure(effects: list[Effect], system: str = "tissue"):
     """Draw one row per effect: force over position, added force over position at two rates, added force over time.
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,6 +37,7 @@ def ellipses(rows: pd.DataFrame, level: np.ndarray) -> tuple[np.ndarray, np.ndar
     ] + velocity
 
 
+@house_style
 def figure_4_3(funnels: pd.DataFrame, terminal_level: float):
     """Draw the abdomen's funnel over time: the regulator's ellipses and the basin computed from them.
 
@@ -108,6 +109,7 @@ def _draw_funnel(axis, rows: pd.DataFrame, terminal_level: float) -> None:
     axis.set_box_aspect((1.5, 1.1, 1), zoom=0.98)
 
 
+@house_style
 def figure_4_4(funnels: pd.DataFrame):
     """Draw the basins of every COM and plane over angle and angular velocity, about their trajectories.
 

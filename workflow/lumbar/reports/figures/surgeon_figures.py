@@ -7,13 +7,21 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.ticker import NullLocator
 
-from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SERIES, label_panels, new_figure
+from lumbar.reports.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    SERIES,
+    house_style,
+    label_panels,
+    new_figure,
+)
 
 _LABELS = {"position": "Position PSD (mm²/Hz)", "velocity": "Velocity PSD ((mm/s)²/Hz)"}
 _SURGEON_STYLES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
 _DECADES_SHOWN = 8
 
 
+@house_style
 def psd_figure(
     frequency: np.ndarray,
     psd: Mapping[str, np.ndarray],

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 
 import numpy as np
 
-from lumbar.reports.figures.style import MODELS, SERIES, SINGLE_COLUMN, new_figure
+from lumbar.reports.figures.style import MODELS, SERIES, SINGLE_COLUMN, house_style, new_figure
 
 _DISAGREE, _NEUTRAL, _AGREE = ("#D55E00", "#F0B27A"), "#DDDDDD", ("#7FB8DB", "#0072B2")
 _LINE = 105
@@ -14,17 +15,18 @@ _LINE = 105
 _HATCHES = {"disagree": ("xxx", "//"), "neutral": "", "agree": ("..", "")}
 
 
-def likert_figure(models: list[str], counts: np.ndarray, labels: list[str], statement: str):
+@house_style
+def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[str], statement: str):
     """Diverging bars of the ratings: disagreement to the left of zero, agreement to the right.
 
     The middle point of an odd scale straddles zero.
 
     Parameters
     ----------
-    models : list of str
+    models : sequence of str
     counts : numpy.ndarray of int, shape (models, points)
         How often each point was given, from the least to the greatest agreement.
-    labels : list of str
+    labels : sequence of str
         Names of the points.
     statement : str
         What the participants agreed with.
@@ -84,6 +86,7 @@ def _point_styles(points: int) -> list[tuple[str, str]]:
     return [*lower, *middle, *upper]
 
 
+@house_style
 def best_picks_figure(best_picks: dict[str, dict], confidence: float):
     """Share of best picks of every model with its interval, and the intervals that hold for all together.
 

@@ -6,7 +6,14 @@ import numpy as np
 
 from lumbar.errors import InputError
 from lumbar.records.record import Record
-from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, label_panels, model_look, new_figure
+from lumbar.reports.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    house_style,
+    label_panels,
+    model_look,
+    new_figure,
+)
 
 
 def _segment(record: Record, segment_s: tuple[float, float]) -> np.ndarray:
@@ -20,6 +27,7 @@ def _segment(record: Record, segment_s: tuple[float, float]) -> np.ndarray:
     return inside
 
 
+@house_style
 def excitation_figure(records: list[Record], segment_s: tuple[float, float]):
     """Figure 3.4: a segment of input and output of every record, one panel pair each.
 
@@ -48,6 +56,7 @@ def excitation_figure(records: list[Record], segment_s: tuple[float, float]):
     return figure
 
 
+@house_style
 def comparison_figure(record: Record, simulated: dict[str, np.ndarray], segment_s: tuple[float, float]):
     """Figure 3.5: measured output beside the free run of every model, and what remains of it.
 

@@ -8,7 +8,7 @@ from graphlib import TopologicalSorter
 
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
-from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, house_style, new_figure
 
 _NODE = re.compile(r'^\s*(\d+)\[label = "([^"\\]+)')
 _EDGE = re.compile(r"^\s*(\d+) -> (\d+)")
@@ -38,6 +38,7 @@ def depths(edges: list[tuple[str, str]]) -> dict[str, int]:
     return found
 
 
+@house_style
 def draw_workflow(edges: list[tuple[str, str]], chapter_of: dict[str, str], chapters: dict[str, str]):
     """Draw every rule as a box in its chapter's band and every dependency as an arrow.
 

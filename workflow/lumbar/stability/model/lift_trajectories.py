@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from lumbar.stability.model.failures import NO_TRAJECTORY, Failure
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def trajectories_of_lift(
-    states: pd.DataFrame, facts: dict, mass: str
+    states: pd.DataFrame, facts: Mapping, mass: str
 ) -> tuple[list[Trajectory], list[Failure]]:
     """Return the sound ones of a lift's six trajectories, and what is wrong with the others.
 
@@ -20,7 +21,7 @@ def trajectories_of_lift(
     ----------
     states : pandas.DataFrame
         Columns ``com, plane, time_s, angle_rad, angular_velocity_rad_s, angular_acceleration_rad_s2``.
-    facts : dict
+    facts : mapping
         ``subject, experience, box_mass_kg, pivot``, ``mass_kg`` (per COM ``with_box`` and
         ``without_box``) and ``length_m`` (per COM and plane).
     mass : {"with_box", "without_box"}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from lumbar.errors import Problems
+from lumbar.errors import InputError, Problems
 
 LARGEST_SIZE, MOST_ENTRIES, DEEPEST = 1_000_000, 100_000, 40
 """Bytes, entries with every alias written out, and levels of nesting of a configuration file."""
@@ -16,7 +17,7 @@ _PLAIN = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 
 @dataclass(frozen=True)
 class YamlFile:
-    """Content of one file.
+    """Content of one file; empty where it could not be read.
 
     Attributes
     ----------
@@ -37,6 +38,21 @@ class YamlFile:
             (self.lines[way[:end]] for end in range(len(way), 0, -1) if way[:end] in self.lines), None
         )
 
+    def place(self, way: tuple) -> str:
+        """Name file, line and key as messages do, e.g. ``study.yaml, line 3: tissue.records.0.file``."""
+        line = self.line(way)
+        return f"{self.path}, line {line}: {dotted(way)}" if line else f"{self.path}: {dotted(way)}"
+
+
+def dotted(way: tuple) -> str:
+    """Name the way to a key, e.g. ``tissue.records.0.file``."""
+    return ".".join(map(str, way))
+
+
+def way_of(key: str) -> tuple:
+    """Way to a key that is named as by `dotted`."""
+    return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+
 
 class _TooMuch(Exception):
     """The file is nested too deep, or its aliases stand for too much."""
@@ -45,9 +61,10 @@ class _TooMuch(Exception):
 class _YamlReader:
     """Builds content and lines from the nodes of one file."""
 
-    def __init__(self, loader, path: str, problems: Problems):
-        self.loader, self.path, self.problems = loader, path, problems
-        self.lines: dict[tuple, int] = {}
+    def __init__(self, loader, path: str, problems: Problems, anchors: bool):
+        self.loader, self.problems, self.anchors = loader, problems, anchors
+        self.file = YamlFile(path)
+        self.seen: set[int] = set()
         self.entries = 0
 
     def read(self, node, way: tuple = ()) -> Any:
@@ -57,16 +74,28 @@ class _YamlReader:
         self.entries += 1
         if self.entries > MOST_ENTRIES or len(way) > DEEPEST:
             raise _TooMuch
+        if id(node) in self.seen and not self.anchors:
+            self._problem(way, "an alias", "anchors are not read here; write it out")
+            return None
+        self.seen.add(id(node))
         if isinstance(node, ScalarNode):
-            return self.loader.construct_object(node)
+            try:
+                return self.loader.construct_object(node)
+            except ConstructorError as error:
+                self._problem(way, str(error.problem))
+                return None
         if node.tag not in _PLAIN:
-            raise ConstructorError(None, None, f"tag {node.tag!r} is not allowed", node.start_mark)
+            self._problem(way, f"tag {node.tag!r}", "tags are not read here")
+            return None
         if isinstance(node, MappingNode):
             return self._mapping(node, way)
         return [self._entry(item, (*way, number)) for number, item in enumerate(node.value)]
 
+    def _problem(self, way: tuple, found: str, allowed: str = "") -> None:
+        self.problems.add(self.file.place(way), found, allowed)
+
     def _entry(self, node, way: tuple) -> Any:
-        self.lines[way] = node.start_mark.line + 1
+        self.file.lines[way] = node.start_mark.line + 1
         return self.read(node, way)
 
     def _mapping(self, node, way: tuple) -> dict:
@@ -74,29 +103,33 @@ class _YamlReader:
         for name, _ in node.value:
             key, line = getattr(name, "value", None), name.start_mark.line + 1
             if isinstance(key, str) and key in first:
-                words = f"key {'.'.join(map(str, (*way, key)))!r} stands twice"
-                self.problems.add(f"{self.path}, lines {first[key]} and {line}", words, "keep one of them")
+                words = f"key {dotted((*way, key))!r} stands twice"
+                self.problems.add(
+                    f"{self.file.path}, lines {first[key]} and {line}", words, "keep one of them"
+                )
             elif isinstance(key, str):
                 first[key] = line
         self.loader.flatten_mapping(node)  # merge keys
         content = {}
         for name, value in node.value:
             key = str(self.read(name, way))
-            self.lines[(*way, key)] = name.start_mark.line + 1
+            self.file.lines[(*way, key)] = name.start_mark.line + 1
             content[key] = self.read(value, (*way, key))
         return content
 
 
-def read_yaml(path: Path, problems: Problems, name: str | None = None) -> YamlFile:
+def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: bool = True) -> YamlFile:
     """Read a mapping from a YAML file.
 
     Parameters
     ----------
     path : Path
     problems : Problems
-        Takes what is wrong: no file, no UTF-8, no YAML, a key that stands twice, no mapping, too much nesting.
+        Takes what is wrong: no file, no UTF-8, no YAML, a tag, a key that stands twice, no mapping, too much nesting.
     name : str, optional
         How messages call the file; default its path.
+    anchors : bool
+        Whether an anchor may be used again.
 
     Returns
     -------
@@ -118,12 +151,12 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None) -> YamlFi
         problems.add(f"{name}, line {line}", found, "save the file in the encoding UTF-8")
         return YamlFile(name)
     if len(raw) > LARGEST_SIZE:
-        problems.add(name, f"{len(raw)} bytes", f"settings are at most {LARGEST_SIZE} bytes long")
+        problems.add(name, f"{len(raw)} bytes", f"at most {LARGEST_SIZE} are read")
         return YamlFile(name)
     loader = yaml.SafeLoader(text)
     try:
+        reader = _YamlReader(loader, name, problems, anchors)
         node = loader.get_single_node()
-        reader = _YamlReader(loader, name, problems)
         content = reader.read(node) if node is not None else {}
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -136,8 +169,8 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None) -> YamlFi
         problems.add(name, "nested too deep, or aliases of aliases", allowed)
     else:
         if isinstance(content, dict):
-            return YamlFile(name, content, reader.lines if node is not None else {})
-        problems.add(name, "holds no settings", "'key: value' lines are needed")
+            return replace(reader.file, content=content)
+        problems.add(name, "no mapping", "'key: value' lines are needed")
     return YamlFile(name)
 
 
@@ -153,3 +186,10 @@ def check_readable(root: Path, names: Iterable[str]) -> None:
     read = [read_yaml(root / name, problems, name) for name in names]
     if not all(file.lines for file in read):
         problems.raise_if_any()
+
+
+if __name__ == "__main__":
+    try:
+        check_readable(Path(), sys.argv[1:])
+    except InputError as error:
+        sys.exit(str(error))

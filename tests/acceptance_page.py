@@ -1,0 +1,26 @@
+"""The page of the documentation that the acceptance suites write their tables to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from lumbar.files import write_text
+
+
+def write_section(page: Path, name: str, lines: Sequence[str]) -> None:
+    """Replace what stands between ``<!-- NAME -->`` and ``<!-- end of NAME -->``.
+
+    Raises
+    ------
+    ValueError
+        If the page has no such section.
+    """
+    start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    text = page.read_text(encoding="utf-8")
+    pattern = re.compile(f"{re.escape(start)}.*{re.escape(end)}", re.DOTALL)
+    if not pattern.search(text):
+        raise ValueError(f"{page}: no section from {start} to {end}")
+    body = "\n".join([start, "", *lines, "", end])
+    write_text(page, pattern.sub(lambda _: body, text))

@@ -1,0 +1,157 @@
+"""Whether an answer to a labelled case is the one that the table of README.md asks for."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import lumbar
+from answers import Answer, ask
+from lumbar.config.study_recordings import record_layout
+
+FINDINGS = {
+    "pos_noise": "position_noise",
+    "pos_step": "position_(step|offset)",
+    "jitter": "jitter",
+    "skew": "clock_skew|lag",
+    "skew_ppm": "clock_skew|lag",
+    "lag": "lag",
+    "silent_drop": "dropped_samples",
+    "hold": "held_samples",
+    "gap": "gap|dropped_samples",
+    "force_zero": "force_(offset|zero)",
+    "springpot": "linear",
+}
+"""What the kind of a finding must hold, as regular expressions, to tell each fault."""
+NOT_YET = tomllib.loads(Path(__file__).with_name("not_yet.toml").read_text("utf-8"))
+"""Judgement and reason of the cases that are not right today."""
+UNSEEABLE = 0.25
+"""Residual over noise of an effect that adds 3 % to the error: to call the base adequate is no mistake then."""
+
+
+@dataclass(frozen=True)
+class Label:
+    """Truth of one case, as in ``labels.json``."""
+
+    family: str
+    tag: str
+    kind: str
+    hidden: tuple[str, ...]
+    fault: str
+    allowed: tuple[str, ...]
+    residual_over_noise: tuple[float, ...]
+    noise_rms: float
+    note: str
+
+    @property
+    def permitted(self) -> set[str]:
+        """Names that are not wrong; above the surface, contact may be an effect as well as part of the base."""
+        contact = {"contact_loss"} if self.tag.startswith("palpation") else set()
+        return {*self.hidden, *self.allowed, *contact}
+
+    @property
+    def other_tissue(self) -> bool:
+        """Whether the linear tissue underneath has more branches than the base."""
+        return self.fault == "springpot" or (self.family == "f" and bool(self.allowed))
+
+
+def read_labels(folder: Path) -> dict[str, Label]:
+    """Labels by case."""
+    return {
+        name: Label(**entry)
+        for name, entry in sorted(json.loads((folder / "labels.json").read_text()).items())
+    }
+
+
+def ask_case(folder: Path) -> Answer:
+    """Diagnose one case, with its own settings where it has some."""
+    return ask(partial(_read, folder))
+
+
+def _read(folder: Path):
+    config = folder / "config.yaml"
+    settings = lumbar.load_settings(*([config] if config.exists() else []))
+    layout, rate = record_layout(settings, settings.improvement.base)
+    records = lumbar.read(folder / "records", layout=layout, rate=rate)
+    machine = settings.signals.machine
+    return records, {"settings": settings.improvement, "machine": machine, "seed": settings.seed}
+
+
+def judge(label: Label, answer: Answer) -> tuple[str, str]:
+    """Judgement of an answer (`answers.JUDGEMENTS`) and the reason in a few words."""
+    if answer.crash or answer.refusal:
+        return ("crash", answer.crash) if answer.crash else ("refused", answer.refusal)
+    if label.family == "i":
+        return _judge_stranger(answer)
+    if label.kind == "tie":
+        return _judge_pair(label, answer)
+    judgement, why = _judge_names(label, answer) if label.hidden else _judge_linear(label, answer)
+    if judgement in ("right", "tied") and label.fault and not _told(label, answer):
+        return "part", f"{label.fault} is no finding"
+    return judgement, why
+
+
+def _judge_stranger(answer: Answer) -> tuple[str, str]:
+    """A law that no catalogue has."""
+    if answer.verdict != "unexplained" and not answer.unfinished:
+        return "WRONG", "claims to have explained a law that no catalogue has"
+    proposed = "proposed_law" in answer.findings
+    return ("right", "") if proposed else ("part", "no law is proposed")
+
+
+def _judge_pair(label: Label, answer: Answer) -> tuple[str, str]:
+    """A pair that the records cannot tell apart."""
+    if answer.verdict == "tied" and set(label.hidden) <= {*answer.selected, *answer.alternatives}:
+        return ("right", "") if answer.document["settled"] else ("part", "no experiment that settles it")
+    judgement, why = _judge_names(label, answer)
+    return judgement, why or "named without a tie"
+
+
+def _judge_linear(label: Label, answer: Answer) -> tuple[str, str]:
+    """No effect is hidden: a linear tissue, perhaps with a fault of a sensor."""
+    linear = any("linear" in kind for kind in answer.findings)
+    false = sorted(set(answer.selected) - label.permitted)
+    if answer.verdict == "unexplained":
+        return (
+            ("right", "linear dynamics")
+            if label.other_tissue and linear
+            else ("flagged", _unexplained(answer))
+        )
+    if false:
+        return "WRONG", f"accuses {', '.join(false)}"
+    if label.other_tissue and answer.verdict == "adequate" and not linear:
+        return "WRONG", "called adequate although the tissue has more branches"
+    return "right", ""
+
+
+def _judge_names(label: Label, answer: Answer) -> tuple[str, str]:
+    """One or several effects are hidden."""
+    hidden, selected = set(label.hidden), set(answer.selected)
+    if answer.verdict == "adequate":
+        weak = max(label.residual_over_noise) <= UNSEEABLE
+        return ("flagged", "weaker than can be seen") if weak else ("WRONG", "called adequate")
+    if answer.verdict == "unexplained":
+        return "flagged", _unexplained(answer)
+    if answer.verdict == "tied" and hidden <= selected | answer.alternatives:
+        return "tied", ""
+    if selected - label.permitted:
+        return "WRONG", f"names {', '.join(sorted(selected - label.permitted))}"
+    missed = ", ".join(sorted(hidden - selected))
+    if missed and answer.unfinished:
+        return ("right" if label.family == "b" else "flagged"), f"misses {missed}, says incomplete"
+    return ("WRONG", f"misses {missed}") if missed else ("right", "")
+
+
+def _unexplained(answer: Answer) -> str:
+    candidate = f", best candidate {', '.join(answer.selected)}" if answer.selected else ""
+    return f"unexplained{candidate}"
+
+
+def _told(label: Label, answer: Answer) -> bool:
+    """Whether the fault is told: as a finding, or by an effect of the measurement chain that is the same."""
+    by_name = set(answer.selected) & set(label.allowed)
+    return bool(by_name) or any(re.search(FINDINGS[label.fault], kind) for kind in answer.findings)

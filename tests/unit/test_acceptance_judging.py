@@ -1,0 +1,183 @@
+"""The judges of the acceptance suites: what is right, what is honest, and what is confidently wrong."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_effects_cases import diagnosis
+
+from acceptance_page import write_section
+from answers import Answer, ask, surprise
+from lumbar.errors import InputError
+from lumbar.records.record import Channel, Record
+
+TESTS = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(TESTS / "hard_effects"), str(TESTS / "real_records")]
+
+import case_judging as cases  # noqa: E402
+import record_judging as records  # noqa: E402
+
+FRICTION = cases.Label("a", "", "single", ("coulomb_friction",), "", (), (8.0,), 0.1, "")
+LINEAR = replace(FRICTION, family="k", kind="none", hidden=(), residual_over_noise=())
+TOOL = records.Expectation(
+    "tool", "", ("hysteresis",), "N", "Dahl", allowed=("backlash",), parameters={"mass": 2.0}
+)
+
+
+def answer(*words, settled=False, findings=(), **keys) -> Answer:
+    kinds = [{"kind": kind} for kind in findings]
+    return Answer({**diagnosis(*words, **keys), "settled": settled, "findings": kinds, "ranking": []})
+
+
+INCOMPLETE = {"complete": False, "after": "unexplained"}
+
+
+@pytest.mark.parametrize(
+    ("label", "given", "judgement"),
+    [
+        (FRICTION, answer("named", ["coulomb_friction"]), "right"),
+        (FRICTION, answer("named", ["hysteresis"]), "WRONG"),
+        (FRICTION, answer("named", ["coulomb_friction", "drift"], **INCOMPLETE), "WRONG"),
+        (FRICTION, answer("tied", ["hysteresis"], ["coulomb_friction"]), "tied"),
+        (FRICTION, answer("adequate"), "WRONG"),
+        (replace(FRICTION, residual_over_noise=(0.2,)), answer("adequate"), "flagged"),
+        (FRICTION, answer("unexplained", ["drift"]), "flagged"),
+        (FRICTION, Answer(refusal="clipped"), "refused"),
+        (FRICTION, Answer(crash="ZeroDivisionError"), "crash"),
+        (replace(FRICTION, fault="hold"), answer("named", ["coulomb_friction"]), "part"),
+        (
+            replace(FRICTION, fault="hold"),
+            answer("named", ["coulomb_friction"], findings=["held_samples"]),
+            "right",
+        ),
+        (
+            replace(FRICTION, fault="lag", allowed=("delay",)),
+            answer("named", ["coulomb_friction", "delay"]),
+            "right",
+        ),
+        (replace(FRICTION, hidden=("coulomb_friction", "drift")), answer("named", ["drift"]), "WRONG"),
+        (
+            replace(FRICTION, hidden=("coulomb_friction", "drift")),
+            answer("named", ["drift"], **INCOMPLETE),
+            "flagged",
+        ),
+        (
+            replace(FRICTION, family="b", hidden=("coulomb_friction", "drift")),
+            answer("named", ["drift"], **INCOMPLETE),
+            "right",
+        ),
+        (replace(FRICTION, family="i"), answer("named", ["coulomb_friction"]), "WRONG"),
+        (replace(FRICTION, family="i"), answer("unexplained", **INCOMPLETE), "part"),
+        (
+            replace(FRICTION, family="i"),
+            answer("unexplained", findings=["proposed_law"], **INCOMPLETE),
+            "right",
+        ),
+        (
+            replace(FRICTION, kind="tie"),
+            answer("tied", ["hysteresis"], ["coulomb_friction"], settled=True),
+            "right",
+        ),
+        (replace(FRICTION, kind="tie"), answer("tied", ["hysteresis"], ["coulomb_friction"]), "part"),
+        (replace(FRICTION, kind="tie"), answer("named", ["hysteresis"]), "WRONG"),
+        (LINEAR, answer("adequate"), "right"),
+        (LINEAR, answer("unexplained"), "flagged"),
+        (LINEAR, answer("named", ["drift"]), "WRONG"),
+        (replace(LINEAR, tag="palpation"), answer("named", ["contact_loss"]), "right"),
+        (replace(LINEAR, family="f", allowed=("second_relaxation",)), answer("adequate"), "WRONG"),
+        (
+            replace(LINEAR, family="f", allowed=("second_relaxation",)),
+            answer("unexplained", findings=["higher_order_linear"]),
+            "right",
+        ),
+    ],
+)
+def test_labelled_cases_are_judged_by_their_table(label, given, judgement):
+    assert cases.judge(label, given)[0] == judgement
+
+
+def with_mass(low: float, high: float) -> Answer:
+    given = answer("named", ["hysteresis"])
+    mass = {"value": (low + high) / 2, "low": low, "high": high}
+    return replace(given, document={**given.document, "ranking": [{"parameters": {"mass": mass}}]})
+
+
+@pytest.mark.parametrize(
+    ("given", "judgement"),
+    [
+        (answer("named", ["hysteresis"]), "right"),
+        (answer("named", ["hysteresis", "backlash"]), "right"),
+        (answer("named", ["hysteresis", "drift"]), "WRONG"),
+        (answer("named", ["backlash"]), "WRONG"),
+        (answer("named", ["backlash"], **INCOMPLETE), "flagged"),
+        (answer("tied", ["backlash"], ["hysteresis"]), "tied"),
+        (answer("adequate"), "WRONG"),
+        (answer("unexplained"), "flagged"),
+        (answer("named", ["hysteresis"], test_rms=1.3), "part"),
+        (with_mass(1.9, 2.1), "right"),
+        (with_mass(1.5, 1.9), "part"),
+    ],
+)
+def test_real_records_are_judged_by_names_error_and_parameters(given, judgement):
+    assert records.judge(TOOL, 1.0, given)[0] == judgement
+
+
+def test_published_errors_are_pooled_over_records():
+    """Shares of a standard deviation of 2 and 4, over 100 and 300 samples: √((100·0.2² + 300·0.8²)/400)."""
+    measured = [
+        Record(
+            name,
+            np.arange(samples),
+            {"output": Channel(size * np.tile([-1.0, 1.0], samples // 2), "force", "N")},
+        )
+        for name, samples, size in (("one", 100, 2.0), ("two", 300, 4.0))
+    ]
+    expected = replace(TOOL, best_nrmse_percent={"one": 10.0, "two": 20.0})
+    assert expected.published("best", measured) == pytest.approx(0.7)
+    expected = replace(TOOL, scale=1000.0, linear_rms={"one": 3.0})
+    assert expected.published("linear", measured) == pytest.approx(3000)
+
+
+@pytest.mark.parametrize(
+    ("judgement", "recorded", "words"),
+    [
+        ("right", "", ""),
+        ("part", "flagged: unexplained", ""),
+        ("WRONG", "WRONG: names drift", ""),
+        ("tied", "part: no law", "take it off"),
+        ("part", "", "was right"),
+        ("WRONG", "flagged: unexplained", "WRONG now"),
+        ("flagged", "WRONG: names drift", "flagged now"),
+    ],
+)
+def test_an_answer_that_is_not_as_recorded_is_told(judgement, recorded, words):
+    told = surprise("case", judgement, "why", recorded)
+    assert bool(told) == bool(words)
+    assert words in told
+
+
+def test_an_error_is_an_answer():
+    def refusing():
+        raise InputError("clipped:\n  line 2")
+
+    def crashing():
+        return 1 / 0
+
+    assert ask(refusing).refusal == "clipped: line 2"
+    assert ask(crashing).crash.startswith("ZeroDivisionError at test_acceptance_judging.py:")
+
+
+def test_a_section_of_the_page_is_replaced(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- one -->\nold \\1\n<!-- end of one -->\nafter\n", encoding="utf-8")
+    write_section(page, "one", ["| new \\1 |"])
+    write_section(page, "one", ["| newer \\1 |"])
+    assert page.read_text(encoding="utf-8") == (
+        "before\n<!-- one -->\n\n| newer \\1 |\n\n<!-- end of one -->\nafter\n"
+    )
+    with pytest.raises(ValueError, match="no section"):
+        write_section(page, "two", [])

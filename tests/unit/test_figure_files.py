@@ -1,0 +1,44 @@
+"""Files of figures: a PDF holds the TrueType outlines of its glyphs, as journals ask, and no other part of the fonts."""
+
+from __future__ import annotations
+
+import io
+import re
+import zlib
+
+import matplotlib.pyplot as plt
+import pytest
+from fontTools.ttLib import TTFont
+
+from lumbar.reports.figures.style import new_figure, save
+
+
+def fonts(content: bytes) -> list[TTFont]:
+    """Return the TrueType fonts embedded in a PDF file."""
+    streams = re.findall(rb"/FlateDecode.*?stream\r?\n(.*?)\r?\nendstream", content, flags=re.S)
+    unpacked = (zlib.decompressobj().decompress(stream) for stream in streams)
+    return [TTFont(io.BytesIO(stream)) for stream in unpacked if stream.startswith(b"\0\1\0\0")]
+
+
+@pytest.fixture
+def figure():
+    drawn, axes = new_figure()
+    axes.plot([0, 1])
+    axes.set_title("office, (a)", fontweight="bold")
+    axes.set_xlabel(r"Stiffness $k_\mathrm{e}$ in N·mm$^{-1}$")
+    yield drawn
+    plt.close(drawn)
+
+
+def test_pdf_fonts_are_the_outlines_that_matplotlib_embeds(figure, tmp_path):
+    figure.savefig(tmp_path / "whole.pdf")
+    save(figure, tmp_path / "saved", "")
+    content = (tmp_path / "saved.pdf").read_bytes()
+    assert b"/Type3" not in content
+    ours, whole = fonts(content), fonts((tmp_path / "whole.pdf").read_bytes())
+    assert len(ours) == len(whole) >= 3  # upright, bold, oblique
+    for font, reference in zip(ours, whole, strict=True):
+        assert not {"GDEF", "GPOS", "GSUB"} & set(font.keys())
+        for glyph in font.getGlyphOrder():
+            assert font["glyf"][glyph] == reference["glyf"][glyph]
+            assert font["hmtx"][glyph] == reference["hmtx"][glyph]

@@ -1,0 +1,240 @@
+"""``lumbar import``: what it shows, what it writes, and that the other commands and the workflow take it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from foreign_files import FORCE, POSITION, TIME, foreign_files, rows
+
+import lumbar
+from lumbar.config.study import load_study
+from lumbar.config.study_recordings import reading_plan
+from lumbar.errors import InputError
+from lumbar.interface.reading import read_listed
+from lumbar.records.checking import check_recordings
+from lumbar.records.columns import read_record
+from lumbar.records.importing.study_file import PROVENANCE
+
+FILES = foreign_files()
+
+
+@pytest.fixture
+def sources(tmp_path):
+    """Return a folder with recordings of a machine and words about them."""
+    folder = tmp_path / "machine"
+    folder.mkdir()
+    for name in ("labview.lvm", "excel_deutsch.csv"):
+        (folder / name).write_bytes(FILES[name][0])
+    (folder / "LICENSE.txt").write_text("Do what you like, 1 2 3\n")
+    return folder
+
+
+def test_a_dry_run_shows_and_writes_nothing(run, sources):
+    before = sorted(sources.iterdir())
+    status, out, err = run("import", sources / "labview.lvm", "--dry-run")
+    assert (status, err) == (0, "")
+    assert sorted(sources.iterdir()) == before
+    lines = [line.strip() for line in out.splitlines()]
+    assert "UTF-8, columns parted by tab, decimal comma, lines 19 to 618" in lines
+    assert "position: column 2 'Displacement' [mm], by its name; unit mm, as the file says" in lines
+    assert lines[5].split() == ["time_s", "position_mm", "force_N"]
+    assert [float(cell) for cell in lines[6].split()] == pytest.approx([0, POSITION[0], FORCE[0]], abs=1e-4)
+    speed = np.abs(np.gradient(POSITION, TIME)).max()
+    assert lines[-1].startswith(
+        "600 of 600 samples at 200 Hz, 0 to 2.995 s, none missing; position_mm -4.7325 to 4.7325"
+    )
+    assert lines[-1].endswith(f"largest speed {speed:.4g} mm/s")
+
+
+def test_records_and_a_study_are_written(run, sources, tmp_path, project):
+    output = tmp_path / "records"
+    status, out, _ = run(
+        "import",
+        sources / "labview.lvm",
+        sources / "excel_deutsch.csv",
+        "--output",
+        output,
+        "--licence",
+        "CC0",
+    )
+    assert status == 0
+    assert out.splitlines()[-1].endswith(f"next: lumbar diagnose {output} --output out")
+    assert sorted(path.name for path in output.iterdir()) == [
+        "excel_deutsch.csv",
+        "imported.json",
+        "labview.csv",
+        "study.yaml",
+    ]
+    records = lumbar.read(output)
+    assert records.names == ["excel_deutsch", "labview"]
+    np.testing.assert_allclose(records["labview"]["output"], FORCE, atol=2e-5)
+    text = (output / "study.yaml").read_text()
+    assert "#   force: column 3 'Load' [N], by its name; unit N, as the file says" in text
+    study = load_study(yaml.safe_load(text), project, [output / "study.yaml"])
+    assert study.settings.data_source.licence == "CC0"
+    assert [study.recording(record.file) for record in study.settings.tissue.records] == [
+        str(output / "labview.csv"),
+        str(output / "excel_deutsch.csv"),
+    ]
+    status, out, _ = run("check", output)
+    assert status == 0
+    assert "labview.csv: 600 samples, 200 Hz, 3 s; input: position in mm, output: force in N" in out
+
+
+def test_a_folder_grows_by_imports_with_other_options(run, sources, tmp_path):
+    output = tmp_path / "records"
+    assert run("import", sources / "labview.lvm", "--output", output)[0] == 0
+    told = ("--force-unit", "lbf", "--output", output)
+    assert run("import", sources / "excel_deutsch.csv", *told)[0] == 0
+    assert run("import", sources / "labview.lvm", "--flip-force", "--output", output)[0] == 0
+    records = lumbar.read(output)
+    np.testing.assert_allclose(records["excel_deutsch"]["output"], FORCE * 4.4482216152605, atol=1e-4)
+    np.testing.assert_allclose(records["labview"]["output"], -FORCE, atol=2e-5)
+    content = json.loads((output / PROVENANCE).read_text())
+    assert [entry["name"] for entry in content["records"]] == ["excel_deutsch", "labview"]
+
+
+def test_what_a_person_wrote_is_not_overwritten(run, sources, tmp_path):
+    status, _, err = run("import", sources / "labview.lvm", "--output", sources)
+    assert status == 1
+    assert "holds excel_deutsch.csv, which were not imported" in err
+    output = tmp_path / "records"
+    assert run("import", sources / "labview.lvm", "--output", output)[0] == 0
+    study = output / "study.yaml"
+    study.write_text(study.read_text() + "# mine\n")
+    status, _, err = run("import", sources / "labview.lvm", "--output", output)
+    assert status == 1
+    assert "study.yaml: was changed since it was made" in err
+    assert study.read_text().endswith("# mine\n")
+
+
+def test_records_of_other_units_do_not_join(run, tmp_path):
+    for name, unit in (("a", "mm"), ("b", "deg")):
+        (tmp_path / f"{name}.txt").write_text(f"time_s,position_{unit},force_N\n" + rows(","))
+    output = tmp_path / "records"
+    assert run("import", tmp_path / "a.txt", "--output", output)[0] == 0
+    status, _, err = run("import", tmp_path / "b.txt", "--output", output)
+    assert status == 1
+    assert "a has time_s, position_mm, force_N, but b has time_s, angle_rad, force_N" in err
+
+
+def test_records_that_the_default_layout_does_not_read(run, tmp_path, project):
+    """A rotation in volts, clipped, at two rates: the study says all of it."""
+    for name, rate in (("a", 200), ("b", 100)):
+        clipped = np.clip(FORCE, -4, 4)
+        (tmp_path / f"{name}.txt").write_text(
+            "angle [deg],torque [V]\n" + rows(",", columns=(POSITION, clipped))
+        )
+        told = ("--force-unit", "V", "--rate", rate, "--accept-clipped", "--output", tmp_path / "no: records")
+        status, out, _ = run("import", tmp_path / f"{name}.txt", *map(str, told))
+        assert status == 0
+    assert "--config" in out.splitlines()[-1]
+    path = tmp_path / "no: records" / "study.yaml"
+    study = load_study(yaml.safe_load(path.read_text()), project, [path]).settings
+    assert study.tissue.rate_Hz == 100
+    records = lumbar.read(path.parent, layout=study.tissue.layout, rate=study.tissue.rate_Hz)
+    assert records["a"].channels["output"].label == "Force (V)"
+    assert records["a"].channels["input"].label == "Angle (rad)"
+    np.testing.assert_allclose(records["b"]["input"], np.deg2rad(POSITION), atol=1e-6)
+
+
+def test_all_files_are_told_of_at_once(run, tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.txt").write_text("time_s,position_mm,load\n" + rows(","))
+    (tmp_path / "c.txt").write_text("nothing")
+    status, out, err = run("import", *(tmp_path / f"{name}.txt" for name in "abcd"), "--dry-run")
+    assert (status, out) == (1, "")
+    assert "import: 4 problems" in err
+    assert err.count("give --force-unit") == 1
+    assert f"b.txt: as {tmp_path / 'a.txt'}" in err
+    assert "d.txt: no such file" in err
+    status, _, err = run("import", tmp_path, "--dry-run")
+    assert status == 1
+    assert "a folder; name the files in it that are recordings" in err
+
+
+def test_a_wrong_command_line(run, sources):
+    assert run("import", sources / "labview.lvm")[0] == 2
+    status, _, err = run("import", sources / "labview.lvm", "--dry-run", "--trim", "5")
+    assert status == 2
+    assert "START:STOP in seconds is needed" in err
+
+
+def test_files_of_one_name(run, sources, tmp_path):
+    (tmp_path / "labview.csv").write_bytes(FILES["tidy.csv"][0])
+    status, _, err = run("import", sources / "labview.lvm", tmp_path / "labview.csv", "--dry-run")
+    assert status == 1
+    assert "would all be the record 'labview'" in err
+
+
+def test_a_folder_with_words_about_the_data_is_read(tmp_path):
+    for name in ("LICENSE.txt", "README.TXT", "readme_de.txt", "Licence-data.txt"):
+        (tmp_path / name).write_text("words\n")
+    (tmp_path / "trial.csv").write_bytes(FILES["tidy.csv"][0])
+    assert lumbar.read(tmp_path).names == ["trial"]
+
+
+def test_the_damper_and_the_tool_come_out_as_their_studies_read_them(shared, project):
+    """The layouts of two studies, written by hand, are an independent reading of the same files."""
+    for study, told in (
+        ("friction_damper", {}),
+        (
+            "davinci_tool",
+            {
+                "position": 2,
+                "force": 3,
+                "time_unit": "s",
+                "position_unit": "7.669903939428206e-4 rad",
+                "force_unit": "-3.9811e-5 N·m/count",
+            },
+        ),
+    ):
+        settings = lumbar.load_settings(project / f"config/studies/{study}.yaml").tissue
+        path = shared / "real" / settings.records[0].file
+        by_hand = read_record(path, settings.layout)
+        [imported] = lumbar.import_recordings(path, **told)
+        factors = {"friction_damper": (1.0, 1e3), "davinci_tool": (1.0, 1.0)}[study]
+        np.testing.assert_allclose(imported.record.time, by_hand.time, rtol=1e-12)
+        for role, factor in zip(("input", "output"), factors, strict=True):
+            np.testing.assert_allclose(imported.record[role], by_hand[role] * factor, rtol=1e-7)
+
+
+def test_foreign_files_that_say_too_little(shared):
+    real = shared / "real"
+    with pytest.raises(InputError, match=r"\[ms\], whose steps of 0.001 ms are 1e\+06 Hz"):
+        lumbar.import_recordings(real / "davinci_tool_friction/Tool_4_Maryland_L_4_03.TXT.gz")
+    told = {"position": "qm", "position_unit": "m", "force": "vir", "force_unit": "35.15 N/V"}
+    with pytest.raises(InputError, match="no column says that it is position"):
+        lumbar.import_recordings(real / "positioning_axis/DATA_EMPS.mat")
+    [axis] = lumbar.import_recordings(real / "positioning_axis/DATA_EMPS.mat", **told)
+    assert axis.record["output"].max() == pytest.approx(145.47, abs=0.01)
+    drive = {"position": "u1", "force": "z1", "position_unit": "V", "force_unit": "V", "rate": 50}
+    [drives] = lumbar.import_recordings(real / "coupled_drives/drive.mat", **drive)
+    assert list(drives.frame()) == ["time_s", "position_V", "force_V"]
+
+
+def test_the_bouc_wen_benchmark_states_its_rate(shared):
+    pytest.importorskip("h5py")
+    told = {"position": "multisine/y", "force": "multisine/u", "position_unit": "m", "force_unit": "N"}
+    [oscillator] = lumbar.import_recordings(shared / "real/bouc_wen/train.h5", **told)
+    assert 1 / oscillator.record.sampling_time == pytest.approx(750)
+
+
+def test_a_study_reads_a_part_of_a_record(sources, tmp_path, project, run):
+    """``trim_s`` of a record reaches both the check of the recordings and their reading."""
+    assert run("import", sources / "labview.lvm", "--output", tmp_path / "records")[0] == 0
+    path = tmp_path / "records" / "study.yaml"
+    content = yaml.safe_load(path.read_text())
+    content["tissue"]["records"][0]["trim_s"] = [0.5, 2]
+    study = load_study(content, project)
+    [described] = check_recordings(reading_plan(study, ["tissue"]))["tissue"]
+    assert (described["samples"], described["duration_s"]) == (300, 1.5)
+    tissue = study.settings.tissue
+    [record] = read_listed([path.parent / "labview.csv"], tissue.records, tissue.layout)
+    np.testing.assert_allclose(record["output"], FORCE[100:400], atol=2e-5)
+    content["tissue"]["records"][0]["trim_s"] = [2, 0.5]
+    with pytest.raises(InputError, match="the start must lie before the end"):
+        load_study(content, project)

@@ -1,0 +1,338 @@
+"""What is guessed of columns, units and clocks, and what is refused with candidates and the option that decides."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from foreign_files import FORCE, POSITION, RATE, TIME, rows
+
+import lumbar
+from lumbar.errors import InputError
+from lumbar.records.importing.roles import named_so
+from lumbar.records.importing.units import find_unit, name_and_unit, told_unit
+
+HEAD = "time_s,position_mm,force_N\n"
+
+
+def imported(tmp_path, text, name="trial.csv", **told):
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    [recording] = lumbar.import_recordings(tmp_path / name, **told)
+    return recording
+
+
+def refusal(tmp_path, text, **told) -> str:
+    with pytest.raises(InputError) as caught:
+        imported(tmp_path, text, **told)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("spelling", "quantity", "factor"),
+    [
+        ("[mm]", "length", 1.0),
+        ("µm", "length", 1e-3),
+        ("Inches", "length", 25.4),
+        ("(kN)", "force", 1e3),
+        ("KN", "force", 1e3),
+        ("mN", "force", 1e-3),
+        ("LBF", "force", 4.4482216152605),  # international pound 0.45359237 kg times 9.80665 m/s²
+        ("kgf", "force", 9.80665),
+        ("N m", "torque", 1.0),
+        ("Nm", "torque", 1.0),
+        ("in-lbf", "torque", 0.1129848290276167),  # NIST SP 811
+        ("°", "angle", np.pi / 180),
+        ("msec", "time", 1e-3),
+        ("V", "reading", 1.0),
+    ],
+)
+def test_units_are_known(spelling, quantity, factor):
+    unit = find_unit(spelling)
+    assert unit.quantity == quantity
+    assert unit.factor == pytest.approx(factor, rel=1e-12)
+
+
+@pytest.mark.parametrize("spelling", ["furlong", "mn", "nM", "", "1"])
+def test_a_spelling_that_several_units_could_have_is_none(spelling):
+    assert find_unit(spelling) is None
+
+
+@pytest.mark.parametrize(
+    ("cell", "parted"),
+    [
+        ("Kraft [kN]", ("Kraft", "kN")),
+        ("Weg / mm", ("Weg", "mm")),
+        ("Ch 1 Force,lbf", ("Ch 1 Force", "lbf")),
+        ("TimeMs", ("Time", "Ms")),
+        ("x_m", ("x", "m")),
+        ("vel_in_s", ("vel_in", "s")),
+        ("Load", ("Load", "")),
+        ("Strain (%)", ("Strain (%)", "")),
+    ],
+)
+def test_a_header_is_parted(cell, parted):
+    assert name_and_unit(cell) == parted
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "plainness"),
+    [
+        ("Traversenweg", "position", 3),
+        ("Déplacement", "position", 3),
+        ("Kracht", "force", 3),
+        ("LoadCell1", "force", 3),
+        ("Gesamtkraft", "force", 2),
+        ("t", "time", 1),
+        ("Fz", "force", 1),
+        ("Siła", "force", 3),
+        ("时间", "time", 3),
+        ("Sollweg", "position", 0),
+        ("Soll Weg", "position", -1),
+        ("Force rate", "force", -1),
+        ("Temperature", "time", -1),
+    ],
+)
+def test_names_say_roles(name, role, plainness):
+    assert named_so(name, role) == plainness
+
+
+def test_a_calibration_is_a_number_before_a_unit():
+    assert told_unit("2e-3 kN/count", "--force-unit").factor == pytest.approx(2.0)
+    for wrong in ("35.15", "0 N", "35 furlongs"):
+        with pytest.raises(InputError, match="is no unit; known are"):
+            told_unit(wrong, "--force-unit")
+
+
+def test_two_forces_are_refused_with_both(tmp_path):
+    text = "t (s),z (mm),force 1 (N),force 2 (N)\n" + rows(",", columns=(TIME, POSITION, FORCE, 2 * FORCE))
+    told = refusal(tmp_path, text)
+    assert (
+        "force may be column 3 'force 1' [N] or column 4 'force 2' [N]; choose by --force NAME or NUMBER"
+        in told
+    )
+    assert "column 2 'z' [mm]: 1.26221, 1.4775, 1.67825, …, from -4.7325 to 4.73246" in told
+    chosen = imported(tmp_path, text, force="force 2")
+    assert chosen.record["output"] == pytest.approx(2 * FORCE, abs=2e-5)
+    assert "as told by --force" in chosen.grounds["force"]
+
+
+@pytest.mark.parametrize("head", ["time_s,position_mm,force_N,force_N\n", "t (s),z (mm),F (N),F (kN)\n"])
+def test_a_name_that_stands_twice_is_refused(tmp_path, head):
+    text = head + rows(",", columns=(TIME, POSITION, FORCE, FORCE / 1e3), digits=8)
+    assert "choose by --force" in refusal(tmp_path, text)
+    name = "force" if "force" in head else "F"
+    assert "which stands in columns 3 and 4; choose by --force NUMBER" in refusal(tmp_path, text, force=name)
+    assert imported(tmp_path, text, force=3).record["output"] == pytest.approx(FORCE, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("head", "message"),
+    [
+        (
+            "time_s,position,force_N\n",
+            "position is column 2 'position', by its name, without a unit; give --position-unit, e.g. mm",
+        ),
+        (
+            "time_s,position_mm,load [V]\n",
+            "what the sensor gave, in V; say what one of its numbers is, as in --force-unit '35.15 N', or --force-unit V",
+        ),
+        (
+            "time_s,a,b\n",
+            "no column says that it is position; choose by --position NAME or NUMBER among column 2 'a', column 3 'b'",
+        ),
+    ],
+)
+def test_what_a_file_does_not_say_is_asked_for(tmp_path, head, message):
+    assert message in refusal(tmp_path, head + rows(","))
+
+
+def test_a_header_that_cannot_be_true_is_asked_about(tmp_path):
+    text = "time [µs],position [mm],force [N]\n" + rows(",")
+    assert "are 2e+08 Hz, which no testing machine records at; give --time-unit" in refusal(tmp_path, text)
+    assert imported(tmp_path, text, time_unit="s").record.sampling_time == pytest.approx(1 / RATE)
+
+
+def test_a_clock_in_whole_numbers_needs_its_unit(tmp_path):
+    text = "time,position_mm,force_N\n" + rows(",", columns=(1e3 * TIME, POSITION, FORCE))
+    assert "time is column 1 'time', by its name, without a unit; give --time-unit" in refusal(tmp_path, text)
+    assert imported(tmp_path, text, time_unit="ms").record.time == pytest.approx(TIME)
+
+
+def test_a_position_is_not_guessed_from_a_coarse_encoder(tmp_path):
+    coarse = rows("\t", columns=(TIME, np.round(POSITION, 1), FORCE))
+    assert "no column says that it is position" in refusal(
+        tmp_path, coarse, position_unit="mm", force_unit="N"
+    )
+
+
+def test_without_a_clock_the_rate_is_asked_for(tmp_path):
+    text = "position_mm,force_N\n" + rows(",", columns=(POSITION, FORCE))
+    assert "no column of time and no rate is stated; give --time COLUMN or --rate HZ" in refusal(
+        tmp_path, text
+    )
+    two = "Sample rate: 200 Hz\nSampling interval: 4 ms\n" + text
+    assert "the file states 200 Hz (line 1), 250 Hz (line 2); choose by --rate HZ" in refusal(tmp_path, two)
+    assert imported(tmp_path, two, rate=250).record.sampling_time == pytest.approx(0.004)
+    assert "--rate is given, but column 1 'time' [s] is time" in refusal(tmp_path, HEAD + rows(","), rate=100)
+    assert imported(tmp_path, HEAD + rows(","), rate=100, time="none").record.sampling_time == pytest.approx(
+        0.01
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "rate"),
+    [
+        ("Sample Rate,200", 200),
+        ("Sampling frequency [kHz]: 0.2 kHz", 200),
+        ("Abtastrate: 2,0E+2 Hz", 200),
+        ("Abtastintervall = 5 ms", 200),
+        ("Fréquence d'échantillonnage : 200 Hz", 200),
+        ("Frecuencia de muestreo (Hz);200", 200),
+        ("# fs=200", 200),
+        ("Delta_X\t0,005\t0,005", 200),
+        ("Sampling Interval (s): 0.005", 200),
+        ("Data rate: 200 S/s", 200),
+        ("Scan Rate = 200 samples/s", 200),
+    ],
+)
+def test_a_rate_is_read_from_the_lines_above(tmp_path, line, rate):
+    one = imported(tmp_path, f"{line}\nposition_mm;force_N\n" + rows(";", columns=(POSITION, FORCE)))
+    assert 1 / one.record.sampling_time == pytest.approx(rate)
+    assert one.grounds["time"] == "no column; 200 Hz as line 1 says"
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["Samples: 600", "Sample: 7", "Sample diameter 10 mm", "Sample rate: 60 per min", "Frequency: 2 Hz"],
+)
+def test_other_numbers_are_no_rate(tmp_path, line):
+    text = f"{line}\nposition_mm;force_N\n" + rows(";", columns=(POSITION, FORCE))
+    assert "no rate is stated" in refusal(tmp_path, text)
+
+
+def test_a_stated_rate_that_the_clock_does_not_have_is_told(tmp_path):
+    notes = imported(tmp_path, "Sample rate: 1000 Hz\n" + HEAD + rows(",")).notes
+    assert notes == ("the file states 1000 Hz (line 1), but its clock has 200 Hz",)
+
+
+def test_a_force_of_the_other_sign_is_told_and_turned(tmp_path):
+    text = HEAD + rows(",", columns=(TIME, POSITION, -FORCE))
+    assert "--flip-force changes it" in imported(tmp_path, text).notes[0]
+    flipped = imported(tmp_path, text, flip_force=True)
+    assert flipped.record["output"] == pytest.approx(FORCE, abs=2e-5)
+    assert flipped.notes == ("the sign of the force is changed, as told by --flip-force",)
+    assert "leave --flip-force out" in imported(tmp_path, HEAD + rows(","), flip_force=True).notes[1]
+
+
+def test_several_tables_are_refused_until_one_is_chosen(tmp_path):
+    text = HEAD + rows(",") + "\nSecond cycle\n" + HEAD + rows(",", columns=(TIME, 2 * POSITION, FORCE))
+    assert "2 tables of numbers (1: lines 2 to 601, 2: lines 605 to 1204); choose one" in refusal(
+        tmp_path, text
+    )
+    assert imported(tmp_path, text, table=2).record["input"] == pytest.approx(2 * POSITION, abs=2e-5)
+    assert "no table '3'; there are 1: lines 2 to 601" in refusal(tmp_path, text, table=3)
+
+
+def test_torn_rows_are_named(tmp_path):
+    lines = (HEAD + rows(",")).splitlines()
+    lines[100], lines[200] = "0.495,over,1.2", "0.995,1.2"
+    told = refusal(tmp_path, "\n".join(lines))
+    assert "2 problems" in told
+    assert "line 101: '0.495,over,1.2'; 3 numbers are expected" in told
+    assert "line 201: '0.995,1.2'" in told
+
+
+def test_commas_for_two_things_are_refused(tmp_path):
+    assert "commas part both columns and decimals" in refusal(tmp_path, HEAD + rows(",", ","))
+
+
+def test_a_column_that_is_not_read_as_numbers_is_told(tmp_path):
+    thousands = "".join(
+        f"{t:.3f};{1e3 * z:,.2f};{f:.4f}\n" for t, z, f in zip(TIME, POSITION, FORCE, strict=True)
+    )
+    told = refusal(tmp_path, "t (s);z (µm);F (N)\n" + thousands)
+    assert "column 2 is no number ('1,262.21')" in told
+    told = refusal(tmp_path, "position_mm,force_N\n" + rows(","))
+    assert "no names: above the table stands 'position_mm,force_N'" in told
+
+
+def test_no_column_has_two_roles(tmp_path):
+    assert "is taken already" in refusal(tmp_path, HEAD + rows(","), position=2, force="2")
+    assert "--position 'none': no such column" in refusal(tmp_path, HEAD + rows(","), position="none")
+
+
+def test_rows_that_are_in_no_table_are_told(tmp_path):
+    lines = (HEAD + rows(",")).splitlines()
+    cut = imported(tmp_path, "\n".join([*lines[:-1], "2.995,1.2"]))
+    assert cut.form.endswith("lines 2 to 600; line 601 is no whole row ('2.995,1.2')")
+    event = imported(tmp_path, "\n".join([*lines[:598], "Event: stop", *lines[598:]]))
+    assert event.form.endswith("lines 2 to 598; lines 600 to 602 are too few rows for a table")
+    assert len(event.record) == 597
+
+
+@pytest.mark.parametrize("text", ["", "no numbers\nat all\n", "1,2,3\n2,3,4\n"])
+def test_what_is_no_table(tmp_path, text):
+    assert "no table of numbers" in refusal(tmp_path, text)
+
+
+def test_stamps_that_repeat_or_go_back_are_named(tmp_path):
+    time = TIME.copy()
+    time[50], time[120] = time[49], time[110]
+    told = refusal(tmp_path, HEAD + rows(",", columns=(time, POSITION, FORCE)))
+    assert "line 52: 1 time stamps repeated" in told
+    assert "line 122: 1 time stamps backward" in told
+
+
+def test_missing_samples_are_refused_with_the_longest_part_without(tmp_path):
+    force = FORCE.copy()
+    force[100:103] = np.nan
+    text = HEAD + rows(",", columns=(TIME, POSITION, force))
+    told = refusal(tmp_path, text)
+    assert "line 102: force is missing in 3 samples, 0.005 of all" in told
+    option = told.split("--trim ")[1].split()[0]
+    start, stop = map(float, option.split(":"))
+    part = imported(tmp_path, text, trim=(start, stop))
+    assert part.record.time == pytest.approx(TIME[103:])
+    assert part.notes == ("103 of 600 samples lie outside --trim and are left out",)
+
+
+def test_an_uneven_clock_is_resampled_as_stated(tmp_path):
+    """The recording at jittered instants with 10 samples dropped comes back on its even clock."""
+    random = np.random.default_rng(1)
+    time = TIME + random.uniform(-0.3, 0.3, len(TIME)) / RATE
+    time = np.delete(time, random.choice(np.arange(20, 580), 10, replace=False))
+    position = 4 * np.sin(2 * np.pi * 1.1 * time) + 1.5 * np.sin(2 * np.pi * 3.3 * time + 1)
+    one = imported(tmp_path, HEAD + rows(",", columns=(time, position, 2 * position), digits=7))
+    record = one.record
+    assert np.ptp(np.diff(record.time)) < 1e-9
+    expected = 4 * np.sin(2 * np.pi * 1.1 * record.time) + 1.5 * np.sin(2 * np.pi * 3.3 * record.time + 1)
+    assert record["input"] == pytest.approx(expected, abs=1e-3)  # the ripple of the anti-aliasing filter
+    assert "resampled to its median rate" in one.notes[0]
+    assert len(record) < len(TIME) - 18
+
+
+def test_a_gap_in_an_uneven_clock_is_refused(tmp_path):
+    keep = np.r_[0:200, 230:600]
+    told = refusal(tmp_path, HEAD + rows(",", columns=(TIME[keep], POSITION[keep], FORCE[keep])))
+    assert "line 202: 0.155 s without samples, 31 median steps" in told
+    start, stop = map(float, told.split("--trim ")[1].split()[0].split(":"))
+    assert (start, stop) == pytest.approx((TIME[230], TIME[-1] + 0.0025))
+
+
+def test_a_part_that_is_not_there_and_options_that_mean_nothing(tmp_path):
+    text = HEAD + rows(",")
+    assert "the clock runs from 0 to 2.995 s" in refusal(tmp_path, text, trim=(10, 20))
+    assert "the start must lie before the stop" in refusal(tmp_path, text, trim=(2, 1))
+    assert "a positive number of hertz" in refusal(tmp_path, text, rate=-1.0)
+    assert "--force 'load': no such column; there are column 1 'time' [s]" in refusal(
+        tmp_path, text, force="load"
+    )
+    assert "is a unit of length, not of force" in refusal(tmp_path, text, force_unit="mm")
+
+
+def test_clipped_forces_are_refused_unless_accepted(tmp_path):
+    text = HEAD + rows(",", columns=(TIME, POSITION, np.clip(FORCE, -4, 4)))
+    assert "clipped" in refusal(tmp_path, text)
+    assert imported(tmp_path, text, accept_clipped=True).clipped
+    jittered = TIME + np.random.default_rng(2).uniform(-0.3, 0.3, len(TIME)) / RATE
+    uneven = HEAD + rows(",", columns=(jittered, POSITION, np.clip(FORCE, -4, 4)))
+    assert "clipped" in refusal(tmp_path, uneven)

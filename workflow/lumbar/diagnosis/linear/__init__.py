@@ -1,0 +1,1 @@
+"""What linear dynamics of higher order explain, how much of an error is nonlinear, and which way round records are."""

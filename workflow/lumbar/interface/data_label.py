@@ -1,0 +1,31 @@
+"""The words that say where data come from, where the caller says none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+NOT_SAID = "source not said"
+
+
+def data_label(given: str, sources: Iterable[str]) -> str:
+    """Return what was given; else the folder that the files come from, or a file alone.
+
+    Parameters
+    ----------
+    given : str
+    sources : iterable of str
+        Files; empty for what was read from none.
+
+    Examples
+    --------
+    >>> data_label("", ["recordings/tissue/chirp.csv", "recordings/tissue/noise.csv"])
+    'tissue'
+    >>> data_label("", ["answers.csv"])
+    'answers.csv'
+    >>> data_label("", [""])
+    'source not said'
+    """
+    files = [Path(source).resolve() for source in dict.fromkeys(sources) if source]
+    names = [file.name for file in files] if len(files) == 1 else [file.parent.name for file in files]
+    return given or ", ".join(dict.fromkeys(names)) or NOT_SAID

@@ -1,0 +1,222 @@
+"""``lumbar.import_recordings``: foreign recordings as records of a study, with what was guessed and why."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.errors import InputError, Problems
+from lumbar.records.importing.raw_table import COLUMNS_FOLLOW
+from lumbar.records.importing.recording import Choices, ImportedRecording, to_record
+from lumbar.records.importing.source_file import read_source, record_name
+from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
+from lumbar.records.record_set import RecordSet
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_SHOWN = 4
+"""Rows of a preview."""
+
+
+def import_recordings(
+    files: str | os.PathLike | Iterable[str | os.PathLike],
+    *,
+    time: str | int | None = None,
+    position: str | int | None = None,
+    force: str | int | None = None,
+    time_unit: str | None = None,
+    position_unit: str | None = None,
+    force_unit: str | None = None,
+    rate: float | None = None,
+    flip_force: bool = False,
+    trim: tuple[float, float] | None = None,
+    table: str | int | None = None,
+    accept_clipped: bool = False,
+) -> ImportedRecordings:
+    """Read recordings of force and position in whatever form a machine wrote them.
+
+    Columns, units, sampling rate, delimiter, decimal mark, encoding and the lines of the table are found; what cannot be
+    told is refused with its candidates. What is given here holds for all files.
+
+    Parameters
+    ----------
+    files : path or iterable of path
+        One file per recording: text in any dialect, MATLAB, HDF5 or Excel, also gzipped.
+    time, position, force : str or int, optional
+        Column, by name or number counted from 1; ``time="none"`` where there is none.
+    time_unit, position_unit, force_unit : str, optional
+        Unit of the file's numbers, ``"lbf"``, or what one of them is: ``"35.15 N"``.
+    rate : float, optional
+        Sampling rate in hertz, where no column is time.
+    flip_force : bool
+        Change the sign of the force.
+    trim : tuple of float, optional
+        Start and stop in seconds of the file's clock.
+    table : str or int, optional
+        Part of the file: number of a table in a text file, sheet of a workbook, variable or group of a MATLAB or HDF5
+        file.
+    accept_clipped : bool
+        Take records whose force or position lies flat at its extreme.
+
+    Returns
+    -------
+    ImportedRecordings
+        Prints what was guessed and why; has ``records`` and ``save(folder)``.
+
+    Raises
+    ------
+    InputError
+        With all problems of all files: what cannot be told with its candidates; time stamps that stand twice or go back,
+        samples that are missing, records that cannot be analysed.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> import numpy as np
+    >>> rows = [(0.01 * n, n % 7, n % 5) for n in range(1000)]
+    >>> np.savetxt("trial_1.txt", rows, delimiter=";", header="Time (s);Position (mm);Load", comments="")
+    >>> imported = lumbar.import_recordings("trial_1.txt", force_unit="lbf")
+    >>> imported.records["trial_1"]
+    <Record trial_1: 1000 samples at 100 Hz, 10 s; position (mm), force (N)>
+    """
+    called, moved, pushed, part = (
+        None if item is None else str(item) for item in (time, position, force, table)
+    )
+    units = (time_unit, position_unit, force_unit)
+    choices = Choices(called, moved, pushed, *units, rate, flip_force, trim, part, accept_clipped)
+    paths = [Path(files)] if isinstance(files, str | os.PathLike) else [Path(file) for file in files]
+    names = [record_name(path) for path in paths]
+    problems = Problems("import")
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        shared = ", ".join(str(path) for path, own in zip(paths, names, strict=True) if own == name)
+        problems.add("", f"{shared} would all be the record {name!r}", "rename all but one of them")
+    recordings: list = []
+    told: dict = {}
+    for path, name in zip(paths, names, strict=True):
+        try:
+            raw, sha256 = read_source(path, choices.table)
+            recordings.append(to_record(raw, choices, name, sha256))
+        except InputError as error:
+            what = str(error).replace(str(path), "").split(COLUMNS_FOLLOW)[0]
+            alike = told.setdefault(what, path)
+            words = str(error) if alike is path else f"{path}: as {alike}"
+            problems.add("", words.replace("\n", "\n    "))
+    problems.raise_if_any()
+    return ImportedRecordings(tuple(recordings))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImportedRecordings(Sequence[ImportedRecording]):
+    """Recordings with what was guessed of each.
+
+    Attributes
+    ----------
+    recordings : tuple of ImportedRecording
+    """
+
+    recordings: tuple[ImportedRecording, ...]
+
+    @property
+    def records(self) -> RecordSet:
+        """The records, for `lumbar.diagnose` and the others.
+
+        Raises
+        ------
+        InputError
+            If they differ in quantities or units.
+        """
+        from lumbar.records.record import same_units
+
+        records = [recording.record for recording in self.recordings]
+        same_units(records)
+        return RecordSet(records)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row per recording: the numbers in which a slip shows."""
+        import pandas as pd
+
+        return pd.DataFrame([_numbers(recording) for recording in self.recordings])
+
+    def save(self, folder: str | os.PathLike, *, data: str | None = None, licence: str | None = None) -> Path:
+        """Write a tidy CSV file per record, and a study that the workflow and ``--config`` accept.
+
+        Parameters
+        ----------
+        folder : path
+            A folder of its own; that of an earlier import is added to.
+        data, licence : str, optional
+            Name and licence of the data, as they stand on tables and figures.
+
+        Returns
+        -------
+        Path
+            The study.
+        """
+        from lumbar.interface.reading import is_column_file
+
+        folder = Path(folder)
+        there = sorted(folder.iterdir()) if folder.is_dir() else []
+        return write_folder(self.recordings, folder, list(filter(is_column_file, there)), data, licence)
+
+    def next_command(self, study: Path) -> str:
+        """Command that diagnoses the records of the folder that was saved."""
+        from lumbar.files import read_json
+
+        command = ["lumbar", "diagnose", str(study.parent)]
+        if needs_study(read_json(study.parent / PROVENANCE)):
+            command += ["--config", str(study)]
+        return shlex.join([*command, "--output", "out"])
+
+    def __len__(self) -> int:
+        return len(self.recordings)
+
+    def __getitem__(self, which):
+        return self.recordings[which]
+
+    def __repr__(self) -> str:
+        return "\n".join(map(_report, self.recordings))
+
+    def _repr_html_(self) -> str:
+        return self.table.to_html(index=False)
+
+
+def _numbers(recording: ImportedRecording) -> dict:
+    """What a person checks a record by."""
+    record, names = recording.record, recording.names
+    row: dict = {
+        "record": record.name,
+        "samples": len(record),
+        "rate (Hz)": round(1 / record.sampling_time, 4),
+    }
+    row["start (s)"], row["end (s)"] = record.time[0], record.time[-1]
+    for role in record.channels:
+        row[f"least {names[role]}"], row[f"largest {names[role]}"] = record[role].min(), record[role].max()
+    unit = record.channels["input"].unit
+    row[f"largest speed ({unit}/s)"] = np.abs(np.gradient(record["input"], record.sampling_time)).max()
+    return row
+
+
+def _report(recording: ImportedRecording) -> str:
+    record, names = recording.record, recording.names
+    lines = [f"{record.source} -> {record.name}.csv", f"  {recording.form}"]
+    lines += [f"  {role}: {words}" for role, words in recording.grounds.items()]
+    preview = recording.frame().head(_SHOWN).to_string(index=False, float_format=lambda value: f"{value:.6g}")
+    lines += [f"    {line}" for line in preview.splitlines()]
+    ranges = ", ".join(
+        f"{names[role]} {record[role].min():.5g} to {record[role].max():.5g}" for role in record.channels
+    )
+    speed = np.abs(np.gradient(record["input"], record.sampling_time)).max()
+    lines += [
+        f"  {len(record)} of {recording.samples_read} samples at {1 / record.sampling_time:.6g} Hz, "
+        f"{record.time[0]:.6g} to {record.time[-1]:.6g} s, none missing; {ranges}; "
+        f"largest speed {speed:.4g} {record.channels['input'].unit}/s"
+    ]
+    return "\n".join([*lines, *(f"  note: {note}" for note in recording.notes)])

@@ -1,0 +1,1 @@
+"""Foreign recordings, whatever form a machine wrote them in, as records in time, position and force."""

@@ -1,0 +1,148 @@
+"""An even clock for a record: from the time column, from a stated rate, or by resampling an uneven one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from lumbar.errors import InputError, Problems
+from lumbar.records.importing.raw_table import StatedRate
+from lumbar.records.record import CLOCK_TOLERANCE, Record, place_of
+from lumbar.records.resampling import resample
+
+LONGEST_STEP = 3.0
+"""Longest step of an uneven clock, in median steps, that is interpolated over."""
+_FINER = 4
+"""Samples of the spline per median step: enough for the filter that follows to see no images."""
+_MOST_NAMED = 5
+_AGREE = 0.01
+"""Relative difference from which a stated rate contradicts the clock."""
+
+
+def stated_time(
+    samples: int, told: float | None, stated: Sequence[StatedRate], source: str
+) -> tuple[np.ndarray, str]:
+    """Return the time of a table without a column of time, from the rate, and where the rate comes from.
+
+    Raises
+    ------
+    InputError
+        If no rate is told or stated, or the file states several.
+    """
+    if told is not None:
+        return np.arange(samples) / told, f"no column; {told:g} Hz as told by --rate"
+    values = [rate.value for rate in stated]
+    if not values:
+        raise InputError(
+            f"{source}: no column of time and no rate is stated; give --time COLUMN or --rate HZ"
+        )
+    if max(values) > (1 + 1e-6) * min(values):
+        found = ", ".join(f"{rate.value:g} Hz ({rate.place})" for rate in stated)
+        raise InputError(f"{source}: no column of time, and the file states {found}; choose by --rate HZ")
+    return np.arange(samples) / values[0], f"no column; {values[0]:g} Hz as {stated[0].place} says"
+
+
+def contradictions(record: Record, stated: Sequence[StatedRate]) -> list[str]:
+    """Sentences on stated rates that the clock does not have."""
+    rate = 1 / record.sampling_time
+    return [
+        f"the file states {item.value:g} Hz ({item.place}), but its clock has {rate:g} Hz"
+        for item in stated
+        if abs(item.value / rate - 1) > _AGREE
+    ]
+
+
+def check_forward(time: np.ndarray, lines: Sequence[int] | None, source: str) -> None:
+    """Refuse time stamps that are missing, stand twice or go backward, with their lines.
+
+    Raises
+    ------
+    InputError
+    """
+    problems = Problems(source)
+    steps = np.diff(time)
+    for found, at, do in (
+        ("without a number", np.flatnonzero(~np.isfinite(time)), "mend or cut these rows"),
+        (
+            "repeated",
+            np.flatnonzero(steps == 0) + 1,
+            "drop the rows that stand twice; stamps too coarse for an even clock are replaced by --time none --rate HZ",
+        ),
+        ("backward", np.flatnonzero(steps < 0) + 1, "part the recording there, or choose a part with --trim"),
+    ):
+        if at.size:
+            places = ", ".join(place_of(int(sample), lines) for sample in at[:_MOST_NAMED])
+            more = f" and {at.size - _MOST_NAMED} more" if at.size > _MOST_NAMED else ""
+            problems.add(f"{places}{more}", f"{at.size} time stamps {found}", do)
+    problems.raise_if_any()
+
+
+def evened(record: Record, lines: Sequence[int] | None) -> tuple[Record, list[str]]:
+    """Return the record on an even clock, and what was done to it in sentences.
+
+    A clock within `CLOCK_TOLERANCE` of an even one stays as it is. Otherwise a cubic spline through the samples, four to
+    the median step, goes through the anti-aliasing filter of `lumbar.records.resampling.resample` to the median rate,
+    which leaves ten samples out at either end.
+
+    Raises
+    ------
+    InputError
+        If a step is longer than `LONGEST_STEP` median steps: what happened in between is not known.
+    """
+    steps = np.diff(record.time)
+    step = float(np.median(steps))
+    even = record.time[0] + record.sampling_time * np.arange(len(record))
+    if np.all(np.abs(record.time - even) <= CLOCK_TOLERANCE * step):
+        return record, []
+    _check_gaps(record, steps, step, lines)
+    rate = _round(1 / step)
+    fine = record.time[0] + np.arange(int((record.time[-1] - record.time[0]) * rate * _FINER) + 1) / (
+        rate * _FINER
+    )
+    from scipy.interpolate import CubicSpline
+
+    channels = {
+        role: replace(channel, values=CubicSpline(record.time, channel.values)(fine))
+        for role, channel in record.channels.items()
+    }
+    dropped = int(np.sum(np.maximum(np.round(steps / step) - 1, 0)))
+    done = resample(replace(record, time=fine, channels=channels), rate)
+    return done, [
+        f"the clock is uneven (steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms, {dropped} samples dropped): "
+        f"resampled to its median rate, {rate:g} Hz, by a cubic spline and an anti-aliasing filter; ten samples at either "
+        "end are left out"
+    ]
+
+
+def _round(rate: float) -> float:
+    """Return the rate to three digits where it differs from them by the rounding of its time stamps alone."""
+    rounded = float(f"{rate:.3g}")
+    return rounded if abs(rounded / rate - 1) < 1e-3 else rate
+
+
+def _check_gaps(record: Record, steps: np.ndarray, step: float, lines: Sequence[int] | None) -> None:
+    gaps = np.flatnonzero(steps > LONGEST_STEP * step)
+    if not gaps.size:
+        return
+    problems = Problems(record.source)
+    for gap in gaps[:_MOST_NAMED]:
+        problems.add(
+            place_of(int(gap) + 1, lines),
+            f"{steps[gap]:.4g} s without samples, {steps[gap] / step:.4g} median steps",
+        )
+    edges = [0, *(gaps + 1), len(record)]
+    problems.add(
+        "",
+        f"{gaps.size} gaps are longer than {LONGEST_STEP:g} median steps",
+        longest(record.time, edges, step),
+    )
+    problems.raise_if_any()
+
+
+def longest(time: np.ndarray, edges: Sequence[int], step: float) -> str:
+    """Advice to take the longest part between these samples, as an option that can be typed."""
+    first, stop = max(pairwise(edges), key=lambda part: part[1] - part[0])
+    return f"the longest part without one is --trim {time[first]:.9g}:{time[stop - 1] + step / 2:.9g}"

@@ -1,0 +1,100 @@
+"""What a file holds before anything is known of its meaning: columns of numbers with names and, where stated, units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+COLUMNS_FOLLOW = "\n    read as "
+"""What parts, in a message, the problems of a table from its columns."""
+
+
+@dataclass(frozen=True)
+class RawColumn:
+    """One column as it stands in a file.
+
+    Attributes
+    ----------
+    number : int
+        Counted from 1.
+    name : str
+        From the header, without the unit; a variable's path in a MATLAB or HDF5 file; empty without a header.
+    unit : str
+        As the file states it; empty where it does not.
+    values : numpy.ndarray of float, shape (samples,)
+        NaN where the file has no number.
+    group : str
+        Beginning of the name that says nothing of what was measured: the groups above a variable.
+    """
+
+    number: int
+    name: str
+    unit: str
+    values: np.ndarray
+    group: str = ""
+
+    @property
+    def own_name(self) -> str:
+        """The name within its group."""
+        return self.name.removeprefix(self.group)
+
+    @property
+    def label(self) -> str:
+        """Number, name and unit, for messages."""
+        name = f" {self.name!r}" if self.name else ""
+        return f"column {self.number}{name}{f' [{self.unit}]' if self.unit else ''}"
+
+    @property
+    def sample(self) -> str:
+        """First values and range, by which a person recognises the column."""
+        seen = self.values[np.isfinite(self.values)]
+        if not seen.size:
+            return "no numbers"
+        first = ", ".join(f"{value:.6g}" for value in self.values[:3])
+        return f"{first}, …, from {seen.min():.6g} to {seen.max():.6g}"
+
+
+@dataclass(frozen=True)
+class StatedRate:
+    """A sampling rate that a file states.
+
+    Attributes
+    ----------
+    value : float
+        Hertz.
+    place : str
+        Line or variable that states it.
+    """
+
+    value: float
+    place: str
+
+
+@dataclass(frozen=True)
+class RawTable:
+    """Columns of one length.
+
+    Attributes
+    ----------
+    source : str
+        The file, for messages.
+    form : str
+        How it was read, in words: encoding, delimiter, decimal mark, lines.
+    columns : tuple of RawColumn
+    lines : sequence of int or None
+        Line of each sample in the file; None where the format has no lines.
+    rates : tuple of StatedRate
+    """
+
+    source: str
+    form: str
+    columns: tuple[RawColumn, ...]
+    lines: Sequence[int] | None = None
+    rates: tuple[StatedRate, ...] = ()
+
+    def described(self) -> str:
+        """How it was read, and columns with their first values and ranges, one per line: the end of a message."""
+        columns = "\n".join(f"      {column.label}: {column.sample}" for column in self.columns)
+        return f"{COLUMNS_FOLLOW}{self.form}, with\n{columns}"

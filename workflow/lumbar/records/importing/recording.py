@@ -1,0 +1,211 @@
+"""A foreign table as a validated record of time, position and force, with what was guessed and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from lumbar.errors import InputError, Problems
+from lumbar.records.clipping import check_clipping
+from lumbar.records.importing.clock import check_forward, contradictions, evened, longest, stated_time
+from lumbar.records.importing.raw_table import RawTable
+from lumbar.records.importing.roles import NONE, Role, Wish, find_roles
+from lumbar.records.record import Channel, Record, check_record, place_of, samples_between
+
+CHANNELS = {"position": "input", "force": "output"}
+"""Channel of a record by the role of a column."""
+_NAMES = {"length": "position", "angle": "angle", "force": "force", "torque": "torque"}
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What a person says instead of what would be guessed; None leaves it to the guess.
+
+    Attributes
+    ----------
+    time, position, force : str or None
+        Column by name, or number counted from 1; ``none`` for a time that is not there.
+    time_unit, position_unit, force_unit : str or None
+        Unit of the file's numbers, or what one of them is: ``35.15 N``.
+    rate : float or None
+        Sampling rate in hertz of a table without a column of time.
+    flip_force : bool
+        Change the sign of the force.
+    trim : tuple of float or None
+        Start and stop in seconds of the file's clock; only what lies between them is taken.
+    table : str or None
+        Part of the file: number of a table in a text file, sheet of a workbook, variable of a MATLAB or HDF5 file.
+    clipped : bool
+        Take records whose force or position is clipped.
+    """
+
+    time: str | None = None
+    position: str | None = None
+    force: str | None = None
+    time_unit: str | None = None
+    position_unit: str | None = None
+    force_unit: str | None = None
+    rate: float | None = None
+    flip_force: bool = False
+    trim: tuple[float, float] | None = None
+    table: str | None = None
+    clipped: bool = False
+
+    def __post_init__(self):
+        if self.rate is not None and not 0 < self.rate < np.inf:
+            raise InputError(f"--rate {self.rate:g}: a positive number of hertz is needed")
+        if self.trim is not None and not self.trim[0] < self.trim[1]:
+            raise InputError(f"--trim {self.trim[0]:g}:{self.trim[1]:g}: the start must lie before the stop")
+
+    def wishes(self) -> dict[str, Wish]:
+        """What was said of each role."""
+        return {
+            "time": Wish(self.time, self.time_unit),
+            "position": Wish(self.position, self.position_unit),
+            "force": Wish(self.force, self.force_unit),
+        }
+
+
+@dataclass(frozen=True)
+class ImportedRecording:
+    """A record, and how it came out of its file.
+
+    Attributes
+    ----------
+    record : Record
+        Channels ``input`` (position) and ``output`` (force).
+    form : str
+        How the file was read.
+    grounds : dict of str to str
+        By role, which column it is and why, in words.
+    notes : tuple of str
+        What was done to the samples, and what a person should look at.
+    samples_read : int
+        Rows of the file's table.
+    sha256 : str
+        Of the file.
+    clipped : bool
+        Whether clipped channels were accepted.
+    """
+
+    record: Record
+    form: str
+    grounds: dict[str, str]
+    notes: tuple[str, ...] = ()
+    samples_read: int = 0
+    sha256: str = field(default="", repr=False)
+    clipped: bool = False
+
+    @property
+    def names(self) -> dict[str, str]:
+        """Column names of the tidy file by role."""
+        unit = {role: channel.unit.replace("·", "") for role, channel in self.record.channels.items()}
+        return {
+            "time": "time_s",
+            **{role: f"{item.quantity}_{unit[role]}" for role, item in self.record.channels.items()},
+        }
+
+    def frame(self):
+        """Return the record as a data frame in its tidy form."""
+        import pandas as pd
+
+        record = self.record
+        values = {"time": record.time, **{role: item.values for role, item in record.channels.items()}}
+        return pd.DataFrame({self.names[role]: values[role] for role in self.names})
+
+
+def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") -> ImportedRecording:
+    """Turn a table into a record.
+
+    Parameters
+    ----------
+    table : RawTable
+    choices : Choices
+    name : str
+        Of the record.
+    sha256 : str
+        Of the file.
+
+    Raises
+    ------
+    InputError
+        If a column, a unit or the rate cannot be told; if time stands or goes back, samples are missing, or the record
+        cannot be analysed.
+    """
+    roles = find_roles(table, choices.wishes())
+    time, clock = _clock(table, roles.get("time"), choices)
+    grounds = {"time": clock} | {role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS}
+    samples, notes = len(time), []
+    keep = np.arange(samples)
+    if choices.trim:
+        keep = samples_between(time, choices.trim, table.source)
+        notes.append(f"{samples - keep.size} of {samples} samples lie outside --trim and are left out")
+    lines = None if table.lines is None else [table.lines[int(sample)] for sample in keep]
+    check_forward(time[keep], lines, table.source)
+    channels = {channel: _channel(role, roles[role], keep) for role, channel in CHANNELS.items()}
+    if choices.flip_force:
+        channels["output"] = replace(channels["output"], values=-channels["output"].values)
+        notes.append("the sign of the force is changed, as told by --flip-force")
+    record = Record(name, time[keep], channels, table.source)
+    _check_complete(record, lines)
+    if not choices.clipped:
+        check_clipping(record, lines)  # before resampling, after which no two samples are alike
+    notes += contradictions(record, table.rates)
+    record, resampled = evened(record, lines)
+    check_record(record, lines=None if resampled else lines)
+    notes += [*resampled, *_suspicions(record, choices)]
+    return ImportedRecording(record, table.form, grounds, tuple(notes), samples, sha256, choices.clipped)
+
+
+def _clock(table: RawTable, role: Role | None, choices: Choices) -> tuple[np.ndarray, str]:
+    """Return the time of the samples in seconds, and where it comes from."""
+    if role is None:
+        return stated_time(len(table.columns[0].values), choices.rate, table.rates, table.source)
+    if choices.rate is not None:
+        raise InputError(
+            f"{table.source}: --rate is given, but {role.column.label} is time ({role.why}); leave --rate out, or say "
+            f"--time {NONE}"
+        )
+    return role.column.values * role.unit.factor, f"{role.column.label}, {role.why}"
+
+
+def _channel(name: str, role: Role, keep: np.ndarray) -> Channel:
+    quantity = _NAMES.get(role.unit.quantity, name)
+    return Channel(role.column.values[keep] * role.unit.factor, quantity, role.unit.target)
+
+
+def _check_complete(record: Record, lines: Sequence[int] | None) -> None:
+    """Refuse missing samples: a column file has no way to hold a gap."""
+    problems = Problems(record.source)
+    missing = np.zeros(len(record), dtype=bool)
+    for role, channel in CHANNELS.items():
+        absent = ~np.isfinite(record[channel])
+        if absent.any():
+            first = place_of(int(absent.argmax()), lines)
+            problems.add(first, f"{role} is missing in {absent.sum()} samples, {absent.mean():.3g} of all")
+        missing |= absent
+    if problems.entries:
+        edges = np.flatnonzero(np.diff(np.concatenate([[True], missing, [True]]).astype(int)))
+        parts = [int(edge) for edge in edges]
+        if parts:
+            step = float(np.median(np.diff(record.time)))
+            best = max(range(0, len(parts), 2), key=lambda item: parts[item + 1] - parts[item])
+            advice = longest(record.time, parts[best : best + 2], step)
+            problems.add("", "a record has no gaps", advice)
+    problems.raise_if_any()
+
+
+def _suspicions(record: Record, choices: Choices) -> list[str]:
+    """What in the numbers looks like a slip."""
+    position, force = record["input"], record["output"]
+    along = float(np.corrcoef(position, force)[0, 1])
+    with_speed = float(np.corrcoef(np.gradient(position), force)[0, 1])
+    if along < -0.3 or (along < 0.3 and with_speed < -0.3):
+        other = "leave --flip-force out" if choices.flip_force else "--flip-force changes it"
+        return [
+            f"the force falls where position or speed grow (correlations {along:.2f} and {with_speed:.2f}): a tissue's "
+            f"force, counted as it resists, grows; {other} if the sensor counts the other way"
+        ]
+    return []

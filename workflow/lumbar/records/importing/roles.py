@@ -1,0 +1,262 @@
+"""Which column is time, which position, which force: by names in several languages, by units, by the numbers."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.errors import InputError
+from lumbar.records.importing.raw_table import RawColumn, RawTable
+from lumbar.records.importing.units import Unit, find_unit, told_unit
+
+ROLES = ("time", "position", "force")
+NONE = "none"
+"""What a person gives for the time of a table that has none."""
+QUANTITIES = {"time": ("time",), "position": ("length", "angle"), "force": ("force", "torque")}
+_WORDS = {
+    "time": "time zeit temps tiempo tempo tijd tid aika timestamp elapsed laufzeit pruefzeit testzeit x_value "
+    "czas cas время 时间 時間",
+    "position": "position posicion posizione positie pos displacement displ disp extension stroke crosshead travel weg "
+    "verfahrweg traversenweg standardweg auslenkung deplacement desplazamiento spostamento verplaatsing depth "
+    "indentation eindringtiefe tiefe hub lvdt encoder angle winkel angulo rotation stellung "
+    "przemieszczenie перемещение 位移 変位",
+    "force": "force kraft pruefkraft standardkraft load last fuerza forza kracht forca effort carga carico loadcell "
+    "torque drehmoment moment couple siła сила усилие нагрузка 力 荷重",
+}
+_WEAK = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
+"""Names of one letter, which others use for other things."""
+_OTHERS = (
+    "velocity vel speed geschwindigkeit vitesse velocidad velocita acceleration acc accel beschleunigung strain stress "
+    "dehnung spannung temperature temp temperatur current strom index idx sample samples cycle cycles zyklus count "
+    "command cmd commanded setpoint soll sollwert target ref reference error segment rate"
+)
+"""Words of what is measured or commanded beside the three; a column named so is taken on request only."""
+_SMOOTHER = 5.0
+"""How many times smoother one of two nameless columns must be to pass for the position."""
+_COARSE = 1e-4
+"""Smallest step between values, as a share of their range, from which a column tells nothing by its smoothness."""
+
+
+@dataclass(frozen=True)
+class Role:
+    """A column found for a role.
+
+    Attributes
+    ----------
+    column : RawColumn
+    unit : Unit
+    why : str
+        Why this column, and why in this unit.
+    """
+
+    column: RawColumn
+    unit: Unit
+    why: str
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a person said of a role: the column (name or number) and the unit, None where nothing."""
+
+    column: str | None = None
+    unit: str | None = None
+
+
+def _plain(text: str) -> str:
+    text = text.casefold().replace("ü", "ue").replace("ä", "ae").replace("ö", "oe")
+    return "".join(sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign))
+
+
+def _tokens(name: str) -> list[str]:
+    parted = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
+    return [token for token in re.split(r"[\W\d_]+", _plain(parted)) if token]
+
+
+def named_so(name: str, role: str) -> int:
+    """How plainly a name says the role: 3 a word for it, 2 a word within a word, 1 a letter, 0 not at all, -1 another.
+
+    Examples
+    --------
+    >>> named_so("Prüfkraft", "force"), named_so("actforce1", "force"), named_so("F", "force"), named_so("vel", "force")
+    (3, 2, 1, -1)
+    """
+    tokens, words = _tokens(name), set(_WORDS[role].split())
+    if set(_OTHERS.split()) & set(tokens):
+        return -1
+    if words & {*tokens, _plain(name)}:
+        return 3
+    if any(word in token for token in tokens for word in words if len(word) >= 4):
+        return 2
+    return 1 if tokens and tokens[0] in _WEAK[role].split() and len(tokens) <= 2 else 0
+
+
+def find_roles(table: RawTable, wishes: dict[str, Wish]) -> dict[str, Role]:
+    """Find the columns of time (unless there is none), position and force with their units.
+
+    Parameters
+    ----------
+    table : RawTable
+    wishes : dict of str to Wish
+        By role; `NONE` as the column of time says that there is none.
+
+    Raises
+    ------
+    InputError
+        With the candidates and the options to choose among them, for all roles that stay open.
+    """
+    problems: list[str] = []
+    roles: dict[str, Role] = {}
+    taken: set[int] = set()
+    for role in ROLES:
+        wish = wishes.get(role, Wish())
+        if role == "time" and wish.column == NONE:
+            continue
+        others = {other.column for name, other in wishes.items() if name != role and other.column}
+        free = [
+            column
+            for column in table.columns
+            if column.number not in taken and not others & {column.name, str(column.number)}
+        ]
+        try:
+            column, why = _wished(table, wish.column, role) if wish.column else _found(free, role)
+            if column is not None:
+                if column.number in taken:
+                    raise InputError(f"--{role}: {column.label} is taken already")
+                taken.add(column.number)
+                _check_twice(column, wish.column, table, role)
+                roles[role] = _in_unit(column, role, wish.unit, why)
+        except InputError as error:
+            problems.append(str(error))
+    if problems:
+        told = "\n".join(f"  - {problem}" for problem in problems)
+        raise InputError(
+            f"{table.source}: not everything can be told from the file\n{told}{table.described()}"
+        )
+    return roles
+
+
+def _wished(table: RawTable, wish: str, role: str) -> tuple[RawColumn, str]:
+    """Find the column that a person named: by its name, its name in other letters, or its number."""
+    for found in (
+        [column for column in table.columns if column.name == wish],
+        [column for column in table.columns if column.name and _plain(column.name) == _plain(wish)],
+        [column for column in table.columns if str(column.number) == wish],
+    ):
+        if found:
+            return found[0], f"as told by --{role}"
+    labels = ", ".join(column.label for column in table.columns)
+    raise InputError(f"--{role} {wish!r}: no such column; there are {labels}")
+
+
+def _check_twice(column: RawColumn, wish: str | None, table: RawTable, role: str) -> None:
+    """Refuse a name that stands twice in the header, unless the column was told by its number."""
+    twice = [other.number for other in table.columns if other.name == column.name]
+    if column.name and len(twice) > 1 and wish != str(column.number):
+        numbers = " and ".join(map(str, twice))
+        raise InputError(
+            f"{role} is {column.name!r}, which stands in columns {numbers}; choose by --{role} NUMBER"
+        )
+
+
+def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
+    """Find a column by its name, else by its unit, else by its numbers; none for a time that is not there."""
+    ranked: dict[tuple[int, bool], list[RawColumn]] = {}
+    for column in free:
+        unit, named = find_unit(column.unit), named_so(column.own_name, role)
+        fits = unit is not None and unit.quantity in QUANTITIES[role]
+        contradicts = unit is not None and not fits and unit.quantity != "reading"
+        if named >= 0 and not contradicts and (named or fits) and not (role == "time" and not _grows(column)):
+            ranked.setdefault((named, fits), []).append(column)
+    if ranked:
+        (named, fits), best = max(ranked.items())
+        if len(best) > 1:
+            labels = " or ".join(column.label for column in best)
+            raise InputError(f"{role} may be {labels}; choose by --{role} NAME or NUMBER")
+        return best[0], "by its name" if named else "by its unit"
+    return _by_numbers(free, role)
+
+
+def _grows(column: RawColumn) -> bool:
+    """Whether a column grows on the whole, as a clock with faults still does."""
+    steps = np.diff(column.values)
+    return len(steps) > 0 and bool(np.mean(steps > 0) > 0.5) and bool(column.values[-1] > column.values[0])
+
+
+def _by_numbers(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
+    nameless = [column for column in free if not column.name and not column.unit]
+    if role == "time":
+        clocks = [
+            column
+            for column in nameless
+            if np.all(np.diff(column.values) > 0) and not np.all(np.diff(column.values) == 1)
+        ]
+        return (clocks[0], "as it grows with every row") if len(clocks) == 1 else (None, "")
+    if role == "position" and len(nameless) == 2 and not any(map(_is_coarse, nameless)):
+        rough, smooth = sorted(nameless, key=_roughness, reverse=True)
+        if _roughness(rough) > _SMOOTHER * _roughness(smooth):
+            return smooth, "as it is the smoother of two columns without names"
+    if role == "force" and len(nameless) == 1:
+        return nameless[0], "as it is the only column left"
+    labels = ", ".join(column.label for column in free)
+    raise InputError(f"no column says that it is {role}; choose by --{role} NAME or NUMBER among {labels}")
+
+
+def _roughness(column: RawColumn) -> float:
+    """Fourth differences against the spread: large for noise, small for a designed motion."""
+    values = column.values[np.isfinite(column.values)]
+    return (
+        float(np.std(np.diff(values, 4)) / np.std(values)) if len(values) > 8 and np.ptp(values) else np.inf
+    )
+
+
+def _is_coarse(column: RawColumn) -> bool:
+    """Whether a converter's steps are so large that they, and not the signal, make the differences."""
+    levels = np.unique(column.values[np.isfinite(column.values)])
+    return len(levels) < 2 or bool(np.diff(levels).min() > _COARSE * np.ptp(levels))
+
+
+_SLOWEST_HZ = 20.0
+"""A clock without a unit that is this fast or faster in seconds is in seconds: in milliseconds it would be 20 kHz."""
+
+_PLAUSIBLE_HZ = (1.0, 1e5)
+"""Rates that a file's own unit of time may lead to without being asked about: headers have said ms for seconds."""
+
+
+def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
+    if told:
+        given = told_unit(told, f"--{role}-unit")
+        if given.quantity not in (*QUANTITIES[role], *(["reading"] if role != "time" else [])):
+            raise InputError(f"--{role}-unit {told!r} is a unit of {given.quantity}, not of {role}")
+        return Role(column, given, f"{why}; unit {given.name}, as told by --{role}-unit")
+    unit = find_unit(column.unit)
+    step = float(np.nanmedian(np.diff(column.values)))
+    if unit is not None and unit.quantity in QUANTITIES[role]:
+        if (
+            role == "time"
+            and step > 0
+            and not _PLAUSIBLE_HZ[0] <= 1 / (step * unit.factor) <= _PLAUSIBLE_HZ[1]
+        ):
+            raise InputError(
+                f"time is {column.label}, whose steps of {step:g} {unit.name} are {1 / (step * unit.factor):g} Hz, which no "
+                "testing machine records at; give --time-unit"
+            )
+        return Role(column, unit, f"{why}; unit {unit.name}, as the file says")
+    if role == "time" and not column.unit and 0 < step <= 1 / _SLOWEST_HZ:
+        unit = told_unit("s", "--time-unit")
+        return Role(column, unit, f"{why}; unit s, as its steps of {step:g} are too small for ms")
+    example, calibration = {
+        "time": ("ms", "0.5 ms"),
+        "position": ("mm", "0.01 mm"),
+        "force": ("N", "35.15 N"),
+    }[role]
+    if unit is not None and unit.quantity == "reading":
+        found = f"{column.label} is what the sensor gave, in {unit.name}"
+        words = f"say what one of its numbers is, as in --{role}-unit '{calibration}', or --{role}-unit {unit.name}"
+    else:
+        stated = f"in {column.unit}, which is no unit of {role}" if column.unit else "without a unit"
+        found = f"{role} is {column.label}, {why}, {stated}"
+        words = f"give --{role}-unit, e.g. {example}"
+    raise InputError(f"{found}; {words}")

@@ -1,0 +1,84 @@
+"""A file of any kind as a raw table: what it is follows from its first bytes, not from its name."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import re
+import zlib
+from pathlib import Path
+
+from lumbar.errors import InputError
+from lumbar.records.importing.raw_table import RawTable
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_OLD_EXCEL = b"\xd0\xcf\x11\xe0"
+
+
+def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
+    """Read a file.
+
+    Parameters
+    ----------
+    path : Path
+        Text, MATLAB, HDF5 or Excel; also gzipped.
+    table : str, optional
+        Part of the file; see `lumbar.records.importing.recording.Choices`.
+
+    Returns
+    -------
+    RawTable
+    str
+        SHA-256 of the file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or no table in it.
+    """
+    if path.is_dir():
+        raise InputError(f"{path}: a folder; name the files in it that are recordings")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    stored = path.read_bytes()
+    content = _unpacked(stored, path)
+    return _reader(content, path)(content, str(path), table), hashlib.sha256(stored).hexdigest()
+
+
+def _unpacked(content: bytes, path: Path) -> bytes:
+    if not content.startswith(b"\x1f\x8b"):
+        return content
+    try:
+        return gzip.decompress(content)
+    except (gzip.BadGzipFile, zlib.error, EOFError) as error:
+        raise InputError(f"{path}: the packed file is broken ({error})") from error
+
+
+def _reader(content: bytes, path: Path):
+    """Find the reader of this content: called with content, source and table."""
+    kind = path.name.lower().removesuffix(".gz").rpartition(".")[2]
+    if content.startswith(_HDF5) or content[512:520] == _HDF5:  # MATLAB 7.3 puts 512 bytes of its own before
+        from lumbar.records.importing.hdf5_file import read_hdf5
+
+        return read_hdf5
+    if content.startswith(b"MATLAB 5.0 MAT-file") or kind == "mat":
+        from lumbar.records.importing.matlab_file import read_matlab
+
+        return read_matlab
+    if content.startswith(b"PK\x03\x04"):
+        from lumbar.records.importing.workbook import read_workbook
+
+        return read_workbook
+    if content.startswith(_OLD_EXCEL):
+        raise InputError(f"{path}: an Excel file of before 2007; save it as .xlsx or .csv")
+    if kind in ("c3d", "trc"):
+        raise InputError(f"{path}: a file of markers, which needs no import: lumbar lift reads it")
+    from lumbar.records.importing.text_table import read_text
+
+    return read_text
+
+
+def record_name(path: Path) -> str:
+    """Name of a file's record: the file's without endings, with ``_`` for what a name may not hold."""
+    stem = Path(path.name.removesuffix(".gz")).stem
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).strip("_.-") or "record"

@@ -1,0 +1,215 @@
+"""A folder of imported records: tidy files, a study that says where each comes from, and the same for programs."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from lumbar.errors import InputError
+from lumbar.files import read_json, write_csv, write_json, write_text
+from lumbar.records.importing.recording import ImportedRecording
+
+SCHEMA = "lumbar.import/1"
+STUDY, PROVENANCE = "study.yaml", "imported.json"
+_DEFAULT = {"time": "time_s", "input": "position_mm", "output": "force_N"}
+"""Columns that a layout has by default."""
+
+
+def write_folder(
+    recordings: Sequence[ImportedRecording],
+    folder: Path,
+    beside: Sequence[Path],
+    data: str | None = None,
+    licence: str | None = None,
+) -> Path:
+    """Write records, study and provenance; a folder of an earlier import is added to.
+
+    Parameters
+    ----------
+    recordings : sequence of ImportedRecording
+        Of the same quantities and units.
+    folder : Path
+    beside : sequence of Path
+        Files of the folder that would be read as records.
+    data, licence : str, optional
+        Name and licence of the data for the study.
+
+    Returns
+    -------
+    Path
+        The study.
+
+    Raises
+    ------
+    InputError
+        If the folder holds recordings of another origin, records of other units, or a study changed by hand.
+    """
+    known = _earlier(folder)
+    own = {entry["file"] for entry in known["records"]}
+    strange = [path.name for path in beside if path.name not in own]
+    if strange:
+        raise InputError(
+            f"{folder}: holds {', '.join(strange)}, which were not imported and would be read as records of the study; "
+            "choose a folder of its own"
+        )
+    study = folder / STUDY
+    if study.exists() and study.read_text(encoding="utf-8") != study_text(known, folder):
+        raise InputError(f"{study}: was changed since it was made; move it away, or choose another folder")
+    new = [_entry(recording) for recording in recordings]
+    replaced = {entry["name"] for entry in new}
+    records = [*(entry for entry in known["records"] if entry["name"] not in replaced), *new]
+    _check_columns(records, folder)
+    content = {
+        "schema": SCHEMA,
+        "data": data or known["data"],
+        "licence": licence or known["licence"],
+        "records": records,
+    }
+    for recording in recordings:
+        write_csv(folder / f"{recording.record.name}.csv", recording.frame())
+    write_json(folder / PROVENANCE, content)
+    write_text(study, study_text(content, folder))
+    return study
+
+
+def _earlier(folder: Path) -> dict:
+    path = folder / PROVENANCE
+    if not path.exists():
+        return {"schema": SCHEMA, "data": None, "licence": None, "records": []}
+    content = read_json(path)
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        raise InputError(f"{path}: not of schema {SCHEMA}; choose another folder")
+    return content
+
+
+def _entry(recording: ImportedRecording) -> dict:
+    record = recording.record
+    return {
+        "name": record.name,
+        "file": f"{record.name}.csv",
+        "source": str(Path(record.source).resolve()),
+        "sha256": recording.sha256,
+        "form": recording.form,
+        "grounds": recording.grounds,
+        "notes": list(recording.notes),
+        "rate_Hz": float(f"{1 / record.sampling_time:.9g}"),
+        "duration_s": float(f"{record.duration:.9g}"),
+        "clipped": recording.clipped,
+        "columns": {
+            "time": {"column": "time_s", "quantity": "time", "unit": "s"},
+            **{
+                role: {
+                    "column": recording.names[role],
+                    "quantity": channel.quantity,
+                    "unit": channel.unit,
+                }
+                for role, channel in record.channels.items()
+            },
+        },
+    }
+
+
+def _check_columns(records: list[dict], folder: Path) -> None:
+    for entry in records[1:]:
+        if entry["columns"] != records[0]["columns"]:
+            named = [
+                ", ".join(column["column"] for column in one["columns"].values())
+                for one in (records[0], entry)
+            ]
+            raise InputError(
+                f"{folder}: {records[0]['name']} has {named[0]}, but {entry['name']} has {named[1]}; the records of a study "
+                "have the same columns"
+            )
+
+
+def needs_study(content: dict) -> bool:
+    """Whether the records cannot be read by the default layout, or at one rate."""
+    columns = content["records"][0]["columns"]
+    default = {role: column["column"] for role, column in columns.items()} == _DEFAULT
+    return not default or _common_rate(content) is not None or any(e["clipped"] for e in content["records"])
+
+
+def _common_rate(content: dict) -> float | None:
+    """Lowest rate, where records have several; None where all have one."""
+    rates = [entry["rate_Hz"] for entry in content["records"]]
+    return min(rates) if max(rates) > (1 + 1e-6) * min(rates) else None
+
+
+def study_text(content: dict, folder: Path) -> str:
+    """Text of the study; empty without records.
+
+    Parameters
+    ----------
+    content : dict
+        Of the file of provenance.
+    folder : Path
+        Of the records.
+    """
+    records = content["records"]
+    if not records:
+        return ""
+    folder = folder.resolve()
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", folder.name).strip("_-") or "study"
+    sources = ", ".join(Path(entry["source"]).name for entry in records)
+    label = content["data"] or f"recordings {folder.name}"
+    longest = max(records, key=lambda entry: entry["duration_s"])
+    lines = [
+        f"# Made by lumbar import; {PROVENANCE} holds the same for programs. In the project's folder:",
+        f"#   snakemake --cores 2 --configfile {shlex.quote(str(folder / STUDY))}",
+        f"study: {_quoted(name)}",
+        f"title: {_quoted(label)}",
+        "data: recordings",
+        f"data_root: {_quoted(str(folder))}   # or LUMBAR_DATA",
+        "data_source:",
+        f"  name: {_quoted(label)}",
+        f"  licence: {_quoted(content['licence'] or 'not stated')}",
+        f"  obtain: {_quoted(f'lumbar import made them of {sources}')}",
+        "chapters: [tissue, improvement]",
+        "",
+        "tissue:",
+        *_layout_lines(content),
+        "  records:",
+        *(line for entry in records for line in _record_lines(entry)),
+        f"  training: [{_quoted(longest['name'])}]   # the longest",
+        "",
+        "improvement: {record_sets: [{name: tissue}]}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _layout_lines(content: dict) -> list[str]:
+    columns = content["records"][0]["columns"]
+    lines = ["  layout:", "    columns:"]
+    lines += [
+        f"      {role}: {{{', '.join(f'{key}: {_quoted(value)}' for key, value in column.items())}}}"
+        for role, column in columns.items()
+    ]
+    if any(entry["clipped"] for entry in content["records"]):
+        lines.append("    clipped: accept   # as told by --accept-clipped")
+    rate = _common_rate(content)
+    if rate is not None:
+        lines.append(f"  rate_Hz: {rate:.9g}   # the lowest of the records' rates: one model needs one")
+    return lines
+
+
+def _record_lines(entry: dict) -> list[str]:
+    source, digest = entry["source"], entry["sha256"][:16]
+    told = [f"{source} (SHA-256 {digest}…): {entry['form']}"]
+    told += [f"  {role}: {words}" for role, words in entry["grounds"].items()]
+    told += [f"  {note}" for note in entry["notes"]]
+    comment = [f"    # {''.join(sign if sign.isprintable() else '?' for sign in line)}" for line in told]
+    return [*comment, f"    - {{name: {_quoted(entry['name'])}, file: {_quoted(entry['file'])}}}"]
+
+
+_PLAIN = re.compile(r"[A-Za-z][\w.-]*( [\w.-]+)*")
+
+
+def _quoted(text: str) -> str:
+    """A YAML scalar that reads as this text: as it stands where it is words that are no constant, else in quotes."""
+    import yaml
+
+    plain = _PLAIN.fullmatch(text) and yaml.safe_load(text) == text
+    return text if plain else json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,278 @@
+"""Text of any dialect as columns of numbers, with names, units and the sampling rate from the lines around them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from lumbar.errors import InputError, Problems
+from lumbar.records.importing.dialect import (
+    CLOCK,
+    FEWEST_ROWS,
+    MISSING,
+    Dialect,
+    decoded,
+    find_blocks,
+    find_dialect,
+)
+from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
+from lumbar.records.importing.units import find_unit, name_and_unit
+
+_MOST_PROBLEMS = 20
+_HEADER_ROWS = 4
+"""Lines above a table among which names and units are looked for."""
+_DAY = 86400.0
+_COMMENT = re.compile(r"^\s*[#%!;]+\s*")
+
+
+def read_text(content: bytes, source: str, table: str | None = None) -> RawTable:
+    """Read a text table, however it is written.
+
+    Parameters
+    ----------
+    content : bytes
+    source : str
+        Name of the file, for messages.
+    table : str, optional
+        Number of the table (counted from 1) where a file holds several.
+
+    Raises
+    ------
+    InputError
+        If no table is found, or several are; or rows hold something that is no number, with their
+        lines.
+    """
+    lines, encoding = decoded(content)
+    return table_of_lines(lines, source, encoding, table)
+
+
+def table_of_lines(lines: list[str], source: str, encoding: str, table: str | None = None) -> RawTable:
+    """Return the table in these lines of text; parameters as of `read_text`."""
+    dialect = find_dialect(lines)
+    runs = find_blocks(lines, dialect) if dialect else []
+    blocks = [(first, last) for first, last in runs if last - first + 1 >= FEWEST_ROWS]
+    if dialect is None or not blocks:
+        raise InputError(
+            f"{source}: no table of numbers in these {len(lines)} lines ({encoding}); at least {FEWEST_ROWS} rows with two "
+            "numbers or more are needed"
+        )
+    first, last = _chosen(blocks, table, source)
+    before = [stop for _, stop in blocks if stop < first]
+    above = lines[before[-1] + 1 if before else 0 : first]
+    names, units = _header(above, dialect)
+    remarks = [] if any(names) else _nameless(above, lines[first], dialect, source)
+    words = {column: dialect.split(lines[first])[column] for column in sorted(dialect.text_columns)}
+    remarks += _left_out(lines, last, runs, dialect)
+    remarks += [f"column {column + 1} is no number ({cell!r})" for column, cell in words.items()]
+    values, numbers = _values(lines, first, last, dialect, source)
+    columns = tuple(
+        RawColumn(
+            column + 1,
+            names[column],
+            "s" if _is_clock(lines[first], dialect, column) else units[column],
+            given,
+        )
+        for column, given in enumerate(values.T)
+        if column not in dialect.text_columns
+    )
+    form = "; ".join([f"{encoding}, {dialect}, lines {first + 1} to {last + 1}", *remarks])
+    return RawTable(source, form, columns, numbers, tuple(_stated_rates(lines[:first])))
+
+
+def _chosen(blocks: list[tuple[int, int]], table: str | None, source: str) -> tuple[int, int]:
+    found = ", ".join(f"{number}: lines {a + 1} to {b + 1}" for number, (a, b) in enumerate(blocks, start=1))
+    if table is None:
+        if len(blocks) > 1:
+            raise InputError(
+                f"{source}: {len(blocks)} tables of numbers ({found}); choose one, e.g. --table 1"
+            )
+        return blocks[0]
+    if not table.isdigit() or not 1 <= int(table) <= len(blocks):
+        raise InputError(f"{source}: no table {table!r}; there are {found}")
+    return blocks[int(table) - 1]
+
+
+def _left_out(lines: list[str], last: int, runs: list[tuple[int, int]], dialect: Dialect) -> list[str]:
+    """Say which numbers are in no table: rows too few for one, and a row at the end that is not whole."""
+    told = [
+        f"lines {a + 1} to {b + 1} are too few rows for a table" for a, b in runs if b - a + 1 < FEWEST_ROWS
+    ]
+    if last + 1 < len(lines) and dialect.is_torn_row(lines[last + 1]):
+        told.append(f"line {last + 2} is no whole row ({lines[last + 1].strip()[:60]!r})")
+    return told
+
+
+def _header(above: list[str], dialect: Dialect) -> tuple[list[str], list[str]]:
+    """Names and units of the columns from the rows right above the table, empty where there are none."""
+    near = _whole_lines([line for line in above if line.strip()])[-_HEADER_ROWS:]
+    rows = [cells for line in near if (cells := _header_cells(line, dialect))]
+    names, units = [""] * dialect.width, _unit_labels(above, dialect)
+    unit_row = next((cells for cells in reversed(rows[-2:]) if _is_unit_row(cells)), None)
+    if unit_row:
+        units = [cell.strip("[](){}<> ") for cell in unit_row]
+    name_row = next((cells for cells in reversed(rows) if cells is not unit_row), None)
+    if name_row:
+        parted = [name_and_unit(cell) for cell in name_row]
+        names = [name for name, _ in parted]
+        units = [unit or stated for (_, unit), stated in zip(parted, units, strict=True)]
+    return names, units
+
+
+def _whole_lines(lines: list[str]) -> list[str]:
+    """Join the lines over which a cell in quotes goes on."""
+    whole: list[str] = []
+    for line in lines:
+        if whole and whole[-1].count('"') % 2:
+            whole[-1] += f" {line}"
+        else:
+            whole.append(line)
+    return whole
+
+
+def _nameless(above: list[str], row: str, dialect: Dialect, source: str) -> list[str]:
+    """Say what stands where names were expected.
+
+    Raises
+    ------
+    InputError
+        If the names are half as many as the cells of a row, so that commas part columns and decimals alike.
+    """
+    line = next((line for line in reversed(above) if line.strip()), "")
+    names = [cell for cell in dialect.split(line) if cell] if line else []
+    if dialect.delimiter == "," and "." not in row and 2 * len(names) == dialect.width:
+        raise InputError(
+            f"{source}: {len(names)} names, but rows of {dialect.width} cells such as {row!r}: commas part both columns and "
+            "decimals; write the file with another delimiter"
+        )
+    return [f"no names: above the table stands {line.strip()[:60]!r}"] if names else []
+
+
+def _header_cells(line: str, dialect: Dialect) -> list[str] | None:
+    """Cells of a header row, one per column; None for a line that is none.
+
+    In a table parted by blanks a name may hold some, before its unit or between words that two blanks part from others.
+    """
+    line = _COMMENT.sub("", line)
+    ways = [dialect.split(line)]
+    if dialect.delimiter is None:
+        ways += [
+            re.split(r"\s{2,}|\t", line.strip()),
+            re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line),
+        ]
+        ways += [re.findall(r"[\[(][^\])]*[\])]|\S+", line)]
+    for cells in ways:
+        cells = [cell.strip().strip('"') for cell in cells]
+        surplus = cells[dialect.width :]
+        # A header may name a column of comments, or end in delimiters, which the rows leave out.
+        if (
+            len(cells) >= dialect.width
+            and all(not cell or cell.casefold().startswith("comment") for cell in surplus)
+            and sum(bool(cell) for cell in cells) >= min(2, dialect.width)
+        ):
+            return cells[: dialect.width]
+    return None
+
+
+def _is_unit_row(cells: list[str]) -> bool:
+    filled = [cell for cell in cells if cell]
+    return bool(filled) and sum(find_unit(cell) is not None for cell in filled) > 0.5 * len(filled)
+
+
+def _unit_labels(above: list[str], dialect: Dialect) -> list[str]:
+    """Units from a line such as ``Y_Unit_Label<tab>mm<tab>N``, for the last columns."""
+    for line in above:
+        label, *cells = [cell for cell in dialect.split(line) if cell] or [""]
+        if "unit" in label.casefold() and 0 < len(cells) <= dialect.width and _is_unit_row(cells):
+            return [""] * (dialect.width - len(cells)) + cells
+    return [""] * dialect.width
+
+
+def _values(
+    lines: list[str], first: int, last: int, dialect: Dialect, source: str
+) -> tuple[np.ndarray, list[int]]:
+    """Numbers of the rows, and the line (from 1) of each."""
+    problems, rows, numbers = Problems(source), [], []
+    for number in range(first, last + 1):
+        if not lines[number].strip():
+            continue
+        if not dialect.is_row(lines[number]):
+            problems.add(
+                f"line {number + 1}",
+                f"{lines[number].strip()[:60]!r}",
+                f"{dialect.width} numbers are expected",
+            )
+            if len(problems.entries) >= _MOST_PROBLEMS:
+                problems.add("", f"reading stopped after {_MOST_PROBLEMS} problems")
+                break
+            continue
+        rows.append(dialect.split(lines[number])[: dialect.width])
+        numbers.append(number + 1)
+    problems.raise_if_any()
+    columns = [
+        np.full(len(rows), np.nan) if column in dialect.text_columns else _numbers(cells, dialect.decimal)
+        for column, cells in enumerate(zip(*rows, strict=True))
+    ]
+    return np.array(columns).T, numbers
+
+
+def _numbers(cells: tuple[str, ...], decimal: str) -> np.ndarray:
+    if any(CLOCK.match(cell) for cell in cells):
+        return _seconds(cells)
+    exponent = str.maketrans({decimal: ".", "d": "e", "D": "E"})
+    return np.array(
+        [np.nan if cell.casefold() in MISSING else float(cell.translate(exponent)) for cell in cells]
+    )
+
+
+def _seconds(cells: tuple[str, ...]) -> np.ndarray:
+    """Seconds since the first of these times of day; dates are left out, as days and months are told apart by guesses:
+    a day that ends between two of them is counted on."""
+    import pandas as pd
+
+    times = [re.split(r"[T ]+", cell.replace(",", ".").rstrip("Z"))[-1] for cell in cells]
+    padded = pd.Series([time if time.count(":") == 2 else f"{time}:00" for time in times])
+    seconds = pd.to_timedelta(padded, errors="coerce").dt.total_seconds().to_numpy()
+    midnights = np.concatenate([[0], np.cumsum(np.diff(seconds) < -_DAY / 2)])
+    return seconds - seconds[0] + _DAY * midnights
+
+
+def _is_clock(line: str, dialect: Dialect, column: int) -> bool:
+    return bool(CLOCK.match(dialect.split(line)[column]))
+
+
+_RATE = re.compile(
+    r"(?:sampl\w*|scan|acquisition|data|abtast|mess|[ée]chantillon\w*|muestreo|campionamento)[\s_-]*(?:d')?"
+    r"(?:rate|freq\w*|frequenz)?\b|(?:rate|fr[ée]quence|frecuencia|frequenza) d\w*.{0,2}"
+    r"(?:[ée]chantillonnage|muestreo|campionamento)|\bfs\b",
+    re.IGNORECASE,
+)
+_SAYS_RATE = re.compile(r"rate|fre[qc]|fr[ée]q|\bfs\b", re.IGNORECASE)
+"""What tells a rate in hertz without its unit from a number of samples."""
+_INTERVAL = re.compile(
+    r"sampl\w*[\s_-]*(?:interval|period|time)|abtastintervall|abtastzeit|delta_?x|\bdt\b", re.IGNORECASE
+)
+_VALUE = re.compile(r"([+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*\"?[\t;,]?\"?\s*([a-zA-Zµ]+(?:/s(?:ec)?)?)?")
+_HERTZ = {"hz": 1.0, "khz": 1e3, "s/s": 1.0, "sps": 1.0, "samples/s": 1.0, "samples/sec": 1.0}
+_PERIODS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+
+
+def _stated_rates(above: list[str]) -> list[StatedRate]:
+    """Sampling rates and intervals that the lines above the table state."""
+    found = []
+    for number, line in enumerate(above, start=1):
+        interval, rate = _INTERVAL.search(line), _RATE.search(line)
+        label = interval or rate
+        if label is None:
+            continue
+        value = _VALUE.search(line, label.end())
+        if not value or value.start() - label.end() > 25:
+            continue
+        size, unit = float(value[1].replace(",", ".")), (value[2] or "").casefold()
+        if size <= 0:
+            continue
+        if interval and (unit in _PERIODS or not unit or unit not in _HERTZ):
+            found.append(StatedRate(1.0 / (size * _PERIODS.get(unit, 1.0)), f"line {number}"))
+        elif unit in _HERTZ or (not unit and _SAYS_RATE.search(label[0])):
+            found.append(StatedRate(size * _HERTZ.get(unit, 1.0), f"line {number}"))
+    return found
