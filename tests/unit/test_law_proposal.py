@@ -106,8 +106,8 @@ def test_the_proposal_says_what_it_is_and_where_it_was_found(needle):
     assert f"z from {low:.3g} to {high:.3g} mm" in said
     assert needle.range.speed == pytest.approx(np.abs(needle.experiment.training.motion.velocity).max())
     found = finding(needle)
-    assert found["kind"] == "proposed_law"
-    assert found["extrapolates"] is True
+    assert found.kind == "proposed_law"
+    assert found.value == needle.law.candidate.test_rms
 
 
 def test_the_file_is_an_effect_that_refines_the_model_as_well(needle, tmp_path):
@@ -136,7 +136,7 @@ def test_a_lateral_axis_that_nobody_recorded_has_no_formula(tmp_path):
     assert found.law is None
     assert found.is_needed
     assert sentences(found)[0].startswith("No short formula found")
-    assert finding(found)["kind"] == "proposed_law"
+    assert finding(found).kind == "proposed_law"
 
 
 def test_nothing_is_proposed_where_nothing_is_missing():

@@ -9,8 +9,8 @@ from lumbar.diagnosis.law.terms import check_dimensions, distinct, form_of, libr
 from lumbar.diagnosis.law.units import FORCE, OF_SIGNALS, Dimension, dimension
 from lumbar.effects.signature import standard_motion
 from lumbar.errors import InputError
-from lumbar.models.expression import parse
 from lumbar.models.form import Place
+from lumbar.models.parsing import parse
 
 
 def term(name: str):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.law.checks import INNER
 from lumbar.diagnosis.law.proposal import NAME, Proposal
 from lumbar.models.fitted_model import unit_of
@@ -88,22 +89,11 @@ def _tried_words(law) -> str:
     return " + ".join(term.name for term in law.terms)
 
 
-def finding(proposal: Proposal) -> dict:
-    """The proposal as a finding of ``diagnosis.json``."""
-    found = {"kind": "proposed_law", "sentence": " ".join(sentences(proposal))}
-    if proposal.law is None:
-        return found
-    return {
-        **found,
-        "equation": form_found(proposal).equation,
-        "test_rms": proposal.law.candidate.test_rms,
-        "share_removed": proposal.share_removed,
-        "position_low": proposal.range.low,
-        "position_high": proposal.range.high,
-        "speed": proposal.range.speed,
-        "extrapolates": proposal.extrapolation is not None and proposal.extrapolation.holds,
-        "unit": proposal.experiment.output_unit,
-    }
+def finding(proposal: Proposal) -> Finding:
+    """The proposal as a finding of ``diagnosis.json``: its value is the unseen error that is left."""
+    left = proposal.before if proposal.law is None else proposal.law.candidate
+    words = " ".join(sentences(proposal))
+    return Finding("proposed_law", words, left.test_rms, proposal.experiment.output_unit)
 
 
 def effect_text(proposal: Proposal, name: str = NAME, data: str = "") -> str:

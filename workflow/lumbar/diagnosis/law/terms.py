@@ -9,10 +9,12 @@ import numpy as np
 
 from lumbar.diagnosis.law.units import FORCE, OF_SIGNALS, Dimension, dimension, dimensions_of
 from lumbar.effects.windows import modulation_starts
-from lumbar.models.expression import Symbol, parse, substituted, symbols, written
+from lumbar.errors import InputError
+from lumbar.models.expression import Operation, Symbol, substituted, symbols, written
 from lumbar.models.form import Form, Place
 from lumbar.models.motion import Motion
 from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter
+from lumbar.models.parsing import parse
 from lumbar.models.state_equation import StateEquation
 
 FASTEST = Constant("t_f", 0.001, "s")
@@ -376,8 +378,6 @@ def check_dimensions(term: Term) -> None:
     ------
     InputError
     """
-    from lumbar.errors import InputError
-
     known = _known(term)
     for part in term.parts:
         found = dimension(parse(part), known)
@@ -494,8 +494,6 @@ def _solution(terms: tuple[Term, ...], nonlinear: tuple[NonlinearParameter, ...]
 
 
 def _in_brackets(part: str) -> str:
-    from lumbar.models.expression import Operation
-
     tree = parse(part)
     return f"({part})" if isinstance(tree, Operation) and tree.name in ("+", "-") else part
 
@@ -529,9 +527,3 @@ def _gain_starts(term: Term):
 def knows(terms: tuple[Term, ...]) -> set[str]:
     """What terms need of the motion beside the present."""
     return {word for term in terms for word in ("memory", "path", "time") if word in term.knows}
-
-
-def symbols_of(terms: tuple[Term, ...]) -> set[str]:
-    """All symbols that the terms' parts and states use."""
-    texts = [text for term in terms for text in (*term.parts, *(rate for _, rate in term.state))]
-    return set().union(*(symbols(parse(text)) for text in texts))

@@ -110,7 +110,7 @@ def dimension(expression: Expression, known: Mapping[str, Dimension]) -> Dimensi
 
     Examples
     --------
-    >>> from lumbar.models.expression import parse
+    >>> from lumbar.models.parsing import parse
     >>> dimension(parse("k*z + b*v"), {**OF_SIGNALS, "k": FORCE / POSITION, "b": FORCE / SPEED}).unit
     '{y}'
     """
@@ -144,7 +144,7 @@ def _of(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | N
                     f"{written(expression)}: {written(operands[0])} has a unit; divide by a scale"
                 )
             return ONE
-        case Operation(name, operands) if name not in COMPARISONS.values():
+        case Operation(name, operands) if name not in COMPARISONS:
             return _alike(expression, operands, known)
     raise InputError(f"{written(expression)} has no dimension")
 
