@@ -59,7 +59,7 @@ def palpation(force_beside=lambda depth: 0.0, noise: float = 0.02, surface: floa
     The surface follows the tool while it is pressed on and comes back by itself when it is not.
     """
     records = []
-    for seed, (name, seconds, rate) in enumerate((("slow", 24.0, 0.35), ("fast", 12.0, 0.6))):
+    for seed, (name, seconds, rate) in enumerate((("slow", 14.0, 0.35), ("fast", 7.0, 0.6))):
         time = np.arange(round(seconds / step) * FINE) * step / FINE
         swell = 1.0 + 0.35 * np.sin(2 * np.pi * 0.11 * time + seed)
         tool = surface + 0.6 + swell * (-2.2 * np.cos(2 * np.pi * rate * time) + 0.4 * np.sin(9.1 * time))

@@ -11,6 +11,7 @@ from fine_tissue import branch, experiment
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.fitting.joint_fit import Fit, add, fit_base, shape_bounds
 from lumbar.diagnosis.fitting.preparation import prepare
+from lumbar.diagnosis.fitting.uncertainty import estimates
 from lumbar.diagnosis.selection.contradictions import contradictions
 from lumbar.diagnosis.selection.diagnose import diagnose
 from lumbar.effects.catalogue import TISSUE
@@ -63,7 +64,9 @@ def test_a_model_of_what_is_there_does_not_contradict_itself(linear, base):
     there = {"coulomb_friction": lambda t, x, v, h: relaxing(t, x, v, h) + 0.3 * np.tanh(v / 0.5)}
     for effect, truth in {**there, "saturation": clipped, "periodic_disturbance": shaken}.items():
         prepared = prepare(experiment(truth))
-        fit = add(fit_base(Structure(BASES["KB"]), prepared.training), TISSUE[effect].forms[0], prepared.training)
+        fit = add(
+            fit_base(Structure(BASES["KB"]), prepared.training), TISSUE[effect].forms[0], prepared.training
+        )
         assert contradictions(fit, prepared) == []
 
 
@@ -76,6 +79,27 @@ def test_a_force_whose_interval_holds_zero_is_not_there(linear, base, effect, na
     (size,) = (item.name for item in added.linear)
     assert contradictions(replace(fit, linear=np.append(fit.linear[:-1], 1e-7)), linear) == [
         f"{effect}: the interval of {size} holds 0"
+    ]
+
+
+def test_two_forces_that_are_alike_are_there_together():
+    """Beyond all speeds of the record a breakaway is like dry friction: neither is sure alone, their sum is."""
+    prepared = prepare(experiment(lambda t, x, v, h: relaxing(t, x, v, h) + 0.3 * np.tanh(v / 0.5)))
+    stribeck = next(item for item in TISSUE["coulomb_friction"].forms if len(item.linear) == 2)
+    fit = add(fit_base(Structure(BASES["KB"]), prepared.training), stribeck, prepared.training)
+    alike = with_size(
+        replace(fit, linear=np.append(fit.linear[:2], [0.2, 0.1])),
+        "coulomb_friction",
+        "stribeck_speed",
+        300.0,
+    )
+    alike = with_size(alike, "coulomb_friction", "smoothing_speed", 0.5)
+    amplitudes = estimates(alike, prepared.training, "mm", "N")[2:4]
+    assert all(item.low <= 0 for item in amplitudes)
+    assert contradictions(alike, prepared) == []
+    without = replace(alike, linear=np.append(alike.linear[:2], [1e-7, 1e-7]))
+    assert contradictions(without, prepared) == [
+        "coulomb_friction: the interval of coulomb_force, breakaway_excess holds 0"
     ]
 
 
@@ -118,7 +142,9 @@ def test_a_limit_that_the_record_exceeds_is_refused(linear, base, effect, name, 
 def test_a_limit_counts_from_the_sensors_zero():
     """Forces up to 2 N about a zero of 5 N lie at 7 N: a limit of 2 N is none that they exceed."""
     prepared = prepare(experiment(clipped, zeros=(5.0, 5.0)))
-    fit = add(fit_base(Structure(BASES["KB"]), prepared.training), form("saturation", "sharp"), prepared.training)
+    fit = add(
+        fit_base(Structure(BASES["KB"]), prepared.training), form("saturation", "sharp"), prepared.training
+    )
     assert fit.zero == pytest.approx(5.0, abs=0.01)
     assert fit.nonlinear[-1] == pytest.approx(2.0, rel=0.01)
     assert contradictions(fit, prepared) == []
@@ -145,7 +171,10 @@ def test_a_disturbance_needs_two_cycles_and_a_clock_of_its_own(name, frequency, 
 
 
 def test_a_spring_that_gets_softer_is_not_called_hardening():
-    for effect, names in (("hardening_stiffness", ("cubic", "bilinear")), ("strain_softening", ("cubic", "bilinear"))):
+    for effect, names in (
+        ("hardening_stiffness", ("cubic", "bilinear")),
+        ("strain_softening", ("cubic", "bilinear")),
+    ):
         assert all(item.sign > 0 for name in names for item in form(effect, name).linear)
     found = diagnose(experiment(softening_spring))
     assert (found.verdict, found.selected) == ("named", ("strain_softening",))

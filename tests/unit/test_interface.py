@@ -142,7 +142,10 @@ def test_an_object_saves_what_the_command_writes(diagnosis, folder, run, tmp_pat
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"improvement": ImprovementSettings(base="KX")}, 'base: found "KX"; allowed: auto, LE, Maxwell, KV, KB'),
+        (
+            {"improvement": ImprovementSettings(base="KX")},
+            'base: found "KX"; allowed: auto, LE, Maxwell, KV, KB',
+        ),
         ({"settings": TissueSettings(rate_Hz=-100)}, "rate_Hz: found -100; allowed: number > 0"),
         (
             {"settings": TissueSettings(bootstrap=replace(TissueSettings().bootstrap, confidence="0.9"))},

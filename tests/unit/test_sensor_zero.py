@@ -24,7 +24,9 @@ def said(found) -> list:
 
 
 @pytest.mark.parametrize(
-    ("tissue", "effects"), [(relaxing, ()), (hardening, ("hardening_stiffness",))], ids=["linear", "hardening"]
+    ("tissue", "effects"),
+    [(relaxing, ()), (hardening, ("hardening_stiffness",))],
+    ids=["linear", "hardening"],
 )
 @pytest.mark.parametrize("zero", [0.5, 0.1])
 def test_a_zero_hides_no_effect_and_is_none(tissue, effects, zero):
