@@ -58,7 +58,7 @@ def test_a_second_effect_beside_one_that_dwarfs_it_is_found():
 
 def test_the_part_of_a_single_record_that_is_held_back_goes_on_where_the_first_one_ends():
     """A spring that wears with the path: a clock that began anew would find it whole again."""
-    time, position, _ = sines(5, 40.0, 0.02, 3.0, 0.0417)
+    _time, position, _ = sines(5, 40.0, 0.02, 3.0, 0.0417)
     path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(position)))])
     force = (1.5 - 0.5 * (1 - np.exp(-path / 150.0))) * position
     found = diagnose([sampled("only", 0.02, position, force, 0.02, 5)])

@@ -148,8 +148,8 @@ def test_a_constant_moment_is_the_persons_and_no_zero_of_a_sensor():
         moment = item.channels["output"]
         channels = {**item.channels, "output": replace(moment, values=moment.values + 30.0)}
         pulled.append(replace(item, channels=channels))
-    free, (model,) = refine(records, [], PENDULUM_BASE)
-    held, (without_zero,) = refine(pulled, [], PENDULUM_BASE)
+    _free, (model,) = refine(records, [], PENDULUM_BASE)
+    _held, (without_zero,) = refine(pulled, [], PENDULUM_BASE)
     assert (model.fit.zero, without_zero.fit.zero) == (0.0, 0.0)
     assert without_zero.train_rms > model.train_rms + 10
 
