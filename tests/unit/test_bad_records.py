@@ -156,6 +156,38 @@ def test_a_position_may_rest_at_its_extreme():
         check_clipping(record_of(ramp_and_hold, ramp_and_hold))
 
 
+@pytest.mark.parametrize("slows", ["jerk", "acceleration"])
+@pytest.mark.parametrize("speeds", [(1.0,), (0.3, 1.0, 2.5)])
+def test_a_position_that_comes_to_rest_is_no_clipping(slows, speeds):
+    """Ramps of many speeds that end at 0 mm, slowed down at limited jerk or limited acceleration."""
+    share = np.linspace(0, 1, 200)
+    smooth = {
+        "jerk": share**3 * (10 - 15 * share + 6 * share**2),
+        "acceleration": np.where(share < 0.5, 2 * share**2, 1 - 2 * (1 - share) ** 2),
+    }
+    parts = [np.zeros(50)]
+    for number in range(6):
+        stroke = np.interp(np.arange(0, 1, speeds[number % len(speeds)] / 150), share, smooth[slows])
+        parts += [2 * stroke, np.full(60, 2.0), 2 * stroke[::-1], np.zeros(40)]
+    position = np.concatenate(parts)
+    noise = 0.01 * np.random.default_rng(2).standard_normal(len(position))
+    check_clipping(record_of(position, force_of(position) + noise))
+
+
+def test_a_position_that_stops_at_speed_is_clipped():
+    for level in (0.5, 1.0, 1.5):
+        with pytest.raises(InputError, match="input: clipped"):
+            check_clipping(record_of(np.clip(GOOD, -3.0, level), force_of(GOOD)))
+
+
+@pytest.mark.parametrize("case", ["g04", "g14"])
+def test_a_ramp_and_hold_is_read(case, shared):
+    import lumbar
+
+    records = lumbar.read(shared / "hard_effects" / case / "records")
+    assert [np.ptp(record["input"]) > 1 for record in records] == [True, True]
+
+
 def test_records_of_like_size_are_comparable():
     check_excitation(record_of(GOOD, force_of(GOOD)), [record_of(0.2 * OTHER, force_of(OTHER), "b")])
 

@@ -199,7 +199,12 @@ class Diagnosis:
         verdict = self.verdict
         floor, trained = verdict.experiment.floor, verdict.experiment.floor_from
         return compare_and_locate(
-            self.records, verdict.base.fit, floor, trained, self.seed, verdict.experiment.surface
+            verdict.experiment.records,
+            verdict.base.fit,
+            floor,
+            trained,
+            self.seed,
+            verdict.experiment.surface,
         )
 
     @property
@@ -334,7 +339,9 @@ class Refinement:
 
         floor, trained = self.experiment.floor, self.experiment.floor_from
         fit = self.path[-1].fit
-        return compare_and_locate(self.records, fit, floor, trained, self.seed, self.experiment.surface)
+        return compare_and_locate(
+            self.experiment.records, fit, floor, trained, self.seed, self.experiment.surface
+        )
 
     def rows(self) -> list[dict]:
         """The error ladder: one dict per model."""

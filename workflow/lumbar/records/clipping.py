@@ -22,6 +22,10 @@ _CROWDED = 5
 _ENTRY_SPREAD = 1.5
 """Ratio of the speeds at which a position enters its flat tops: a commanded hold is always entered alike."""
 _FEWEST_TOPS = 3
+_STEPS = 4
+"""Samples over which the speed into a flat top is taken."""
+_TURNED = 4.0
+"""Twice the time, in speed over deceleration, after which a motion that was cut off would be back."""
 RESPONSES = ("output", "moment")
 EXCITATIONS = ("input",)
 """Roles that are looked at; surgeons and people rest where they like."""
@@ -61,9 +65,29 @@ def flat_tops(values: np.ndarray) -> list[FlatTop]:
     return found
 
 
+def _comes_to_rest(top: FlatTop, values: np.ndarray) -> np.ndarray:
+    """For every flat top whether the motion slowed down into it and stayed: bool, shape (tops,).
+
+    What is cut off a motion that goes on would have turned round after speed over deceleration, and come back after twice
+    that; a rest is entered without speed, or lasts longer.
+    """
+    rests = np.zeros(len(top.starts), dtype=bool)
+    for number, start in enumerate(top.starts):
+        if start < 2 * _STEPS:
+            rests[number] = start == 0
+            continue
+        late = abs(values[start] - values[start - _STEPS]) / _STEPS
+        early = abs(values[start - _STEPS] - values[start - 2 * _STEPS]) / _STEPS
+        speed, deceleration = late - (early - late) / 2, (early - late) / _STEPS
+        left = np.flatnonzero(values[start:] != top.level)
+        stays = left[0] if left.size else len(values) - start
+        rests[number] = deceleration > 0 and stays * deceleration > _TURNED * speed
+    return rests
+
+
 def _is_hold(top: FlatTop, values: np.ndarray) -> bool:
-    """Whether a position rests at its extreme by command: few times, or always entered at the same speed."""
-    entries = top.starts[top.starts >= 2]
+    """Whether a position rests at its extreme: it slows down into it, or stops few times or always at the same speed."""
+    entries = top.starts[(top.starts >= 2) & ~_comes_to_rest(top, values)]
     speeds = np.abs(values[entries - 1] - values[entries - 2])
     return len(entries) < _FEWEST_TOPS or speeds.max() <= _ENTRY_SPREAD * speeds.min()
 

@@ -29,6 +29,7 @@ import numpy as np
 
 from lumbar.errors import InputError, Problems
 from lumbar.records.clipping import check_clipping
+from lumbar.records.missing_rows import with_missing_rows
 from lumbar.records.record import Channel, Record, check_record, samples_between
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
@@ -100,6 +101,7 @@ def read_record(
         source=str(path),
         period=period,
     )
+    record, lines = with_missing_rows(record, lines)
     may_rest = [role for role, column in columns.items() if column.optional]
     check_record(record, may_rest=may_rest, lines=lines)
     if layout.clipped == "refuse":

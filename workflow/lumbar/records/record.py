@@ -55,6 +55,8 @@ class Record:
         File it was read from, for messages.
     period : float or None
         Period of a periodic excitation in seconds, where it is known.
+    filled : tuple of int
+        Samples that were not recorded and are interpolated from their neighbours.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Record:
     channels: dict[str, Channel]
     source: str = ""
     period: float | None = None
+    filled: tuple[int, ...] = ()
 
     def __getitem__(self, role: str) -> np.ndarray:
         """Values of the channel with this role."""
@@ -94,7 +97,14 @@ class Record:
         channels = {
             role: replace(channel, values=channel.values[keep]) for role, channel in self.channels.items()
         }
-        return replace(self, time=self.time[keep], channels=channels)
+        before = np.cumsum(keep) - 1
+        filled = tuple(int(before[sample]) for sample in self.filled if keep[sample])
+        return replace(self, time=self.time[keep], channels=channels, filled=filled)
+
+    def with_values(self, **values: np.ndarray) -> Record:
+        """Return the record with other values in the channels of these roles."""
+        changed = {role: replace(self.channels[role], values=found) for role, found in values.items()}
+        return replace(self, channels={**self.channels, **changed})
 
 
 FEWEST_SAMPLES = 8

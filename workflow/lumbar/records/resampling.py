@@ -56,4 +56,7 @@ def resample(record: Record, rate: float) -> Record:
         )
         for role, channel in record.channels.items()
     }
-    return replace(record, time=time, channels=channels)
+    # Of a sample that was filled in, the one nearest to it at the new rate is the most made up.
+    kept = np.unique(np.round(np.array(record.filled) * float(ratio)).astype(int) - left_out)
+    filled = tuple(kept[(kept >= 0) & (kept < len(time))].tolist())
+    return replace(record, time=time, channels=channels, filled=filled)

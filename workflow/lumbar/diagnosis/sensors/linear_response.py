@@ -1,0 +1,37 @@
+"""What of a force a plain linear tissue explains, roughly: to fill samples in, and to see whether a mend helps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.records.record import Record
+
+_RELAXATION_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)
+"""Seconds."""
+
+
+def linear_response(record: Record, left_out: np.ndarray | None = None) -> np.ndarray:
+    """Force of the linear tissue that fits a record: a constant, stiffness, damping and relaxing branches.
+
+    Parameters
+    ----------
+    record : Record
+    left_out : numpy.ndarray of int, optional
+        Samples that are not fitted to.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+    """
+    from scipy.signal import lfilter
+
+    position, step = record["input"] - record["input"][0], record.sampling_time
+    columns = [np.ones(len(position)), position, np.gradient(position, step)]
+    for time in _RELAXATION_TIMES:
+        decay = np.exp(-step / time)
+        columns.append(lfilter([1 - decay], [1, -decay], position))
+    columns = np.column_stack(columns)
+    kept = np.ones(len(position), dtype=bool)
+    if left_out is not None:
+        kept[left_out] = False
+    return columns @ np.linalg.lstsq(columns[kept], record["output"][kept], rcond=1e-10)[0]
