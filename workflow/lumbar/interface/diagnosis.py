@@ -120,8 +120,8 @@ def refine(
     >>> from lumbar.synthetic.examples import example_records
     >>> refined = lumbar.refine(example_records(), ["coulomb_friction"])
     >>> print(refined)
-    KB: 0.231 N in training, 0.224 unseen
-    KB+coulomb_friction: 0.009912 N in training, 0.009902 unseen
+    KB: 0.2309 N in training, 0.2238 unseen
+    KB+coulomb_friction: 0.009905 N in training, 0.009905 unseen
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """

@@ -134,6 +134,8 @@ def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np
 
 EVALUATIONS = 40
 """Of the error, at most, per search."""
+_OFF_BOUND = 1e-3
+"""Share of the logarithmic range that a start keeps from its bounds: closer to one, a search sticks to it."""
 
 
 def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
@@ -153,7 +155,8 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     if not len(start):
         return _at(structure, data, start) if structure.is_linear else _search_all(structure, data, start)
     low, high = shape_bounds(structure, data, start)
-    start = np.clip(start, low * 1.0001, high * 0.9999)
+    room = (high / low) ** _OFF_BOUND
+    start = np.clip(start, low * room, high / room)
     search = _search_nonlinear if structure.is_linear else _search_all
     return search(structure, data, start, low, high)
 
