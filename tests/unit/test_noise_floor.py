@@ -266,3 +266,14 @@ def test_only_numpy_is_loaded():
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_few_wild_samples_are_no_change_over_the_periods(seed):
+    def spikes(time, _):
+        hit = np.random.default_rng(seed).choice(time.size, 12, replace=False)
+        wild = np.zeros(time.size)
+        wild[hit] = 5.0 * np.where(np.arange(12) % 2, -1, 1)
+        return wild
+
+    assert noise_floor(noisy_record(10, 0.3, seed, extra=spikes)).structured == ()
