@@ -277,3 +277,12 @@ def test_a_few_wild_samples_are_no_change_over_the_periods(seed):
         return wild
 
     assert noise_floor(noisy_record(10, 0.3, seed, extra=spikes)).structured == ()
+
+
+def test_a_force_that_repeats_exactly_leaves_what_its_digits_leave_open():
+    position = multisine(6)
+    force = np.round(np.tile(relaxing_force(position)[-500:], 6), 2)
+    floor = noise_floor(record(position, force))
+    assert floor.exact and floor.structured == ()
+    assert floor.rms == pytest.approx(0.01 / np.sqrt(12))
+    assert len(floor.whitening) == 1
