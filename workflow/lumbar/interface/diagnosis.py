@@ -369,13 +369,17 @@ class Refinement:
         write_json(Path(folder) / "refined.json", document)
 
     def __str__(self) -> str:
+        from lumbar.diagnosis.selection.ladder_digits import told_apart
         from lumbar.diagnosis.selection.refined_model import model_name
 
         unit = self.experiment.output_unit
-        return "\n".join(
-            f"{model_name(item.fit)}: {item.train_rms:.4g} {unit} in training, {item.test_rms:.4g} unseen"
-            for item in self.path
-        )
+        training = told_apart([item.train_rms for item in self.path], 4)
+        unseen = told_apart([item.test_rms for item in self.path], 4)
+        lines = [
+            f"{model_name(item.fit)}: {own} {unit} in training, {other} unseen"
+            for item, own, other in zip(self.path, training, unseen, strict=True)
+        ]
+        return "\n".join([*lines, *(item.sentence for item in self.findings)])
 
     def __repr__(self) -> str:
         return f"<Refinement of {self.path[0].fit.structure.base.name}: {', '.join(self.effects) or 'no effect'}>"
