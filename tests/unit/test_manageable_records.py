@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from periodic_records import multisine, noise, record, relaxing_force
 
+import lumbar
 from lumbar.diagnosis.fitting.manageable import ENOUGH, MOST, manageable
+from lumbar.settings.tissue import TissueSettings
 
 
 def at(rate, position, force, name="fast"):
@@ -53,3 +55,18 @@ def test_a_motion_that_needs_its_rate_keeps_it_and_only_what_is_too_long_is_cut(
     assert told.kind == "shortened" and len(same) == 2000 and len(long) == MOST - 2000
     assert f"first {(MOST - 2000) / 1000:g} s of {3 * MOST / 1000:g} s" in told.sentence
     assert np.array_equal(long["input"], wide[: len(long)])
+
+
+def test_a_large_table_is_read_as_every_small_one(tmp_path, monkeypatch):
+    from lumbar.records import columns
+
+    rows = np.column_stack([np.arange(500) * 0.01, noise(500, 1) * 1e-3, noise(500, 2) * 1e5])
+    path = tmp_path / "table.csv"
+    np.savetxt(path, rows, delimiter=",", header="time_s,position_mm,force_N", comments="", fmt="%.17g")
+    careful = lumbar.read(path)["table"]
+    monkeypatch.setattr(columns, "_LARGE", 0)
+    assert columns._read_plain_table(path, TissueSettings().layout) is not None
+    fast = lumbar.read(path)["table"]
+    assert all(np.array_equal(fast[role], careful[role]) for role in ("input", "output"))
+    path.write_text(path.read_text().replace("\n0.01,", "\n# note\n0.01,", 1))
+    assert columns._read_plain_table(path, TissueSettings().layout) is None
