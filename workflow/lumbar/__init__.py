@@ -29,6 +29,7 @@ _VERBS = {
     "locate": "lumbar.interface.comparison",
     "diagnose": "lumbar.interface.diagnosis",
     "refine": "lumbar.interface.diagnosis",
+    "propose": "lumbar.interface.proposing",
     "export_fmu": "lumbar.interface.device",
     "load_models": "lumbar.interface.device",
     "analyse_survey": "lumbar.interface.participants",
@@ -52,6 +53,7 @@ __all__ = [
     "load_settings",
     "load_subject",
     "locate",
+    "propose",
     "read",
     "refine",
 ]

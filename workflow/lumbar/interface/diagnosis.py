@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.selection.forward_selection import Candidate
     from lumbar.diagnosis.selection.verdict import Verdict
     from lumbar.interface.comparison import Comparisons, Locations
+    from lumbar.interface.proposing import ProposedLaw
     from lumbar.models.fitted_model import FittedModel
     from lumbar.models.form import Effect
 
@@ -224,6 +225,12 @@ class Diagnosis:
         """Refit the base with the selected effects and these; effects that are there already are not added twice."""
         wanted = list(dict.fromkeys([*self.selected, *effects]))
         return _refined(self.records, wanted, self.settings, self.seed, self.data)
+
+    def propose(self) -> ProposedLaw:
+        """Look for a short formula for what the catalogue leaves."""
+        from lumbar.interface.proposing import proposed
+
+        return proposed(self)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
         """Return the page of the diagnosis."""
