@@ -22,6 +22,7 @@ COMMANDS = (
     "locate",
     "diagnose",
     "refine",
+    "doctor",
     "export",
     "survey",
     "lift",
