@@ -15,9 +15,9 @@ from lumbar.tables import Table
 _EFFECTS = {
     "effect": "effect of the catalogue that was put into the records, of which the refined model is the truth",
     "form": "its mathematical form",
-    "said": f"what a blind diagnosis said where it is strong ({STRONGEST:g} times the noise, or four times the prediction): named "
-    "(alone), tied or mistaken with or for what, told (as a finding), taken up by another base, unexplained, unseen, refused, not excited (these motions "
-    "do not call it forth)",
+    "said": f"what a blind diagnosis said where it is strong ({STRONGEST:g} times the noise, or four times the prediction): "
+    "named (alone), tied or mistaken with or for what, told (as a finding), taken up by another base, unexplained, unseen, "
+    "refused, not excited (these motions do not call it forth)",
     "smallest_named": f"smallest RMS of its force at which it was named, to within a factor of {CLOSE:g}",
     "smallest_named_over_noise": "the same over the RMS of the noise",
     "predicted": "smallest RMS of its force that a search would select, to first order",
@@ -29,7 +29,7 @@ _EFFECTS = {
 }
 _FAULTS = {
     "mistake": "what was put into the records as they are",
-    "largest": "the largest size that was tried",
+    "largest": "the largest size that was tried, where it has one",
     "said": "what was said of it",
     "smallest_told": "the smallest size that was told: by a finding, by an effect that means it, or by a refusal",
     "told_as": "how, in the words of the diagnosis",
@@ -60,7 +60,7 @@ def faults_table(found: Examination, data: str) -> Table:
         frame=pd.DataFrame([fault_row(item) for item in found.faults], columns=list(_FAULTS)),
         definitions=_FAULTS,
         data=data,
-        may_be_empty=frozenset({"smallest_told", "told_as", "not_told"}),
+        may_be_empty=frozenset({"largest", "smallest_told", "told_as", "not_told"}),
     )
 
 
@@ -101,12 +101,14 @@ def fault_row(item: FaultTold) -> dict:
     largest = max(item.outcomes)
     missed = item.not_told
     return {
-        "mistake": readable(item.fault.name),
-        "largest": item.fault.described(largest),
+        "mistake": item.fault.words,
+        "largest": item.fault.size(largest) or None,
         "said": item.outcomes[largest].words,
-        "smallest_told": None if item.smallest is None else item.fault.described(item.smallest),
+        "smallest_told": None if item.smallest is None else item.fault.size(item.smallest) or "told",
         "told_as": None if item.as_told is None else _first_sentence(item.as_told.message),
-        "not_told": None if missed is None else f"{item.fault.described(missed[0])}: {missed[1].words}",
+        "not_told": None
+        if missed is None
+        else f"{item.fault.size(missed[0])}: {missed[1].words}".lstrip(": "),
     }
 
 
@@ -155,7 +157,6 @@ def to_json(found: Examination, data: str) -> dict:
                 "sizes": [
                     {
                         "size": size,
-                        "what": item.fault.described(size),
                         "said": outcome.words,
                         "message": outcome.message or None,
                     }

@@ -52,11 +52,11 @@ def _effects(found: Examination) -> str:
 
 
 def _faults(found: Examination) -> str:
-    head = ["mistake", "largest", "told down to", "not told"]
+    head = ["mistake", "told down to", "not told"]
     rows = []
     for item in found.faults:
         row = fault_row(item)
-        rows.append([row["mistake"], row["said"], row["smallest_told"] or "–", row["not_told"] or "–"])
+        rows.append([row["mistake"], row["smallest_told"] or "–", row["not_told"] or "–"])
     return "\n".join(_aligned([head, *rows]))
 
 

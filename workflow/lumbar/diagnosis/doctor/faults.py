@@ -18,7 +18,9 @@ class Fault:
     ----------
     name : str
     words : str
-        What it is, with its size as ``{}``.
+        What it is.
+    size_words : str
+        Its size, as ``{}``; empty where it has none.
     sizes : tuple of float
         The largest first.
     put_into : callable
@@ -33,15 +35,16 @@ class Fault:
 
     name: str
     words: str
+    size_words: str
     sizes: tuple[float, ...]
     put_into: Callable[[list[Record], float, int], list[Record]]
     findings: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
     several: bool = False
 
-    def described(self, size: float) -> str:
-        """The mistake with its size."""
-        return self.words.format(f"{size:g}")
+    def size(self, size: float) -> str:
+        """A size in words."""
+        return self.size_words.format(f"{size:g}")
 
 
 def _all(change: Callable[[Record, float, np.random.Generator], Record]):
@@ -106,10 +109,13 @@ def _stepped(record: Record, percent: float, _generator: np.random.Generator) ->
 FAULTS = {
     fault.name: fault
     for fault in (
-        Fault("sign_flip", "sign of the response changed in all records", (1.0,), _all(_flipped), ("sign",)),
+        Fault(
+            "sign_flip", "sign of the response changed in all records", "", (1.0,), _all(_flipped), ("sign",)
+        ),
         Fault(
             "one_sign_flip",
             "sign of the response changed in one record",
+            "",
             (1.0,),
             _shortest(_flipped),
             ("sign",),
@@ -118,20 +124,23 @@ FAULTS = {
         Fault(
             "exchanged_columns",
             "input and response exchanged in all records",
+            "",
             (1.0,),
             _all(_exchanged),
             ("direction",),
         ),
         Fault(
             "offset",
-            "zero of the response off by {} % of its range in all records",
+            "zero of the response off in all records",
+            "{} % of its range",
             (10.0, 3.0, 1.0),
             _all(_offset),
             ("force_offset",),
         ),
         Fault(
             "one_offset",
-            "zero of the response off by {} % of its range in one record",
+            "zero of the response off in one record",
+            "{} % of its range",
             (10.0, 3.0, 1.0),
             _shortest(_offset),
             ("force_offset",),
@@ -139,7 +148,8 @@ FAULTS = {
         ),
         Fault(
             "input_unit",
-            "input of one record in another unit, its numbers {} times as large",
+            "input of one record in another unit",
+            "{} times",
             (1000.0, 25.4, 10.0),
             _shortest(_position_scaled),
             ("unit",),
@@ -147,7 +157,8 @@ FAULTS = {
         ),
         Fault(
             "response_unit",
-            "response of one record in another unit, its numbers {} times as large",
+            "response of one record in another unit",
+            "{} times",
             (1000.0, 9.81, 4.448),
             _shortest(_force_scaled),
             ("unit",),
@@ -155,7 +166,8 @@ FAULTS = {
         ),
         Fault(
             "lag",
-            "response late by {} samples in all records",
+            "response late in all records",
+            "{} samples",
             (5.0, 3.0, 2.0, 1.0),
             _all(_late),
             ("clock_skew",),
@@ -163,14 +175,16 @@ FAULTS = {
         ),
         Fault(
             "position_noise",
-            "noise of {} % of the range in the input",
+            "noise in the input",
+            "{} % of its range",
             (3.0, 1.0, 0.3, 0.1),
             _all(_noisy),
             ("position_noise",),
         ),
         Fault(
             "position_step",
-            "input in steps of {} % of its range",
+            "input in steps",
+            "{} % of its range",
             (3.0, 1.0, 0.3, 0.1),
             _all(_stepped),
             ("position_step",),

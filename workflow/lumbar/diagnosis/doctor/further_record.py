@@ -20,7 +20,7 @@ from lumbar.models.motion import Motion
 from lumbar.signals.machine_limits import Kinematics
 
 _HARDEST = 3
-"""Effects, those with the largest smallest size, that a further record is sought for where every one is named."""
+"""Effects, those that are named last, that a further record is sought for where nothing is unclear."""
 _HELPS = 1.5
 """Factor on the distance from which on a record is said to help."""
 _NAMED_IN_SENTENCE = 4
@@ -116,24 +116,26 @@ class FurtherRecord:
 
 
 def open_questions(sizes: Sequence[EffectSize]) -> list[Question]:
-    """What a further record should answer: effects that were never named, else those that are named last, a little smaller."""
+    """What a further record should answer: what was never named, or taken for something else; else what is named last."""
     excited = [item for item in sizes if item.trials and not item.form.channels]
-    unnamed = [item for item in excited if item.smallest is None]
-    if unnamed:
-        return [_question(item) for item in unnamed]
+    unclear = [item for item in excited if item.smallest is None or _misread(item)]
     last = sorted(excited, key=lambda item: -(item.smallest or 0.0))[:_HARDEST]
-    return [
-        Question(item.form.effect, item.injection.at((item.smallest or 0.0) / 2), item.injection.model)
-        for item in last
-    ]
+    return [_question(item) for item in unclear or last]
+
+
+def _misread(item: EffectSize) -> bool:
+    missed = item.trials.at_missed if item.trials else None
+    return missed is not None and missed.kind in (Kind.MISTAKEN, Kind.TIED)
 
 
 def _question(item: EffectSize) -> Question:
-    assert item.trials is not None and item.trials.missed is not None
-    size = min(item.trials.missed * item.noise, item.injection.largest)
+    """The effect of the largest size that was missed, or a little smaller than the smallest that was named."""
+    assert item.trials is not None
+    missed = (item.smallest or 0.0) / 2 if item.trials.missed is None else item.trials.missed * item.noise
+    size = min(missed, item.injection.largest)
     outcome = item.trials.at_missed
     rival, others = item.injection.model, ()
-    if outcome and outcome.verdict and outcome.kind in (Kind.MISTAKEN, Kind.TIED):
+    if outcome and outcome.verdict and _misread(item):
         found = outcome.verdict
         candidates = [found.model, *found.tied_with]
         wrong = next((each for each in candidates if item.form.effect not in each.effects), None)
