@@ -28,8 +28,8 @@ SIZES = {
     "held_force": (2e-3, 1e-2),
 }
 KIND = {
-    "noise": "position_noise", "low_passed_noise": "position_noise", "steps": "position_step", "jitter": "sampling_jitter",
-    "shared_jitter": "sampling_jitter", "skew": "clock_skew", "dropped": "dropped_samples", "held": "held_samples",
+    "noise": "position_noise", "low_passed_noise": "position_noise", "steps": "quantisation", "jitter": "jitter",
+    "shared_jitter": "jitter", "skew": "clock_skew", "dropped": "dropped_samples", "held": "held_samples",
     "held_force": "held_samples",
 }  # fmt: skip
 

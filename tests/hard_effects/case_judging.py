@@ -15,10 +15,10 @@ from lumbar.config.study_recordings import record_layout
 
 FINDINGS = {
     "pos_noise": "position_noise",
-    "pos_step": "position_(step|offset)",
+    "pos_step": "quantisation",
     "jitter": "jitter",
-    "skew": "clock_skew|lag",
-    "skew_ppm": "clock_skew|lag",
+    "skew": "clock_skew",
+    "skew_ppm": "clock_skew",
     "lag": "lag",
     "silent_drop": "dropped_samples",
     "hold": "held_samples",

@@ -16,7 +16,7 @@ from lumbar.models.structure import Structure
 NAMES = {
     "hardening_stiffness", "quadratic_stiffness", "coulomb_friction", "hysteresis", "contact_loss",
     "depth_dependent_damping", "quadratic_damping", "inertia", "second_relaxation", "delay", "saturation", "drift",
-    "softening", "periodic_disturbance", "backlash",
+    "softening", "periodic_disturbance", "backlash", "strain_softening", "viscous_damping",
 }  # fmt: skip
 FORMS = [form for effect in TISSUE.values() for form in effect.forms]
 

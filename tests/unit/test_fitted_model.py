@@ -260,9 +260,9 @@ def test_elements_of_a_base_that_is_fitted_with_effects_have_their_formula_and_i
     ]
     found = derived_estimates(fit, training, "mm", "N")
     scaled, size = scaled_covariance(fit, training)
-    centre = np.array([*fit.linear, *np.log(fit.nonlinear)])
+    centre = np.array([*fit.linear, *np.log(fit.nonlinear), fit.zero])
     draws = np.random.default_rng(3).multivariate_normal(centre, scaled / np.outer(size, size), 4000)
-    elements = [KB.derive(spring, branch, np.exp(log)) for spring, branch, log in draws]
+    elements = [KB.derive(spring, branch, np.exp(log)) for spring, branch, log, _ in draws]
     for item in found:
         low, high = np.quantile([element[item.name] for element in elements], [0.025, 0.975])
         assert item.derived

@@ -66,7 +66,7 @@ CASES = {
     "contact_loss/sharp": ((), (3.0,)),
     "saturation/sharp": ((), (4.0,)),
     "saturation/soft": ((), (8.0,)),
-    "softening/path": ((-0.3,), (150.0,)),
+    "softening/path": ((0.3,), (150.0,)),
     "drift/settling": ((1.0,), (12.0,)),
     "periodic_disturbance/sine": ((0.4, -0.2), (0.533,)),
     "quadratic_damping/sinh": ((0.5,), (20.0,)),

@@ -142,7 +142,10 @@ def test_an_object_saves_what_the_command_writes(diagnosis, folder, run, tmp_pat
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"improvement": ImprovementSettings(base="KX")}, 'base: found "KX"; allowed: LE, Maxwell, KV, KB'),
+        (
+            {"improvement": ImprovementSettings(base="KX")},
+            'base: found "KX"; allowed: auto, LE, Maxwell, KV, KB',
+        ),
         ({"settings": TissueSettings(rate_Hz=-100)}, "rate_Hz: found -100; allowed: number > 0"),
         (
             {"settings": TissueSettings(bootstrap=replace(TissueSettings().bootstrap, confidence="0.9"))},
@@ -185,5 +188,6 @@ def test_what_a_terminal_shows_is_short_and_plain(records, diagnosis):
     assert len(repr(found.table)) < 400
     assert str(found.table).splitlines()[0] == found.table.title
     text = str(diagnosis.model)
-    assert "F = k_e*z + k_b*q, dq/dt = v - q/tau; coulomb_friction: Fc*tanh(v/vs), position in mm" in text
+    assert "F = k_e*z + k_b*q, dq/dt = v - q/tau; coulomb_friction: " in text
+    assert "*tanh(v/vs), position in mm to force in N" in text
     assert "\\" not in text and "$" not in text

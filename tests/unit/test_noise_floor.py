@@ -266,3 +266,23 @@ def test_only_numpy_is_loaded():
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_few_wild_samples_are_no_change_over_the_periods(seed):
+    def spikes(time, _):
+        hit = np.random.default_rng(seed).choice(time.size, 12, replace=False)
+        wild = np.zeros(time.size)
+        wild[hit] = 5.0 * np.where(np.arange(12) % 2, -1, 1)
+        return wild
+
+    assert noise_floor(noisy_record(10, 0.3, seed, extra=spikes)).structured == ()
+
+
+def test_a_force_that_repeats_exactly_leaves_what_its_digits_leave_open():
+    position = multisine(6)
+    force = np.round(np.tile(relaxing_force(position)[-500:], 6), 2)
+    floor = noise_floor(record(position, force))
+    assert floor.exact and floor.structured == ()
+    assert floor.rms == pytest.approx(0.01 / np.sqrt(12))
+    assert len(floor.whitening) == 1

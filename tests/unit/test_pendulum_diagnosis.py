@@ -141,10 +141,17 @@ def test_an_effect_that_needs_what_was_not_recorded_is_refused():
         refine(records, ["variable_length"], settings)
 
 
-def test_an_angle_is_not_centred():
+def test_a_constant_moment_is_the_persons_and_no_zero_of_a_sensor():
     records = records_of(make_pendulum_experiment("drag", 0).records)
-    with pytest.raises(InputError, match="angle counts from the vertical"):
-        diagnose(records, DiagnosisSettings(base="pendulum", centre=True))
+    pulled = []
+    for item in records:
+        moment = item.channels["output"]
+        channels = {**item.channels, "output": replace(moment, values=moment.values + 30.0)}
+        pulled.append(replace(item, channels=channels))
+    _free, (model,) = refine(records, [], PENDULUM_BASE)
+    _held, (without_zero,) = refine(pulled, [], PENDULUM_BASE)
+    assert (model.fit.zero, without_zero.fit.zero) == (0.0, 0.0)
+    assert without_zero.train_rms > model.train_rms + 10
 
 
 def test_a_channel_in_some_records_only_is_told():

@@ -42,10 +42,10 @@ def test_sound_records_are_not_accused_and_come_back_as_they_are():
         ("multisine", "noise", 8e-3, "position_noise", 8e-3),
         ("shot", "noise", 8e-3, "position_noise", 8e-3),
         ("smooth_hold", "noise", 8e-3, "position_noise", 8e-3),
-        ("shot", "steps", 0.02, "position_step", 0.02),
-        ("chirp", "steps", 0.02, "position_step", 0.02),
-        ("shot", "jitter", 5e-4, "sampling_jitter", 0.5),
-        ("chirp", "shared_jitter", 5e-4, "sampling_jitter", 0.5),
+        ("shot", "steps", 0.02, "quantisation", 0.02),
+        ("chirp", "steps", 0.02, "quantisation", 0.02),
+        ("shot", "jitter", 5e-4, "jitter", 0.5),
+        ("chirp", "shared_jitter", 5e-4, "jitter", 0.5),
     ],
 )
 def test_a_rough_position_is_told_with_its_size(kind, fault, size, told, value, effect):

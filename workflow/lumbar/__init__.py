@@ -30,6 +30,7 @@ _VERBS = {
     "diagnose": "lumbar.interface.diagnosis",
     "refine": "lumbar.interface.diagnosis",
     "doctor": "lumbar.interface.doctor",
+    "propose": "lumbar.interface.proposing",
     "export_fmu": "lumbar.interface.device",
     "load_models": "lumbar.interface.device",
     "analyse_survey": "lumbar.interface.participants",
@@ -54,6 +55,7 @@ __all__ = [
     "load_settings",
     "load_subject",
     "locate",
+    "propose",
     "read",
     "refine",
 ]

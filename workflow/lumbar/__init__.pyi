@@ -14,6 +14,7 @@ from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.participants import analyse_survey as analyse_survey
 from lumbar.interface.person import basins as basins
 from lumbar.interface.person import lift as lift
+from lumbar.interface.proposing import propose as propose
 from lumbar.interface.reading import read as read
 from lumbar.interface.surgeons import bandwidth as bandwidth
 from lumbar.interface.surgeons import design_signals as design_signals

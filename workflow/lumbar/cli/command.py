@@ -21,6 +21,7 @@ COMMANDS = (
     "compare",
     "locate",
     "diagnose",
+    "propose",
     "refine",
     "doctor",
     "export",

@@ -20,6 +20,7 @@ from lumbar.models.parsing import parse
 from lumbar.yaml_file import YamlFile, read_yaml, way_of
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
+_NAME_RULE = "letters a to z, digits and _, a letter first"
 _SIGNS = {"positive": 1, "negative": -1, "any": 0}
 _FORM_KEYS = ("equation", "state", "parameters", "constants", "place")
 _EFFECT_KEYS = ("name", "mechanism", "source", "experiment", "accumulates", "forms")
@@ -50,6 +51,19 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
         effect = _from_yaml(path, taken)
         return {effect.name: effect}
     return _from_python(path)
+
+
+def check_name(name: str, taken: Collection[str] = ()) -> None:
+    """Refuse what cannot be the name of an effect of one's own.
+
+    Raises
+    ------
+    InputError
+    """
+    if not _NAME.fullmatch(name):
+        raise InputError(f"effect {name!r}: {_NAME_RULE}")
+    if name in taken:
+        raise InputError(f"effect {name!r} is taken by an effect of the catalogue; choose another name")
 
 
 def _from_python(path: Path) -> dict[str, Effect]:
@@ -151,9 +165,7 @@ class _Reading:
         """A name, as results and C code call it."""
         name = self.text(content, "name", True, place)
         if name and not _NAME.fullmatch(name):
-            self.problem(
-                f"{place}.name".strip("."), repr(name), "letters a to z, digits and _, a letter first"
-            )
+            self.problem(f"{place}.name".strip("."), repr(name), _NAME_RULE)
         return name
 
     def forms(self, content: Any) -> list[Form | None]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.selection.forward_selection import Candidate
     from lumbar.diagnosis.selection.verdict import Verdict
     from lumbar.interface.comparison import Comparisons, Locations
+    from lumbar.interface.proposing import ProposedLaw
     from lumbar.models.fitted_model import FittedModel
     from lumbar.models.form import Effect
 
@@ -119,8 +120,8 @@ def refine(
     >>> from lumbar.synthetic.examples import example_records
     >>> refined = lumbar.refine(example_records(), ["coulomb_friction"])
     >>> print(refined)
-    KB: 0.231 N in training, 0.224 unseen
-    KB+coulomb_friction: 0.009912 N in training, 0.009902 unseen
+    KB: 0.2309 N in training, 0.2238 unseen
+    KB+coulomb_friction: 0.009905 N in training, 0.009905 unseen
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
@@ -199,7 +200,12 @@ class Diagnosis:
         verdict = self.verdict
         floor, trained = verdict.experiment.floor, verdict.experiment.floor_from
         return compare_and_locate(
-            self.records, verdict.base.fit, floor, trained, self.seed, verdict.experiment.surface
+            verdict.experiment.records,
+            verdict.base.fit,
+            floor,
+            trained,
+            self.seed,
+            verdict.experiment.surface,
         )
 
     @property
@@ -217,6 +223,12 @@ class Diagnosis:
         """Refit the base with the selected effects and these; effects that are there already are not added twice."""
         wanted = list(dict.fromkeys([*self.selected, *effects]))
         return _refined(self.records, wanted, self.settings, self.seed, self.data)
+
+    def propose(self) -> ProposedLaw:
+        """Look for a short formula for what the catalogue leaves."""
+        from lumbar.interface.proposing import proposed
+
+        return proposed(self)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
         """Return the page of the diagnosis."""
@@ -334,7 +346,9 @@ class Refinement:
 
         floor, trained = self.experiment.floor, self.experiment.floor_from
         fit = self.path[-1].fit
-        return compare_and_locate(self.records, fit, floor, trained, self.seed, self.experiment.surface)
+        return compare_and_locate(
+            self.experiment.records, fit, floor, trained, self.seed, self.experiment.surface
+        )
 
     def rows(self) -> list[dict]:
         """The error ladder: one dict per model."""

@@ -123,7 +123,9 @@ _FASTENED = (
 
 def _branch_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ratio, time_constant = nonlinear
-    return surface_of_branch(motion, 1.0 / (1.0 + ratio), time_constant)
+    return motion.remembered(
+        "branch_meets", nonlinear, lambda: surface_of_branch(motion, 1.0 / (1.0 + ratio), time_constant)
+    )
 
 
 def _branch_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
@@ -132,8 +134,12 @@ def _branch_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray
     return [touching * ((1.0 + ratio) * motion.position - ratio * dashpot)]
 
 
+def _dashpot_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return motion.remembered("dashpot_meets", nonlinear, lambda: surface_of_dashpot(motion, nonlinear[0]))
+
+
 def _dashpot_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
-    surface, touching = surface_of_dashpot(motion, nonlinear[0])
+    surface, touching = _dashpot_meets(motion, nonlinear)
     return [touching * (surface + nonlinear[0] * motion.velocity)]
 
 
@@ -163,7 +169,7 @@ _TOUCHED = (
             ),
         ),
         hand_written=HandWritten(columns=_dashpot_in_contact),
-        touching=lambda motion, nonlinear: surface_of_dashpot(motion, nonlinear[0])[1],
+        touching=lambda motion, nonlinear: _dashpot_meets(motion, nonlinear)[1],
     ),
     Base(
         "KB-contact",

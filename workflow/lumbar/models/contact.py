@@ -57,15 +57,11 @@ def surface_of_dashpot(motion: Motion, retardation_time: float) -> tuple[np.ndar
     position, velocity = motion.position, motion.velocity
     recovery = float(np.exp(-motion.sampling_time / retardation_time))
     pressing = position + retardation_time * velocity > 0
-
+    ends = _next(~pressing | (position <= 0))
     surface, touching = np.zeros(len(position)), np.zeros(len(position), dtype=bool)
     index, height = 0, 0.0
     while index < len(position):
-        stop = (
-            _first(~pressing | (position <= 0), index)
-            if position[index] > height and pressing[index]
-            else index
-        )
+        stop = ends[index] if position[index] > height and pressing[index] else index
         surface[index:stop], touching[index:stop] = position[index:stop], True
         if stop > index:
             height, index = float(position[stop - 1]) * recovery, stop
@@ -76,10 +72,11 @@ def surface_of_dashpot(motion: Motion, retardation_time: float) -> tuple[np.ndar
     return surface, touching
 
 
-def _first(condition: np.ndarray, start: int) -> int:
-    """Index from `start` on of the first sample for which a condition holds; the number of samples where none does."""
-    found = int(np.argmax(condition[start:]))
-    return start + found if condition[start + found] else len(condition)
+def _next(condition: np.ndarray) -> list[int]:
+    """For every sample the index of the next one, itself included, for which a condition holds; else their number."""
+    size = len(condition)
+    index = np.where(condition, np.arange(size), size)
+    return np.minimum.accumulate(index[::-1])[::-1].tolist()
 
 
 _AHEAD = 512
@@ -103,13 +100,13 @@ def _until_met(
 def _touches(position, following: float, recovery: float, followed) -> tuple[np.ndarray, np.ndarray]:
     """Dashpot and contact, from one meeting of tool and surface to the next."""
     dashpot, touching = np.zeros(len(position)), np.zeros(len(position), dtype=bool)
-    outside = np.append(position <= 0, True)
+    ends = _next(position <= 0)
     index, now, before = 0, max(float(position[0]), 0.0), max(float(position[0]), 0.0)
     if position[0] > 0:
         dashpot[0], touching[0], index = now, True, 1
     while index < len(position):
         if touching[index - 1] if index else False:
-            stop = min(_first(outside, index) + 1, len(position))
+            stop = min(ends[index] + 1, len(position))
             reached = followed(position[index:stop], before, now)
             pulls = position[index:stop] - following * reached <= 0
             count = int(np.argmax(pulls)) if pulls.any() else len(pulls)

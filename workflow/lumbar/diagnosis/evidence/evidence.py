@@ -84,7 +84,12 @@ def gather_evidence(
     forms = sum(len(effect.forms) for effect in catalogue.values())
     return Evidence(
         remaining=compare_and_locate(
-            records, diagnosis.model.fit, experiment.floor, experiment.floor_from, seed, experiment.surface
+            experiment.records,
+            diagnosis.model.fit,
+            experiment.floor,
+            experiment.floor_from,
+            seed,
+            experiment.surface,
         ),
         ties=signal_angles(diagnosis),
         separation=separating_excitation(diagnosis, machine_limits(machine, experiment)),

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.diagnosis.sensors.sensor_faults import mended, sensor_faults
 from lumbar.effects.catalogue import catalogue_of, catalogue_with
 from lumbar.models.bases import BASES, CHOSEN_BY_DATA, system_of
 from lumbar.models.form import Effect
@@ -71,13 +72,17 @@ class DiagnosisSettings:
 
 
 def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:
-    """Prepare records as base and settings say.
+    """Prepare records as base and settings say, faults of a tissue test's sensors mended.
 
     Raises
     ------
     InputError
         As `prepare`.
     """
-    base = BASES.get(settings.base)
-    seen = [for_base(record, base) for record in records] if base else records
-    return prepare(seen, settings.train, settings.periods)
+    if settings.system != "tissue":
+        seen = [for_base(record, BASES[settings.base]) for record in records]
+        return replace(prepare(seen, settings.train, settings.periods), records=tuple(records))
+    faults = [finding for record in records for finding in sensor_faults(record)]
+    sound = [mended(record, faults) for record in records]
+    experiment = prepare(sound, settings.train, settings.periods)
+    return replace(experiment, records=tuple(sound), faults=tuple(faults))

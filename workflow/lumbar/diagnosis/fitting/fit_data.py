@@ -73,6 +73,11 @@ class FitData:
             signal = lfilter(self.whitening, [1.0], signal, axis=0)
         return self.settled(signal)
 
+    @property
+    def zeros(self) -> np.ndarray:
+        """What a sensor's zero adds: one column of ones, shape (samples, 1)."""
+        return np.ones((len(self.force), 1))
+
     def error(self, simulated: np.ndarray) -> np.ndarray:
         """Simulated less measured force over the samples that count; about its mean where the zero is another one."""
         return self._about_zero(self.settled(simulated - self.force))
@@ -120,15 +125,26 @@ class JointData(FitData):
     def split(self, share: float) -> tuple[FitData, FitData]:
         """Cut every record in two."""
         early, later = zip(*(part.split(share) for part in self.parts), strict=True)
-        return JointData.of(list(early)), JointData.of(list(later))
+        return self._with_parts(list(early)), self._with_parts(list(later))
 
     def unwhitened(self) -> FitData:
         """The same records, their errors taken as they are."""
-        return JointData.of([part.unwhitened() for part in self.parts])
+        return self._with_parts([part.unwhitened() for part in self.parts])
 
     def counted_from(self, position: float) -> FitData:
         """The same records, their positions counted from here."""
-        return JointData.of([part.counted_from(position) for part in self.parts])
+        return self._with_parts([part.counted_from(position) for part in self.parts])
+
+    def _with_parts(self, parts: list[FitData]) -> JointData:
+        return replace(JointData.of(parts), own_zero=self.own_zero)
+
+    @property
+    def zeros(self) -> np.ndarray:
+        """What the sensor's zero adds: ones, or ones for each record that has a zero of its own; (samples, zeros)."""
+        if not self.own_zero:
+            return super().zeros
+        owner = np.repeat(np.arange(len(self.parts)), [len(part.force) for part in self.parts])
+        return (owner[:, None] == np.arange(len(self.parts))).astype(float)
 
     @property
     def size(self) -> int:

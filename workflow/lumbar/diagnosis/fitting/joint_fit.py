@@ -7,7 +7,7 @@ all parameters are searched together, from the linear solution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -31,8 +31,9 @@ class Fit:
         Sum of squared (whitened) errors over the samples that count.
     converged : bool
         Whether the optimiser reported convergence.
-    zero : float
-        What the sensor of the response reads where the model gives 0; 0 where the base's has none (`Base.sensor_zero`).
+    zeros : numpy.ndarray
+        What the sensor of the response reads where the model gives 0: one number, or one for each record that was fitted;
+        none where the base's has no zero (`Base.sensor_zero`).
     """
 
     structure: Structure
@@ -40,11 +41,19 @@ class Fit:
     nonlinear: np.ndarray
     squared_error: float
     converged: bool = True
-    zero: float = 0.0
+    zeros: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def zero(self) -> float:
+        """The sensor's zero, the mean of those of the records where each has one of its own; 0 without."""
+        return float(np.mean(self.zeros)) if len(self.zeros) else 0.0
 
     def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
         """Free-run simulation of what the sensor reads, shape (samples,)."""
-        return self.structure.simulate(motion, self.linear, self.nonlinear) + self.zero
+        simulated = self.structure.simulate(motion, self.linear, self.nonlinear)
+        if isinstance(motion, JoinedMotions) and len(motion.parts) == len(self.zeros):
+            return simulated + np.repeat(self.zeros, [len(part) for part in motion.parts])
+        return simulated + self.zero
 
     def rms(self, *records: FitData) -> float:
         """Root mean square of the simulation error over all samples that count of these records together."""
@@ -125,6 +134,8 @@ def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np
 
 EVALUATIONS = 40
 """Of the error, at most, per search."""
+_OFF_BOUND = 1e-3
+"""Share of the logarithmic range that a start keeps from its bounds: closer to one, a search sticks to it."""
 
 
 def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
@@ -144,7 +155,8 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     if not len(start):
         return _at(structure, data, start) if structure.is_linear else _search_all(structure, data, start)
     low, high = shape_bounds(structure, data, start)
-    start = np.clip(start, low * 1.0001, high * 0.9999)
+    room = (high / low) ** _OFF_BOUND
+    start = np.clip(start, low * room, high / room)
     search = _search_nonlinear if structure.is_linear else _search_all
     return search(structure, data, start, low, high)
 
@@ -153,21 +165,26 @@ def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: b
     """Solve for the linear parameters at given nonlinear parameters."""
     design = _with_zero(structure, data, structure.design(data.motion, nonlinear))
     force = data.counted(data.force)
-    linear = solve_linear(design, force, _signs(structure))
+    linear = solve_linear(design, force, _signs(structure, data))
     error = force - design @ linear
     return _fit_of(structure, linear, nonlinear, error, converged)
 
 
 def _with_zero(structure: Structure, data: FitData, design: np.ndarray) -> np.ndarray:
-    """Whitened columns that count, with the sensor's zero as the last one."""
+    """Whitened columns that count, the sensor's zeros last."""
     if structure.base.sensor_zero:
-        design = np.column_stack([design, np.ones(len(design))])
+        design = np.column_stack([design, data.zeros])
     return data.counted(design)
 
 
-def _signs(structure: Structure) -> tuple[int, ...]:
-    """Sign constraints of the linear parameters and of the sensor's zero."""
-    return (*structure.signs, 0) if structure.base.sensor_zero else structure.signs
+def _signs(structure: Structure, data: FitData) -> tuple[int, ...]:
+    """Sign constraints of the linear parameters and of the sensor's zeros."""
+    return (*structure.signs, *[0] * data.zeros.shape[1]) if structure.base.sensor_zero else structure.signs
+
+
+def _of_zeros(structure: Structure, data: FitData, linear: np.ndarray) -> np.ndarray | float:
+    """What the sensor's zeros, behind the linear parameters, add to the simulation."""
+    return data.zeros @ linear[len(structure.linear) :] if structure.base.sensor_zero else 0.0
 
 
 def _fit_of(
@@ -175,15 +192,13 @@ def _fit_of(
 ) -> Fit:
     """Fit from its linear parameters with the sensor's zero behind them."""
     count = len(structure.linear)
-    return Fit(
-        structure, linear[:count], nonlinear, float(error @ error), converged, float(sum(linear[count:]))
-    )
+    return Fit(structure, linear[:count], nonlinear, float(error @ error), converged, linear[count:])
 
 
 def _search_nonlinear(structure, data, start, low, high) -> Fit:
     from scipy.optimize import least_squares
 
-    force, signs = data.counted(data.force), _signs(structure)
+    force, signs = data.counted(data.force), _signs(structure, data)
 
     def error(logarithms):
         design = _with_zero(structure, data, structure.design(data.motion, np.exp(logarithms)))
@@ -206,7 +221,7 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
         structure.base, tuple(form for form in structure.forms if form.place is not Place.OUTPUT)
     )
     keep = _inner_nonlinear(structure)
-    signs = np.array(_signs(structure))
+    signs = np.array(_signs(structure, data))
     first = solve_linear(
         _with_zero(structure, data, inner.design(data.motion, np.asarray(start)[keep])), force, tuple(signs)
     )
@@ -219,7 +234,7 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
     def error(vector):
         nonlinear, linear = parts(vector)
         simulated = structure.simulate(data.motion, linear[:amplitudes], nonlinear)
-        return data.counted(simulated + sum(linear[amplitudes:])) - force
+        return data.counted(simulated + _of_zeros(structure, data, linear)) - force
 
     def jacobian(vector):
         nonlinear, linear = parts(vector)
@@ -282,20 +297,21 @@ def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.nda
             squared = _at(structure, data, nonlinear).squared_error
         else:
             linear = linear_with_new(previous, form)
-            squared = _linearised_error(structure, data, linear, nonlinear, previous.zero)
+            squared = _linearised_error(structure, data, linear, nonlinear, previous.zeros)
         found.append((squared, start))
     return sorted(found, key=lambda item: item[0])
 
 
 def _linearised_error(
-    structure: Structure, data: FitData, linear: np.ndarray, nonlinear: np.ndarray, zero: float
+    structure: Structure, data: FitData, linear: np.ndarray, nonlinear: np.ndarray, zeros: np.ndarray
 ) -> float:
     """Squared error after one Gauss–Newton step in the linear parameters, their signs aside, of a structure with output forms.
 
     Without the step every form that adds a force would look alike: it starts at amplitude 0.
     """
     inner, slope = _output_slope(structure, data, structure.design(data.motion, nonlinear), linear, nonlinear)
-    error = data.counted(structure.output(inner, data.motion, nonlinear) + zero - data.force)
+    simulated = structure.output(inner, data.motion, nonlinear)
+    error = data.counted(simulated + _of_zeros(structure, data, np.append(linear, zeros)) - data.force)
     columns = _with_zero(structure, data, slope)
     return float(np.sum((error - columns @ np.linalg.lstsq(columns, error, rcond=1e-9)[0]) ** 2))
 

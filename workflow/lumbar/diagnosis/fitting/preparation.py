@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.fit_data import SETTLING, FitData, JointData
 from lumbar.diagnosis.fitting.record_checks import check_excitation, check_response
 from lumbar.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
@@ -38,6 +39,10 @@ class Experiment:
     input_quantity, output_quantity : str
     surface : float
         Position from which positions are counted: that of a tissue's surface which the tool is not fastened to; else 0.
+    records : tuple of Record
+        All records, faults of their sensors mended.
+    faults : tuple of Finding
+        Faults of the sensors.
     """
 
     training: FitData
@@ -49,6 +54,8 @@ class Experiment:
     input_quantity: str = "position"
     output_quantity: str = "force"
     surface: float = 0.0
+    records: tuple[Record, ...] = ()
+    faults: tuple[Finding, ...] = ()
 
     def counted_from(self, surface: float) -> Experiment:
         """The same records, their positions counted from here."""
@@ -67,7 +74,11 @@ class Experiment:
 
     def with_own_zeros(self) -> Experiment:
         """The same records, each with a zero of its own."""
-        return replace(self, tests=[replace(item, own_zero=True) for item in self.tests])
+        return replace(
+            self,
+            training=replace(self.training, own_zero=isinstance(self.training, JointData)),
+            tests=[replace(item, own_zero=True) for item in self.tests],
+        )
 
     def unwhitened(self) -> Experiment:
         """The same records, their errors taken as they are."""

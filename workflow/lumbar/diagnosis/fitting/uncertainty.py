@@ -114,9 +114,9 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
-    """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the sensor's zero.
+    """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the sensor's zeros.
 
-    By central differences; the zero, where there is one, comes last.
+    By central differences; the zeros, where there are any, come last.
 
     Returns
     -------
@@ -142,17 +142,18 @@ def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
         difference = simulated(fit.linear, logarithms + change) - simulated(fit.linear, logarithms - change)
         columns.append(difference / 2e-4)
     if structure.base.sensor_zero:
-        columns.append(data.counted(np.ones(len(data.force))))
+        columns += list(data.counted(data.zeros).T)
     return np.stack(columns, axis=1)
 
 
 def zero_interval(fit: Fit, data: FitData) -> tuple[float, float]:
-    """95 % interval of the sensor's zero; that value itself where the base has none."""
+    """95 % interval of the sensor's zero, the last where records have their own; 0 where the base has none."""
     if not fit.structure.base.sensor_zero:
-        return fit.zero, fit.zero
+        return 0.0, 0.0
     scaled, size = scaled_covariance(fit, data)
     deviation = 1.96 * float(np.sqrt(max(scaled[-1, -1], 0.0)) / size[-1])
-    return fit.zero - deviation, fit.zero + deviation
+    zero = float(fit.zeros[-1])
+    return zero - deviation, zero + deviation
 
 
 def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> float:
@@ -163,7 +164,10 @@ def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> floa
     covariance, size = scaled_covariance(fit, data)
     total, count = 0.0, 0
     for record in records:
-        scaled = sensitivities(fit, record.unwhitened()) / size
-        total += float(np.einsum("ij,jk,ik->", scaled, covariance, scaled))
+        jacobian = sensitivities(fit, record.unwhitened())
+        # Zeros that every training record has of its own say nothing of this one.
+        known = min(jacobian.shape[1], len(size)) if len(fit.zeros) <= 1 else len(size) - len(fit.zeros)
+        scaled = jacobian[:, :known] / size[:known]
+        total += float(np.einsum("ij,jk,ik->", scaled, covariance[:known, :known], scaled))
         count += len(scaled)
     return total / count

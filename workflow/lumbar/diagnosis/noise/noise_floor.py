@@ -24,6 +24,8 @@ WHITENING_ORDER = 12
 _NEARLY = 0.998
 """Share of the highest order's prediction gain that a lower order must reach."""
 _INPUT_REPEATS_EXACTLY = 1e-4
+_DIGITS = 1e-9
+"""Share of the response below which a record's digits say nothing."""
 _NORMAL_975 = 1.959964
 _NORMAL_99 = 2.326348
 _NORMAL_999 = 3.090232
@@ -54,6 +56,8 @@ class NoiseFloor:
         Seconds.
     periods : int
         Periods used, the transient left out.
+    exact : bool
+        Whether the periods are alike to the last digit: `rms` is then what the digits leave open.
     """
 
     rms: float
@@ -67,6 +71,7 @@ class NoiseFloor:
     period: float
     sampling_time: float
     periods: int
+    exact: bool = False
 
     @cached_property
     def whitening(self) -> np.ndarray:
@@ -156,8 +161,11 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
     noise, parts, degrees = remove_structure(
         deviations, mean_period, folding.fold(record["input"]).mean(axis=0)
     )
-    variance = float(np.sum(noise**2)) / degrees
+    exact = not np.any(noise)
+    variance = _resolution(mean_period) ** 2 if exact else float(np.sum(noise**2)) / degrees
     power = line_power(noise, degrees / folding.samples)
+    if exact:
+        power = np.full_like(power, variance)
     effective = degrees * _share_of_white(power, degrees / folding.samples)
     spread = 2 / (9 * effective)
     low, high = (variance / (1 - spread + sign * _NORMAL_975 * np.sqrt(spread)) ** 3 for sign in (1, -1))
@@ -173,7 +181,15 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
         period=float(period),
         sampling_time=record.sampling_time,
         periods=len(folded),
+        exact=exact,
     )
+
+
+def _resolution(mean_period: np.ndarray) -> float:
+    """RMS of rounding to the smallest step between values (B. Widrow, AIEE Trans. 79, 1961: step/√12)."""
+    steps = np.diff(np.unique(mean_period))
+    step = float(steps.min()) / np.sqrt(12) if steps.size else 0.0
+    return max(step, _DIGITS * float(np.abs(mean_period).max()))
 
 
 def _without_input_deviations(

@@ -33,6 +33,10 @@ _DRIFTS_BELOW = 1.2
 _MOST_HARMONICS = 60
 _SETTLING_TIMES = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Periods in which a drift settles; these and a straight line span every monotonic course closely."""
+_WILD = 3.5
+"""Standard deviations to which samples are cut before directions over the periods are looked for."""
+_NORMAL_MEDIAN = 0.6745
+"""Median of the size of a standard normal variable."""
 _TAPERED = 2 / 3
 """Share of the samples that a sine taper leaves: (Σw²)²/(n Σw⁴)."""
 
@@ -148,7 +152,9 @@ class _LineSearch:
             energy = float(np.sum((whitened.ravel() @ basis) ** 2)) - line.degrees
             if energy > best_energy:
                 best, best_energy = line, energy
-        if _outstanding_direction(whitened, self.free_rows) > _UNNAMED_ADVANTAGE * best_energy:
+        if _stands_out(self._tamed(whitened), self.free_rows) and (
+            _energy_of_largest(whitened, self.free_rows) > _UNNAMED_ADVANTAGE * best_energy
+        ):
             best = Part(OTHER, np.zeros_like(self.rest), self.rest.shape[1])
         return best
 
@@ -200,6 +206,15 @@ class _LineSearch:
         """Tapered rows (along the last axis) through a filter that makes their noise white, of variance 1."""
         transform = np.fft.rfft(rows * self.taper, axis=-1) / np.sqrt(level)
         return np.fft.irfft(transform, rows.shape[-1], axis=-1)
+
+    def _tamed(self, whitened: np.ndarray) -> np.ndarray:
+        """Whitened rows, wild samples cut: a few of them make their period a direction of its own.
+
+        A change of the response fills many samples and stays far above the noise when each is cut.
+        """
+        scale = np.median(np.abs(whitened) / self.taper) / _NORMAL_MEDIAN
+        limit = _WILD * scale * self.taper
+        return np.clip(whitened, -limit, limit)
 
     def _explained(self, kind: str, whitened: np.ndarray, level: np.ndarray) -> tuple[float, int]:
         """Energy that a kind of part explains of the whitened rest, and its degrees of freedom."""
@@ -326,8 +341,8 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
     return left[:, values > 1e-6 * values[0]] if values[0] > 0 else left[:, :0]
 
 
-def _outstanding_direction(whitened: np.ndarray, free_rows: int) -> float:
-    """Energy over noise of the direction over the periods that stands out of the noise most; 0 if none does.
+def _stands_out(whitened: np.ndarray, free_rows: int) -> bool:
+    """Whether a direction over the periods stands out of the noise.
 
     Of d unrelated rows of n whitened samples each, the eigenvalues of the covariance are 1 + g/√n with g those
     of a symmetric Gaussian matrix; with a known spectrum the largest exceeds the mean of the others by less
@@ -335,14 +350,19 @@ def _outstanding_direction(whitened: np.ndarray, free_rows: int) -> float:
     less than (2√d + 8 d^(−1/3))/√n + d/n. Samples that are tapered, or not quite white, count for fewer.
     """
     if free_rows < 2:
-        return 0.0
+        return False
     power = line_power(whitened, free_rows)[1:]
     flat = power.sum() ** 2 * (1 + 1 / free_rows) / (power.size * np.sum(power**2))
     samples = whitened.shape[1] * _TAPERED * min(flat, 1.0)
     values = np.linalg.eigvalsh(whitened @ whitened.T)
-    others = values[-free_rows:-1].mean()
     limit = 1 + (2 * np.sqrt(free_rows) + 8 * free_rows ** (-1 / 3)) / np.sqrt(samples) + free_rows / samples
-    return float(values[-1] - others) if values[-1] > limit * others else 0.0
+    return bool(values[-1] > limit * values[-free_rows:-1].mean())
+
+
+def _energy_of_largest(whitened: np.ndarray, free_rows: int) -> float:
+    """Energy over noise of the direction over the periods that has most."""
+    values = np.linalg.eigvalsh(whitened @ whitened.T)
+    return float(values[-1] - values[-free_rows:-1].mean())
 
 
 def _refined_line(rows: np.ndarray, frequency: float) -> float:

@@ -189,6 +189,8 @@ def chi_square_p(sums: np.ndarray, covariance: np.ndarray, smallest: float = 1e-
     """Probability that noise of this covariance gives sums as large; directions without variance are left out."""
     from scipy.special import chdtrc
 
+    if not sums.size:
+        return 1.0
     values, vectors = np.linalg.eigh(covariance)
     if values[-1] <= 0:
         return 1.0

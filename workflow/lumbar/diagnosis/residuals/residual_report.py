@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +36,7 @@ class Simulated:
 
 
 def compare_and_locate(
-    records: list[Record],
+    records: Sequence[Record],
     fit: Fit,
     floor: NoiseFloor | None,
     floor_from: str,

@@ -38,9 +38,9 @@ def depth_view(residual: Residual) -> View:
         "advancing": advancing,
         "retracting": retracting,
     }
-    low, high = int(np.nanargmin(average.mean)), int(np.nanargmax(average.mean))
     unit, length = residual.unit, residual.position_unit
     if average.p_value < SIGNIFICANT:
+        low, high = int(np.nanargmin(average.mean)), int(np.nanargmax(average.mean))
         sentence = (
             f"Over depth: position alone accounts for {only(average.share)} of the {residual.base_words} "
             f"({probability(average.p_value)}); the mean error runs from {average.mean[low]:+.3g} {unit} at "

@@ -6,7 +6,7 @@ import numpy as np
 
 from lumbar.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment
-from lumbar.diagnosis.selection.forward_selection import Candidate, best_by_effect, extend, judge
+from lumbar.diagnosis.selection.forward_selection import Candidate, best_by_effect, extend, is_adequate, judge
 from lumbar.diagnosis.selection.thresholds import TIED
 from lumbar.models.bases import BASES, CHOSEN_BY_DATA
 from lumbar.models.form import Effect
@@ -56,10 +56,12 @@ def choose_base(
     fastened = min((_fitted(experiment, base) for base in TISSUE_BASES), key=lambda item: item.score)
     if first_surface(experiment) is None:
         return experiment, fastened
-    from_surface, touching = at_surface(experiment, CONTACT_BASES)
-    from_surface, touching = _surface_of_refined(from_surface, touching, catalogue)
     lost = {key: effect for key, effect in catalogue.items() if key == "contact_loss"}
     rivals = [fastened, *extend(fastened, lost, experiment)]
+    if any(is_adequate(item, experiment) for item in rivals):
+        return experiment, fastened
+    from_surface, touching = at_surface(experiment, CONTACT_BASES)
+    from_surface, touching = _surface_of_refined(from_surface, touching, catalogue)
     if touching.score < min(item.score for item in rivals):
         return from_surface, touching
     return experiment, fastened

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit, shape_bounds
 from lumbar.diagnosis.fitting.preparation import Experiment
-from lumbar.diagnosis.fitting.uncertainty import estimates
+from lumbar.diagnosis.fitting.uncertainty import estimates, scaled_covariance
 from lumbar.models.fitted_model import FittedParameter
 from lumbar.models.form import Form
 from lumbar.models.motion import Motion
@@ -18,7 +19,8 @@ _AT_BOUND = 1e-3
 def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
     """Say what in a fitted model contradicts the names of its effects.
 
-    - No force that an effect adds is surely different from 0 (of several that its form calls essential, one of them).
+    - No force that an effect adds is surely different from 0 (of several, or of those that its form calls essential, one
+      of them or all together).
     - A parameter that decides whether the mechanism is there lies at the end of its range.
     - What the form itself refuses (`Form.contradiction`): a limit that the record exceeds, less than two cycles of a
       disturbance or a frequency of the excitation's own grid.
@@ -45,7 +47,7 @@ def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
     position = len(structure.base.nonlinear)
     for form in structure.forms:
         own = [item for item in known if item.effect == form.effect]
-        found += _nothing_added(form, own)
+        found += _nothing_added(form, own, fit, training)
         for shape in form.nonlinear:
             if shape.decisive and _at_end(fit.nonlinear[position], low[position], high[position]):
                 found.append(f"{form.effect}: {shape.name} is at the end of its range")
@@ -56,12 +58,28 @@ def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
     return found
 
 
-def _nothing_added(form: Form, own: list[FittedParameter]) -> list[str]:
+def _nothing_added(form: Form, own: list[FittedParameter], fit: Fit, training: FitData) -> list[str]:
     names = form.essential or tuple(item.name for item in form.linear)
     sizes = [item for item in own if item.name in names]
     if not sizes or any(item.low > 0 or item.high < 0 for item in sizes):
         return []
+    if len(sizes) > 1 and _surely_together(form, names, fit, training):
+        return []
     return [f"{form.effect}: the interval of {', '.join(names)} holds 0"]
+
+
+def _surely_together(form: Form, names: tuple[str, ...], fit: Fit, training: FitData) -> bool:
+    """Whether several amplitudes together are surely not 0, by Wald's test: alike ones hide each other's share."""
+    from scipy.stats import chi2
+
+    owners = [form for form in fit.structure.forms for _ in form.linear]
+    items = fit.structure.linear[len(fit.structure.base.linear) :]
+    mine = [index for index, item in enumerate(items) if owners[index] is form and item.name in names]
+    chosen = np.array(mine) + len(fit.structure.base.linear)
+    scaled, size = scaled_covariance(fit, training)
+    amplitudes = fit.linear[chosen] * size[chosen]
+    wald = amplitudes @ np.linalg.pinv(scaled[np.ix_(chosen, chosen)], rcond=1e-12) @ amplitudes
+    return bool(wald > chi2.ppf(0.95, len(chosen)))
 
 
 def _at_end(value: float, low: float, high: float) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
 from lumbar.diagnosis.fitting.joint_fit import add
+from lumbar.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import estimates
 from lumbar.diagnosis.linear.direction import direction_or_sign
@@ -31,7 +32,7 @@ from lumbar.diagnosis.selection.forward_selection import (
 )
 from lumbar.diagnosis.selection.linear_gate import LINEAR_EFFECTS, linear_alternative, linear_finding
 from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
-from lumbar.diagnosis.selection.offsets import offsets, zeros_differ
+from lumbar.diagnosis.selection.offsets import offsets
 from lumbar.diagnosis.selection.thresholds import (
     BLIND,
     COMPLETE,
@@ -80,15 +81,28 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
         found = _searched(experiment.unwhitened(), settings)
     found = _with_own_zeros(found, settings)
     found, linear = _beside_linear(found, settings)
-    return replace(found, not_tried=not_tried, findings=(*offsets(found), *linear))
+    return replace(found, not_tried=not_tried, findings=(*experiment.faults, *offsets(found), *linear))
 
 
 def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> Verdict:
-    """Search again with a zero of its own for every record, where that takes away much of what is left."""
-    if found.experiment.own_zeros or not zeros_differ(found.model.fit, found.experiment):
+    """Search again with a zero of its own for every record, where the model or a smaller one does much better with them.
+
+    Where records differ in their zeros a drift may pass for the difference.
+    """
+    experiment = found.experiment
+    if settings.system != "tissue" or experiment.own_zeros:
         return found
-    again = _searched(found.experiment.with_own_zeros(), settings)
-    return again if again.model.test_rms < _ZEROS_HELP * found.model.test_rms else found
+    with_zeros = experiment.with_own_zeros()
+    for item in found.ladder:
+        again = judge(refit(item.fit.structure, with_zeros.training, item.fit.nonlinear), with_zeros)
+        if again.test_rms < _ZEROS_HELP * item.test_rms:
+            searched = _searched(with_zeros, settings)
+            better = searched.model.test_rms < _ZEROS_HELP * found.model.test_rms
+            simpler = len(searched.selected) < len(found.selected)
+            return (
+                searched if better or (simpler and searched.model.test_rms <= found.model.test_rms) else found
+            )
+    return found
 
 
 def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
@@ -107,15 +121,27 @@ def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict
     if (nonlinear_share(experiment, linear.fit) or 0.0) > _NONLINEAR:
         return replace(found, verdict="unexplained", tied_with=[]), said
     only = {name: effect for name, effect in settings.candidates.items() if name in LINEAR_EFFECTS}
-    if set(found.selected) <= set(only):
-        return found, said
-    return _searched(experiment, replace(settings, catalogue=only)), said
+    if not set(found.selected) <= set(only):
+        found = _searched(experiment, replace(settings, catalogue=only))
+        if linear_alternative(found.model, experiment) is None:
+            return found, said
+    return replace(found, verdict="unexplained", tied_with=[]), said
 
 
 def _turned(experiment: Experiment, settings: DiagnosisSettings, turned: Finding) -> Verdict:
     """No effect is looked for in records whose input and output, or a sign, are the wrong way round."""
     experiment, base = choose_base(experiment, settings.base, settings.candidates)
-    return Verdict(experiment, base, "unexplained", [base], [], [], 0.0, "unexplained", findings=(turned,))
+    return Verdict(
+        experiment,
+        base,
+        "unexplained",
+        [base],
+        [],
+        [],
+        0.0,
+        "unexplained",
+        findings=(*experiment.faults, turned),
+    )
 
 
 def _searched(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:

@@ -12,18 +12,6 @@ from lumbar.diagnosis.selection.verdict import Verdict
 
 _NOTABLE = 0.01
 """Share of the response's range from which on a sensor's zero is worth a word."""
-_APART = 0.5
-"""Zeros differ where the mean error of a record is this share of its error."""
-
-
-def zeros_differ(fit: Fit, experiment: Experiment) -> bool:
-    """Whether the mean of the error on any unseen record is a large part of it: a record with another zero."""
-    if not fit.structure.base.sensor_zero:
-        return False
-    return any(
-        abs(np.mean(errors)) > _APART * np.sqrt(np.mean(errors**2))
-        for errors in (fit.errors(item) for item in experiment.tests)
-    )
 
 
 def offsets(found: Verdict) -> list[Finding]:

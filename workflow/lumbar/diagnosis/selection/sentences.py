@@ -57,7 +57,12 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     else:
         lines.append(
             f"Noise floor: {floor.rms:.3g} {unit} ({floor.low:.3g} to {floor.high:.3g}) from {floor.periods} periods of "
-            f"{floor.period:g} s."
+            f"{floor.period:g} s"
+            + (
+                "; they are alike to the last digit, and so much the digits leave open."
+                if floor.exact
+                else "."
+            )
         )
         lines += [
             f"Beside noise the periods differ by {words} (RMS {rms:.3g} {unit})."

@@ -31,7 +31,7 @@ class PositionStep:
     step: float
     roughness: Roughness
 
-    kind = "position_step"
+    kind = "quantisation"
 
     def finding(self, record: Record) -> Finding:
         """Say how large the steps are."""

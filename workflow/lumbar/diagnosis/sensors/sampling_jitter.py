@@ -28,7 +28,7 @@ class SamplingJitter:
 
     roughness: Roughness
 
-    kind = "sampling_jitter"
+    kind = "jitter"
 
     def finding(self, record: Record) -> Finding:
         """Say how large the jitter is."""

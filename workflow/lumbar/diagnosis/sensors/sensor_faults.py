@@ -42,8 +42,8 @@ def sensor_faults(record: Record) -> list[Finding]:
     Returns
     -------
     list of Finding
-        Of the kinds ``gap``, ``held_samples``, ``dropped_samples``, ``position_noise``, ``position_step``,
-        ``sampling_jitter`` and ``clock_skew``; empty where nothing is wrong. A position sensor that lags is not among them:
+        Of the kinds ``gap``, ``held_samples``, ``dropped_samples``, ``position_noise``, ``quantisation``,
+        ``jitter`` and ``clock_skew``; empty where nothing is wrong. A position sensor that lags is not among them:
         its lag and a tissue's own delay look alike.
     """
     return [fault.finding(at) for fault, at, _ in _faults(record)]

@@ -27,10 +27,19 @@ def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
     Raises
     ------
     InputError
-        A form without C code or with code that cannot be used or keeps too much: all problems at once.
+        A base with contact, or a form without C code or with code that cannot be used or keeps too much: all problems at
+        once.
     """
     problems = Problems(f"model {model.name!r}")
     base, forms = model.structure.base, model.structure.forms
+    if base.contact:
+        problems.add(
+            f"base {base.name}",
+            "is one of a tool that leaves the tissue, which FMUs do not hold",
+            "refine on records in which the tool stays on the tissue, with a base without contact (improvement.base: LE, "
+            "Maxwell, KV or KB), and export that model",
+        )
+        problems.raise_if_any()
     base_numbers, *numbers = (model.values_of(part) for part in (base, *forms))
     for form, values in zip((base.form, *forms), (base_numbers, *numbers), strict=True):
         unusable = step_problems(form)

@@ -181,7 +181,8 @@ def _draw_map(figure, axis, view: View, location: Location) -> None:
     columns = np.append(np.unique(table["position_low"]), table["position_high"].max())
     rows = np.append(np.unique(table["velocity_low"]), table["velocity_high"].max())
     mean = table["mean"].reshape(len(rows) - 1, len(columns) - 1)
-    low, high = float(np.nanmin(mean)), float(np.nanmax(mean))
+    seen = mean[np.isfinite(mean)] if np.any(np.isfinite(mean)) else np.zeros(1)
+    low, high = float(seen.min()), float(seen.max())
     if low < 0 < high:
         low, high = -max(-low, high), max(-low, high)
     # One lightness per value: the sign of the error can be read in grey.

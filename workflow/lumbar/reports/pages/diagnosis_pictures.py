@@ -30,7 +30,7 @@ def diagnosis_pictures(
     """Draw the pictures of a diagnosis for a page; parameters as for `draw_pictures`."""
     experiment = diagnosis.experiment
     simulated = compare_and_locate(
-        records, diagnosis.base.fit, experiment.floor, experiment.floor_from, seed, settings.centre
+        records, diagnosis.base.fit, experiment.floor, experiment.floor_from, seed, experiment.surface
     )
     return draw_pictures(diagnosis, simulated, settings.candidates, folder, data)
 

@@ -1,0 +1,183 @@
+"""How good proposed laws are: on laws that are in no catalogue, on records with nothing missing, and on labelled experiments.
+
+    python tests/benchmark/proposed_laws.py laws
+    python tests/benchmark/proposed_laws.py nulls --count 120
+    python tests/benchmark/proposed_laws.py folder /path/to/experiments --like i
+
+*laws*: a law is looked for in three records; its error is then taken on three others that nothing has seen: the same amplitude
+and speed, 1.5 times the amplitude, 1.5 times the speed. *nulls*: a true base with white, coloured or unknown noise; with
+`--force` the search runs also where the base is found adequate. *folder*: the last record of each experiment is held back.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import lfilter
+from tissue_laws import LAWS, UNEVEN, motions, simulate, sines, swept
+
+from lumbar.diagnosis.fitting.fit_data import SETTLING
+from lumbar.diagnosis.fitting.joint_fit import fit_base
+from lumbar.diagnosis.law import proposal as law_proposal
+from lumbar.diagnosis.law.effect_file import form_found
+from lumbar.diagnosis.law.terms import library
+from lumbar.diagnosis.selection.forward_selection import judge
+from lumbar.interface.diagnosis import diagnose
+from lumbar.interface.reading import read
+from lumbar.models.bases import BASES
+from lumbar.models.motion import Motion
+from lumbar.models.structure import Structure
+from lumbar.records.record import Channel, Record
+
+OVER_NOISE = 10.0
+"""Error of the fitted base in noise levels."""
+
+
+def record(name: str, time: np.ndarray, position: np.ndarray, force: np.ndarray) -> Record:
+    """A record of a tissue test."""
+    return Record(
+        name, time, {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
+    )
+
+
+def error(fit, one: Record) -> float:
+    """RMS of the free run on a record, from where it counts."""
+    first = round(SETTLING / one.sampling_time)
+    return float(np.sqrt(np.mean((fit.simulate(Motion.of(one)) - one["output"])[first:] ** 2)))
+
+
+def law_row(name: str, make, seed: int = 0) -> dict:
+    """Look for one law and try what is found on records that nothing has seen."""
+    random = np.random.default_rng(seed)
+    clean = {one: simulate(make(), motion) for one, motion in motions().items()}
+    alone = record("multisine", *clean["multisine"])
+    base = diagnose_base([alone])
+    noise = base / OVER_NOISE
+    records = {
+        one: record(one, time, position, force + noise * random.standard_normal(len(force)))
+        for one, (time, position, force) in clean.items()
+    }
+    seen = [records[one] for one in ("multisine", "chirp", "noise")]
+    found = diagnose(seen).propose().proposal
+    row = {"law": name, "catalogue": "+".join(found.before.effects), "formula": "", "marked": ""}
+    if found.law is not None:
+        form = form_found(found)
+        row["formula"] = "; ".join([form.equation, *(f"{symbol}' = {rate}" for symbol, rate in form.state)])
+        row["on"] = "+".join(["KB", *found.law.start.effects])
+        row["marked"] = (
+            "" if found.extrapolation is None else "holds" if found.extrapolation.holds else "does not"
+        )
+    else:
+        row["formula"] = "; ".join(["none", *(item.refused for item in found.tried)])
+    row["surface"] = (
+        "".join([found.surfaces[0].first.symbol, found.surfaces[0].second.symbol]) if found.is_needed else ""
+    )
+    for one in ("fresh", "larger", "faster"):
+        row[f"{one}_before"] = round(error(found.before.fit, records[one]) / noise, 2)
+        after = found.before.fit if found.law is None else found.law.fit
+        row[f"{one}_after"] = round(error(after, records[one]) / noise, 2)
+    return row
+
+
+def diagnose_base(records: list[Record]) -> float:
+    """Error of the base alone on the first record."""
+    from lumbar.diagnosis.fitting.preparation import prepare
+
+    experiment = prepare(records)
+    return fit_base(Structure(BASES["KB"]), experiment.training).rms(experiment.training)
+
+
+def null_records(random: np.random.Generator) -> list[Record]:
+    """A tissue with nothing missing: white, coloured or unknown noise, of 2 to 20 % of the force."""
+    lines = np.arange(1, 51) * 0.1 if random.random() < 0.7 else UNEVEN
+    made = {
+        "long": sines(random.choice([30, 40]), lines, random.integers(1e6), random.uniform(2, 8)),
+        "chirp": swept(10, random.uniform(2, 6)),
+        "noise": sines(10, UNEVEN, random.integers(1e6), random.uniform(2, 6)),
+    }
+    pole, share = random.choice([0.0, 0.0, 0.6]), random.uniform(0.02, 0.2)
+    clean = {name: simulate(None, motion) for name, motion in made.items()}
+    size = share * np.std(clean["long"][2])
+    records = []
+    for name, (time, position, force) in clean.items():
+        white = random.standard_normal(len(force) + 200)
+        noise = lfilter([np.sqrt(1 - pole**2)], [1, -pole], white)[200:]
+        records.append(record(name, time, position, force + size * noise))
+    return records
+
+
+def null_proposes(seed: int, forced: bool) -> tuple[str, int]:
+    """Formula proposed where nothing is missing (empty: none), and how many laws were tested."""
+    from lumbar.diagnosis.fitting.preparation import prepare
+
+    experiment = prepare(null_records(np.random.default_rng(seed)))
+    base = judge(fit_base(Structure(BASES["KB"]), experiment.training), experiment)
+    if forced:
+        empty = law_proposal.Proposal(
+            experiment, base, base, None, [], 0.0, 0.0, None, law_proposal._range(experiment)
+        )
+        found = law_proposal._searched(empty, library(), "tissue")
+    else:
+        found = law_proposal.propose(experiment, base)
+    return (form_found(found).equation if found.law else ""), len(found.tried)
+
+
+def folder_row(folder: Path) -> dict:
+    """Look for a law in all records but the last, and try it on that."""
+    records = list(read(folder / "records"))
+    held, seen = records[-1], records[:-1]
+    diagnosis = diagnose(seen)
+    found = diagnosis.propose().proposal
+    law = found.before.fit if found.law is None else found.law.fit
+    floor = found.experiment.floor
+    noise = floor.rms if floor else float("nan")
+    return {
+        "case": folder.name,
+        "verdict": diagnosis.verdict.verdict,
+        "catalogue": "+".join(found.before.effects),
+        "formula": form_found(found).equation
+        if found.law
+        else "none: " + "; ".join(i.refused for i in found.tried),
+        "noise": round(noise, 4),
+        "base": round(error(found.base.fit, held) / noise, 2),
+        "before": round(error(found.before.fit, held) / noise, 2),
+        "after": round(error(law, held) / noise, 2),
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("laws", "nulls", "folder"))
+    parser.add_argument("path", nargs="?", type=Path)
+    parser.add_argument("--like", default="", help="beginning of the names of experiments, or a law")
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--force", action="store_true", help="search nulls also where the base is adequate")
+    options = parser.parse_args(arguments)
+    if options.what == "nulls":
+        proposed = 0
+        for seed in range(options.first, options.first + options.count):
+            formula, tested = null_proposes(seed, options.force)
+            proposed += bool(formula)
+            print(seed, tested, formula or "-", flush=True)
+        print(f"{proposed} proposals in {options.count} nulls")
+        return
+    if options.what == "laws":
+        rows = (law_row(name, make) for name, make in LAWS.items() if name.startswith(options.like))
+    else:
+        rows = (folder_row(one) for one in sorted(options.path.glob(f"{options.like}*")) if one.is_dir())
+    writer = None
+    for row in rows:
+        if writer is None:
+            writer = csv.DictWriter(sys.stdout, [*row, *({"on"} - set(row))], restval="")
+            writer.writeheader()
+        writer.writerow(row)
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

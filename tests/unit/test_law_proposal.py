@@ -1,0 +1,228 @@
+"""A law is proposed where one is missing, is right, passes what it must, can be added, and is never made of noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+from law_experiments import (
+    NOISE,
+    cogging,
+    depth_friction,
+    experiment,
+    lateral,
+    nothing,
+    record,
+    records,
+    sines,
+)
+
+import lumbar
+from lumbar.diagnosis.fitting.joint_fit import fit
+from lumbar.diagnosis.law.blocks import alternate
+from lumbar.diagnosis.law.checks import is_dissipative, least_work, stays_bounded
+from lumbar.diagnosis.law.effect_file import effect_text, finding, form_found, sentences
+from lumbar.diagnosis.law.proposal import propose
+from lumbar.diagnosis.law.search import Search
+from lumbar.diagnosis.law.surface import surfaces
+from lumbar.diagnosis.law.terms import form_of, library
+from lumbar.effects.catalogue import TISSUE
+from lumbar.effects.own_effect import load_effects
+from lumbar.errors import InputError
+from lumbar.interface.proposing import proposed
+from lumbar.models.motion import Motion
+from lumbar.records.record import Record
+from lumbar.settings.improvement import ImprovementSettings
+
+FEW = (
+    "friction",
+    "friction_push",
+    "viscous_z",
+    "position_z2",
+    "position_z3",
+    "cogging",
+    "branch_z",
+    "saturating",
+)
+"""Terms of a library that is quick to search."""
+
+
+def terms(*names: str):
+    return tuple(item for item in library() if item.name in names)
+
+
+def saved(made: list[Record], folder):
+    """Write records as files into a new folder."""
+    folder = folder / "tests"
+    folder.mkdir()
+    for one in made:
+        rows = np.column_stack([one.time, one["input"], one["output"]])
+        np.savetxt(
+            folder / f"{one.name}.csv", rows, "%.8f", ",", header="time_s,position_mm,force_N", comments=""
+        )
+    return folder
+
+
+def error(found, position: np.ndarray, added) -> float:
+    """RMS on a new record, beyond its noise."""
+    one = record("new", position, added, 99)
+    return float(np.std((found.simulate(Motion.of(one)) - one["output"])[50:])) / NOISE
+
+
+@pytest.fixture(scope="module")
+def needle():
+    prepared, base = experiment(depth_friction)
+    return propose(prepared, base, terms=terms(*FEW))
+
+
+def test_friction_along_a_needle_is_found(needle):
+    assert form_found(needle).equation == "k_1*max(z, 0)*tanh(v/v_s)"
+    assert needle.law.fit.linear[-1] == pytest.approx(0.25, rel=0.03)
+    assert needle.law.own_nonlinear[0] == pytest.approx(2.0, rel=0.1)
+    assert form_found(needle).linear[0].unit == "{y}/{x}"
+    assert needle.share_removed > 0.95
+
+
+def test_it_holds_on_a_new_excitation_and_on_a_larger_one(needle):
+    assert error(needle.base.fit, sines(10, 50, even=False), depth_friction) > 5
+    assert error(needle.law.fit, sines(10, 50, even=False), depth_friction) < 1.1
+    assert error(needle.law.fit, sines(10, 51, size=6.0, even=False), depth_friction) < 1.25
+    assert needle.extrapolation.holds
+
+
+def test_the_missing_force_is_seen_over_position_and_velocity(needle):
+    best = needle.surfaces[0]
+    assert (best.first.symbol, best.second.symbol) == ("z", "v")
+    assert best.share > 0.7
+
+
+def test_the_proposal_says_what_it_is_and_where_it_was_found(needle):
+    said = " ".join(sentences(needle))
+    assert "found in these data, not known physics" in said
+    low, high = needle.range.low, needle.range.high
+    assert f"z from {low:.3g} to {high:.3g} mm" in said
+    assert needle.range.speed == pytest.approx(np.abs(needle.experiment.training.motion.velocity).max())
+    found = finding(needle)
+    assert found.kind == "proposed_law"
+    assert found.value == needle.law.candidate.test_rms
+
+
+def test_the_file_is_an_effect_that_refines_the_model_as_well(needle, tmp_path):
+    path = tmp_path / "needle.yaml"
+    path.write_text(effect_text(needle, "needle", "a test"), encoding="utf-8")
+    effect = load_effects(path)["needle"]
+    assert effect.forms[0].equation == form_found(needle).equation
+    assert "not known physics" in effect.mechanism
+    refined = lumbar.refine(
+        records(depth_friction), ["needle"], settings=ImprovementSettings(effect_files=(str(path),))
+    )
+    assert refined.path[-1].test_rms == pytest.approx(needle.law.candidate.test_rms, rel=0.02)
+
+
+def test_a_force_that_repeats_along_the_position_is_found():
+    prepared, base = experiment(cogging)
+    found = propose(prepared, base, terms=terms(*FEW))
+    assert [item.name for item in found.terms] == ["cogging"]
+    assert found.law.own_nonlinear[0] == pytest.approx(2.5, rel=0.01)
+    assert error(found.law.fit, sines(10, 52, size=6.0, even=False), cogging) < 1.2
+
+
+def test_a_lateral_axis_that_nobody_recorded_has_no_formula(tmp_path):
+    prepared, base = experiment(lateral)
+    found = propose(prepared, base, terms=terms(*FEW))
+    assert found.law is None
+    assert found.is_needed
+    assert sentences(found)[0].startswith("No short formula found")
+    assert finding(found).kind == "proposed_law"
+
+
+def test_nothing_is_proposed_where_nothing_is_missing():
+    """With the gate, and with the search let loose on noise: a cheap part of the benchmark's count."""
+    for seed in range(0, 40, 10):
+        prepared, base = experiment(nothing, seed)
+        assert not propose(prepared, base).is_needed
+        blind = replace(prepared, floor=None)
+        assert blind.floor is None and propose(blind, base, terms=terms(*FEW[:6])).law is None
+
+
+def test_no_law_that_feeds_energy_in_or_runs_away():
+    prepared, base = experiment(nothing)
+    viscous = base.fit.structure.with_form(form_of(terms("viscous")))
+    fitted = fit(viscous, prepared.training, base.fit.nonlinear)
+    assert is_dissipative(fitted, prepared.training)
+    driven = replace(fitted, linear=np.array([*fitted.linear[:-1], -0.2]))
+    assert least_work(driven, prepared.training) < -0.01
+    assert not is_dissipative(driven, prepared.training)
+    steep = base.fit.structure.with_form(form_of(terms("position_expm1")))
+    found = fit(steep, prepared.training, np.append(base.fit.nonlinear, 1.0))
+    assert stays_bounded(found, prepared)
+    runaway = replace(found, linear=np.abs(found.linear), nonlinear=np.array([base.fit.nonlinear[0], 0.4]))
+    assert not stays_bounded(runaway, prepared)
+
+
+def test_work_in_a_cycle_is_that_of_a_damper():
+    """Of b v over a sine: π b ω A², beside b ω A of largest force."""
+    prepared, base = experiment(nothing)
+    damper = base.fit.structure.with_form(form_of(terms("viscous")))
+    fitted = fit(damper, prepared.training, base.fit.nonlinear)
+    only = replace(fitted, linear=np.array([0.0, 0.0, 1.0]))
+    assert least_work(only, prepared.training) == pytest.approx(np.pi, rel=0.01)
+
+
+def test_choices_and_confirmation_look_at_different_seconds():
+    prepared, _ = experiment(nothing)
+    first, second = alternate(prepared)
+    for one, other, whole in zip(first.tests, second.tests, prepared.tests, strict=True):
+        assert not (one.keep & other.keep).any()
+        assert one.size + other.size == whole.size
+        both = np.concatenate([one.settled(whole.force), other.settled(whole.force)])
+        assert sorted(both) == sorted(whole.settled(whole.force))
+
+
+def test_an_exponential_that_is_a_straight_line_becomes_one():
+    prepared, base = experiment(lambda z, v: (0.5 + 0.12 * z) * np.tanh(v / 2))
+    search = Search(alternate(prepared)[0], terms("friction", "friction_exp", "friction_z"))
+    laws = search.laws(base)
+    assert {item.name for item in laws[-1].terms} == {"friction", "friction_z"}
+    assert laws[-1].shared
+    assert form_of(laws[-1].terms, shared=True).nonlinear[0].symbol == "v_s"
+
+
+def test_of_noise_no_surface_explains_a_share():
+    prepared, base = experiment(nothing)
+    assert max(item.share for item in surfaces(base.fit, replace(prepared, floor=None))) < 0.05
+
+
+def test_the_command_says_that_nothing_is_missing(run, tmp_path):
+    status, out, _ = run("propose", saved(records(nothing), tmp_path), "--output", tmp_path / "law.yaml")
+    assert status == 0
+    assert out.startswith("No law is needed")
+    assert not (tmp_path / "law.yaml").exists()
+
+
+def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkeypatch, needle):
+    import lumbar.interface.proposing as proposing
+
+    nothing_diagnosed = SimpleNamespace(candidates=TISSUE, data="needle tests")
+    found = proposing.ProposedLaw(nothing_diagnosed, needle)
+    monkeypatch.setattr(proposing, "propose", lambda *_, **__: found)
+    folder = saved(records(depth_friction), tmp_path)
+    status, out, _ = run("propose", folder, "--output", tmp_path / "law.yaml", "--picture", tmp_path / "law")
+    assert status == 0
+    assert "max(z, 0)*tanh(v/v_s)" in out
+    assert yaml.safe_load((tmp_path / "law.yaml").read_text(encoding="utf-8"))["name"] == "law"
+    assert (tmp_path / "law.svg").is_file()
+    assert (tmp_path / "law.pdf").is_file()
+    for name in ("coulomb_friction", "My law"):
+        status, _, err = run("propose", folder, "--output", tmp_path / f"{name}.yaml")
+        assert status == 1
+        assert name in err
+
+
+def test_a_law_is_for_tissue():
+    diagnosis = SimpleNamespace(settings=SimpleNamespace(base="pendulum"))
+    with pytest.raises(InputError, match="no passive force"):
+        proposed(diagnosis)
