@@ -12,12 +12,13 @@ _EVERY_S = 2.0
 
 
 def track(items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
-    """Yield `items`, saying on standard error how many are done, at most every two seconds."""
+    """Yield `items`, saying on standard error how many are done and how long the rest may take, at most every two seconds."""
     total = len(items) if total is None else total  # type: ignore[arg-type]
-    last = time.monotonic()
+    last = began = time.monotonic()
     for done, item in enumerate(items):
         now = time.monotonic()
         if now - last >= _EVERY_S:
-            print(f"{label}: {done} of {total}", file=sys.stderr, flush=True)
+            left = f", about {(now - began) / done * (total - done):.0f} s left" if done else ""
+            print(f"{label}: {done} of {total}{left}", file=sys.stderr, flush=True)
             last = now
         yield item

@@ -23,6 +23,7 @@ COMMANDS = (
     "diagnose",
     "propose",
     "refine",
+    "doctor",
     "export",
     "survey",
     "lift",

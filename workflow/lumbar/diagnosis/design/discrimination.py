@@ -9,12 +9,11 @@ of the difference instead, which does not reward mere length: a small difference
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.diagnosis.design.excitation_family import ExcitationCandidate, excitation_family
+from lumbar.diagnosis.design.excitation_family import ExcitationCandidate, excitation_family, motion_csv
 from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit
 from lumbar.diagnosis.fitting.joint_fit import fit as refit
@@ -201,9 +200,4 @@ def separation_sentence(separation: Separation, diagnosis: Verdict) -> str:
 
 def excitation_csv(separation: Separation, diagnosis: Verdict) -> str:
     """The excitation as a file to play: header ``time_s,position_<unit>``."""
-    motion = separation.excitation.motion
-    stream = io.StringIO()
-    stream.write(f"time_s,position_{diagnosis.experiment.input_unit}\n")
-    for time, position in zip(motion.time.tolist(), motion.position.tolist(), strict=True):
-        stream.write(f"{time:.6g},{position:.6g}\n")
-    return stream.getvalue()
+    return motion_csv(separation.excitation.motion, diagnosis.experiment.input_unit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -184,3 +185,12 @@ def _rounded(wave: np.ndarray, time: np.ndarray) -> np.ndarray:
     window = np.hanning(2 * width + 3)[1:-1]
     padded = np.pad(wave, len(window) // 2, mode="edge")
     return np.convolve(padded, window / window.sum(), mode="valid")
+
+
+def motion_csv(motion: Motion, unit: str) -> str:
+    """A motion as a file to play: header ``time_s,position_<unit>``."""
+    stream = io.StringIO()
+    stream.write(f"time_s,position_{unit}\n")
+    for time, position in zip(motion.time.tolist(), motion.position.tolist(), strict=True):
+        stream.write(f"{time:.6g},{position:.6g}\n")
+    return stream.getvalue()

@@ -11,6 +11,7 @@ from lumbar.diagnosis.design.detectable import Detectable, detectable_effects, t
 from lumbar.diagnosis.design.discrimination import Separation, separating_excitation
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.fitting.joint_fit import fit
+from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.residuals.residual_report import Simulated, compare_and_locate
 from lumbar.diagnosis.selection.forward_selection import Candidate, extend, judge
 from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
@@ -80,9 +81,6 @@ def gather_evidence(
     experiment = diagnosis.experiment
     null = shipped(diagnosis.base.fit.structure.base.system)
     catalogue, _ = without_channels(settings.candidates, experiment.training.motion.channels)
-    limits = None
-    if machine and experiment.input_unit == "mm":
-        limits = Kinematics(machine.displacement_mm, machine.velocity_mm_s, machine.acceleration_mm_s2)
     forms = sum(len(effect.forms) for effect in catalogue.values())
     return Evidence(
         remaining=compare_and_locate(
@@ -94,12 +92,19 @@ def gather_evidence(
             experiment.surface,
         ),
         ties=signal_angles(diagnosis),
-        separation=separating_excitation(diagnosis, limits),
+        separation=separating_excitation(diagnosis, machine_limits(machine, experiment)),
         detectable=detectable_effects(diagnosis, catalogue, null),
         threshold=threshold_gain(null, forms),
         null=null,
         other_forms=_other_forms(diagnosis, catalogue),
     )
+
+
+def machine_limits(machine: MachineSettings | None, experiment: Experiment) -> Kinematics | None:
+    """Limits of the machine in the input's unit; None where it is not known or the input is not in mm."""
+    if machine is None or experiment.input_unit != "mm":
+        return None
+    return Kinematics(machine.displacement_mm, machine.velocity_mm_s, machine.acceleration_mm_s2)
 
 
 def _other_forms(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Candidate]:

@@ -1,0 +1,190 @@
+"""``lumbar.doctor``: what could have been seen in records, from what size on, and what further record would help."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.errors import InputError
+from lumbar.interface.data_label import data_label
+from lumbar.interface.diagnosis import Diagnosis, diagnose
+from lumbar.records.record import Record
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.seed import SEED
+from lumbar.settings.signals import MachineSettings
+
+if TYPE_CHECKING:
+    from lumbar.diagnosis.doctor.effect_sizes import EffectSize
+    from lumbar.diagnosis.doctor.examination import Examination
+    from lumbar.diagnosis.selection.verdict import Verdict
+    from lumbar.tables import Table
+
+
+def doctor(
+    records: Sequence[Record],
+    *,
+    effects: Sequence[str] | None = None,
+    faults: bool = True,
+    all_forms: bool = False,
+    quick: bool = False,
+    base: str | None = None,
+    train: str | Sequence[str] | None = None,
+    periods: Mapping[str, float] | None = None,
+    settings: ImprovementSettings | None = None,
+    machine: MachineSettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Examined:
+    """Answer "could I have seen it?": put every effect into the records at falling strength and diagnose them blind.
+
+    The records are diagnosed first. The refined model is taken for the truth; its answers to the records' own motions,
+    with an effect added and noise like the records' own, are diagnosed as `diagnose` would. Mistakes of a recording (signs,
+    zeros, units, lags, resolution) are put into the records as they are. Some 100 diagnoses: minutes.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        One per excitation, with channels ``input`` and ``output``.
+    effects : sequence of str, optional
+        Effects to put in; default all of the catalogue.
+    faults : bool
+        Try mistakes of a recording too.
+    all_forms : bool
+        Every mathematical form of an effect, in place of its first.
+    quick : bool
+        The predicted smallest size and one diagnosis that confirms it, in place of a search; the largest mistakes only.
+    base, train, periods, settings, machine
+        As of `diagnose`.
+    seed : int
+        Of the noise and of what is random in a mistake.
+    data : str
+        Words for the source of the data; default the folder or file they were read from.
+
+    Returns
+    -------
+    Examined
+
+    Raises
+    ------
+    InputError
+        As `diagnose`; for an unknown effect; for records of which direction or sign is wrong.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.synthetic.examples import example_records
+    >>> found = lumbar.doctor(example_records(), effects=["hardening_stiffness"], faults=False, quick=True)
+    >>> found["hardening_stiffness"].words
+    'named'
+    """
+    from lumbar.diagnosis.doctor.examination import Scope, examine
+    from lumbar.diagnosis.evidence.evidence import machine_limits
+    from lumbar.progress import track
+
+    records = list(records)
+    settings = settings or ImprovementSettings()
+
+    def verdict_on(seen: Sequence[Record], most_effects: int) -> Verdict:
+        chosen = replace(settings, most_effects=most_effects)
+        return diagnose(seen, base=base, train=train, periods=periods, settings=chosen).verdict
+
+    own = diagnose(
+        records,
+        base=base,
+        train=train,
+        periods=periods,
+        settings=settings,
+        machine=machine,
+        seed=seed,
+        data=data_label(data, (record.source for record in records)),
+    )
+    scope = Scope(None if effects is None else tuple(effects), faults, all_forms, quick)
+    limits = machine_limits(machine, own.verdict.experiment)
+    return Examined(
+        own, examine(records, own.verdict, own.candidates, verdict_on, scope, limits, seed, track)
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Examined:
+    """What could have been seen in a set of records; an effect is found by its name.
+
+    Attributes
+    ----------
+    diagnosis : Diagnosis
+        Of the records themselves.
+    examination : Examination
+        What was put in and what was said of it.
+    """
+
+    diagnosis: Diagnosis
+    examination: Examination
+
+    def __getitem__(self, effect: str) -> EffectSize:
+        """From what size on an effect, in the first form that was tried, would have been named."""
+        for item in self.examination.effects:
+            if item.form.effect == effect:
+                return item
+        known = ", ".join(dict.fromkeys(item.form.effect for item in self.examination.effects))
+        raise InputError(f"effect {effect!r} was not put in; put in were {known}")
+
+    @cached_property
+    def table(self) -> Table:
+        """From what size on each effect would have been named."""
+        from lumbar.diagnosis.doctor.doctor_tables import effects_table
+
+        return effects_table(self.examination, self.diagnosis.data)
+
+    @cached_property
+    def fault_table(self) -> Table:
+        """Which mistakes of a recording would have been told."""
+        from lumbar.diagnosis.doctor.doctor_tables import faults_table
+
+        return faults_table(self.examination, self.diagnosis.data)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``doctor`` and, where mistakes were tried, ``doctor_faults`` as CSV, LaTeX and HTML, and ``doctor.json``."""
+        from lumbar.diagnosis.doctor.doctor_tables import to_json
+        from lumbar.files import write_json
+
+        folder = Path(folder)
+        self.table.write(folder / "doctor")
+        if self.examination.faults:
+            self.fault_table.write(folder / "doctor_faults")
+        write_json(folder / "doctor.json", to_json(self.examination, self.diagnosis.data))
+
+    def save_excitation(self, path: str | os.PathLike) -> None:
+        """Write the further record that helps most as a file to play: ``time_s,position_<unit>``.
+
+        Raises
+        ------
+        InputError
+            Where no excitation within the machine's limits would help.
+        """
+        from lumbar.diagnosis.design.excitation_family import motion_csv
+        from lumbar.files import write_text
+
+        further = self.examination.further
+        if further is None:
+            raise InputError(
+                f"{path}: not written: no excitation tried would show more than the records at hand"
+            )
+        unit = self.diagnosis.verdict.experiment.input_unit
+        write_text(Path(path), motion_csv(further.excitation.motion, unit))
+
+    def __str__(self) -> str:
+        from lumbar.diagnosis.doctor.doctor_text import report
+
+        return report(self.examination)
+
+    def __repr__(self) -> str:
+        named = sum(item.smallest is not None for item in self.examination.effects)
+        return f"<Examined: {named} of {len(self.examination.effects)} effects would be named>"
+
+    def _repr_html_(self) -> str:
+        tables = [self.table, *([self.fault_table] if self.examination.faults else [])]
+        return "".join(table.frame.to_html(index=False, na_rep="–") for table in tables)
