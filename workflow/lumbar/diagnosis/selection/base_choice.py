@@ -20,7 +20,7 @@ _SURFACES = 40
 """Depths at which the surface is looked for."""
 _SEARCHED = 0.06
 """Share of the range about the first surface in which the best one is sought."""
-_SPRINGS = 0.5
+_SPRINGS = 0.9
 """Squared error of a spring that is met, in those of a fastened one, up to which contact is tried."""
 _WITH_EFFECT = 3
 """Effects, those with the best screening, with which the surface is sought again."""
@@ -69,7 +69,7 @@ def choose_base(
 
 
 def _springs_show_contact(experiment: Experiment) -> bool:
-    """Whether a spring that is met at a surface leaves far less than a fastened one."""
+    """Whether a spring that is met at a surface leaves less than a fastened one, by more than a clipped response would."""
     surface = first_surface(experiment)
     if surface is None:
         return False
