@@ -11,7 +11,7 @@ from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
 from lumbar.diagnosis.fitting.joint_fit import add
 from lumbar.diagnosis.fitting.joint_fit import fit as refit
-from lumbar.diagnosis.fitting.preparation import Experiment
+from lumbar.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.diagnosis.fitting.uncertainty import estimates
 from lumbar.diagnosis.linear.direction import direction_or_sign
 from lumbar.diagnosis.linear.frequency_response import nonlinear_share
@@ -73,7 +73,12 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     experiment = prepare_for(records, settings)
     usable, not_tried = without_channels(settings.candidates, experiment.training.motion.channels)
     settings = replace(settings, catalogue=usable)
-    turned = direction_or_sign(experiment) if settings.system == "tissue" else None
+    turned = None
+    if settings.system == "tissue":
+        # As recorded: a command that jumps between levels would be taken for a coarse sensor, and smoothed.
+        as_recorded = prepare(records, settings.train, settings.periods) if experiment.faults else experiment
+        turned = direction_or_sign(as_recorded)
+        experiment = experiment if turned is None else as_recorded
     if turned is not None:
         return replace(_turned(experiment, settings, turned), not_tried=not_tried)
     found = _searched(experiment, settings)
@@ -93,16 +98,21 @@ def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> Verdict:
     if settings.system != "tissue" or experiment.own_zeros:
         return found
     with_zeros = experiment.with_own_zeros()
-    for item in found.ladder:
+
+    def helps(item: Candidate) -> bool:
         again = judge(refit(item.fit.structure, with_zeros.training, item.fit.nonlinear), with_zeros)
-        if again.test_rms < _ZEROS_HELP * item.test_rms:
-            searched = _searched(with_zeros, settings)
-            better = searched.model.test_rms < _ZEROS_HELP * found.model.test_rms
-            simpler = len(searched.selected) < len(found.selected)
-            return (
-                searched if better or (simpler and searched.model.test_rms <= found.model.test_rms) else found
-            )
-    return found
+        return again.test_rms < _ZEROS_HELP * item.test_rms
+
+    if "drift" not in found.selected and not any(helps(item) for item in found.ladder):
+        return found
+    searched = _searched(with_zeros, settings)
+    better = searched.model.test_rms < _ZEROS_HELP * found.model.test_rms
+    simpler = len(searched.selected) < len(found.selected)
+    return (
+        searched
+        if better or (simpler and searched.model.test_rms < found.model.test_rms / _ZEROS_HELP)
+        else found
+    )
 
 
 def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:

@@ -7,7 +7,7 @@ import numpy as np
 from lumbar.diagnosis.law.proposal import Proposal
 from lumbar.diagnosis.law.surface import Coordinate, Surface
 from lumbar.models.fitted_model import unit_of
-from lumbar.reports.figures.style import DOUBLE_COLUMN, MODELS, SERIES, label_panels, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, MODELS, SERIES, house_style, label_panels, new_figure
 
 _CELLS = (24, 12)
 _SECTIONS = (0.1, 0.5, 0.9)
@@ -19,6 +19,7 @@ _FEWEST = 5
 _LOOKS = (("o", "-"), ("s", (0, (4, 1.5))), ("^", (0, (1, 1))))
 
 
+@house_style
 def law_figure(proposal: Proposal):
     """Draw the missing force as a map and in sections, and the errors of base, catalogue, law and noise.
 
