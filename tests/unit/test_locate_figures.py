@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from periodic_records import STEP, noise, noisy_record, record, relaxing_force
+from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 
 from lumbar.diagnosis.noise.noise_floor import noise_floor
 from lumbar.diagnosis.residuals.compare import compare_record
@@ -112,3 +112,24 @@ def test_figures_are_saved(tests, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {
         f"{name}.{ending}" for name in ("location", "comparison") for ending in ("svg", "pdf")
     }
+
+
+def test_a_panel_that_sees_no_relation_says_nothing_of_the_errors_size():
+    position = multisine(10)
+    test = record(position, relaxing_force(position) + 0.05 * noise(len(position), 1))
+    location = locate(test, 0.9 * relaxing_force(position), noise_floor(test))
+    assert location.residual.variance > (10 * location.residual.floor.rms) ** 2
+    titles = [axis.get_title(loc="right") for axis in location_figure(location).axes]
+    assert "time: all repeats" in titles and not any("only noise" in title for title in titles)
+
+
+def test_a_map_whose_pattern_counts_marks_no_cell_as_chance():
+    position = multisine(10)
+    test = record(position, relaxing_force(position) + 0.05 * noise(len(position), 1))
+    location = locate(test, 0.9 * relaxing_force(position), noise_floor(test))
+    view = location.views["position and velocity"]
+    view.table["z_score"][:] = 1.0
+    figure = location_figure(location)
+    axis = next(axis for axis in figure.axes if axis.get_title(loc="right").startswith("map"))
+    assert axis.get_title(loc="right").endswith("as a whole")
+    assert not [line for line in axis.lines if line.get_marker() == "x"]

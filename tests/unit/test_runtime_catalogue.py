@@ -22,6 +22,7 @@ ACCURACY = {
     "coulomb_friction/arctangent": REVERSAL,
     "coulomb_friction/stribeck": REVERSAL,
     "depth_dependent_damping/bilinear": BACKWARD,
+    "viscous_damping/dashpot": BACKWARD,
     "depth_dependent_damping/one_sided": BACKWARD,
     "depth_dependent_damping/hunt_crossley": BACKWARD,
     "quadratic_damping/quadratic": BACKWARD,

@@ -107,10 +107,10 @@ def tied_experiment(label: str, strength: float, seed: int):
 
 
 TIED_CASES = (
-    ("saturation:tanh", 0.2, 4),
     ("saturation:tanh", 0.25, 3),
+    ("saturation:tanh", 0.3, 3),
+    ("saturation:tanh", 0.3, 4),
     ("saturation:tanh", 0.35, 4),
-    ("saturation:clip", 0.2, 4),
 )
 
 

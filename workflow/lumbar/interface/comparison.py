@@ -18,6 +18,7 @@ from lumbar.settings.seed import SEED
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from lumbar.diagnosis.finding import Finding
     from lumbar.diagnosis.residuals.residual_report import Simulated
     from lumbar.tables import Table
 
@@ -93,11 +94,14 @@ def locate(
     return Locations(*_on_records(records, model, train, periods, seed, data))
 
 
-def _on_records(records, model, train, periods, seed, data) -> tuple[FittedModel, list[Simulated], str]:
+def _on_records(
+    records, model, train, periods, seed, data
+) -> tuple[FittedModel, list[Simulated], str, tuple]:
+    from lumbar.diagnosis.fitting.manageable import manageable
     from lumbar.diagnosis.fitting.preparation import prepare
     from lumbar.diagnosis.residuals.residual_report import residual_reports
 
-    records = list(records)
+    records, changed = manageable(list(records))
     if not isinstance(model, FittedModel):
         found = f"an object of class {type(model).__name__}"
         raise InputError(f"model is {found}: give one model, e.g. identification['KB'] or diagnosis.model")
@@ -105,7 +109,7 @@ def _on_records(records, model, train, periods, seed, data) -> tuple[FittedModel
         train = model.trained_on
     experiment = prepare(records, train, dict(periods or {}))
     reports = residual_reports(records, model.simulate, experiment.floor, experiment.floor_from, seed)
-    return model, reports, data_label(data, (record.source for record in records))
+    return model, reports, data_label(data, (record.source for record in records)), changed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,11 +121,14 @@ class OnRecords(ABC):
     model : FittedModel
     simulated : list of Simulated
     data : str
+    findings : tuple of Finding
+        Records that were too long or too fast, and what was used of them.
     """
 
     model: FittedModel
     simulated: list[Simulated]
     data: str
+    findings: tuple[Finding, ...] = ()
     stem: ClassVar[str]
     picture: ClassVar[str]
 
@@ -141,6 +148,10 @@ class OnRecords(ABC):
             known = ", ".join(item.record.name for item in self.simulated)
             raise InputError(f"no record {name!r}; there are {known}")
         return found
+
+    @property
+    def _told(self) -> list[str]:
+        return [item.sentence for item in self.findings]
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write the numbers as a table, one picture per record, and a page: ``compare…`` or ``location…``."""
@@ -198,7 +209,7 @@ class Comparisons(OnRecords):
         return comparison_page(self.simulated, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
-        return "\n".join(item.comparison.sentence for item in self.simulated)
+        return "\n".join([*(item.comparison.sentence for item in self.simulated), *self._told])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -226,4 +237,4 @@ class Locations(OnRecords):
         return location_page(self.simulated, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
-        return "\n".join("\n  ".join(item.location.sentences) for item in self.simulated)
+        return "\n".join(["\n  ".join(item.location.sentences) for item in self.simulated] + self._told)

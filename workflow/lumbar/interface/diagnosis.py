@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from lumbar.settings.signals import MachineSettings
 
 if TYPE_CHECKING:
     from lumbar.diagnosis.evidence.evidence import Evidence
+    from lumbar.diagnosis.finding import Finding
     from lumbar.diagnosis.fitting.preparation import Experiment
     from lumbar.diagnosis.residuals.residual_report import Simulated
     from lumbar.diagnosis.selection.forward_selection import Candidate
@@ -79,10 +80,14 @@ def diagnose(
     >>> print(str(diagnosis).splitlines()[0])
     The KB model is missing coulomb friction: with it the error on unseen records falls from 0.224 to 0.0099 N.
     """
+    from lumbar.diagnosis.fitting.manageable import manageable
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
     chosen = _chosen(settings, base, train, periods)
-    return Diagnosis(list(records), chosen, search(list(records), chosen), machine, seed, data)
+    used, changed = manageable(list(records))
+    verdict = search(used, chosen)
+    verdict = replace(verdict, findings=(*changed, *verdict.findings))
+    return Diagnosis(used, chosen, verdict, machine, seed, data)
 
 
 def refine(
@@ -135,10 +140,12 @@ def _chosen(settings, base, train, periods) -> DiagnosisSettings:
 
 
 def _refined(records, effects, settings, seed, data) -> Refinement:
+    from lumbar.diagnosis.fitting.manageable import manageable
     from lumbar.diagnosis.selection.refine import refine as fit_path
 
-    experiment, path = fit_path(records, effects, settings)
-    return Refinement(records, settings, experiment, path, seed, data)
+    used, changed = manageable(records)
+    experiment, path = fit_path(used, effects, settings)
+    return Refinement(used, settings, experiment, path, seed, data, changed)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -292,6 +299,8 @@ class Refinement:
         Base, base and first effect, ….
     seed : int
     data : str
+    findings : tuple of Finding
+        Records that were too long or too fast, and what was used of them.
     """
 
     records: list[Record]
@@ -300,6 +309,7 @@ class Refinement:
     path: list[Candidate]
     seed: int
     data: str
+    findings: tuple[Finding, ...] = ()
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -332,13 +342,13 @@ class Refinement:
         """Compare the model with every record."""
         from lumbar.interface.comparison import Comparisons
 
-        return Comparisons(self.model, self._on_records, self.data)
+        return Comparisons(self.model, self._on_records, self.data, self.findings)
 
     def locate(self) -> Locations:
         """See where the model fails on every record."""
         from lumbar.interface.comparison import Locations
 
-        return Locations(self.model, self._on_records, self.data)
+        return Locations(self.model, self._on_records, self.data, self.findings)
 
     @cached_property
     def _on_records(self) -> list[Simulated]:
@@ -373,13 +383,17 @@ class Refinement:
         write_json(Path(folder) / "refined.json", document)
 
     def __str__(self) -> str:
+        from lumbar.diagnosis.selection.ladder_digits import told_apart
         from lumbar.diagnosis.selection.refined_model import model_name
 
         unit = self.experiment.output_unit
-        return "\n".join(
-            f"{model_name(item.fit)}: {item.train_rms:.4g} {unit} in training, {item.test_rms:.4g} unseen"
-            for item in self.path
-        )
+        training = told_apart([item.train_rms for item in self.path], 4)
+        unseen = told_apart([item.test_rms for item in self.path], 4)
+        lines = [
+            f"{model_name(item.fit)}: {own} {unit} in training, {other} unseen"
+            for item, own, other in zip(self.path, training, unseen, strict=True)
+        ]
+        return "\n".join([*lines, *(item.sentence for item in self.findings)])
 
     def __repr__(self) -> str:
         return f"<Refinement of {self.path[0].fit.structure.base.name}: {', '.join(self.effects) or 'no effect'}>"

@@ -22,6 +22,7 @@ from __future__ import annotations
 import csv
 import gzip
 import os
+import sys
 import zlib
 from pathlib import Path
 
@@ -75,7 +76,7 @@ def read_record(
     if layout.format == "mat":
         raw, lines = _read_mat(path, layout), None
     else:
-        raw, lines = _read_text(path, layout)
+        raw, lines = _read_plain_table(path, layout) or _read_text(path, layout)
     columns = {role: column for role, column in layout.columns.items() if role in raw}
     with np.errstate(over="ignore"):  # what overflows is refused below, with its place
         scaled = {
@@ -118,6 +119,8 @@ def default_name(path: Path) -> str:
     return Path(path.name.removesuffix(".gz")).stem
 
 
+_LARGE = 5_000_000
+"""Bytes from which on a file is first tried as a plain table of numbers."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
 
 
@@ -128,6 +131,44 @@ def _lines(path: Path):
             yield from enumerate(stream, start=1)
         except (UnicodeDecodeError, gzip.BadGzipFile, zlib.error, EOFError) as error:
             raise InputError(f"{path}: not a readable text file ({error})") from error
+
+
+def _read_plain_table(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], range] | None:
+    """Columns by role and lines of a large file that is nothing but a header and numbers; None of any other.
+
+    Fifty times as fast as going through it line by line, which is left to say where a file is not as it should be.
+    """
+    if path.stat().st_size < _LARGE or path.suffix == ".gz" or layout.decimal != ".":
+        return None
+    import pandas as pd
+
+    separator = None if layout.delimiter == "whitespace" else layout.delimiter
+    with path.open(encoding="utf-8-sig", errors="replace") as stream:
+        first = stream.readline()
+    header = _split(first, separator) if layout.header else None
+    print(f"{path.name}: reading {path.stat().st_size / 1e6:.0f} MB", file=sys.stderr, flush=True)
+    try:
+        frame = pd.read_csv(
+            path,
+            sep=r"\s+" if separator is None else separator,
+            header=None,
+            skiprows=int(layout.header),
+            skip_blank_lines=False,
+            quoting=csv.QUOTE_NONE,
+            float_precision="round_trip",
+            encoding="utf-8-sig",
+        )
+    except (ValueError, OverflowError):  # also what pandas' parser and the decoder raise
+        return None
+    numeric = all(kind.kind in "fi" for kind in frame.dtypes)
+    if not numeric or frame.isna().any(axis=None) or (header is not None and len(header) != frame.shape[1]):
+        return None
+    positions = _positions(path, layout.columns, header)
+    if max(positions.values()) >= frame.shape[1]:
+        return None
+    begins = 1 + int(layout.header)
+    columns = {role: frame[position].to_numpy(dtype=float) for role, position in positions.items()}
+    return columns, range(begins, begins + len(frame))
 
 
 def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], list[int]]:

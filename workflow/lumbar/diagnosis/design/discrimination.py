@@ -62,6 +62,11 @@ class Separation:
         """Whether the tie would be broken: the likelihoods then differ by more than `TIED`."""
         return self.distance**2 > TIED
 
+    @property
+    def improves(self) -> bool:
+        """Whether it separates better than the record at hand."""
+        return self.distance > self.recorded
+
     def to_json(self) -> dict:
         """Return what ``diagnosis.json`` holds under ``separating_excitation``."""
         return {
@@ -72,6 +77,7 @@ class Separation:
             "difference_rms": self.rms,
             "closest": list(self.closest),
             "separates": self.separates,
+            "improves": self.improves,
             "tried": self.tried,
         }
 
@@ -173,6 +179,12 @@ def separation_sentence(separation: Separation, diagnosis: Verdict) -> str:
         return (
             f"None of {separation.tried} excitations tried within the machine's limits would tell {pair}: the best, "
             f"{separation.excitation.words}, by {separation.distance:.2g} noise standard deviations; either model will do."
+        )
+    if not separation.improves:
+        return (
+            f"The records at hand separate {pair} better ({separation.recorded:.2g} noise standard deviations) than any of "
+            f"{separation.tried} excitations tried within the machine's limits ({separation.distance:.2g}): no further "
+            "record of these kinds is proposed."
         )
     beyond_range = (
         ""

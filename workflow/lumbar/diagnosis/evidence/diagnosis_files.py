@@ -30,7 +30,7 @@ def write_diagnosis(diagnosis: Verdict, evidence: Evidence, folder: Path, data: 
     """
     write_json(folder / "diagnosis.json", diagnosis_document(diagnosis, evidence, data))
     write_text(folder / "ladder.csv", ladder_csv(diagnosis, data))
-    if evidence.separation is None:
+    if evidence.separation is None or not evidence.separation.improves:
         (folder / EXCITATION).unlink(missing_ok=True)
     else:
         write_text(folder / EXCITATION, excitation_csv(evidence.separation, diagnosis))

@@ -13,6 +13,7 @@ from lumbar.diagnosis.residuals.compare import Comparison, compare_record
 from lumbar.diagnosis.residuals.locate import Location, locate
 from lumbar.models.measured_angle import for_base
 from lumbar.models.motion import Motion
+from lumbar.progress import track
 from lumbar.records.record import Record
 
 
@@ -83,7 +84,7 @@ def residual_reports(
         Seed of the intervals.
     """
     found = []
-    for number, record in enumerate(records):
+    for number, record in enumerate(track(records, "records compared and located")):
         values = simulate(record)
         source = "" if record.name == floor_from else floor_from
         comparison = compare_record(record, values, floor, source, seed=seed + number)

@@ -10,6 +10,8 @@ from lumbar.diagnosis.residuals.residual_diagnostic import View, only, percent, 
 _DEPTHS = 20
 _POSITIONS, _SPEEDS = 12, 5
 _FEWEST_SAMPLES = 5
+SIGNIFICANT_Z = 3.0
+"""Standard deviations from which on the mean of a single cell of the map stands out of the noise."""
 _MOSTLY = 0.8
 _LEAST_TURN = 0.03
 """A reversal counts if the motion since the last one exceeds this share of the position's range."""
@@ -114,6 +116,8 @@ def map_view(residual: Residual) -> View:
             else f", {percent(odd)} with a force that is mirrored with the motion (odd) and {percent(even)} with one that is "
             "not (even)"
         )
+        if not np.any(np.abs(table["z_score"]) >= SIGNIFICANT_Z):
+            parity += ", as a pattern: no single cell stands out of the noise"
         rest = "little is left for" if average.share > _MOSTLY else "the rest needs"
         sentence = (
             f"Over position and velocity: their present values account for {only(average.share)} of the "
@@ -121,6 +125,11 @@ def map_view(residual: Residual) -> View:
             "time or faster dynamics."
         )
     return View("position and velocity", _counted(average), average.p_value, sentence, table, numbers)
+
+
+def no_cell_stands_out(view: View) -> bool:
+    """Whether a view is the map and none of its cells alone exceeds the noise."""
+    return "z_score" in view.table and not np.any(np.abs(view.table["z_score"]) >= SIGNIFICANT_Z)
 
 
 def _largest(residual: Residual, table: dict[str, np.ndarray]) -> str:

@@ -20,6 +20,8 @@ _SURFACES = 40
 """Depths at which the surface is looked for."""
 _SEARCHED = 0.06
 """Share of the range about the first surface in which the best one is sought."""
+_SPRINGS = 0.9
+"""Squared error of a spring that is met, in those of a fastened one, up to which contact is tried."""
 _WITH_EFFECT = 3
 """Effects, those with the best screening, with which the surface is sought again."""
 _LEAST_SHARE = 0.03
@@ -33,8 +35,8 @@ def choose_base(
 ) -> tuple[Experiment, Candidate]:
     """Fit the base that is named, or the one that the data ask for.
 
-    By the likelihood of all records and the number of parameters. A base with contact must beat a fastened one with the
-    effect ``contact_loss``, which likewise loses the tissue.
+    By the likelihood of all records and the number of parameters. A base with contact must beat a fastened one with any
+    single effect: one that likewise loses the tissue, or one that clips the force.
 
     Parameters
     ----------
@@ -54,10 +56,9 @@ def choose_base(
             return _surface_of_refined(*at_surface(experiment, (name,)), catalogue)
         return experiment, _fitted(experiment, name)
     fastened = min((_fitted(experiment, base) for base in TISSUE_BASES), key=lambda item: item.score)
-    if first_surface(experiment) is None:
+    if not _springs_show_contact(experiment):
         return experiment, fastened
-    lost = {key: effect for key, effect in catalogue.items() if key == "contact_loss"}
-    rivals = [fastened, *extend(fastened, lost, experiment)]
+    rivals = [fastened, *extend(fastened, catalogue, experiment)]
     if any(is_adequate(item, experiment) for item in rivals):
         return experiment, fastened
     from_surface, touching = at_surface(experiment, CONTACT_BASES)
@@ -65,6 +66,15 @@ def choose_base(
     if touching.score < min(item.score for item in rivals):
         return from_surface, touching
     return experiment, fastened
+
+
+def _springs_show_contact(experiment: Experiment) -> bool:
+    """Whether a spring that is met at a surface leaves less than a fastened one, by more than a clipped response would."""
+    surface = first_surface(experiment)
+    if surface is None:
+        return False
+    fastened, touched = _fitted(experiment, "LE"), _fitted(experiment.counted_from(surface), "LE-contact")
+    return touched.fit.squared_error < _SPRINGS * fastened.fit.squared_error
 
 
 def base_beside(model: Candidate, experiment: Experiment) -> str | None:
@@ -156,7 +166,7 @@ def with_surface(experiment: Experiment, model: Candidate, start: float) -> tupl
         ).squared_error
 
     found = minimize_scalar(
-        refitted, bounds=(start - reach, start + reach), method="bounded", options={"xatol": 1e-4 * reach}
+        refitted, bounds=(start - reach, start + reach), method="bounded", options={"xatol": 1e-3 * reach}
     )
     moved = experiment.counted_from(float(found.x))
     refit = fit(model.fit.structure, moved.training, model.fit.nonlinear)

@@ -44,7 +44,7 @@ from lumbar.diagnosis.selection.thresholds import (
     WORTHWHILE,
     WORTHWHILE_BLIND,
 )
-from lumbar.diagnosis.selection.verdict import Ranked, Verdict
+from lumbar.diagnosis.selection.verdict import Ranked, Verdict, in_order
 from lumbar.effects.catalogue import without_channels
 from lumbar.models.bases import CHOSEN_BY_DATA
 from lumbar.models.structure import Structure
@@ -360,7 +360,7 @@ class _Selection:
 
     def ranking(self, model: Candidate) -> list[Ranked]:
         """The selected set first, then every other set tried, best first."""
-        sets = best_by_effect([*self.tried, *([model] if model is not self.base else [])])
+        sets = in_order(best_by_effect([*self.tried, *([model] if model is not self.base else [])]))
         others = [item for item in sets if set(item.effects) != set(model.effects)]
         chosen = [] if model is self.base else [model]
         return [self.ranked(item) for item in [*chosen, *others][:_SHOWN]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lumbar.diagnosis.selection.forward_selection import is_adequate
+from lumbar.diagnosis.selection.ladder_digits import told_apart
 from lumbar.diagnosis.selection.thresholds import LEVEL
 from lumbar.diagnosis.selection.verdict import Ranked, Verdict
 from lumbar.effects.pendulum_load import CHANNELS
@@ -25,7 +26,7 @@ def headline(diagnosis: Verdict) -> str:
     unit, base = diagnosis.experiment.output_unit, diagnosis.base.fit.structure.base.name
     before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
     named = effects_text(diagnosis.selected)
-    fall = f"the error on unseen records falls from {before:.3g} to {after:.3g} {unit}"
+    fall = f"the error on unseen records falls from {' to '.join(told_apart([before, after], 3))} {unit}"
     turned = next((item for item in diagnosis.findings if item.kind in ("direction", "sign")), None)
     if turned is not None:
         return f"These records are not what the {base} model takes. {turned.sentence}"
@@ -69,10 +70,7 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
             for words, rms in floor.structured
         ]
     if diagnosis.selected:
-        lines.append(
-            f"The selected effects remove {100 * diagnosis.explainable_share_removed:.1f} % of the variance that a model "
-            "could explain."
-        )
+        lines.append(_removed_and_left(diagnosis))
         lines.append(_diagnosed_again(diagnosis))
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
@@ -108,6 +106,19 @@ def not_tried(diagnosis: Verdict) -> list[str]:
     ]
 
 
+def _removed_and_left(diagnosis: Verdict) -> str:
+    """What is left, in noise floors, then what was removed: 99 % of a large error may leave many times the noise."""
+    removed = f"{100 * diagnosis.explainable_share_removed:.1f} % of the variance that a model could explain"
+    floor, model = diagnosis.experiment.floor, diagnosis.model
+    if floor is None:
+        return f"The selected effects remove {removed}."
+    rms = max(model.train_rms, model.test_rms)
+    return (
+        f"The error left is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} "
+        f"{diagnosis.experiment.output_unit}); the selected effects remove {removed}."
+    )
+
+
 def _diagnosed_again(diagnosis: Verdict) -> str:
     unit, floor, model = diagnosis.experiment.output_unit, diagnosis.experiment.floor, diagnosis.model
     if diagnosis.further is not None:
@@ -117,12 +128,10 @@ def _diagnosed_again(diagnosis: Verdict) -> str:
         )
     if floor is None:
         return "Diagnosed again, none of the most promising further effects passes."
-    rms = max(model.train_rms, model.test_rms)
-    left = f"the error of the refined model is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} {unit})"
     if is_adequate(model, diagnosis.experiment):
-        return f"What is left is noise as far as can be told: {left}."
+        return "What is left is noise as far as can be told."
     something = "" if diagnosis.complete else "something is left and "
-    return f"Diagnosed again, {something}none of the most promising further effects passes: {left}."
+    return f"Diagnosed again, {something}none of the most promising further effects passes."
 
 
 def runner_up(diagnosis: Verdict) -> Ranked | None:

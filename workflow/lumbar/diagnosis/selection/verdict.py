@@ -11,6 +11,21 @@ from lumbar.diagnosis.selection.forward_selection import Candidate
 from lumbar.models.fitted_model import FittedParameter
 from lumbar.models.form import Form
 
+SAME_SCORE = 1e-6
+"""Relative difference of scores that rounding on another processor may turn round."""
+
+
+def in_order(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates by score, the best first; those whose scores are the same to rounding by their effects' names."""
+    ordered: list[Candidate] = []
+    alike: list[Candidate] = []
+    for item in sorted(candidates, key=lambda item: item.score):
+        if alike and item.score - alike[0].score > SAME_SCORE * abs(alike[0].score):
+            ordered += sorted(alike, key=lambda item: item.effects)
+            alike = []
+        alike.append(item)
+    return ordered + sorted(alike, key=lambda item: item.effects)
+
 
 @dataclass(frozen=True, eq=False)
 class Ranked:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lumbar.diagnosis.selection.ladder_digits import told_apart
 from lumbar.reports.figures.style import MODELS, SINGLE_COLUMN, house_style, new_figure
 
 
@@ -42,10 +43,11 @@ def ladder_figure(rungs: list[dict], unit: str, floor: float | None):
         edgecolor="white",
         label="unseen records",
     )
-    for place, rung in zip(places, rungs, strict=True):
-        for shift, key in ((-0.19, "train_rms"), (0.19, "test_rms")):
+    for shift, key in ((-0.19, "train_rms"), (0.19, "test_rms")):
+        words = told_apart([rung[key] for rung in rungs], 2)
+        for place, rung, told in zip(places, rungs, words, strict=True):
             axes.annotate(
-                f"{rung[key]:.2g}",
+                told,
                 (place + shift, rung[key]),
                 (0, 1),
                 textcoords="offset points",

@@ -6,9 +6,10 @@ import numpy as np
 
 from lumbar.diagnosis.residuals.frequency_diagnostic import ABOVE, BELOW, BETWEEN, EVEN, EXCITED, ODD
 from lumbar.diagnosis.residuals.locate import Location
-from lumbar.diagnosis.residuals.residual import SIGNIFICANT
+from lumbar.diagnosis.residuals.residual import SIGNIFICANT, Residual
 from lumbar.diagnosis.residuals.residual_diagnostic import View, percent
 from lumbar.diagnosis.residuals.residual_tests import EVEN_FUNCTIONS, LINEAR_FUNCTIONS
+from lumbar.diagnosis.residuals.state_diagnostics import SIGNIFICANT_Z, no_cell_stands_out
 from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, house_style, label_panels, new_figure
 
 _LINES = {
@@ -24,7 +25,6 @@ _BAND = {"color": "#cccccc", "linewidth": 0}
 _SHORT = {"position and velocity": "map"}
 _ODD_CURVES = 2
 """Odd functions of the input whose correlations are drawn beside the linear ones: the most related."""
-_SIGNIFICANT_Z = 3.0
 
 
 @house_style
@@ -64,7 +64,7 @@ def location_figure(location: Location):
         ("depth", depth),
         ("reversals", turning),
     ):
-        axis.set_title(_with_share(views[name]), loc="right", fontsize=7)
+        axis.set_title(_with_share(views[name], residual), loc="right", fontsize=7)
     floor = "noise unknown" if residual.floor is None else f"noise {residual.floor.rms:.3g} {residual.unit}"
     figure.suptitle(
         f"{location.record.replace('_', ' ')}: error {np.sqrt(residual.variance):.3g} {residual.unit} RMS, {floor}",
@@ -73,9 +73,14 @@ def location_figure(location: Location):
     return figure
 
 
-def _with_share(view: View) -> str:
+def _with_share(view: View, residual: Residual) -> str:
+    """What a panel says of the error: its share, or that it says nothing; that is no word about the error's size."""
     name = _SHORT.get(view.name, view.name)
-    return f"{name}: {percent(view.share)}" if view.p_value < SIGNIFICANT else f"{name}: only noise"
+    if view.p_value < SIGNIFICANT:
+        whole = ", as a whole" if no_cell_stands_out(view) else ""
+        return f"{name}: {percent(view.share)}{whole}"
+    repeats = view.name == "time" and residual.folding is not None
+    return f"{name}: all repeats" if repeats else f"{name}: no relation"
 
 
 def _draw_time(axis, view: View, location: Location) -> None:
@@ -189,7 +194,9 @@ def _draw_map(figure, axis, view: View, location: Location) -> None:
     image = axis.pcolormesh(
         columns, rows, mean, cmap="cividis", vmin=low, vmax=high, edgecolor="white", linewidth=0.2
     )
-    chance = np.abs(table["z_score"].reshape(mean.shape)) < _SIGNIFICANT_Z
+    chance = np.abs(table["z_score"].reshape(mean.shape)) < SIGNIFICANT_Z
+    if view.p_value < SIGNIFICANT and no_cell_stands_out(view):
+        chance[:] = False  # the pattern is none of chance, though each of its cells alone may be
     for row, column in np.argwhere(chance):
         axis.plot(
             (columns[column] + columns[column + 1]) / 2,

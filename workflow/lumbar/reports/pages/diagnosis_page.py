@@ -111,7 +111,7 @@ def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Verdict, 
         ", ".join(form.name for form in candidate.fit.structure.forms) or "–",
         f"{candidate.train_rms:.4g}",
         f"{candidate.test_rms:.4g}",
-        "–" if floor is None else f"{candidate.test_rms / floor.rms:.3g}",
+        "–" if floor is None else f"{candidate.test_rms / floor.rms:.4g}",
         "–" if ranked is None else probability(ranked.p_value).removeprefix("p = ").removeprefix("p "),
         "yes" if candidate.fit.converged else "no",
     )
