@@ -77,8 +77,8 @@ def doctor(
     --------
     >>> import lumbar
     >>> from lumbar.synthetic.examples import example_records
-    >>> found = lumbar.doctor(example_records(), effects=["hardening_stiffness"], faults=False, quick=True)
-    >>> found["hardening_stiffness"].words
+    >>> found = lumbar.doctor(example_records(), effects=["coulomb_friction"], faults=False, quick=True)
+    >>> found["coulomb_friction"].words
     'named'
     """
     from lumbar.diagnosis.doctor.examination import Scope, examine

@@ -12,7 +12,9 @@ from lumbar.diagnosis.doctor.injection import Injection, without_effect
 from lumbar.diagnosis.doctor.outcome import Diagnose, Kind, Outcome, diagnosed, judge_effect
 from lumbar.diagnosis.doctor.smallest import Search, search
 from lumbar.diagnosis.doctor.truth import Truth
+from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit
+from lumbar.diagnosis.selection.forward_selection import ADEQUATE
 from lumbar.diagnosis.selection.null_distribution import shipped
 from lumbar.models.form import Effect, Form
 
@@ -124,6 +126,16 @@ def effect_sizes(
         yield _sized(truth, injection, threshold, diagnose, quick)
 
 
+def _least_visible(model: Fit, training: FitData, threshold: float) -> float:
+    """RMS in those of the noise that a search must see of an effect.
+
+    Its gain N r² must reach the threshold. Beside an effect that the model has already it must also raise the error above what
+    counts as adequate: a search ends there.
+    """
+    least = float(np.sqrt(threshold / training.size))
+    return max(least, float(np.sqrt(ADEQUATE**2 - 1))) if model.structure.forms else least
+
+
 def _sized(
     truth: Truth, injection: Injection, threshold: float, diagnose: Diagnose, quick: bool
 ) -> EffectSize:
@@ -133,7 +145,7 @@ def _sized(
         present = injection.rms(truth.fit)
     if injection.largest <= 0:
         return EffectSize(form, injection, noise, present, None, None)
-    predicted = injection.predicted(noise, threshold)
+    predicted = injection.predicted(noise * _least_visible(model, truth.training, threshold))
     most = len(model.structure.forms) + 1
 
     def outcome_at(strength: float) -> Outcome:

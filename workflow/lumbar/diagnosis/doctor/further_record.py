@@ -23,6 +23,8 @@ _HARDEST = 3
 """Effects, those that are named last, that a further record is sought for where nothing is unclear."""
 _HELPS = 1.5
 """Factor on the distance from which on a record is said to help."""
+_HIDDEN = 0.1
+"""Noise standard deviations below which a distance is as good as none."""
 _NAMED_IN_SENTENCE = 4
 
 
@@ -152,8 +154,9 @@ def further_record(
 ) -> FurtherRecord | None:
     """Search the excitation that answers the open questions best, to first order.
 
-    Each answer counts by the logarithm of its distance, up to twice what is clear, so that one clear answer does not stand
-    for many. None where no excitation is better than the training record.
+    Each answer counts by the logarithm of its distance, so that one clear answer does not stand for many. Where excitations
+    within the recorded range make all of them clear, one of these is taken. None where no excitation is better than the
+    training record.
 
     Parameters
     ----------
@@ -174,7 +177,7 @@ def further_record(
         return np.array([item.distance(data, noise) for item in questions])
 
     def told(found: np.ndarray) -> float:
-        return float(np.sum(np.log(np.clip(found, 1e-3, 2 * CLEAR))))
+        return float(np.sum(np.log(np.maximum(found, _HIDDEN))))
 
     recorded = distances(longest)
     judged = [

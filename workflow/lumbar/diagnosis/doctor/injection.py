@@ -70,21 +70,17 @@ class Injection:
             return fit_at(rms / largest)
         return fit_at(self._dose_of(min(rms, largest)))
 
-    def predicted(self, noise: float, threshold: float) -> float:
-        """Smallest RMS of the force that a search would select, to first order.
+    def predicted(self, least: float) -> float:
+        """Smallest RMS of the force of which so much is visible, to first order.
 
-        Of the force counts what the model's own parameters cannot take up, the share s of its square after whitening: the
-        gain N s rms²/σ² must reach the threshold (`lumbar.diagnosis.design.detectable.detectable_effects`). NaN where the
-        model takes up all of it.
+        Visible is what the model's own parameters cannot take up, after whitening, as of
+        `lumbar.diagnosis.design.detectable.detectable_effects`. NaN where they take up all of it.
 
         Parameters
         ----------
-        noise : float
-            RMS per sample.
-        threshold : float
-            Gain that is selected.
+        least : float
+            RMS that must be visible.
         """
-        least = noise * np.sqrt(threshold / self.data.size)
         rms = min(least, self.largest)
         for _ in range(_ROUNDS):
             fit = self.at(rms)

@@ -14,7 +14,7 @@ CLOSE = 1.5
 _MOST_TRIALS = 6
 _ABOVE = 1.25
 """First strength tried in the bisection, in predicted ones; from there it goes by factors of 2, and between them by halves."""
-_QUICK = 1.5
+_QUICK = 2.0
 """Strength of the one trial that confirms a prediction, in predicted ones."""
 
 
