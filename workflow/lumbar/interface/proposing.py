@@ -42,8 +42,9 @@ def propose(
     """
     from lumbar.interface.diagnosis import diagnose
 
-    options = {"base": base, "train": train, "periods": periods, "settings": settings, "seed": seed}
-    return proposed(diagnose(records, **options, data=data))
+    return proposed(
+        diagnose(records, base=base, train=train, periods=periods, settings=settings, seed=seed, data=data)
+    )
 
 
 def proposed(diagnosis: Diagnosis) -> ProposedLaw:
@@ -55,9 +56,8 @@ def proposed(diagnosis: Diagnosis) -> ProposedLaw:
         For a pendulum: the library of terms is that of tissue.
     """
     from lumbar.diagnosis.law.proposal import propose as search
-    from lumbar.models.bases import BASES
 
-    if BASES[diagnosis.settings.base].system != "tissue":
+    if diagnosis.settings.system != "tissue":
         raise InputError(
             f"base {diagnosis.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
         )

@@ -24,6 +24,7 @@ import gzip
 import os
 import sys
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -73,8 +74,9 @@ def read_record(
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
+    lines: Sequence[int] | None = None
     if layout.format == "mat":
-        raw, lines = _read_mat(path, layout), None
+        raw = _read_mat(path, layout)
     else:
         raw, lines = _read_plain_table(path, layout) or _read_text(path, layout)
     columns = {role: column for role, column in layout.columns.items() if role in raw}

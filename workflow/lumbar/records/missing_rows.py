@@ -53,7 +53,8 @@ def with_missing_rows(
     filled = np.setdiff1d(every, places)
     time = np.interp(every, places, record.time)
     if lines is not None:
-        lines = np.asarray(lines)[np.searchsorted(places, every, side="right") - 1]
+        before = np.searchsorted(places, every, side="right") - 1
+        lines = [lines[index] for index in before]
     whole = replace(record, time=time, filled=tuple(filled.tolist()))
     return whole.with_values(**_interpolated(record, places, every)), lines
 
