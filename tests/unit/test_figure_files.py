@@ -6,6 +6,7 @@ import io
 import re
 import zlib
 
+import matplotlib
 import matplotlib.pyplot as plt
 import pytest
 from fontTools.ttLib import TTFont
@@ -31,7 +32,8 @@ def figure():
 
 
 def test_pdf_fonts_are_the_outlines_that_matplotlib_embeds(figure, tmp_path):
-    figure.savefig(tmp_path / "whole.pdf")
+    with matplotlib.rc_context({"pdf.fonttype": 42}):
+        figure.savefig(tmp_path / "whole.pdf")
     save(figure, tmp_path / "saved", "")
     content = (tmp_path / "saved.pdf").read_bytes()
     assert b"/Type3" not in content

@@ -91,7 +91,7 @@ def test_location_has_nine_panels_with_what_was_found(tests):
 def test_location_of_noise_says_so(tests):
     other, response = tests[1]
     figure = location_figure(locate(other, response, noise_floor(tests[0][0]), "multisine"))
-    assert figure.axes[0].get_title(loc="right") == "time: only noise"
+    assert figure.axes[0].get_title(loc="right") == "time: no relation"
 
 
 def test_location_without_reversals_or_floor():

@@ -143,7 +143,7 @@ def _dashpot_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarra
     return [touching * (surface + nonlinear[0] * motion.velocity)]
 
 
-_FREE = r"\quad F \ge 0"
+_FREE = r"\quad F \geq 0"
 _TOUCHED = (
     Base(
         "LE-contact",

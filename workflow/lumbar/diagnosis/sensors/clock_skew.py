@@ -31,6 +31,8 @@ _TAPS = 16
 """Half length of the interpolating filter, in samples."""
 _KAISER = 8.0
 _BLOCK = 1 << 15
+_ROUNDING = 1e-20
+"""Power of the digits that a force is written with, in that of its mean period."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,9 @@ def find_skew(record: Record) -> ClockSkew | None:
     deviations = force - mean - slip * np.outer(middle, rate)
     growth = middle @ deviations / (middle @ middle)
     noise = line_power(deviations - np.outer(middle, growth), len(force) - 2)
-    weight = 1 / np.sqrt(smooth_power(noise, len(force) - 2) * len(mean) / (middle @ middle))
+    # A force that repeats exactly has no noise but its digits.
+    level = np.maximum(smooth_power(noise, len(force) - 2), _ROUNDING * np.mean(mean**2))
+    weight = 1 / np.sqrt(level * len(mean) / (middle @ middle))
     weight[0] = 0.0  # a level that drifts says nothing
     ramp = np.linspace(-1, 1, len(mean))  # nor does its drift within a period
     spectra = {"rate": rate, "force": mean, "position": position.mean(axis=0), "speed": speed}
