@@ -81,7 +81,9 @@ def test_a_full_disk_does_not_hide_the_error_behind_the_log(job):
 def test_ctrl_c_ends_a_command_in_one_line_and_leaves_nothing(tmp_path):
     (tmp_path / "old.txt").write_text("old")
     script = (
-        "import sys, time; from lumbar.cli import command; from lumbar.files import replacing\n"
+        "import signal, sys, time; from lumbar.cli import command; from lumbar.files import replacing\n"
+        # A shell that runs its jobs behind ignores the signal for them.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "def run(options):\n"
         f"    with replacing({str(tmp_path / 'old.txt')!r}) as path:\n"
         "        path.write_text('half of the new'); print('ready', flush=True); time.sleep(60)\n"
