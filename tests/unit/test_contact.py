@@ -11,6 +11,7 @@ from periodic_records import STEP, noise, record
 
 import lumbar
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.selection.base_choice import choose_base
 from lumbar.diagnosis.selection.diagnose import diagnose
 from lumbar.diagnosis.selection.refine import refined_fit
 from lumbar.effects.catalogue import CATALOGUES, TISSUE
@@ -60,6 +61,15 @@ def test_the_surface_is_told(pressed):
     assert finding.value == pressed.experiment.surface
     assert finding.unit == "mm"
     assert "The tool is not fastened to the tissue: it meets the surface at 3.0" in finding.sentence
+
+
+def test_a_base_chosen_again_finds_the_same_surface(pressed):
+    """Of records with zeros of their own, or with another base, whose positions count from the surface already."""
+    again, base = choose_base(pressed.experiment, "KB-contact", {})
+    assert again.surface == pytest.approx(pressed.experiment.surface, abs=1e-3)
+    assert base.test_rms == pytest.approx(pressed.base.test_rms, rel=1e-3)
+    fastened, _ = choose_base(pressed.experiment, "KB", {})
+    assert fastened.surface == 0.0
 
 
 def test_what_hardens_under_the_tool_is_named(pressed_hard):

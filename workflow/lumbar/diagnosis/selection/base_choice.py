@@ -51,6 +51,8 @@ def choose_base(
         Its positions counted from the tissue's surface where the base is one with contact.
     Candidate
     """
+    # Surfaces are positions as recorded, also where a base is chosen again.
+    experiment = experiment.counted_from(0.0)
     if name != CHOSEN_BY_DATA:
         if BASES[name].contact:
             return _surface_of_refined(*at_surface(experiment, (name,)), catalogue)
