@@ -223,6 +223,6 @@ def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkey
 
 
 def test_a_law_is_for_tissue():
-    diagnosis = SimpleNamespace(settings=SimpleNamespace(base="pendulum"))
+    diagnosis = SimpleNamespace(settings=SimpleNamespace(base="pendulum", system="pendulum"))
     with pytest.raises(InputError, match="no passive force"):
         proposed(diagnosis)

@@ -49,6 +49,7 @@ VISCOUS_DAMPING = Effect(
     mechanism="A dashpot beside the tissue: a force in proportion to the speed.",
     source="Fung, Biomechanics: Mechanical Properties of Living Tissues (1993), section 2.11",
     experiment="excite at higher frequencies: the force of a dashpot grows with them, that of a Maxwell branch does not",
+    linear=True,
     forms=(
         Form(
             name="dashpot",
@@ -100,6 +101,7 @@ INERTIA = Effect(
     mechanism="Mass that moves with the sensor.",
     source="Newton's second law",
     experiment="excite at higher frequencies: inertia grows with their square, in anti-phase with the spring",
+    linear=True,
     forms=(
         Form(
             name="mass",

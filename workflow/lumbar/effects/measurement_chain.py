@@ -56,6 +56,7 @@ DELAY = Effect(
     mechanism="The force comes late: transport or processing time between position and force.",
     source="Ljung, System Identification (1999), section 4.2",
     experiment="excite at higher frequencies: a delay turns the phase in proportion to frequency, at equal gain",
+    linear=True,
     forms=(
         Form(
             name="pure",

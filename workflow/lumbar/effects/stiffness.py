@@ -188,6 +188,7 @@ SECOND_RELAXATION = Effect(
     mechanism="The tissue relaxes on a second time scale: another Maxwell branch.",
     source="Wiechert (1893); Fung (1993), section 2.11",
     experiment="hold a step for several of the new time constants, or excite well above 1/(2πτ) if it is fast",
+    linear=True,
     forms=(
         Form(
             name="maxwell_branch",

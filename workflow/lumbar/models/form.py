@@ -222,6 +222,8 @@ class Effect:
         Whether it grows with time or path from each record's start, so that short records hardly show it.
     unrepeated : bool
         Whether it acts on a clock of its own, apart from the excitation's.
+    linear : bool
+        Whether a linear time-invariant model stays one with it.
     """
 
     name: str
@@ -231,6 +233,7 @@ class Effect:
     experiment: str = ""
     accumulates: bool = False
     unrepeated: bool = False
+    linear: bool = False
 
     @property
     def changes(self) -> bool:

@@ -30,7 +30,7 @@ from lumbar.diagnosis.selection.forward_selection import (
     pairs,
     unseen_improvement,
 )
-from lumbar.diagnosis.selection.linear_gate import LINEAR_EFFECTS, linear_alternative, linear_finding
+from lumbar.diagnosis.selection.linear_gate import linear_alternative, linear_finding
 from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
 from lumbar.diagnosis.selection.offsets import offsets
 from lumbar.diagnosis.selection.thresholds import (
@@ -62,7 +62,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
 
     Returns
     -------
-    Diagnosis
+    Verdict
 
     Raises
     ------
@@ -73,14 +73,12 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     experiment = prepare_for(records, settings)
     usable, not_tried = without_channels(settings.candidates, experiment.training.motion.channels)
     settings = replace(settings, catalogue=usable)
-    turned = None
     if settings.system == "tissue":
         # As recorded: a command that jumps between levels would be taken for a coarse sensor, and smoothed.
         as_recorded = prepare(records, settings.train, settings.periods) if experiment.faults else experiment
         turned = direction_or_sign(as_recorded)
-        experiment = experiment if turned is None else as_recorded
-    if turned is not None:
-        return replace(_turned(experiment, settings, turned), not_tried=not_tried)
+        if turned is not None:
+            return replace(_turned(as_recorded, settings, turned), not_tried=not_tried)
     found = _searched(experiment, settings)
     if experiment.error_dwarfs_noise(found.model.train_rms):
         found = _searched(experiment.unwhitened(), settings)
@@ -92,7 +90,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
 def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> Verdict:
     """Search again with a zero of its own for every record, where the model or a smaller one does much better with them.
 
-    Where records differ in their zeros a drift may pass for the difference.
+    Where records differ in their zeros, what accumulates (a drift) may pass for the difference.
     """
     experiment = found.experiment
     if settings.system != "tissue" or experiment.own_zeros:
@@ -103,16 +101,14 @@ def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> Verdict:
         again = judge(refit(item.fit.structure, with_zeros.training, item.fit.nonlinear), with_zeros)
         return again.test_rms < _ZEROS_HELP * item.test_rms
 
-    if "drift" not in found.selected and not any(helps(item) for item in found.ladder):
+    accumulating = any(settings.candidates[name].accumulates for name in found.selected)
+    if not (accumulating or any(helps(item) for item in found.ladder)):
         return found
     searched = _searched(with_zeros, settings)
     better = searched.model.test_rms < _ZEROS_HELP * found.model.test_rms
     simpler = len(searched.selected) < len(found.selected)
-    return (
-        searched
-        if better or (simpler and searched.model.test_rms < found.model.test_rms / _ZEROS_HELP)
-        else found
-    )
+    as_good = searched.model.test_rms < found.model.test_rms / _ZEROS_HELP
+    return searched if better or (simpler and as_good) else found
 
 
 def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
@@ -130,7 +126,7 @@ def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict
     said = [linear_finding(linear, found.model, experiment)]
     if (nonlinear_share(experiment, linear.fit) or 0.0) > _NONLINEAR:
         return replace(found, verdict="unexplained", tied_with=[]), said
-    only = {name: effect for name, effect in settings.candidates.items() if name in LINEAR_EFFECTS}
+    only = {name: effect for name, effect in settings.candidates.items() if effect.linear}
     if not set(found.selected) <= set(only):
         found = _searched(experiment, replace(settings, catalogue=only))
         if linear_alternative(found.model, experiment) is None:
@@ -150,7 +146,7 @@ def _turned(experiment: Experiment, settings: DiagnosisSettings, turned: Finding
         [],
         0.0,
         "unexplained",
-        findings=(*experiment.faults, turned),
+        findings=(turned,),
     )
 
 

@@ -8,9 +8,6 @@ from lumbar.diagnosis.linear.higher_order import linear_dynamics
 from lumbar.diagnosis.selection.forward_selection import Candidate, judge, unseen_improvement
 from lumbar.diagnosis.selection.thresholds import TIED, UNSEEN
 
-LINEAR_EFFECTS = ("second_relaxation", "viscous_damping", "inertia", "delay")
-"""Effects of the catalogue that leave the model linear."""
-
 
 def linear_alternative(model: Candidate, experiment: Experiment) -> Candidate | None:
     """Linear model of higher order that explains all records surely better than a selected one; None where there is none.
