@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.evidence.evidence import Evidence
     from lumbar.diagnosis.finding import Finding
     from lumbar.diagnosis.fitting.preparation import Experiment
+    from lumbar.diagnosis.law.proposal import Proposal
     from lumbar.diagnosis.residuals.residual_report import Simulated
     from lumbar.diagnosis.selection.forward_selection import Candidate
     from lumbar.diagnosis.selection.verdict import Verdict
@@ -52,7 +53,7 @@ def diagnose(
     periods : mapping of str to float, optional
         Periods of excitations in seconds by record; default found from the input.
     settings : ImprovementSettings, optional
-        Effects of your own (``effect_files``), how many effects to add.
+        Effects of your own (``effect_files``), how many effects to add, whether to propose a law for what they leave.
     machine : MachineSettings, optional
         Limits of the machine that would play a separating excitation.
     seed : int
@@ -81,13 +82,16 @@ def diagnose(
     The KB model is missing coulomb friction: with it the error on unseen records falls from 0.224 to 0.0099 N.
     """
     from lumbar.diagnosis.fitting.manageable import manageable
+    from lumbar.diagnosis.law.beside_verdict import law_beside, with_law
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
+    settings = settings or ImprovementSettings()
     chosen = _chosen(settings, base, train, periods)
     used, changed = manageable(list(records))
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
-    return Diagnosis(used, chosen, verdict, machine, seed, data)
+    proposal = law_beside(verdict) if settings.propose_law and chosen.system == "tissue" else None
+    return Diagnosis(used, chosen, with_law(verdict, proposal), machine, seed, data, proposal)
 
 
 def refine(
@@ -161,6 +165,8 @@ class Diagnosis:
     machine : MachineSettings or None
     seed : int
     data : str
+    proposal : Proposal or None
+        The search of a law for what the catalogue leaves, where one was made.
     """
 
     records: list[Record]
@@ -169,6 +175,7 @@ class Diagnosis:
     machine: MachineSettings | None
     seed: int
     data: str
+    proposal: Proposal | None = None
 
     @property
     def selected(self) -> tuple[str, ...]:
@@ -244,7 +251,7 @@ class Diagnosis:
         return diagnosis_page(self.verdict, self.evidence, self.candidates, self.data, dict(pictures or {}))
 
     def save(self, folder: str | os.PathLike, pictures: bool = True) -> None:
-        """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json`` and ``diagnosis.html``.
+        """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json``, ``diagnosis.html`` and a proposed law's file.
 
         Parameters
         ----------
@@ -264,6 +271,15 @@ class Diagnosis:
         write_json(folder / "refined.json", document)
         write_text(folder / "diagnosis.html", self.to_html(drawn))
         write_diagnosis(self.verdict, self.evidence, folder, self.data)
+        self._save_law(folder / "proposed_law.yaml")
+
+    def _save_law(self, path: Path) -> None:
+        """Write the effect's file; one that an earlier diagnosis left there is taken away."""
+        law = self.propose() if self.proposal is not None else None
+        if law is not None and law.found:
+            law.save(path, path.stem)
+        else:
+            path.unlink(missing_ok=True)
 
     def _save_pictures(self, folder: Path) -> dict[str, Path]:
         from lumbar.diagnosis.residuals.compare import comparison_table
@@ -273,7 +289,9 @@ class Diagnosis:
         simulated = self.base_on_records
         comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")
         location_table([item.location for item in simulated], self.data).write(folder / "location")
-        return draw_pictures(self.verdict, simulated, self.candidates, folder, self.data)
+        return draw_pictures(
+            self.verdict, simulated, self.candidates, folder, self.data, proposal=self.proposal
+        )
 
     def __str__(self) -> str:
         return "\n  ".join(self.sentences)

@@ -98,6 +98,11 @@ class Verdict:
         return self.model.effects
 
     @property
+    def turned(self) -> Finding | None:
+        """The finding that input and output, or a sign, are the wrong way round; None where they are not."""
+        return next((item for item in self.findings if item.kind in ("direction", "sign")), None)
+
+    @property
     def complete(self) -> bool | None:
         """Whether the verdict on the refined model is ``adequate``; None where the noise floor is unknown."""
         return None if self.experiment.floor is None else self.verdict_after == "adequate"
