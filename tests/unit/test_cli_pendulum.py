@@ -65,9 +65,11 @@ def test_compare_locate_and_refine(run, friction, tmp_path):
     status, out, err = run("locate", *common)
     assert status == 0, err
     assert "Around reversals" in out
-    status, out, err = run("refine", *common, "--add", "coulomb_friction")
+    status, out, err = run("refine", *common, "--add", "coulomb_friction", "--data", "a bench")
     assert status == 0, err
-    base, model = json.loads((tmp_path / "refined.json").read_text(encoding="utf-8"))["models"]
+    written = json.loads((tmp_path / "refined.json").read_text(encoding="utf-8"))
+    assert written["data"] == "a bench"
+    base, model = written["models"]
     assert model["name"] == "pendulum+coulomb_friction"
     assert model["scores"]["train_rms"] < 0.3 * base["scores"]["train_rms"]
     status, _, err = run("refine", *common, "--add", "backlash")

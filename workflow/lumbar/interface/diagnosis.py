@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.effects.pendulum_load import GRAVITY
+from lumbar.interface.data_label import data_label
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
@@ -62,7 +63,7 @@ def diagnose(
     seed : int
         Of the intervals.
     data : str
-        Words for the source of the data, for pages and figures.
+        Words for the source of the data, for pages and figures; default the folder or file they were read from.
 
     Returns
     -------
@@ -88,6 +89,7 @@ def diagnose(
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
     chosen = _chosen(settings, base, train, periods, gravity_m_s2)
+    data = data_label(data, (record.source for record in records))
     used, changed = manageable(list(records))
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
@@ -136,6 +138,7 @@ def refine(
     '0.40 N'
     """
     chosen = _chosen(settings, base, train, periods, gravity_m_s2)
+    data = data_label(data, (record.source for record in records))
     return _refined(list(records), list(effects), chosen, seed, data)
 
 

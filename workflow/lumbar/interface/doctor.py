@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from lumbar.effects.pendulum_load import GRAVITY
 from lumbar.errors import InputError
-from lumbar.interface.data_label import data_label
 from lumbar.interface.diagnosis import Diagnosis, diagnose
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
@@ -105,7 +104,7 @@ def doctor(
         machine=machine,
         gravity_m_s2=gravity_m_s2,
         seed=seed,
-        data=data_label(data, (record.source for record in records)),
+        data=data,
     )
     scope = Scope(None if effects is None else tuple(effects), faults, all_forms, quick)
     limits = machine_limits(machine, own.verdict.experiment)
