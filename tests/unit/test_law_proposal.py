@@ -29,10 +29,11 @@ from lumbar.diagnosis.law.beside_verdict import law_beside, with_law
 from lumbar.diagnosis.law.blocks import alternate
 from lumbar.diagnosis.law.checks import is_dissipative, least_work, stays_bounded
 from lumbar.diagnosis.law.effect_file import effect_text, finding, form_found, sentences
+from lumbar.diagnosis.law.law_form import form_of
 from lumbar.diagnosis.law.proposal import propose
 from lumbar.diagnosis.law.search import Search
 from lumbar.diagnosis.law.surface import surfaces
-from lumbar.diagnosis.law.terms import form_of, library
+from lumbar.diagnosis.law.terms import library
 from lumbar.diagnosis.selection.diagnose import diagnose as search
 from lumbar.diagnosis.selection.sentences import headline
 from lumbar.effects.catalogue import TISSUE

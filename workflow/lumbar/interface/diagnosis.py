@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.effects.pendulum_load import GRAVITY
+from lumbar.interface.data_label import data_label
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
@@ -37,6 +39,7 @@ def diagnose(
     periods: Mapping[str, float] | None = None,
     settings: ImprovementSettings | None = None,
     machine: MachineSettings | None = None,
+    gravity_m_s2: float = GRAVITY,
     seed: int = SEED,
     data: str = "",
 ) -> Diagnosis:
@@ -56,10 +59,12 @@ def diagnose(
         Effects of your own (``effect_files``), how many effects to add, whether to propose a law for what they leave.
     machine : MachineSettings, optional
         Limits of the machine that would play a separating excitation.
+    gravity_m_s2 : float
+        That acts on a pendulum.
     seed : int
         Of the intervals.
     data : str
-        Words for the source of the data, for pages and figures.
+        Words for the source of the data, for pages and figures; default the folder or file they were read from.
 
     Returns
     -------
@@ -86,7 +91,8 @@ def diagnose(
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
     settings = settings or ImprovementSettings()
-    chosen = _chosen(settings, base, train, periods)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2)
+    data = data_label(data, (record.source for record in records))
     used, changed = manageable(list(records))
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
@@ -102,6 +108,7 @@ def refine(
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
     settings: ImprovementSettings | None = None,
+    gravity_m_s2: float = GRAVITY,
     seed: int = SEED,
     data: str = "",
 ) -> Refinement:
@@ -134,12 +141,14 @@ def refine(
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
-    return _refined(list(records), list(effects), _chosen(settings, base, train, periods), seed, data)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2)
+    data = data_label(data, (record.source for record in records))
+    return _refined(list(records), list(effects), chosen, seed, data)
 
 
-def _chosen(settings, base, train, periods) -> DiagnosisSettings:
+def _chosen(settings, base, train, periods, gravity_m_s2) -> DiagnosisSettings:
     return DiagnosisSettings.from_improvement(
-        settings or ImprovementSettings(), base, train, dict(periods or {})
+        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2
     )
 
 

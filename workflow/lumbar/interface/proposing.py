@@ -128,7 +128,7 @@ class ProposedLaw:
 
         if not self.proposal.is_needed:
             raise InputError(f"nothing to draw: {self.sentences[0]}")
-        save(law_figure(self.proposal), Path(stem), self.diagnosis.data or "records")
+        save(law_figure(self.proposal), Path(stem), self.diagnosis.data)
 
     @property
     def sentences(self) -> list[str]:

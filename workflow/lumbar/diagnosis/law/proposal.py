@@ -19,9 +19,10 @@ from lumbar.diagnosis.law.checks import (
     motions,
     stays_bounded,
 )
+from lumbar.diagnosis.law.law_form import form_of
 from lumbar.diagnosis.law.search import Law, Search
 from lumbar.diagnosis.law.surface import Surface, surfaces
-from lumbar.diagnosis.law.terms import Term, form_of, knows, library
+from lumbar.diagnosis.law.terms import Term, knows, library
 from lumbar.diagnosis.selection.forward_selection import (
     Candidate,
     gain,

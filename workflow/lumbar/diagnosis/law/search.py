@@ -19,7 +19,8 @@ from lumbar.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.diagnosis.fitting.joint_fit import Fit, fit, nonlinear_starts, shape_bounds, solve_linear
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.sensitivity_subspace import added_forces, beyond, tangent_basis
-from lumbar.diagnosis.law.terms import Term, distinct, form_of
+from lumbar.diagnosis.law.law_form import distinct, form_of
+from lumbar.diagnosis.law.terms import Term
 from lumbar.diagnosis.selection.forward_selection import (
     Candidate,
     is_adequate,
@@ -111,7 +112,7 @@ class Search:
         for term in self.library:
             if term.place is Place.OUTPUT:
                 continue
-            form = term.form()
+            form = form_of((term,))
             for start in nonlinear_starts(form, data, anything):
                 with np.errstate(all="ignore"):
                     forces = data.counted(forces_of(form, data.motion, start))
@@ -137,7 +138,7 @@ class Search:
         residual = data.force - model.simulate(data.motion)
         for term in self.library:
             if term.place is Place.OUTPUT:
-                form = term.form()
+                form = form_of((term,))
                 for start in nonlinear_starts(form, data, residual):
                     found.append(_Column(term, start, added_forces(model, form, data, start)))
         return found
