@@ -201,7 +201,7 @@ class Diagnosis:
         """Base, base and first effect, …."""
         from lumbar.diagnosis.selection.refined_model import fitted_model
 
-        return [fitted_model(item, self.verdict.experiment) for item in self.verdict.ladder]
+        return [fitted_model(item, self.verdict.experiment) for item in self.verdict.path]
 
     @property
     def model(self) -> FittedModel:
@@ -276,7 +276,7 @@ class Diagnosis:
         folder, drawn = Path(folder), {}
         if pictures:
             drawn = self._save_pictures(folder)
-        document = refined_document(self.verdict.ladder, self.verdict.experiment, self.data)
+        document = refined_document(self.verdict.path, self.verdict.experiment, self.data)
         write_json(folder / "refined.json", document)
         write_text(folder / "diagnosis.html", self.to_html(drawn))
         write_diagnosis(self.verdict, self.evidence, folder, self.data)

@@ -23,8 +23,8 @@ from lumbar.diagnosis.law.law_form import distinct, form_of
 from lumbar.diagnosis.law.terms import Term
 from lumbar.diagnosis.selection.forward_selection import (
     Candidate,
+    evaluate,
     is_adequate,
-    judge,
     unseen_improvement,
 )
 from lumbar.diagnosis.selection.thresholds import UNSEEN, WORTHWHILE
@@ -189,7 +189,7 @@ class Search:
             return None
         if _at_bound(found, self.experiment.training, len(before)):
             return self.in_the_limit(law, terms, found.nonlinear[len(before) :])
-        candidate = judge(found, self.experiment)
+        candidate = evaluate(found, self.experiment)
         return Law(law.start, terms, candidate, shared) if np.isfinite(candidate.score) else None
 
     def in_the_limit(self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray) -> Law | None:

@@ -6,7 +6,13 @@ import numpy as np
 
 from lumbar.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment
-from lumbar.diagnosis.selection.forward_selection import Candidate, best_by_effect, extend, is_adequate, judge
+from lumbar.diagnosis.selection.forward_selection import (
+    Candidate,
+    best_by_effect,
+    evaluate,
+    extend,
+    is_adequate,
+)
 from lumbar.diagnosis.selection.thresholds import TIED
 from lumbar.models.bases import BASES, CHOSEN_BY_DATA
 from lumbar.models.form import Effect
@@ -94,13 +100,13 @@ def base_beside(model: Candidate, experiment: Experiment) -> str | None:
             continue
         bare = fit_base(Structure(other), experiment.training)
         start = np.concatenate([bare.nonlinear, *(parts[form.key] for form in forms)])
-        found.append(judge(fit(Structure(other, forms), experiment.training, start), experiment))
+        found.append(evaluate(fit(Structure(other, forms), experiment.training, start), experiment))
     best = min(found, key=lambda item: item.score)
     return best.fit.structure.base.name if best.score < model.score - TIED else None
 
 
 def _fitted(experiment: Experiment, name: str) -> Candidate:
-    return judge(fit_base(Structure(BASES[name]), experiment.training), experiment)
+    return evaluate(fit_base(Structure(BASES[name]), experiment.training), experiment)
 
 
 def first_surface(experiment: Experiment) -> float | None:
@@ -150,7 +156,7 @@ def _surface_of_refined(
     if not refined:
         return experiment, base
     moved, _ = min(refined, key=lambda pair: pair[1].score)
-    return moved, judge(fit(base.fit.structure, moved.training, base.fit.nonlinear), moved)
+    return moved, evaluate(fit(base.fit.structure, moved.training, base.fit.nonlinear), moved)
 
 
 def with_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
@@ -172,4 +178,4 @@ def with_surface(experiment: Experiment, model: Candidate, start: float) -> tupl
     )
     moved = experiment.counted_from(float(found.x))
     refit = fit(model.fit.structure, moved.training, model.fit.nonlinear)
-    return moved, judge(refit, moved)
+    return moved, evaluate(refit, moved)
