@@ -14,6 +14,9 @@ PROJECT = Path(__file__).resolve().parent.parent
 PARTS = ("Snakefile", "profiles", "config", "workflow", "resources", "envs")
 ZIG_CACHE = PROJECT / ".snakemake" / "zig-cache"
 """The cache that the workflow uses too; a cold one costs seconds, and the default study's run has one of its own."""
+PLAIN = ("-m", "snakemake")
+FORKING = (str(PROJECT / "tests" / "forking_snakemake.py"),)
+"""Its jobs do not import their libraries anew; the default study runs as users run it."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +49,11 @@ def copy_project(folder: Path) -> Path:
     return folder
 
 
-def snakemake(folder: Path, *arguments: str, env: dict[str, str] | None = None) -> Run:
+def snakemake(
+    folder: Path, *arguments: str, env: dict[str, str] | None = None, program: tuple[str, ...] = PLAIN
+) -> Run:
     """Call Snakemake in a project folder and return its status and output."""
-    command = [sys.executable, "-m", "snakemake", "--nocolor", *arguments]
+    command = [sys.executable, *program, "--nocolor", *arguments]
     environment = {
         key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LUMBAR_DATA")
     }
