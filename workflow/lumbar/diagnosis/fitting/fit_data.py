@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -73,7 +74,7 @@ class FitData:
             signal = lfilter(self.whitening, [1.0], signal, axis=0)
         return self.settled(signal)
 
-    @property
+    @cached_property
     def zeros(self) -> np.ndarray:
         """What a sensor's zero adds: one column of ones, shape (samples, 1)."""
         return np.ones((len(self.force), 1))
@@ -138,7 +139,7 @@ class JointData(FitData):
     def _with_parts(self, parts: list[FitData]) -> JointData:
         return replace(JointData.of(parts), own_zero=self.own_zero)
 
-    @property
+    @cached_property
     def zeros(self) -> np.ndarray:
         """What the sensor's zero adds: ones, or ones for each record that has a zero of its own; (samples, zeros)."""
         if not self.own_zero:
