@@ -24,7 +24,6 @@ for artefact in ARTEFACTS:
 
 
 onstart:
-    lift_limit(workflow.scheduler)
     RUN["log"] = watch(workflow, STAGES, BENCHMARKS)
 
 
