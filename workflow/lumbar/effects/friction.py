@@ -131,6 +131,7 @@ HYSTERESIS = Effect(
             state=(("r", "v/d*(1 + w*abs(r) - max(r*sign(v), 0))"),),
             solution=lambda motion, nonlinear: (bouc_wen_general(motion, *nonlinear),),
             c_solution=_BOUC_WEN_GENERAL_STEP,
+            general=True,
         ),
         Form(
             name="elastoplastic",

@@ -92,6 +92,9 @@ class Form:
         C statements that write the states of the next sample, where the solver's step is less exact.
     hand_written : HandWritten, optional
         Instead of the equation.
+    general : bool
+        Whether it holds other forms of its effect as special cases: a search tries it only where one of these is among the
+        best, for its own parameters cost time.
     essential : tuple of str
         Linear parameters without which the mechanism is not there; default any of them.
     contradiction : callable, optional
@@ -114,6 +117,7 @@ class Form:
     solution: Solution | None = None
     c_solution: str = ""
     hand_written: HandWritten | None = None
+    general: bool = False
     essential: tuple[str, ...] = ()
     contradiction: Contradiction | None = None
     effect: str = field(default="", compare=True)

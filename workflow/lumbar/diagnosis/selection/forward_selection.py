@@ -213,19 +213,25 @@ def extend(
     most : int or None
         Refit only this many effects, those with the best screening; None refits all.
     all_forms : bool
-        Refit all forms of an effect, or only the one with the best screening.
+        Refit all forms of an effect, or only the one with the best screening. General forms are refitted of the
+        `LOOK_AHEAD` effects that then are the best.
 
     Returns
     -------
     list of Candidate
         Every refitted form, best first.
     """
-    forms = [
+    every = [
         form for effect in catalogue.values() if effect.name not in model.effects for form in effect.forms
     ]
+    forms = [form for form in every if not form.general]
     if most is not None:
         forms = _promising(model.fit, forms, experiment, most, all_forms)
     found = [judge(add(model.fit, form, experiment.training), experiment) for form in forms]
+    if all_forms:
+        leading = {item.effects[-1] for item in best_by_effect(found)[:LOOK_AHEAD]}
+        general = [form for form in every if form.general and form.effect in leading]
+        found += [judge(add(model.fit, form, experiment.training), experiment) for form in general]
     return sorted(found, key=lambda item: item.score)
 
 
