@@ -93,8 +93,7 @@ class Form:
     hand_written : HandWritten, optional
         Instead of the equation.
     general : bool
-        Whether it holds other forms of its effect as special cases: a search tries it only where one of these is among the
-        best, for its own parameters cost time.
+        Whether it holds other forms of its effect as special cases: a search takes it only where these leave much.
     essential : tuple of str
         Linear parameters without which the mechanism is not there; default any of them.
     contradiction : callable, optional

@@ -16,6 +16,7 @@ from lumbar.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import prediction_variance
 from lumbar.diagnosis.noise.noise_floor import prediction_error_filter
+from lumbar.diagnosis.selection.thresholds import MOST_OF_REST
 from lumbar.models.form import Effect, Form
 
 _MOST_LEFT = 0.5
@@ -213,8 +214,8 @@ def extend(
     most : int or None
         Refit only this many effects, those with the best screening; None refits all.
     all_forms : bool
-        Refit all forms of an effect, or only the one with the best screening. General forms are refitted of the
-        `LOOK_AHEAD` effects that then are the best.
+        Refit all forms of an effect, or only the one with the best screening. With all forms, the general ones of the best
+        `LOOK_AHEAD` effects stand in where simpler ones fail: only if they remove `MOST_OF_REST` of what these leave.
 
     Returns
     -------
@@ -229,10 +230,24 @@ def extend(
         forms = _promising(model.fit, forms, experiment, most, all_forms)
     found = [judge(add(model.fit, form, experiment.training), experiment) for form in forms]
     if all_forms:
-        leading = {item.effects[-1] for item in best_by_effect(found)[:LOOK_AHEAD]}
-        general = [form for form in every if form.general and form.effect in leading]
-        found += [judge(add(model.fit, form, experiment.training), experiment) for form in general]
+        simpler = {item.effects[-1]: item for item in best_by_effect(found)[:LOOK_AHEAD]}
+        for form in every:
+            if form.general and form.effect in simpler:
+                found += _where_needed(model, form, simpler[form.effect], experiment)
     return sorted(found, key=lambda item: item.score)
+
+
+def _where_needed(
+    model: Candidate, general: Form, simpler: Candidate, experiment: Experiment
+) -> list[Candidate]:
+    """A general form refitted, where the best simpler form of its effect leaves much that it explains."""
+    if is_adequate(simpler, experiment):
+        return []
+    found = judge(add(model.fit, general, experiment.training), experiment)
+    floor = 0.0 if experiment.floor is None else experiment.floor.rms
+    rest = max(simpler.train_rms**2 - floor**2, 0.0)
+    removed = simpler.train_rms**2 - found.train_rms**2
+    return [found] if removed >= MOST_OF_REST * rest else []
 
 
 def _promising(fit: Fit, forms: list[Form], experiment: Experiment, most: int, all_forms: bool) -> list[Form]:
