@@ -34,6 +34,7 @@ COULOMB = Effect(
         ),
         Form(
             name="stribeck",
+            general=True,
             equation="(Fc + Fb*exp(-(v/v_St)**2))*tanh(v/vs)",
             place=Place.PARALLEL,
             linear=(_FORCE, LinearParameter("breakaway_excess", "{y}", symbol="Fb")),

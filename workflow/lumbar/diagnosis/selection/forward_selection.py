@@ -16,7 +16,7 @@ from lumbar.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import prediction_variance
 from lumbar.diagnosis.noise.noise_floor import prediction_error_filter
-from lumbar.diagnosis.selection.thresholds import MOST_OF_REST
+from lumbar.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
 from lumbar.models.form import Effect, Form
 
 _MOST_LEFT = 0.5
@@ -162,6 +162,21 @@ def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = AD
         return True
     left = candidate.test_rms**2 - largest(tests) ** 2
     return left <= _UNCERTAIN * prediction_variance(candidate.fit, training, tests)
+
+
+def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experiment: Experiment) -> bool:
+    """Whether a larger model explains more than what the smaller one has being slightly wrong.
+
+    It leaves noise alone, or removes a share of what the base without effects leaves to explain, or most of what the smaller
+    model leaves (`lumbar.diagnosis.selection.thresholds`).
+    """
+    if is_adequate(after, experiment):
+        return True
+    floor = 0.0 if experiment.floor is None else experiment.floor.rms
+    share = WORTHWHILE if floor else WORTHWHILE_BLIND
+    of_base, of_rest = (max(item.train_rms**2 - floor**2, 0.0) for item in (base, before))
+    removed = before.train_rms**2 - after.train_rms**2
+    return removed >= max(min(share * of_base, MOST_OF_REST * of_rest), floor**2)
 
 
 def leaves_white_noise(fit: Fit, experiment: Experiment, factor: float) -> bool:
