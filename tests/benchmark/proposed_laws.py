@@ -25,7 +25,7 @@ from lumbar.diagnosis.fitting.joint_fit import fit_base
 from lumbar.diagnosis.law import proposal as law_proposal
 from lumbar.diagnosis.law.effect_file import form_found
 from lumbar.diagnosis.law.terms import library
-from lumbar.diagnosis.selection.forward_selection import judge
+from lumbar.diagnosis.selection.forward_selection import evaluate
 from lumbar.interface.diagnosis import diagnose
 from lumbar.interface.reading import read
 from lumbar.models.bases import BASES
@@ -115,7 +115,7 @@ def null_proposes(seed: int, forced: bool) -> tuple[str, int]:
     from lumbar.diagnosis.fitting.preparation import prepare
 
     experiment = prepare(null_records(np.random.default_rng(seed)))
-    base = judge(fit_base(Structure(BASES["KB"]), experiment.training), experiment)
+    base = evaluate(fit_base(Structure(BASES["KB"]), experiment.training), experiment)
     if forced:
         empty = law_proposal.Proposal(
             experiment, base, base, None, [], 0.0, 0.0, None, law_proposal._range(experiment)

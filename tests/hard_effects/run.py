@@ -7,7 +7,6 @@ Ends with status 1 where an answer is not what ``not_yet.toml`` says that it is 
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections import Counter
 from pathlib import Path
@@ -15,9 +14,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from case_judging import NOT_YET, Label, ask_case, judge, read_labels
 
-from acceptance_page import write_section
-from answers import JUDGEMENTS, SHARED, Answer, absent, surprise
-from lumbar.files import write_json
+from acceptance_run import AcceptanceRun
+from answers import JUDGEMENTS, Answer
 
 FAMILIES = {
     "a": "weak effects",
@@ -35,34 +33,16 @@ FAMILIES = {
 
 def main() -> int:
     """Run the suite."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="families or cases, separated by commas")
-    parser.add_argument("--json", type=Path, help="write every answer whole")
-    parser.add_argument("--markdown", type=Path, help="renew the table of this page")
-    options = parser.parse_args()
-    if options.only and options.markdown:
-        parser.error("--markdown renews the whole table: not with --only")
-    folder = SHARED / "hard_effects"
-    if words := absent(folder, "hard_effects"):
-        sys.exit(words)
-    only = [name for name in options.only.split(",") if name]
-    judged, answers, surprises = [], {}, []
-    for case, label in read_labels(folder).items():
-        if only and not {case, label.family} & set(only):
-            continue
-        answer = ask_case(folder / case)
+    run = AcceptanceRun(__doc__, "hard_effects", "hard_effects")
+    judged = []
+    for case, label in run.wanted(read_labels(run.folder)).items():
+        answer = ask_case(run.folder / case)
         judgement, why = judge(label, answer)
         print(_line(case, label, answer, judgement, why), flush=True)
         judged.append((label.family, judgement, answer.seconds))
-        answers[case] = {"judgement": judgement, "why": why, "seconds": answer.seconds, **answer.document}
-        surprises.append(surprise(case, judgement, why, NOT_YET.get(case, "")))
-        if options.json:
-            write_json(options.json, answers)
+        run.keep(case, answer, judgement, why, NOT_YET.get(case, ""))
     print("\n" + _totals(judged))
-    if options.markdown:
-        write_section(options.markdown, "hard effects", _table(judged))
-    print("\n".join(filter(None, surprises)))
-    return int(any(surprises))
+    return run.end("hard effects", _table(judged))
 
 
 def _line(case: str, label: Label, answer: Answer, judgement: str, why: str) -> str:

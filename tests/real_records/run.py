@@ -7,7 +7,6 @@ Ends with status 1 where an answer is not what ``expectations.toml`` says that i
 
 from __future__ import annotations
 
-import argparse
 import sys
 from functools import partial
 from pathlib import Path
@@ -16,47 +15,28 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from data_sets import READERS
 from record_judging import expectations, judge, parameters
 
-from acceptance_page import write_section
-from answers import SHARED, absent, ask, surprise
+from acceptance_run import AcceptanceRun
+from answers import ask
 from lumbar.diagnosis.selection.sentences import effects_text
-from lumbar.files import write_json
 
 HEAD = "| data | known to be missing | named | error, unseen: base → named | published: linear → best | judgement |"
 
 
 def main() -> int:
     """Run the suite."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="data sets, separated by commas")
-    parser.add_argument("--json", type=Path, help="write every answer whole")
-    parser.add_argument("--markdown", type=Path, help="renew the table of this page")
-    options = parser.parse_args()
-    if options.only and options.markdown:
-        parser.error("--markdown renews the whole table: not with --only")
-    folder = SHARED / "real"
-    if words := absent(folder, "real_records"):
-        sys.exit(words)
-    only = [name for name in options.only.split(",") if name]
-    rows, answers, surprises = [], {}, []
-    for name, expected in expectations().items():
-        if only and not any(name.startswith(item) for item in only):
-            continue
-        answer = ask(partial(READERS[name], folder))
-        records = READERS[name](folder)[0] if answer.document else []
+    run = AcceptanceRun(__doc__, "real_records", "real")
+    rows = []
+    for name, expected in run.wanted(expectations()).items():
+        answer = ask(partial(READERS[name], run.folder))
+        records = READERS[name](run.folder)[0] if answer.document else []
         linear, best = (
             expected.published(which, records) if records else 0.0 for which in ("linear", "best")
         )
         judgement, why = judge(expected, best, answer)
         print(_text(name, expected, answer, linear, best, f"{judgement} {why}".strip()), flush=True)
         rows.append(_row(expected, answer, linear, best, f"{judgement}: {why}" if why else judgement))
-        answers[name] = {"judgement": judgement, "why": why, "seconds": answer.seconds, **answer.document}
-        surprises.append(surprise(name, judgement, why, expected.not_yet))
-    if options.json:
-        write_json(options.json, answers)
-    if options.markdown:
-        write_section(options.markdown, "real records", [HEAD, "|---|---|---|---|---|---|", *rows])
-    print("\n".join(filter(None, surprises)))
-    return int(any(surprises))
+        run.keep(name, answer, judgement, why, expected.not_yet)
+    return run.end("real records", [HEAD, "|---|---|---|---|---|---|", *rows])
 
 
 def _named(answer) -> str:

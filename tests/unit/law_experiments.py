@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 from lumbar.diagnosis.fitting.joint_fit import fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
-from lumbar.diagnosis.selection.forward_selection import Candidate, judge
+from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate
 from lumbar.models.bases import BASES
 from lumbar.models.structure import Structure
 from lumbar.records.record import Channel, Record
@@ -52,7 +52,7 @@ def records(added, seed: int = 0) -> list[Record]:
 def experiment(added, seed: int = 0) -> tuple[Experiment, Candidate]:
     """The records prepared, and the base fitted to them."""
     prepared = prepare(records(added, seed))
-    return prepared, judge(fit_base(Structure(BASES["KB"]), prepared.training), prepared)
+    return prepared, evaluate(fit_base(Structure(BASES["KB"]), prepared.training), prepared)
 
 
 def nothing(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from hidden_effects_cases import diagnosis
 
+import acceptance_run
 from acceptance_page import write_section
 from answers import Answer, ask, surprise
 from lumbar.errors import InputError
@@ -181,3 +183,31 @@ def test_a_section_of_the_page_is_replaced(tmp_path):
     )
     with pytest.raises(ValueError, match="no section"):
         write_section(page, "two", [])
+
+
+def started(monkeypatch, folder: Path, *options: str) -> acceptance_run.AcceptanceRun:
+    (folder / "records").mkdir(exist_ok=True)
+    monkeypatch.setattr(acceptance_run, "SHARED", folder)
+    monkeypatch.setattr(sys, "argv", ["run.py", *options])
+    return acceptance_run.AcceptanceRun("", "suite", "records")
+
+
+def test_a_run_keeps_every_answer_and_fails_where_one_is_not_as_recorded(monkeypatch, tmp_path, capsys):
+    run = started(monkeypatch, tmp_path, "--json", str(tmp_path / "answers.json"))
+    run.keep("one", answer("adequate"), "flagged", "weak", "flagged: weak")
+    assert run.end("", []) == 0
+    run.keep("two", Answer(crash="ZeroDivisionError"), "crash", "ZeroDivisionError", "")
+    assert run.end("", []) == 1
+    assert "two was right, and is crash now" in capsys.readouterr().out
+    kept = json.loads((tmp_path / "answers.json").read_text())
+    assert {name: item["judgement"] for name, item in kept.items()} == {"one": "flagged", "two": "crash"}
+
+
+def test_a_run_asks_only_what_is_wanted(monkeypatch, tmp_path):
+    cases = dict.fromkeys(("a00", "a01", "b00"))
+    assert list(started(monkeypatch, tmp_path).wanted(cases)) == list(cases)
+    assert list(started(monkeypatch, tmp_path, "--only", "b,a01").wanted(cases)) == ["a01", "b00"]
+    with pytest.raises(SystemExit, match="no such case; there are a00, a01, b00"):
+        started(monkeypatch, tmp_path, "--only", "c").wanted(cases)
+    with pytest.raises(SystemExit):
+        started(monkeypatch, tmp_path, "--only", "a", "--markdown", "page.md")

@@ -215,7 +215,7 @@ def test_a_fit_that_did_not_converge_is_no_result():
     found = diagnose(records)
     assert not any("did not converge" in line for line in details(found, TISSUE))
     stopped = replace(found.model, fit=replace(found.model.fit, converged=False))
-    lines = details(replace(found, ladder=[found.base, stopped]), TISSUE)
+    lines = details(replace(found, path=[found.base, stopped]), TISSUE)
     assert "did not converge" in lines[0] and "no result" in lines[0]
 
 

@@ -44,6 +44,19 @@ def test_angle_and_moment_are_enough(run, friction, tmp_path):
     assert "Not tried: variable length as measured, for want of length_m" in page
 
 
+def test_gravity_of_the_settings_reaches_the_effects(run, tmp_path):
+    folder = write(tmp_path / "load", make_pendulum_experiment("hand_load", 2, 16.0).records)
+    (tmp_path / "mars.yaml").write_text("stability: {pendulum: {gravity_m_s2: 3.71}}", encoding="utf-8")
+    common = (folder, "--base", "pendulum", "--add", "hand_load", "--output", tmp_path)
+    added = []
+    for settings in ((), ("--config", tmp_path / "mars.yaml")):
+        status, _, err = run("refine", *common, *settings)
+        assert status == 0, err
+        model = json.loads((tmp_path / "refined.json").read_text(encoding="utf-8"))["models"][-1]
+        added.append(model["structure"]["effects"][0].get("constants"))
+    assert added == [None, {"g": 3.71}]
+
+
 def test_compare_locate_and_refine(run, friction, tmp_path):
     common = (friction, "--base", "pendulum", "--output", tmp_path)
     status, out, err = run("compare", *common)
@@ -52,9 +65,11 @@ def test_compare_locate_and_refine(run, friction, tmp_path):
     status, out, err = run("locate", *common)
     assert status == 0, err
     assert "Around reversals" in out
-    status, out, err = run("refine", *common, "--add", "coulomb_friction")
+    status, out, err = run("refine", *common, "--add", "coulomb_friction", "--data", "a bench")
     assert status == 0, err
-    base, model = json.loads((tmp_path / "refined.json").read_text(encoding="utf-8"))["models"]
+    written = json.loads((tmp_path / "refined.json").read_text(encoding="utf-8"))
+    assert written["data"] == "a bench"
+    base, model = written["models"]
     assert model["name"] == "pendulum+coulomb_friction"
     assert model["scores"]["train_rms"] < 0.3 * base["scores"]["train_rms"]
     status, _, err = run("refine", *common, "--add", "backlash")

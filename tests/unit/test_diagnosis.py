@@ -10,7 +10,7 @@ import pytest
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.selection.diagnose import diagnose
-from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
+from lumbar.diagnosis.selection.null_distribution import NullDistribution, shipped
 from lumbar.diagnosis.selection.refine import refine
 from lumbar.diagnosis.selection.sentences import details, headline
 from lumbar.effects.catalogue import CATALOGUES, TISSUE
@@ -200,12 +200,12 @@ def test_too_short_a_record():
 
 
 def test_p_values_of_the_null_table():
-    table = NullGains(np.sort(np.random.default_rng(1).chisquare(2, 2000)), 28)
+    table = NullDistribution(np.sort(np.random.default_rng(1).chisquare(2, 2000)), 28)
     assert table.p_value(-1.0) == 1.0
     assert table.p_value(np.log(2) * 2) == pytest.approx(0.5, abs=0.04)
     assert table.p_value(40.0) == pytest.approx(np.exp(-20), rel=0.5)
     assert table.p_value(10.0, forms=56) == pytest.approx(2 * table.p_value(10.0))
-    assert len(shipped().gains) >= 200
+    assert len(shipped().ratios) >= 200
     for system, catalogue in CATALOGUES.items():
         # Of candidates that have come since, the probability grows in proportion.
         assert 0.9 <= shipped(system).forms / sum(len(effect.forms) for effect in catalogue.values()) <= 1

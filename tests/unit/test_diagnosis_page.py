@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from periodic_records import STEP, multisine, noise, record, relaxing_force
 
-from lumbar.diagnosis.design.detectable import detectable_effects, threshold_gain
+from lumbar.diagnosis.design.detectable import detectable_effects, threshold_ratio
 from lumbar.diagnosis.evidence.diagnosis_files import EXCITATION, diagnosis_document, write_diagnosis
 from lumbar.diagnosis.evidence.evidence import gather_evidence
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.selection.diagnose import diagnose
-from lumbar.diagnosis.selection.forward_selection import gain
-from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
+from lumbar.diagnosis.selection.forward_selection import likelihood_ratio
+from lumbar.diagnosis.selection.null_distribution import NullDistribution, shipped
 from lumbar.diagnosis.selection.sentences import runner_up
 from lumbar.diagnosis.selection.thresholds import LEVEL
 from lumbar.effects.catalogue import TISSUE
@@ -128,7 +128,7 @@ def test_an_effect_at_the_detectable_size_gains_the_threshold():
     assert diagnosis.selected == ()
     found = {item.effect: item for item in detectable_effects(diagnosis, TISSUE, shipped())}
     forms = sum(len(effect.forms) for effect in TISSUE.values())
-    threshold = threshold_gain(shipped(), forms)
+    threshold = threshold_ratio(shipped(), forms)
     # Inertia has one form and no shape: one size is stated.
     stated = found["inertia"]
     assert stated.easiest == pytest.approx(stated.hardest)
@@ -137,7 +137,7 @@ def test_an_effect_at_the_detectable_size_gains_the_threshold():
     larger = diagnose(records(lambda z: mass * acceleration(z)))
     single = next(item.candidate for item in larger.ranking if item.candidate.effects == ("inertia",))
     # Twice the log-likelihood of a force in noise scatters by 2 √(its mean).
-    assert gain(larger.base, single, larger.experiment) == pytest.approx(
+    assert likelihood_ratio(larger.base, single, larger.experiment) == pytest.approx(
         9 * threshold, abs=2.5 * 2 * np.sqrt(9 * threshold)
     )
 
@@ -149,10 +149,10 @@ def acceleration(position: np.ndarray) -> np.ndarray:
 
 
 def test_the_threshold_is_the_gain_that_one_in_a_hundred_nulls_reach():
-    null = NullGains(np.sort(np.random.default_rng(1).chisquare(3, 1000)), 30)
-    threshold = threshold_gain(null, 30)
+    null = NullDistribution(np.sort(np.random.default_rng(1).chisquare(3, 1000)), 30)
+    threshold = threshold_ratio(null, 30)
     assert null.p_value(threshold, 30) <= LEVEL < null.p_value(threshold - 0.2, 30)
-    assert threshold_gain(null, 60) > threshold
+    assert threshold_ratio(null, 60) > threshold
 
 
 FORMS = [form for effect in TISSUE.values() for form in effect.forms]

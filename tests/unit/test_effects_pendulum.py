@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lumbar.effects.catalogue import PENDULUM, TISSUE, catalogue_of, without_channels
+from lumbar.effects.catalogue import PENDULUM, TISSUE, catalogue_of, catalogue_with, without_channels
 from lumbar.effects.windows import interval_starts, modulation_starts
 from lumbar.errors import InputError
 from lumbar.models.bases import BASES
@@ -45,11 +45,11 @@ CHANNELS = {
 MOTION = Motion(TIME, angle(TIME), 0.01, channels=CHANNELS)
 
 
-def newton(hanging=True, length=None, central=CENTRAL, box=None, pivot=None):
+def newton(hanging=True, length=None, central=CENTRAL, box=None, pivot=None, gravity=9.81):
     """Moment of the swing by Newton's law, with its viscous damping."""
     masses = (Mass(MASS, length or constant(LENGTH)), *((box,) if box else ()))
     moving = {"pivot_x": pivot[0], "pivot_z": pivot[1]} if pivot else {}
-    swing = Swing(angle, masses, central, hanging, **moving)
+    swing = Swing(angle, masses, central, hanging, **moving, gravity=gravity)
     return swing.moment(TIME) + DAMPING * rate(angle, TIME)
 
 
@@ -64,8 +64,8 @@ def assert_alike(found, expected):
 SIGNS = pytest.mark.parametrize(("name", "sign"), [("hanging", 1.0), ("inverted", -1.0)])
 
 
-def simulated(key, linear, nonlinear=(), base=None, sign=1.0):
-    structure = Structure(BASES["pendulum"], (FORMS[key],) if key else ())
+def simulated(key, linear, nonlinear=(), base=None, sign=1.0, forms=FORMS):
+    structure = Structure(BASES["pendulum"], (forms[key],) if key else ())
     everything = np.array([*(base or base_linear(sign)), *linear])
     return structure.simulate(MOTION, everything, np.array(nonlinear))
 
@@ -102,6 +102,28 @@ def test_a_box_that_is_held(name, sign):
     guessed = simulated(f"hand_load/interval_{name}", [15.0], [0.5, 4.0, 12.0], sign=sign)
     settled = (np.abs(TIME - 4) > 0.1) & (np.abs(TIME - 12) > 0.1)
     assert np.allclose(guessed[settled], found[settled], atol=1e-9)
+
+
+@SIGNS
+def test_masses_weigh_what_gravity_says(name, sign):
+    hanging, moon = name == "hanging", 1.62
+    forms = {form.key: form for item in catalogue_with([], "pendulum", moon).values() for form in item.forms}
+    box = Mass(15.0, constant(0.5), lambda time: (time > 4) * (time < 12) * 1.0)
+    base = base_linear(sign, gravity=MASS * moon * LENGTH)
+    found = simulated(f"hand_load/measured_{name}", [15.0], [0.5], base, forms=forms)
+    assert_alike(found, newton(hanging, box=box, gravity=moon))
+    guessed = simulated(f"hand_load/interval_{name}", [15.0], [0.5, 4.0, 12.0], base, forms=forms)
+    settled = (np.abs(TIME - 4) > 0.1) & (np.abs(TIME - 12) > 0.1)
+    assert np.allclose(guessed[settled], found[settled], atol=1e-9)
+    key, base = f"variable_length/measured_{name}", base_linear(sign, CENTRAL, 0.0)
+    assert_alike(simulated(key, [MASS], (), base, forms=forms), newton(hanging, stretched, gravity=moon))
+
+
+def test_no_weight_tells_no_mass():
+    with pytest.raises(InputError, match="gravity_m_s2 is 0: the effects on a pendulum need"):
+        catalogue_with([], "pendulum", 0.0)
+    assert catalogue_with([], "KB", 0.0) == TISSUE
+    assert catalogue_with([], "pendulum") == PENDULUM
 
 
 @SIGNS

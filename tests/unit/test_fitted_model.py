@@ -18,6 +18,7 @@ from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.fitting.uncertainty import derived_estimates, estimates
 from lumbar.diagnosis.selection.refine import refine, refined_fit
 from lumbar.effects.catalogue import CATALOGUES
+from lumbar.effects.signature import standard_motion
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.first_order import FirstOrder
 from lumbar.models.fitted_model import FittedModel, FittedParameter, Port, Scores
@@ -175,6 +176,27 @@ def test_the_place_of_what_is_wrong_is_named(change, words):
     content["models"][0] |= change
     with pytest.raises(InputError, match=words):
         read_models(json.loads(json.dumps(content)), CATALOGUES)
+
+
+def test_constants_that_were_given_go_with_the_model():
+    entry = effect_entry("LE", "hardening_stiffness/power")
+    model = FittedModel.from_json(entry, CATALOGUES)
+    assert "constants" not in model.to_json()["structure"]["effects"][0]
+    entry["structure"]["effects"][0]["constants"] = {"z_1": 2.0}
+    other = FittedModel.from_json(entry, CATALOGUES)
+    assert other.to_json()["structure"]["effects"][0]["constants"] == {"z_1": 2.0}
+    assert FittedModel.from_json(json.loads(json.dumps(other.to_json())), CATALOGUES) == other
+    # Fn·sign(z)·|z/z_1|^n on one motion, which remembers forces of both.
+    motion = standard_motion(1.0)
+    here, there = (item.structure.forms[0].columns(motion, np.array([3.0]))[0] for item in (model, other))
+    np.testing.assert_allclose(there, here / 2**3, atol=1e-12)
+    total = [item.structure.simulate(motion, np.ones(2), np.array([3.0])) for item in (model, other)]
+    np.testing.assert_allclose(total[0] - total[1], here - there, atol=1e-12)
+    entry["structure"]["effects"][0]["constants"] = {"g": 1.6}
+    with pytest.raises(
+        InputError, match="unknown constant 'g'; constants of hardening_stiffness/power are z_1"
+    ):
+        FittedModel.from_json(entry, CATALOGUES)
 
 
 def test_everything_that_is_wrong_with_a_file_is_said_at_once():

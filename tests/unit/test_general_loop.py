@@ -9,7 +9,7 @@ import pytest
 
 from lumbar.diagnosis.fitting.joint_fit import fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
-from lumbar.diagnosis.selection.forward_selection import Candidate, extend, judge
+from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate, extend
 from lumbar.effects.catalogue import TISSUE
 from lumbar.models.bases import BASES
 from lumbar.models.motion import Motion
@@ -46,7 +46,7 @@ def extended(experiment: Experiment, *names: str) -> list[Candidate]:
     if names:
         forms = tuple(replace(FORMS[name], general=len(names) > 1 and FORMS[name].general) for name in names)
         effect = replace(effect, forms=forms)
-    base = judge(fit_base(Structure(BASES["KV"]), experiment.training), experiment)
+    base = evaluate(fit_base(Structure(BASES["KV"]), experiment.training), experiment)
     return extend(base, {effect.name: effect}, experiment)
 
 

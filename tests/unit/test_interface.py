@@ -42,7 +42,7 @@ def records(folder):
 
 @pytest.fixture(scope="module")
 def diagnosis(records):
-    return lumbar.diagnose(records, data="synthetic twin")
+    return lumbar.diagnose(records)
 
 
 def test_import_loads_nothing_that_a_verb_needs_later():
@@ -129,7 +129,7 @@ def test_a_model_from_a_file_simulates_as_the_one_that_was_saved(diagnosis, reco
 
 def test_an_object_saves_what_the_command_writes(diagnosis, folder, run, tmp_path):
     """One stage, two callers, the same bytes."""
-    status, out, err = run("diagnose", folder, "--output", tmp_path / "command", "--data", "synthetic twin")
+    status, out, err = run("diagnose", folder, "--output", tmp_path / "command")
     assert status == 0, err
     diagnosis.save(tmp_path / "object", pictures=False)
     assert out.splitlines() == str(diagnosis).splitlines()
@@ -174,6 +174,9 @@ def test_one_model_is_compared_at_a_time(records):
 
 def test_data_are_called_after_their_files_where_nothing_is_said(records, folder, diagnosis, tmp_path):
     assert lumbar.compare(records, diagnosis.model).data == folder.name
+    assert diagnosis.data == folder.name
+    refined = lumbar.refine(records, [])
+    assert refined.data == refined.add("drift").data == refined.compare().table.data == folder.name
     assert lumbar.design_signals(2.5).data == "band given by hand"
     own = [record(np.arange(9.0), np.arange(9.0), "a")]
     assert data_label("", (item.source for item in own)) == "source not said"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -21,17 +22,24 @@ from law_experiments import (
 )
 
 import lumbar
+from lumbar.diagnosis.finding import Finding
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.fitting.joint_fit import fit
+from lumbar.diagnosis.law.beside_verdict import law_beside, with_law
 from lumbar.diagnosis.law.blocks import alternate
 from lumbar.diagnosis.law.checks import is_dissipative, least_work, stays_bounded
 from lumbar.diagnosis.law.effect_file import effect_text, finding, form_found, sentences
+from lumbar.diagnosis.law.law_form import form_of
 from lumbar.diagnosis.law.proposal import propose
 from lumbar.diagnosis.law.search import Search
 from lumbar.diagnosis.law.surface import surfaces
-from lumbar.diagnosis.law.terms import form_of, library
+from lumbar.diagnosis.law.terms import library
+from lumbar.diagnosis.selection.diagnose import diagnose as search
+from lumbar.diagnosis.selection.sentences import headline
 from lumbar.effects.catalogue import TISSUE
 from lumbar.effects.own_effect import load_effects
 from lumbar.errors import InputError
+from lumbar.interface.diagnosis import Diagnosis
 from lumbar.interface.proposing import proposed
 from lumbar.models.motion import Motion
 from lumbar.records.record import Record
@@ -220,6 +228,63 @@ def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkey
         status, _, err = run("propose", folder, "--output", tmp_path / f"{name}.yaml")
         assert status == 1
         assert name in err
+
+
+@pytest.fixture(scope="module")
+def diagnosed():
+    """A diagnosis whose catalogue holds but a likeness of the law."""
+    effects = {name: TISSUE[name] for name in ("depth_dependent_damping", "hardening_stiffness")}
+    settings = DiagnosisSettings("KB", catalogue=effects)
+    return search(records(depth_friction), settings)
+
+
+def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
+    monkeypatch.setattr("lumbar.diagnosis.law.proposal.library", lambda: terms(*FEW))
+    assert diagnosed.selected == ("depth_dependent_damping",)
+    assert diagnosed.verdict == "named"
+    assert not diagnosed.complete
+    law = law_beside(diagnosed)
+    beside = with_law(diagnosed, law)
+    assert law.left_by is law.base
+    assert beside.verdict == "unexplained"
+    assert beside.findings[-1].kind == "proposed_law"
+    assert beside.findings[-1].value < 0.5 * diagnosed.model.test_rms
+    assert "no effect of the catalogue explains it" in headline(beside)
+
+
+def test_no_law_is_looked_for_where_the_catalogue_goes_on_or_records_are_turned(diagnosed):
+    turned = Finding("direction", "force in, motion out", 0.0, "")
+    for verdict in (replace(diagnosed, further=diagnosed.model), replace(diagnosed, findings=(turned,))):
+        assert law_beside(verdict) is None
+        assert with_law(verdict, None) is verdict
+
+
+def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, diagnosed, needle):
+    diagnosis = Diagnosis(
+        records(depth_friction),
+        DiagnosisSettings("KB"),
+        with_law(diagnosed, needle),
+        None,
+        1,
+        "a test",
+        needle,
+    )
+    assert diagnosis.propose().proposal is needle
+    diagnosis.save(tmp_path, pictures=False)
+    effect = load_effects(tmp_path / "proposed_law.yaml")["proposed_law"]
+    assert effect.forms[0].equation == form_found(needle).equation
+    said = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
+    assert [item["kind"] for item in said["findings"]][-1] == "proposed_law"
+    replace(diagnosis, proposal=None).save(tmp_path, pictures=False)
+    assert not (tmp_path / "proposed_law.yaml").exists()
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_the_settings_say_whether_a_law_is_looked_for(monkeypatch, wanted):
+    asked = []
+    monkeypatch.setattr("lumbar.diagnosis.law.beside_verdict.law_beside", asked.append)
+    lumbar.diagnose(records(nothing), base="KB", settings=ImprovementSettings(propose_law=wanted))
+    assert len(asked) == wanted
 
 
 def test_a_law_is_for_tissue():

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lumbar.diagnosis.law.terms import check_dimensions, distinct, form_of, library
+from lumbar.diagnosis.law.law_form import check_dimensions, distinct, form_of
+from lumbar.diagnosis.law.terms import library
 from lumbar.diagnosis.law.units import FORCE, OF_SIGNALS, Dimension, dimension
 from lumbar.effects.signature import standard_motion
 from lumbar.errors import InputError
@@ -46,7 +47,7 @@ def test_unlike_things_are_not_added_or_compared(text, found):
 def test_every_term_is_dimensionally_sound_and_a_form_can_be_made_of_it():
     for item in library():
         check_dimensions(item)
-        form = item.form()
+        form = form_of((item,))
         form.check()
         if form.place is Place.PARALLEL:
             known = {
@@ -99,14 +100,14 @@ def test_a_bridge_holds_on_the_way_out_until_it_tears():
     for z in motion.position:
         held = True if z > 0 else False if z < -0.4 else held
         expected.append(z if held and -0.4 <= z < 0 else 0.0)
-    (found,) = term("adhesion").form().columns(motion, np.array([0.4]))
+    (found,) = form_of((term("adhesion"),)).columns(motion, np.array([0.4]))
     assert np.mean(np.abs(found - expected) > 0.02) < 0.01
     assert found.min() < -0.35
 
 
 def test_the_largest_depth_is_known_at_once():
     motion = standard_motion(0.5)
-    (found,) = term("stiffness_deepest").form().columns(motion, np.zeros(0))
+    (found,) = form_of((term("stiffness_deepest"),)).columns(motion, np.zeros(0))
     np.testing.assert_allclose(
         found, motion.position * np.maximum.accumulate(np.abs(motion.position)), atol=0.02
     )

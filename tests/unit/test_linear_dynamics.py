@@ -13,7 +13,7 @@ from lumbar.diagnosis.fitting.preparation import prepare
 from lumbar.diagnosis.linear.decimation import decimated
 from lumbar.diagnosis.linear.higher_order import linear_dynamics
 from lumbar.diagnosis.linear.poles import Poles, forces, slope_forces
-from lumbar.diagnosis.selection.forward_selection import judge, unseen_improvement
+from lumbar.diagnosis.selection.forward_selection import evaluate, unseen_improvement
 from lumbar.models.bases import BASES
 from lumbar.models.motion import Motion
 from lumbar.models.structure import Structure
@@ -78,7 +78,7 @@ def experiment(impedance, sigma: float = SIGMA, step: float = 0.01, extra=lambda
 
 
 def base_candidate(prepared, name: str = "KB"):
-    return judge(fit_base(Structure(BASES[name]), prepared.training), prepared)
+    return evaluate(fit_base(Structure(BASES[name]), prepared.training), prepared)
 
 
 @pytest.mark.parametrize("impedance", [two_branches, springpot, chebyshev, resonances, late])
@@ -89,7 +89,7 @@ def test_linear_materials_are_recovered_to_the_noise(impedance):
     assert found.test_rms < 1.15 * SIGMA
     base = base_candidate(prepared)
     assert base.train_rms > 3 * SIGMA
-    assert unseen_improvement(base, judge(found, prepared), prepared) > 4
+    assert unseen_improvement(base, evaluate(found, prepared), prepared) > 4
 
 
 def test_parameters_of_two_branches_are_those_of_the_impedance():
@@ -111,7 +111,7 @@ def test_a_base_that_is_right_is_not_made_any_larger():
     found, base = linear_dynamics(prepared), base_candidate(prepared)
     assert found.order == 1
     assert found.test_rms < 1.05 * SIGMA
-    assert unseen_improvement(judge(found, prepared), base, prepared) < 2
+    assert unseen_improvement(evaluate(found, prepared), base, prepared) < 2
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from sensor_records import clean_records, tissue_record
 
 from lumbar.diagnosis.sensors.clock_skew import shifted
-from lumbar.diagnosis.sensors.excitation_band import excitation_band, within_band
+from lumbar.diagnosis.sensors.excitation_band import edge_above_floor, within_band
 from lumbar.diagnosis.sensors.sensor_faults import mended, sensor_faults
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record
@@ -190,7 +190,7 @@ def test_a_tool_that_shakes_is_no_noise_of_its_sensor():
 def test_the_band_is_left_as_it_is_up_to_its_ends():
     time = np.arange(2000) / 100.0
     wave = sum(np.cos(2 * np.pi * line * time / 7.3 + line**2) for line in range(1, 30))
-    edge = excitation_band(wave + 1e-3 * np.random.default_rng(0).standard_normal(len(time)), 0.01)
+    edge = edge_above_floor(wave + 1e-3 * np.random.default_rng(0).standard_normal(len(time)), 0.01)
     assert 29 / 7.3 < edge < 2 * 29 / 7.3
     assert np.abs(within_band(wave, 0.01, edge) - wave).max() < 5e-3 * np.ptp(wave)
 

@@ -18,7 +18,7 @@ from lumbar.models.fitted_model import FittedModel, FittedParameter, Port
 from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
 from lumbar.models.motion import Motion
 from lumbar.models.parsing import parse
-from lumbar.models.state_equation import STEP_FUNCTIONS, STEP_SYMBOL, StateEquation
+from lumbar.models.state_equation import STEP_FUNCTIONS, STEP_SYMBOL, StateEquation, _matrix_phi1, _stretches
 from lumbar.models.structure import Structure
 from study_settings import changed
 
@@ -221,3 +221,23 @@ def test_the_pole_of_a_relaxation_is_its_own():
 def test_steps_know_the_functions_of_expressions():
     assert STEP_SYMBOL == "sampling_time"
     assert STEP_FUNCTIONS["phi1"](np.array([0.0, 1e-9, 1.0])) == pytest.approx([1.0, 1.0, np.e - 1])
+
+
+def test_equations_apart_are_solved_apart_and_alike():
+    state = equations(q="v - q/tau", r="(s - q*r)/tau", u="(z - u)/tau", p="v - p*abs(p)/tau")
+    assert [part.names for part in state.apart] == [("q", "r"), ("u",), ("p",)]
+    motion, values = straight(walk(3)), {"tau": 0.3}
+    found = state.trajectory(motion, values)
+    together = state.in_steps({**values, **state._between(motion)}, len(motion) - 1)
+    assert list(found) == list(state.names)
+    for path, reference in zip(found.values(), together, strict=True):
+        assert path == pytest.approx(reference, abs=1e-9 * np.abs(reference).max())
+
+
+def test_one_matrix_is_enough_where_the_equations_are_linear():
+    matrix = np.random.default_rng(1).normal(size=(5, 3, 3))
+    matrix[:, 2] = 0.0
+    matrix[:, :2, :2] = matrix[0, :2, :2]
+    assert _stretches(matrix, 2) == pytest.approx(_matrix_phi1(matrix), abs=1e-14)
+    matrix[3, 0, 0] += 1.0
+    assert _stretches(matrix, 2) == pytest.approx(_matrix_phi1(matrix), abs=1e-14)

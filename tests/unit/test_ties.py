@@ -16,7 +16,7 @@ from lumbar.diagnosis.design.discrimination import (
     separating_excitation,
     separation_sentence,
 )
-from lumbar.diagnosis.design.excitation_family import band, excitation_family
+from lumbar.diagnosis.design.excitation_family import excitation_family
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import fit
@@ -215,12 +215,6 @@ def test_excitations_keep_to_the_machine():
     )
     for kind in kinds:
         assert any(kind in item.words for item in excitation_family(motion, "mm", None)), kind
-
-
-def test_the_band_of_a_motion():
-    time = np.arange(4000) / 100
-    motion = Motion(time, np.cos(2 * np.pi * 0.5 * time) + 0.1 * np.cos(2 * np.pi * 4.0 * time), 0.01)
-    assert band(motion) == pytest.approx((0.5, 4.0), abs=0.06)
 
 
 def test_every_effect_of_the_catalogue_is_known_to_the_experimenter():

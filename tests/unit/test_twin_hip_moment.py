@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import lumbar
 from lumbar.errors import InputError
 from lumbar.synthetic.hip_moment_recordings import write_trials
 from lumbar.synthetic.lifting_recordings import write_lift
@@ -122,6 +123,31 @@ def test_the_default_study_weighs_the_box(twin, tmp_path):
         spread = (found[name].high - found[name].low) / 2
         assert abs(found[name].value - value) < 2 * spread, name
         assert spread < 0.1 * abs(value), name
+
+
+def test_a_study_elsewhere_weighs_the_box_by_its_own_gravity(twin, tmp_path):
+    """On Mars: the effects, the file of the model and what is read from it have the study's gravity."""
+    from pendulum_records import records_of
+
+    names, mars = ["paced", "fast"], 3.71
+    trials = {}
+    for name in names:
+        write_trials(twin, [name], [tmp_path / f"{name}.csv"], [45, 3], mars)
+        table = pd.read_csv(tmp_path / f"{name}.csv")
+        trials[name] = {key: table[key].to_numpy() for key in table}
+    records = records_of(trials)
+    refined = lumbar.refine(records, ["hand_load"], base="pendulum", train="paced", gravity_m_s2=mars)
+    box = refined.model["hand_load.box_mass"]
+    assert box.low < 23.0 < box.high
+    assert box.high - box.low < 23.0 / 2
+    _, gravity = trunk_of(twin.people["expert"])
+    assert refined.model["gravity_moment"].value == pytest.approx(-gravity * mars / 9.81, rel=0.02)
+    refined.save(tmp_path)
+    read = lumbar.load_models(tmp_path / "refined.json")[-1]
+    assert read == refined.model
+    np.testing.assert_array_equal(read.simulate(records[1]), refined.model.simulate(records[1]))
+    here = lumbar.refine(records, ["hand_load"], base="pendulum", train="paced").model["hand_load.box_mass"]
+    assert here.high < 23.0
 
 
 def test_a_person_at_rest_is_recorded_at_rest_with_an_instruments_digits(twin, tmp_path):

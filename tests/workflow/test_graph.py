@@ -8,20 +8,9 @@ import sys
 
 import pytest
 
+from lumbar.config.chapters import CHAPTERS
 from running import copy_project, snakemake
 
-CHAPTERS = [
-    "surgeon",
-    "signals",
-    "tissue",
-    "improvement",
-    "runtime",
-    "survey",
-    "lifting",
-    "stability",
-    "perturbations",
-    "claims",
-]
 DEFAULT_CHAPTERS = [name for name in CHAPTERS if name != "perturbations"]
 
 

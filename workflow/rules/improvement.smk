@@ -46,6 +46,7 @@ rule diagnose_records:
         rate=lambda wildcards: record_layout(settings, record_set(settings, wildcards.record_set).base)[1],
         improvement=without(settings.improvement, "record_sets"),
         machine=plain(settings.signals.machine),
+        gravity=settings.stability.pendulum.gravity_m_s2,
         seed=settings.seed,
         data=DATA,
     message:

@@ -60,6 +60,7 @@ if study.synthetic and study.has("lifting"):
             settings=plain(settings.twin.lifting),
             lifts=list(study.lifts),
             with_moment=[name for name, lift in study.lifts.items() if lift.trial.hip_moment],
+            gravity=settings.stability.pendulum.gravity_m_s2,
             seed=settings.twin.seed,
         message:
             "Synthetic lifts: marker files and hip moments"
@@ -91,6 +92,7 @@ if study.synthetic and HIP_MOMENTS:
         params:
             settings=plain(settings.twin.lifting),
             trials=[record.name for record in HIP_MOMENTS],
+            gravity=settings.stability.pendulum.gravity_m_s2,
             seed=settings.twin.seed,
         message:
             "Synthetic hip moments of repeated lifts"

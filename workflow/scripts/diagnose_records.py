@@ -21,6 +21,7 @@ def main(input, output, params):
         base=params.base,
         settings=typed(ImprovementSettings, params.improvement),
         machine=typed(MachineSettings, params.machine),
+        gravity_m_s2=params.gravity,
         seed=params.seed,
         data=params.data,
     )

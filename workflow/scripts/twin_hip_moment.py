@@ -10,7 +10,7 @@ def main(input, output, params):
     from lumbar.synthetic.hip_moment_recordings import write_trials
 
     settings = typed(SyntheticLiftingSettings, params.settings)
-    write_trials(settings, params.trials, output.recordings, [params.seed, _STREAM])
+    write_trials(settings, params.trials, output.recordings, [params.seed, _STREAM], params.gravity)
 
 
 _STREAM = 3

@@ -16,7 +16,7 @@ def main(input, output, params):
     for lift, markers in zip(params.lifts, output.markers, strict=True):
         # Each lift has noise of its own, whatever other lifts the study has.
         seed = [params.seed, zlib.crc32(lift.encode())]
-        write_lift(settings, lift, seed, markers, moments.get(lift))
+        write_lift(settings, lift, seed, markers, moments.get(lift), params.gravity)
 
 
 run(main, snakemake)

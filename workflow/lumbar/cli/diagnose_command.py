@@ -31,6 +31,7 @@ def run(options) -> None:
     from lumbar.interface.diagnosis import diagnose
 
     settings, records, chosen = read_folder(options)
-    diagnosis = diagnose(records, machine=settings.signals.machine, **chosen)
+    gravity = settings.stability.pendulum.gravity_m_s2
+    diagnosis = diagnose(records, machine=settings.signals.machine, gravity_m_s2=gravity, **chosen)
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)

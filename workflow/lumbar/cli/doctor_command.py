@@ -58,6 +58,7 @@ def run(options) -> None:
         all_forms=options.all_forms,
         quick=options.quick,
         machine=settings.signals.machine,
+        gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
         **chosen,
     )
     print(found)

@@ -34,8 +34,8 @@ def refined(options) -> Refinement:
     """Fit the base with the effects of ``--add`` to the records of the folder."""
     from lumbar.interface.diagnosis import refine
 
-    _, records, chosen = read_folder(options)
-    return refine(records, options.add, **chosen)
+    settings, records, chosen = read_folder(options)
+    return refine(records, options.add, gravity_m_s2=settings.stability.pendulum.gravity_m_s2, **chosen)
 
 
 def _period(text: str) -> tuple[str, float]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from lumbar.config.study_recordings import record_layout, record_set, recordings_of
 from lumbar.errors import LumbarError, Problems
-from lumbar.settings.stability import PendulumSettings
 from lumbar.yaml_file import way_of
 
 if TYPE_CHECKING:
@@ -74,12 +73,12 @@ def _check_record_sets(settings: StudySettings, add: Add) -> None:
 
 
 def _check_gravity(settings: StudySettings, add: Add) -> None:
-    """Check that the pendulum's effects, whose equations hold the default, are not asked for another gravity."""
-    known, asked = PendulumSettings().gravity_m_s2, settings.stability.pendulum.gravity_m_s2
+    """Check that the effects on a pendulum, which tell masses from distances by weight, have one."""
     sets = settings.improvement.record_sets
-    if asked != known and any(record_set(settings, entry.name).base == "pendulum" for entry in sets):
-        words = f"the effects on a pendulum know {known:g} m/s² alone: leave its record sets out, or this key"
-        add("stability.pendulum.gravity_m_s2", f"{asked:g}", words)
+    weightless = settings.stability.pendulum.gravity_m_s2 == 0
+    if weightless and any(record_set(settings, entry.name).base == "pendulum" for entry in sets):
+        words = "record sets whose base is pendulum need gravity: leave them out of improvement.record_sets, or set this key"
+        add("stability.pendulum.gravity_m_s2", "0", words)
 
 
 def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> None:

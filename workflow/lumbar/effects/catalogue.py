@@ -15,6 +15,7 @@ from lumbar.effects import (
     stiffness,
     time_dependent,
 )
+from lumbar.effects.pendulum_load import GRAVITY, under_gravity
 from lumbar.errors import InputError
 from lumbar.models.bases import BASES, system_of
 from lumbar.models.form import Effect, Form
@@ -93,15 +94,27 @@ def without_channels(
     return usable, left_out
 
 
-def catalogue_with(files: Collection[str | Path], base: str = "KB") -> dict[str, Effect]:
+def catalogue_with(
+    files: Collection[str | Path], base: str = "KB", gravity_m_s2: float = GRAVITY
+) -> dict[str, Effect]:
     """Return the catalogue of a base with the effects of a user's files, which come last.
+
+    Parameters
+    ----------
+    files : collection of path
+    base : str
+    gravity_m_s2 : float
+        That acts on a pendulum, in the effects that move masses.
 
     Raises
     ------
     InputError
-        As `catalogue_of` and `load_effects`.
+        As `catalogue_of`, `load_effects` and `under_gravity`.
     """
     catalogue = dict(catalogue_of(base))
+    if system_of(base) == "pendulum":
+        moved = {effect.name: under_gravity(effect, gravity_m_s2) for effect in pendulum_load.EFFECTS}
+        catalogue |= moved
     if files:
         from lumbar.effects.own_effect import load_effects
     for file in files:

@@ -7,16 +7,18 @@ Gravity acts with the sign of the base: a form is *hanging* (angle from straight
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from lumbar.effects.windows import TAKE_OVER, interval_starts, modulation_starts
+from lumbar.errors import InputError
 from lumbar.models.form import Effect, Form, Place
 from lumbar.models.parameter import Constant, LinearParameter, NonlinearParameter
 from lumbar.settings.stability import PendulumSettings
 
 GRAVITY = PendulumSettings().gravity_m_s2
-"""The default, m/s²; masses come out in kg where moments are in N m and angles in rad."""
+"""The default, m/s² (`under_gravity` takes another); masses come out in kg where moments are in N m and angles in rad."""
 CHANNELS = {
     "box_held": "box_held",
     "length": "length_m",
@@ -177,3 +179,17 @@ MOVING_PIVOT = Effect(
 )
 
 EFFECTS = (HAND_LOAD, VARIABLE_LENGTH, MOVING_PIVOT)
+
+
+def under_gravity(effect: Effect, gravity_m_s2: float) -> Effect:
+    """The effect where masses weigh otherwise than on the ground here.
+
+    Raises
+    ------
+    InputError
+        If gravity is not above 0: without weight no record tells a mass from its distance.
+    """
+    if not 0 < gravity_m_s2 < np.inf:
+        raise InputError(f"gravity_m_s2 is {gravity_m_s2:g}: the effects on a pendulum need m/s² above 0")
+    values = {_GRAVITY.symbol: float(gravity_m_s2)}
+    return replace(effect, forms=tuple(form.with_constants(values) for form in effect.forms))

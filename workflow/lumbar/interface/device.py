@@ -126,7 +126,7 @@ def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained
     """The settings with what is given, or what the file leaves no choice of, before what they say."""
     records = {model.trained_on for model in fitted} - {None}
     only = records.pop() if len(records) == 1 else None
-    # Of an error ladder, which holds no discrete model, the last rung is what a user wants.
-    ladder = not any(model.discrete for model in fitted)
-    names = tuple(names or ([fitted[-1].name] if ladder else settings.models))
+    # Of an error ladder, which holds no discrete model, the last model is what a user wants.
+    continuous = not any(model.discrete for model in fitted)
+    names = tuple(names or ([fitted[-1].name] if continuous else settings.models))
     return replace(settings, trained_on=trained_on or only or settings.trained_on, models=names)

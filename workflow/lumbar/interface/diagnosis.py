@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.effects.pendulum_load import GRAVITY
+from lumbar.interface.data_label import data_label
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.evidence.evidence import Evidence
     from lumbar.diagnosis.finding import Finding
     from lumbar.diagnosis.fitting.preparation import Experiment
+    from lumbar.diagnosis.law.proposal import Proposal
     from lumbar.diagnosis.residuals.residual_report import Simulated
     from lumbar.diagnosis.selection.forward_selection import Candidate
     from lumbar.diagnosis.selection.verdict import Verdict
@@ -36,6 +39,7 @@ def diagnose(
     periods: Mapping[str, float] | None = None,
     settings: ImprovementSettings | None = None,
     machine: MachineSettings | None = None,
+    gravity_m_s2: float = GRAVITY,
     seed: int = SEED,
     data: str = "",
 ) -> Diagnosis:
@@ -52,13 +56,15 @@ def diagnose(
     periods : mapping of str to float, optional
         Periods of excitations in seconds by record; default found from the input.
     settings : ImprovementSettings, optional
-        Effects of your own (``effect_files``), how many effects to add.
+        Effects of your own (``effect_files``), how many effects to add, whether to propose a law for what they leave.
     machine : MachineSettings, optional
         Limits of the machine that would play a separating excitation.
+    gravity_m_s2 : float
+        That acts on a pendulum.
     seed : int
         Of the intervals.
     data : str
-        Words for the source of the data, for pages and figures.
+        Words for the source of the data, for pages and figures; default the folder or file they were read from.
 
     Returns
     -------
@@ -81,13 +87,17 @@ def diagnose(
     The KB model is missing coulomb friction: with it the error on unseen records falls from 0.224 to 0.0099 N.
     """
     from lumbar.diagnosis.fitting.manageable import manageable
+    from lumbar.diagnosis.law.beside_verdict import law_beside, with_law
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
-    chosen = _chosen(settings, base, train, periods)
+    settings = settings or ImprovementSettings()
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2)
+    data = data_label(data, (record.source for record in records))
     used, changed = manageable(list(records))
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
-    return Diagnosis(used, chosen, verdict, machine, seed, data)
+    proposal = law_beside(verdict) if settings.propose_law and chosen.system == "tissue" else None
+    return Diagnosis(used, chosen, with_law(verdict, proposal), machine, seed, data, proposal)
 
 
 def refine(
@@ -98,6 +108,7 @@ def refine(
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
     settings: ImprovementSettings | None = None,
+    gravity_m_s2: float = GRAVITY,
     seed: int = SEED,
     data: str = "",
 ) -> Refinement:
@@ -130,12 +141,14 @@ def refine(
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
-    return _refined(list(records), list(effects), _chosen(settings, base, train, periods), seed, data)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2)
+    data = data_label(data, (record.source for record in records))
+    return _refined(list(records), list(effects), chosen, seed, data)
 
 
-def _chosen(settings, base, train, periods) -> DiagnosisSettings:
+def _chosen(settings, base, train, periods, gravity_m_s2) -> DiagnosisSettings:
     return DiagnosisSettings.from_improvement(
-        settings or ImprovementSettings(), base, train, dict(periods or {})
+        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2
     )
 
 
@@ -161,6 +174,8 @@ class Diagnosis:
     machine : MachineSettings or None
     seed : int
     data : str
+    proposal : Proposal or None
+        The search of a law for what the catalogue leaves, where one was made.
     """
 
     records: list[Record]
@@ -169,6 +184,7 @@ class Diagnosis:
     machine: MachineSettings | None
     seed: int
     data: str
+    proposal: Proposal | None = None
 
     @property
     def selected(self) -> tuple[str, ...]:
@@ -185,7 +201,7 @@ class Diagnosis:
         """Base, base and first effect, …."""
         from lumbar.diagnosis.selection.refined_model import fitted_model
 
-        return [fitted_model(item, self.verdict.experiment) for item in self.verdict.ladder]
+        return [fitted_model(item, self.verdict.experiment) for item in self.verdict.path]
 
     @property
     def model(self) -> FittedModel:
@@ -244,7 +260,7 @@ class Diagnosis:
         return diagnosis_page(self.verdict, self.evidence, self.candidates, self.data, dict(pictures or {}))
 
     def save(self, folder: str | os.PathLike, pictures: bool = True) -> None:
-        """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json`` and ``diagnosis.html``.
+        """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json``, ``diagnosis.html`` and a proposed law's file.
 
         Parameters
         ----------
@@ -260,10 +276,19 @@ class Diagnosis:
         folder, drawn = Path(folder), {}
         if pictures:
             drawn = self._save_pictures(folder)
-        document = refined_document(self.verdict.ladder, self.verdict.experiment, self.data)
+        document = refined_document(self.verdict.path, self.verdict.experiment, self.data)
         write_json(folder / "refined.json", document)
         write_text(folder / "diagnosis.html", self.to_html(drawn))
         write_diagnosis(self.verdict, self.evidence, folder, self.data)
+        self._save_law(folder / "proposed_law.yaml")
+
+    def _save_law(self, path: Path) -> None:
+        """Write the effect's file; one that an earlier diagnosis left there is taken away."""
+        law = self.propose() if self.proposal is not None else None
+        if law is not None and law.found:
+            law.save(path, path.stem)
+        else:
+            path.unlink(missing_ok=True)
 
     def _save_pictures(self, folder: Path) -> dict[str, Path]:
         from lumbar.diagnosis.residuals.compare import comparison_table
@@ -273,7 +298,9 @@ class Diagnosis:
         simulated = self.base_on_records
         comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")
         location_table([item.location for item in simulated], self.data).write(folder / "location")
-        return draw_pictures(self.verdict, simulated, self.candidates, folder, self.data)
+        return draw_pictures(
+            self.verdict, simulated, self.candidates, folder, self.data, proposal=self.proposal
+        )
 
     def __str__(self) -> str:
         return "\n  ".join(self.sentences)

@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.effects.pendulum_load import GRAVITY
 from lumbar.errors import InputError
-from lumbar.interface.data_label import data_label
 from lumbar.interface.diagnosis import Diagnosis, diagnose
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
@@ -36,6 +36,7 @@ def doctor(
     periods: Mapping[str, float] | None = None,
     settings: ImprovementSettings | None = None,
     machine: MachineSettings | None = None,
+    gravity_m_s2: float = GRAVITY,
     seed: int = SEED,
     data: str = "",
 ) -> Examined:
@@ -57,7 +58,7 @@ def doctor(
         Every mathematical form of an effect, in place of its first.
     quick : bool
         The predicted smallest size and one diagnosis that confirms it, in place of a search; the largest mistakes only.
-    base, train, periods, settings, machine
+    base, train, periods, settings, machine, gravity_m_s2
         As of `diagnose`.
     seed : int
         Of the noise and of what is random in a mistake.
@@ -90,7 +91,9 @@ def doctor(
 
     def verdict_on(seen: Sequence[Record], most_effects: int) -> Verdict:
         chosen = replace(settings, most_effects=most_effects)
-        return diagnose(seen, base=base, train=train, periods=periods, settings=chosen).verdict
+        return diagnose(
+            seen, base=base, train=train, periods=periods, settings=chosen, gravity_m_s2=gravity_m_s2
+        ).verdict
 
     own = diagnose(
         records,
@@ -99,8 +102,9 @@ def doctor(
         periods=periods,
         settings=settings,
         machine=machine,
+        gravity_m_s2=gravity_m_s2,
         seed=seed,
-        data=data_label(data, (record.source for record in records)),
+        data=data,
     )
     scope = Scope(None if effects is None else tuple(effects), faults, all_forms, quick)
     limits = machine_limits(machine, own.verdict.experiment)

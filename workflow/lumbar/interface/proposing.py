@@ -62,7 +62,9 @@ def proposed(diagnosis: Diagnosis) -> ProposedLaw:
             f"base {diagnosis.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
         )
     verdict = diagnosis.verdict
-    return ProposedLaw(diagnosis, search(verdict.experiment, verdict.base, verdict.model))
+    return ProposedLaw(
+        diagnosis, diagnosis.proposal or search(verdict.experiment, verdict.base, verdict.model)
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -126,7 +128,7 @@ class ProposedLaw:
 
         if not self.proposal.is_needed:
             raise InputError(f"nothing to draw: {self.sentences[0]}")
-        save(law_figure(self.proposal), Path(stem), self.diagnosis.data or "records")
+        save(law_figure(self.proposal), Path(stem), self.diagnosis.data)
 
     @property
     def sentences(self) -> list[str]:

@@ -12,7 +12,7 @@ forms have nonlinear parameters only. What no equation can say (play, delay) is 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
@@ -121,6 +121,16 @@ class Form:
     contradiction: Contradiction | None = None
     effect: str = field(default="", compare=True)
 
+    def with_constants(self, values: Mapping[str, float]) -> Form:
+        """The form with other values of constants, by symbol; what it has no constant for is left out."""
+        constants = tuple(
+            replace(item, value=values[item.symbol], given=True)
+            if values.get(item.symbol, item.value) != item.value
+            else item
+            for item in self.constants
+        )
+        return replace(self, constants=constants)
+
     def check(self) -> None:
         """Refuse an equation that cannot be used.
 
@@ -147,6 +157,11 @@ class Form:
     def key(self) -> str:
         """Name of effect and form, e.g. ``"hardening_stiffness/cubic"``."""
         return f"{self.effect}/{self.name}"
+
+    @cached_property
+    def remembered_as(self) -> str:
+        """What a motion remembers its forces by: its key, and the constants that were given."""
+        return " ".join([self.key, *(f"{item.symbol}={item.value}" for item in self.constants if item.given)])
 
     @cached_property
     def _equation(self) -> Equation:

@@ -28,6 +28,7 @@ class _Added:
 
     effect: str
     form: str
+    constants: dict[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -52,10 +53,22 @@ def entry_of(model: FittedModel) -> dict:
     if isinstance(model.structure, TransferFunction):
         written = _Written(model.structure.numerator, model.structure.denominator)
     else:
-        written = _Written(effects=tuple(_Added(form.effect, form.name) for form in model.structure.forms))
+        written = _Written(effects=tuple(map(_added, model.structure.forms)))
     plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
-    plain["structure"] = {key: value for key, value in plain["structure"].items() if value is not None}
+    plain["structure"] = _without_none(plain["structure"])
     return plain
+
+
+def _added(form: Form) -> _Added:
+    given = {item.symbol: item.value for item in form.constants if item.given}
+    return _Added(form.effect, form.name, given or None)
+
+
+def _without_none(written):
+    """Plain data without the keys whose value is None."""
+    if isinstance(written, dict):
+        return {key: _without_none(value) for key, value in written.items() if value is not None}
+    return [_without_none(item) for item in written] if isinstance(written, list) else written
 
 
 def _fields(model: FittedModel) -> dict:
@@ -172,7 +185,13 @@ def _form(item: _Added, catalogue: Mapping[str, Effect], problems: Problems) -> 
     if form is None:
         allowed = f"its forms are {', '.join(form.name for form in effect.forms)}"
         problems.add(f"structure.effects.{effect.name}", f"unknown form {item.form!r}", allowed)
-    return form
+        return None
+    known = [constant.symbol for constant in form.constants]
+    for symbol in item.constants or {}:
+        if symbol not in known:
+            allowed = f"constants of {form.key} are {', '.join(known) or 'none'}"
+            problems.add(f"structure.effects.{effect.name}", f"unknown constant {symbol!r}", allowed)
+    return form.with_constants(item.constants or {})
 
 
 def _check_parameters(

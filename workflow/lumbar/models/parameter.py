@@ -122,12 +122,15 @@ class Constant:
     symbol, unit, latex : str
         As for `Parameter`.
     value : float
+    given : bool
+        Whether the value was given in place of the catalogue's: it is then written with a model.
     """
 
     symbol: str
     value: float
     unit: str
     latex: str = ""
+    given: bool = False
 
     @property
     def in_latex(self) -> str:

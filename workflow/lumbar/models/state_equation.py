@@ -80,6 +80,19 @@ class StateEquation:
         return tuple(self.slopes)
 
     @cached_property
+    def apart(self) -> list[StateEquation]:
+        """The equations in groups that know nothing of each other's states."""
+        groups: list[set[str]] = []
+        for name, slope in self.slopes.items():
+            known = {name} | (symbols(slope) & set(self.names))
+            touched = [group for group in groups if group & known]
+            groups = [group for group in groups if not group & known] + [known.union(*touched)]
+        return [
+            StateEquation({name: slope for name, slope in self.slopes.items() if name in group})
+            for group in groups
+        ]
+
+    @cached_property
     def used(self) -> set[str]:
         """Signals in the equations."""
         return set().union(*map(symbols, self.slopes.values())) & SIGNALS.keys()
@@ -160,6 +173,11 @@ class StateEquation:
         dict of str to numpy.ndarray, shape (samples,)
             By state.
         """
+        if len(self.apart) > 1:
+            found = {
+                name: path for part in self.apart for name, path in part.trajectory(motion, values).items()
+            }
+            return {name: found[name] for name in self.names}
         known = {**values, **self._between(motion)}
         states = self._newton(known, len(motion) - 1)
         if states is None:
@@ -258,11 +276,31 @@ class _MatrixStep:
         found = np.array([np.broadcast_to(value, steps) for value in self.evaluator(values)], dtype=float)
         increments = found[: self.size].T[..., None]
         matrix = found[self.size :].reshape(self.size, self.size, steps).transpose(2, 0, 1)
-        stretch = _matrix_phi1(matrix)
         states = len(self.names)
+        stretch = _stretches(matrix, states)
         after = np.array([values[name] for name in self.names]) + (stretch @ increments)[:, :states, 0].T
         slopes = np.eye(self.size) + matrix @ stretch
         return after, slopes[:, :states, :states].transpose(1, 2, 0)
+
+
+def _stretches(matrix: np.ndarray, states: int) -> np.ndarray:
+    """φ₁ of matrices, shape (steps, size, size), of `states` states and perhaps a clock.
+
+    Linear equations have the same derivatives A by the states at every step. There φ₁([[A, c], [0, 0]]) =
+    [[φ₁(A), φ₂(A) c], [0, 1]], and φ₂ is part of φ₁([[A, I], [0, 0]]) (Al-Mohy and Higham, SIAM J. Sci. Comput. 33 (2011)
+    488-511, theorem 2.1), so that one matrix is enough.
+    """
+    by_states, by_clock = matrix[:, :states, :states], matrix[:, :states, states:]
+    if not (by_states == by_states[:1]).all():
+        return _matrix_phi1(matrix)
+    whole = np.zeros((1, 2 * states, 2 * states))
+    whole[0, :states] = np.hstack([by_states[0], np.eye(states)])
+    both = _matrix_phi1(whole)[0, :states]
+    found = np.zeros_like(matrix)
+    found[:, :states, :states] = both[:, :states]
+    found[:, :states, states:] = both[:, states:] @ by_clock
+    found[:, states:, states:] = 1.0
+    return found
 
 
 def _matrix_phi1(matrix: np.ndarray) -> np.ndarray:

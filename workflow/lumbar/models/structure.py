@@ -75,12 +75,12 @@ class Structure:
         seen: Motion = motion
         for form in self.forms:
             if form.place is Place.INPUT:
-                seen = self._of(form.key, form.input_transform, seen, parts[form.key])
+                seen = self._of(form.remembered_as, form.input_transform, seen, parts[form.key])
         columns = self._of(self.base.name, self.base.columns, seen, base)
         touching = None if self.base.touching is None else self.base.touching(seen, base)
         for form in self.forms:
             if form.place is Place.PARALLEL:
-                added = self._of(form.key, form.columns, seen, parts[form.key])
+                added = self._of(form.remembered_as, form.columns, seen, parts[form.key])
                 columns = [*columns, *(added if touching is None else [touching * item for item in added])]
         return np.array(columns).T
 

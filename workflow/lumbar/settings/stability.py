@@ -22,7 +22,13 @@ class PendulumSettings:
         "Whether the box counts to the pendulum's mass.", default="with_box"
     )
     damping_N_m_s: float = key("Damping b.", default=1.0, unit="N·m·s/rad", ge=0, le=1000)
-    gravity_m_s2: float = key("Gravitational acceleration.", default=9.81, unit="m/s²", ge=0, le=30)
+    gravity_m_s2: float = key(
+        "Gravitational acceleration: of the basins, of the effects on a pendulum, and of the twin's hip moments.",
+        default=9.81,
+        unit="m/s²",
+        ge=0,
+        le=30,
+    )
 
 
 @settings

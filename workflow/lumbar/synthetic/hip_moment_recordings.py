@@ -13,7 +13,7 @@ import numpy as np
 
 from lumbar.errors import InputError
 from lumbar.synthetic.lifter import Movement
-from lumbar.synthetic.swinging_body import Mass, Signal, Swing, constant, rate
+from lumbar.synthetic.swinging_body import GRAVITY, Mass, Signal, Swing, constant, rate
 
 if TYPE_CHECKING:
     from lumbar.settings.twin import (
@@ -43,6 +43,7 @@ def hip_moment(
     box_mass: float,
     person: SyntheticPerson,
     settings: SyntheticMomentSettings,
+    gravity_m_s2: float,
     rng,
 ):
     """Record the hip moment of one movement.
@@ -57,6 +58,7 @@ def hip_moment(
         kg.
     person : SyntheticPerson
     settings : SyntheticMomentSettings
+    gravity_m_s2 : float
     rng : numpy.random.Generator
 
     Returns
@@ -71,7 +73,8 @@ def hip_moment(
     masses = [Mass(mass, constant(HAT_COM * segment))]
     if hidden.hand_distance_m:
         masses.append(Mass(box_mass, constant(hidden.hand_distance_m), held))
-    trunk = Swing(angle, tuple(masses), mass * (HAT_GYRATION * segment) ** 2, hanging=False)
+    inertia = mass * (HAT_GYRATION * segment) ** 2
+    trunk = Swing(angle, tuple(masses), inertia, hanging=False, gravity=gravity_m_s2)
     moment = trunk.moment(time) + settings.damping_N_m_s * rate(angle, time)
     moment += hidden.stiffening_N_m * np.expm1(angle(time) / hidden.stiffening_angle_rad)
     moment += rng.normal(0, settings.noise_N_m, len(time))
@@ -106,6 +109,7 @@ def trial_moment(
     movement: Movement,
     lift: SyntheticLift,
     person: SyntheticPerson,
+    gravity_m_s2: float,
     rng,
 ):
     """Record the hip moment of a trial: one lift again and again, faster or slower.
@@ -119,6 +123,7 @@ def trial_moment(
         Of the lift that is repeated.
     lift : SyntheticLift
     person : SyntheticPerson
+    gravity_m_s2 : float
     rng : numpy.random.Generator
         For the noise and for the differences between repetitions.
 
@@ -146,10 +151,16 @@ def trial_moment(
 
     samples = round(cycle * trial.repetitions / trial.pace * settings.rate_Hz)
     time = np.arange(samples) / settings.rate_Hz
-    return hip_moment(time, angle, held, lift.box_mass_kg, person, settings.hip_moment, rng)
+    return hip_moment(time, angle, held, lift.box_mass_kg, person, settings.hip_moment, gravity_m_s2, rng)
 
 
-def write_trials(settings: SyntheticLiftingSettings, names: list[str], paths: list, seed: list[int]) -> None:
+def write_trials(
+    settings: SyntheticLiftingSettings,
+    names: list[str],
+    paths: list,
+    seed: list[int],
+    gravity_m_s2: float = GRAVITY,
+) -> None:
     """Write the trials of a study as CSV files.
 
     Parameters
@@ -160,6 +171,7 @@ def write_trials(settings: SyntheticLiftingSettings, names: list[str], paths: li
     paths : list of path
         File of each.
     seed : list of int
+    gravity_m_s2 : float
 
     Raises
     ------
@@ -180,4 +192,4 @@ def write_trials(settings: SyntheticLiftingSettings, names: list[str], paths: li
         content = settings.lifts[lift]
         rng = np.random.default_rng([*seed, list(known).index(name)])
         person = settings.people[content.person]
-        write_csv(path, trial_moment(name, settings, movement, content, person, rng))
+        write_csv(path, trial_moment(name, settings, movement, content, person, gravity_m_s2, rng))

@@ -11,6 +11,7 @@ from lumbar.errors import InputError
 from lumbar.files import replacing, write_csv
 from lumbar.synthetic.hip_moment_recordings import box_held, hip_moment, trunk_angle
 from lumbar.synthetic.lifter import Movement, simulate
+from lumbar.synthetic.swinging_body import GRAVITY
 
 if TYPE_CHECKING:
     from lumbar.settings.twin import SyntheticLiftingSettings
@@ -62,7 +63,12 @@ def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
 
 
 def write_lift(
-    settings: SyntheticLiftingSettings, lift: str, seed: list[int], markers_path, moment_path
+    settings: SyntheticLiftingSettings,
+    lift: str,
+    seed: list[int],
+    markers_path,
+    moment_path,
+    gravity_m_s2: float = GRAVITY,
 ) -> None:
     """Write one lift as a C3D file and the moment at the hip as a CSV file.
 
@@ -76,6 +82,8 @@ def write_lift(
         C3D file to write.
     moment_path : path or None
         CSV file to write; None leaves the moment out.
+    gravity_m_s2 : float
+        In the moment.
     """
     movement = true_movement(settings, lift)
     rng = np.random.default_rng(seed)
@@ -92,7 +100,7 @@ def write_lift(
         signals = movement.time, trunk_angle(movement), held
         write_csv(
             moment_path,
-            hip_moment(*signals, content.box_mass_kg, person, settings.hip_moment, rng),
+            hip_moment(*signals, content.box_mass_kg, person, settings.hip_moment, gravity_m_s2, rng),
         )
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 GRAVITY = 9.81
+"""m/s², unless a swing says otherwise."""
 STEP = 1e-3
 """Seconds between the positions that accelerations are differences of (error of the fourth order)."""
 
@@ -73,6 +74,8 @@ class Swing:
         Whether the angle counts from straight down; else from straight up.
     pivot_x, pivot_z : callable
         Place of the pivot in metres: x horizontal, towards where a growing angle moves the mass; z up.
+    gravity : float
+        m/s².
     """
 
     angle: Signal
@@ -81,6 +84,7 @@ class Swing:
     hanging: bool = True
     pivot_x: Signal = AT_REST
     pivot_z: Signal = AT_REST
+    gravity: float = GRAVITY
 
     def moment(self, time: np.ndarray) -> np.ndarray:
         """Moment that moves the body so, N·m, positive with the angle; shape (samples,)."""
@@ -95,7 +99,7 @@ class Swing:
                 return self.pivot_z(instant) + up * mass.distance(instant) * np.cos(self.angle(instant))
 
             force_x = mass.kg * acceleration(x, time)
-            force_z = mass.kg * (acceleration(z, time) + GRAVITY)
+            force_z = mass.kg * (acceleration(z, time) + self.gravity)
             arm_x, arm_z = x(time) - self.pivot_x(time), z(time) - self.pivot_z(time)
             total = total + mass.carried(time) * -up * (arm_x * force_z - arm_z * force_x)
         return total

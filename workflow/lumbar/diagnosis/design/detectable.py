@@ -9,7 +9,7 @@ import numpy as np
 from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit, nonlinear_starts
 from lumbar.diagnosis.fitting.sensitivity_subspace import added_forces, beyond, tangent_basis
-from lumbar.diagnosis.selection.null_distribution import NullGains
+from lumbar.diagnosis.selection.null_distribution import NullDistribution
 from lumbar.diagnosis.selection.thresholds import LEVEL
 from lumbar.diagnosis.selection.ties import noise_rms
 from lumbar.diagnosis.selection.verdict import Verdict
@@ -35,23 +35,25 @@ class Detectable:
     hardest: float
 
 
-def threshold_gain(null: NullGains, forms: int) -> float:
-    """Smallest gain in twice the log-likelihood that an effect may be selected on: its probability is `LEVEL`."""
-    candidates = np.linspace(0.0, 4 * null.gains[-1], 4001)
-    probabilities = np.array([null.p_value(gain, forms) for gain in candidates])
+def threshold_ratio(null: NullDistribution, forms: int) -> float:
+    """Smallest likelihood-ratio statistic that an effect may be selected on: its probability is `LEVEL`."""
+    candidates = np.linspace(0.0, 4 * null.ratios[-1], 4001)
+    probabilities = np.array([null.p_value(ratio, forms) for ratio in candidates])
     return float(candidates[np.argmax(probabilities <= LEVEL)])
 
 
-def detectable_effects(diagnosis: Verdict, catalogue: dict[str, Effect], null: NullGains) -> list[Detectable]:
+def detectable_effects(
+    diagnosis: Verdict, catalogue: dict[str, Effect], null: NullDistribution
+) -> list[Detectable]:
     """Smallest detectable force of every effect that the model does not have, the best shown first.
 
-    An effect is selected when its gain N R² exceeds the threshold of the null table; R² counts only what the model's own
+    An effect is selected when its statistic N R² exceeds the threshold of the null table; R² counts only what the model's own
     parameters cannot take up. A force of which they take up the share 1 − s must therefore have the RMS σ √(threshold/(N s)).
     Effects that are no force beside the tissue's are judged by the change they make at their starting nonlinear parameters.
     """
     fit, data = diagnosis.model.fit, diagnosis.experiment.training
     forms = sum(len(effect.forms) for effect in catalogue.values())
-    least = noise_rms(diagnosis) * np.sqrt(threshold_gain(null, forms) / data.size)
+    least = noise_rms(diagnosis) * np.sqrt(threshold_ratio(null, forms) / data.size)
     basis = tangent_basis(fit, [data])
     found = []
     for effect in catalogue.values():

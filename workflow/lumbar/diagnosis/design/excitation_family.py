@@ -11,6 +11,7 @@ import numpy as np
 from lumbar.models.motion import Motion
 from lumbar.signals.machine_limits import Kinematics, peak_kinematics
 from lumbar.signals.multisine import schroeder_phases
+from lumbar.signals.spectral_edge import occupied_band
 
 LONGEST = 30.0
 """Seconds of an excitation, unless it repeats the training record for longer."""
@@ -20,7 +21,6 @@ _ROUNDED = 0.08
 """Seconds over which corners are rounded: a machine cannot turn at once."""
 _ONSET = 1.0
 """Seconds over which motion sets in after rest."""
-_POWER_KEPT = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,26 +76,13 @@ def _inside(position: np.ndarray, reference: np.ndarray) -> bool:
     return bool(position.min() >= reference.min() - slack and position.max() <= reference.max() + slack)
 
 
-def band(reference: Motion) -> tuple[float, float]:
-    """Lowest and highest frequency (Hz) that bound 99 % of the power of a motion's position.
-
-    Of the position, not the velocity, in which the steps of a coarse encoder would pass for motion.
-    """
-    power = np.abs(np.fft.rfft(reference.position - reference.position.mean())) ** 2
-    share = np.cumsum(power) / power.sum()
-    frequency = np.fft.rfftfreq(len(reference), reference.sampling_time)
-    tail = (1 - _POWER_KEPT) / 2
-    low, high = np.searchsorted(share, [tail, 1 - tail])
-    return float(max(frequency[low], frequency[1])), float(frequency[high])
-
-
 def _signals(reference: Motion, unit: str) -> Iterator[tuple[str, np.ndarray]]:
     step = reference.sampling_time
     middle = (reference.position.max() + reference.position.min()) / 2
     half = np.ptp(reference.position) / 2
     duration = min(LONGEST, step * len(reference))
     time = step * np.arange(round(duration / step))
-    low, high = band(reference)
+    low, high = occupied_band(reference.position, step)
     highest = 0.1 / step
     speed = float(np.sqrt(np.mean(reference.velocity**2)))
     for share in _SHARES:

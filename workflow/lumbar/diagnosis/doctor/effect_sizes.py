@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.diagnosis.design.detectable import threshold_gain
+from lumbar.diagnosis.design.detectable import threshold_ratio
 from lumbar.diagnosis.doctor.injection import Injection, without_effect
 from lumbar.diagnosis.doctor.outcome import Diagnose, Kind, Outcome, diagnosed, judge_effect
 from lumbar.diagnosis.doctor.smallest import Search, search
@@ -117,7 +117,7 @@ def effect_sizes(
         One diagnosis per form.
     """
     null = shipped(truth.fit.structure.base.system)
-    threshold = threshold_gain(null, sum(len(effect.forms) for effect in catalogue.values()))
+    threshold = threshold_ratio(null, sum(len(effect.forms) for effect in catalogue.values()))
     for form, model, nonlinear in tried:
         if nonlinear is None:
             injection = Injection.middle(model, form, truth.training)

@@ -43,7 +43,7 @@ def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dic
         **diagnosis.to_json(),
         "ties": None if evidence.ties is None else evidence.ties.to_json(),
         "separating_excitation": None if evidence.separation is None else evidence.separation.to_json(),
-        "false_alarm_threshold": {"gain": evidence.threshold, "null_experiments": len(evidence.null.gains)},
+        "false_alarm_threshold": {"gain": evidence.threshold, "null_experiments": len(evidence.null.ratios)},
         "detectable_rms": {
             item.effect: {"easiest": item.easiest, "hardest": item.hardest, "unit": unit}
             for item in evidence.detectable
@@ -58,10 +58,10 @@ def ladder_csv(diagnosis: Verdict, data: str) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(LADDER_COLUMNS)
     floor = diagnosis.experiment.floor
-    for rung, item in enumerate(diagnosis.ladder):
+    for number, item in enumerate(diagnosis.path):
         forms = "+".join(form.name for form in item.fit.structure.forms)
         numbers = (repr(item.train_rms), repr(item.test_rms), diagnosis.experiment.output_unit)
         writer.writerow(
-            [rung, "+".join(item.effects), forms, *numbers, "" if floor is None else repr(floor.rms), data]
+            [number, "+".join(item.effects), forms, *numbers, "" if floor is None else repr(floor.rms), data]
         )
     return stream.getvalue()

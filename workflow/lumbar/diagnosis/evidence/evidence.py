@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.diagnosis.design.detectable import Detectable, detectable_effects, threshold_gain
+from lumbar.diagnosis.design.detectable import Detectable, detectable_effects, threshold_ratio
 from lumbar.diagnosis.design.discrimination import Separation, separating_excitation
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.fitting.joint_fit import fit
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.residuals.residual_report import Simulated, compare_and_locate
-from lumbar.diagnosis.selection.forward_selection import Candidate, extend, judge
-from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
+from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate, extend
+from lumbar.diagnosis.selection.null_distribution import NullDistribution, shipped
 from lumbar.diagnosis.selection.ties import Ties, signal_angles
 from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.effects.catalogue import without_channels
@@ -42,7 +42,7 @@ class Evidence:
         How large other effects would have to be.
     threshold : float
         Gain that an effect needs to be selected.
-    null : NullGains
+    null : NullDistribution
         Simulated experiments that the threshold comes from.
     other_forms : list of Candidate
         The selected model with one of its effects in another mathematical form.
@@ -53,7 +53,7 @@ class Evidence:
     separation: Separation | None
     detectable: list[Detectable]
     threshold: float
-    null: NullGains
+    null: NullDistribution
     other_forms: list[Candidate]
 
 
@@ -94,7 +94,7 @@ def gather_evidence(
         ties=signal_angles(diagnosis),
         separation=separating_excitation(diagnosis, machine_limits(machine, experiment)),
         detectable=detectable_effects(diagnosis, catalogue, null),
-        threshold=threshold_gain(null, forms),
+        threshold=threshold_ratio(null, forms),
         null=null,
         other_forms=_other_forms(diagnosis, catalogue),
     )
@@ -119,6 +119,6 @@ def _other_forms(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Candi
         rest = model.fit.structure.without(mine.effect)
         base, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
         start = np.concatenate([base, *(parts[form.key] for form in rest.forms)])
-        without = judge(fit(rest, experiment.training, start), experiment)
+        without = evaluate(fit(rest, experiment.training, start), experiment)
         found += extend(without, {mine.effect: replace(effect, forms=others)}, experiment)
     return found

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.diagnosis.design.excitation_family import band
 from lumbar.diagnosis.evidence.evidence import Evidence
 from lumbar.diagnosis.residuals.residual import steady_velocity
 from lumbar.diagnosis.selection.sentences import effects_text, readable
 from lumbar.diagnosis.selection.thresholds import TIED
 from lumbar.diagnosis.selection.verdict import Verdict
+from lumbar.signals.spectral_edge import occupied_band
 
 _WIDE = 0.5
 """Half width of an interval, as a share of the value, from which on a parameter is poorly known."""
@@ -35,7 +35,9 @@ def _range(diagnosis: Verdict) -> list[str]:
     motions = [item.motion for item in (experiment.training, *experiment.tests)]
     positions = np.concatenate([item.position for item in motions])
     speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
-    bottom, top = (f"{frequency:.2g}" for frequency in band(experiment.training.motion))
+    training = experiment.training.motion
+    band = occupied_band(training.position, training.sampling_time)
+    bottom, top = (f"{frequency:.2g}" for frequency in band)
     frequencies = f"outside {bottom} to {top} Hz" if bottom != top else f"at a frequency other than {top} Hz"
     unit = experiment.input_unit
     return [

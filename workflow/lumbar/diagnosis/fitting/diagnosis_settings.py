@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.diagnosis.sensors.sensor_faults import mended, sensor_faults
 from lumbar.effects.catalogue import catalogue_of, catalogue_with
+from lumbar.effects.pendulum_load import GRAVITY
 from lumbar.models.bases import BASES, CHOSEN_BY_DATA, system_of
 from lumbar.models.form import Effect
 from lumbar.models.measured_angle import for_base
@@ -59,6 +60,7 @@ class DiagnosisSettings:
         base: str | None = None,
         train: str | Sequence[str] | None = None,
         periods: dict[str, float] | None = None,
+        gravity_m_s2: float = GRAVITY,
     ) -> DiagnosisSettings:
         """Settings from a study's chapter improvement; what is given beside it comes first."""
         base = base or improvement.base
@@ -66,7 +68,7 @@ class DiagnosisSettings:
             base=base,
             train=train or improvement.train,
             periods=periods or {},
-            catalogue=catalogue_with(improvement.effect_files, base),
+            catalogue=catalogue_with(improvement.effect_files, base, gravity_m_s2),
             most_effects=improvement.most_effects,
         )
 

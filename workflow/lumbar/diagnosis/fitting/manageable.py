@@ -9,6 +9,7 @@ import numpy as np
 from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.noise.periods import find_period
 from lumbar.records.record import Record
+from lumbar.signals.spectral_edge import spectral_edge
 
 MOST = 150_000
 """Samples of all records together that a diagnosis takes as they are."""
@@ -19,7 +20,8 @@ PER_CYCLE = 12.0
 _SEARCHED = 1_000_000
 """Samples at the beginning of a record in which its period is looked for."""
 _BAND_POWER = 0.999
-"""Share of the position's power below the upper end of its band."""
+"""Share of the position's power below the upper end of its band. Not of its steps: those of a coarse encoder would keep
+long records at their rate."""
 
 
 def manageable(records: list[Record]) -> tuple[list[Record], tuple[Finding, ...]]:
@@ -68,7 +70,9 @@ def _decimated(records: list[Record]) -> tuple[list[Record], list[Finding]]:
 
 def _factor(records: list[Record], wanted: int) -> int:
     """Factor for records of one rate: one that divides their periods where there is one."""
-    largest = min(wanted, *(int(1 / (PER_CYCLE * _band(record["input"]))) for record in records))
+    positions = [record["input"] for record in records]
+    edges = [spectral_edge(position - position.mean(), _BAND_POWER) for position in positions]
+    largest = min(wanted, *(int(1 / (PER_CYCLE * edge)) for edge in edges))
     largest = min(largest, *(len(record) // 200 for record in records))
     periods = [record.period or find_period(_part(record, slice(_SEARCHED))) for record in records]
     lengths = [
@@ -80,13 +84,6 @@ def _factor(records: list[Record], wanted: int) -> int:
         factor for factor in range(largest, largest // 2, -1) if all(size % factor == 0 for size in lengths)
     )
     return next(whole, largest)
-
-
-def _band(position: np.ndarray) -> float:
-    """Frequency (cycles per sample) below which nearly all power of a position about its mean lies."""
-    tapered = (position - position.mean()) * np.hanning(len(position))
-    power = np.cumsum(np.abs(np.fft.rfft(tapered)) ** 2)
-    return max(float(np.searchsorted(power, _BAND_POWER * power[-1])), 1.0) / len(position)
 
 
 def _shortened(records: list[Record]) -> tuple[list[Record], list[Finding]]:

@@ -19,14 +19,15 @@ from lumbar.diagnosis.law.checks import (
     motions,
     stays_bounded,
 )
+from lumbar.diagnosis.law.law_form import form_of
 from lumbar.diagnosis.law.search import Law, Search
 from lumbar.diagnosis.law.surface import Surface, surfaces
-from lumbar.diagnosis.law.terms import Term, form_of, knows, library
+from lumbar.diagnosis.law.terms import Term, knows, library
 from lumbar.diagnosis.selection.forward_selection import (
     Candidate,
-    gain,
+    evaluate,
     is_adequate,
-    judge,
+    likelihood_ratio,
     unseen_improvement,
 )
 from lumbar.diagnosis.selection.null_distribution import shipped
@@ -188,7 +189,7 @@ def _searched(none: Proposal, terms: Sequence[Term], system: str) -> Proposal:
 
 def _restarted(start: Candidate, experiment: Experiment) -> Candidate:
     """The same model fitted to the training record of another experiment."""
-    return judge(fit(start.fit.structure, experiment.training, start.fit.nonlinear), experiment)
+    return evaluate(fit(start.fit.structure, experiment.training, start.fit.nonlinear), experiment)
 
 
 def _settled(law: Law, start: Candidate, experiment: Experiment) -> Law:
@@ -197,7 +198,7 @@ def _settled(law: Law, start: Candidate, experiment: Experiment) -> Law:
     signs = tuple(int(np.sign(value)) for value in own) or None
     structure = start.fit.structure.with_form(form_of(law.terms, NAME, signs, law.shared))
     found = fit(structure, experiment.training, law.fit.nonlinear)
-    return Law(start, law.terms, judge(found, experiment), law.shared)
+    return Law(start, law.terms, evaluate(found, experiment), law.shared)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +213,9 @@ class _Test:
 
     def refuses(self, law: Law) -> str:
         """What a law fails; empty where it passes."""
-        p_value = shipped(self.system).p_value(gain(law.start, law.candidate, self.experiment), self.terms)
+        p_value = shipped(self.system).p_value(
+            likelihood_ratio(law.start, law.candidate, self.experiment), self.terms
+        )
         share = self.share_removed(law.fit)
         if p_value > LEVEL:
             return f"noise alone gives as much (p = {p_value:.2g})"

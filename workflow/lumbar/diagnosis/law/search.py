@@ -19,11 +19,12 @@ from lumbar.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.diagnosis.fitting.joint_fit import Fit, fit, nonlinear_starts, shape_bounds, solve_linear
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.sensitivity_subspace import added_forces, beyond, tangent_basis
-from lumbar.diagnosis.law.terms import Term, distinct, form_of
+from lumbar.diagnosis.law.law_form import distinct, form_of
+from lumbar.diagnosis.law.terms import Term
 from lumbar.diagnosis.selection.forward_selection import (
     Candidate,
+    evaluate,
     is_adequate,
-    judge,
     unseen_improvement,
 )
 from lumbar.diagnosis.selection.thresholds import UNSEEN, WORTHWHILE
@@ -111,7 +112,7 @@ class Search:
         for term in self.library:
             if term.place is Place.OUTPUT:
                 continue
-            form = term.form()
+            form = form_of((term,))
             for start in nonlinear_starts(form, data, anything):
                 with np.errstate(all="ignore"):
                     forces = data.counted(forces_of(form, data.motion, start))
@@ -137,7 +138,7 @@ class Search:
         residual = data.force - model.simulate(data.motion)
         for term in self.library:
             if term.place is Place.OUTPUT:
-                form = term.form()
+                form = form_of((term,))
                 for start in nonlinear_starts(form, data, residual):
                     found.append(_Column(term, start, added_forces(model, form, data, start)))
         return found
@@ -188,7 +189,7 @@ class Search:
             return None
         if _at_bound(found, self.experiment.training, len(before)):
             return self.in_the_limit(law, terms, found.nonlinear[len(before) :])
-        candidate = judge(found, self.experiment)
+        candidate = evaluate(found, self.experiment)
         return Law(law.start, terms, candidate, shared) if np.isfinite(candidate.score) else None
 
     def in_the_limit(self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray) -> Law | None:

@@ -6,13 +6,14 @@ import numpy as np
 
 from lumbar.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.models.motion import Motion
+from lumbar.signals.spectral_edge import spectral_edge
 
 _ENOUGH = 6000
 """Samples of all records together that a fit is left with, where the position's band allows it."""
 _PER_CYCLE = 12.0
 """Samples per cycle at the upper end of the position's band."""
 _BAND_POWER = 0.9999
-"""Share of the power of the position's steps below the upper end of its band."""
+"""Share of the power of the position's steps below the upper end of its band. Of steps, for a damper answers the speed."""
 
 
 def decimated(data: FitData) -> FitData:
@@ -32,14 +33,8 @@ def decimated(data: FitData) -> FitData:
 def _room(data: FitData) -> int:
     """Largest factor that leaves `_PER_CYCLE` samples in the fastest cycle of any of the records."""
     parts = data.parts if isinstance(data, JointData) else (data,)
-    return min(int(1 / (_PER_CYCLE * _band(part.motion.position))) for part in parts)
-
-
-def _band(position: np.ndarray) -> float:
-    """Frequency (cycles per sample) below which nearly all power of a position's steps lies."""
-    steps = np.diff(position)
-    power = np.cumsum(np.abs(np.fft.rfft(steps * np.hanning(len(steps)))) ** 2)
-    return max(float(np.searchsorted(power, _BAND_POWER * power[-1])), 1.0) / len(steps)
+    edges = [spectral_edge(np.diff(part.motion.position), _BAND_POWER) for part in parts]
+    return min(int(1 / (_PER_CYCLE * edge)) for edge in edges)
 
 
 def _decimated(data: FitData, factor: int) -> FitData:

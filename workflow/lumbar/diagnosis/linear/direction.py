@@ -18,6 +18,7 @@ from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.models.motion import Motion
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.tissue import TissueSettings
+from lumbar.signals.spectral_edge import spectral_edge
 
 _SURE = 4.0
 """Standard errors by which an energy must differ from 0."""
@@ -127,7 +128,8 @@ def _compared(motion: Motion, force: np.ndarray) -> _Pair:
     jump, follows = (
         float(np.abs(np.diff(signal)).max() / np.ptp(signal)) for signal in (motion.position, force)
     )
-    window = max(round(1 / (_PER_CYCLE * max(_band(motion.position), _band(force)))), 1)
+    edges = [spectral_edge(signal - signal.mean(), _BAND_POWER) for signal in (motion.position, force)]
+    window = max(round(1 / (_PER_CYCLE * max(edges))), 1)
     first, second = _smooth(motion.position, window), _smooth(force, window)
     speed, rate = np.gradient(first), np.gradient(second)
     first, second = first - first.mean(), second - second.mean()
@@ -143,12 +145,6 @@ def _compared(motion: Motion, force: np.ndarray) -> _Pair:
         follows=follows,
         held=bool(np.mean(steps == 0) > _FEWEST_RESTING),
     )
-
-
-def _band(signal: np.ndarray) -> float:
-    """Frequency (cycles per sample) below which most power of a signal lies."""
-    power = np.cumsum(np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)))) ** 2)
-    return max(float(np.searchsorted(power, _BAND_POWER * power[-1])), 1.0) / len(signal)
 
 
 def _smooth(signal: np.ndarray, window: int) -> np.ndarray:

@@ -203,13 +203,13 @@ def _on_all(data: FitData, fit: Callable[[FitData], LinearDynamics]) -> LinearDy
     return _solved(found.kind, data, found.poles, found.held)
 
 
-def _band(data: FitData) -> tuple[float, float]:
+def _rates_seen(data: FitData) -> tuple[float, float]:
     """Rates (1/s) that a record can show: of its length and of its sampling."""
     return 1 / data.scale("duration"), 1 / data.motion.sampling_time
 
 
 def _prony(data: FitData, held: bool) -> LinearDynamics:
-    low, high = _band(data)
+    low, high = _rates_seen(data)
     rates = np.geomspace(low, high, 1 + round(_PER_DECADE * np.log10(high / low)))
     every = Poles(rates, np.zeros((0, 2)))
     columns = forces(data.motion, every, held)
@@ -224,7 +224,7 @@ def _prony(data: FitData, held: bool) -> LinearDynamics:
 
 def _rational(data: FitData, order: int, lower: LinearDynamics) -> LinearDynamics:
     """Refine poles from the last iterations of their relocation, or from those of a lower order and some more."""
-    low, high = _band(data)
+    low, high = _rates_seen(data)
     more = np.geomspace(low, high, order - lower.order + 2)[1:-1]
     starts = relocated_poles(data, order, low, high, lower.held)[-2:]
     starts.append(Poles.of(np.concatenate([lower.poles.to_array(), -more])))
@@ -250,7 +250,7 @@ def _refined(data: FitData, start: LinearDynamics) -> LinearDynamics:
     from scipy.optimize import least_squares
 
     force, vector = data.counted(data.force), start.poles.to_vector()
-    low, high = _band(data)
+    low, high = _rates_seen(data)
     bounds = _bounds(start.poles, low, 10 * high)
 
     @lru_cache(maxsize=1)

@@ -9,10 +9,10 @@ from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.selection.forward_selection import (
     Candidate,
     best_by_effect,
+    evaluate,
     extend,
     is_adequate,
     is_worthwhile,
-    judge,
 )
 from lumbar.diagnosis.selection.thresholds import TIED
 from lumbar.models.bases import BASES, CHOSEN_BY_DATA
@@ -103,7 +103,7 @@ def base_beside(model: Candidate, experiment: Experiment) -> str | None:
             continue
         bare = fit_base(Structure(other), experiment.training)
         start = np.concatenate([bare.nonlinear, *(parts[form.key] for form in forms)])
-        found.append(judge(fit(Structure(other, forms), experiment.training, start), experiment))
+        found.append(evaluate(fit(Structure(other, forms), experiment.training, start), experiment))
     bare = _fitted(experiment, mine.name)
     found = [
         item
@@ -120,7 +120,7 @@ def _parameters(model: Candidate) -> int:
 
 
 def _fitted(experiment: Experiment, name: str) -> Candidate:
-    return judge(fit_base(Structure(BASES[name]), experiment.training), experiment)
+    return evaluate(fit_base(Structure(BASES[name]), experiment.training), experiment)
 
 
 def first_surface(experiment: Experiment) -> float | None:
@@ -170,7 +170,7 @@ def _surface_of_refined(
     if not refined:
         return experiment, base
     moved, _ = min(refined, key=lambda pair: pair[1].score)
-    return moved, judge(fit(base.fit.structure, moved.training, base.fit.nonlinear), moved)
+    return moved, evaluate(fit(base.fit.structure, moved.training, base.fit.nonlinear), moved)
 
 
 def with_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
@@ -192,4 +192,4 @@ def with_surface(experiment: Experiment, model: Candidate, start: float) -> tupl
     )
     moved = experiment.counted_from(float(found.x))
     refit = fit(model.fit.structure, moved.training, model.fit.nonlinear)
-    return moved, judge(refit, moved)
+    return moved, evaluate(refit, moved)

@@ -21,18 +21,18 @@ from lumbar.diagnosis.selection.forward_selection import (
     REFITTED,
     Candidate,
     best_by_effect,
+    evaluate,
     exchange,
     extend,
-    gain,
     is_adequate,
     is_worthwhile,
-    judge,
     later_improvement,
+    likelihood_ratio,
     pairs,
     unseen_improvement,
 )
 from lumbar.diagnosis.selection.linear_gate import linear_alternative, linear_finding
-from lumbar.diagnosis.selection.null_distribution import NullGains, shipped
+from lumbar.diagnosis.selection.null_distribution import NullDistribution, shipped
 from lumbar.diagnosis.selection.offsets import offsets
 from lumbar.diagnosis.selection.thresholds import (
     BLIND,
@@ -96,11 +96,11 @@ def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> Verdict:
     with_zeros = experiment.with_own_zeros()
 
     def helps(item: Candidate) -> bool:
-        again = judge(refit(item.fit.structure, with_zeros.training, item.fit.nonlinear), with_zeros)
+        again = evaluate(refit(item.fit.structure, with_zeros.training, item.fit.nonlinear), with_zeros)
         return again.test_rms < _ZEROS_HELP * item.test_rms
 
     accumulating = any(settings.candidates[name].accumulates for name in found.selected)
-    if not (accumulating or any(helps(item) for item in found.ladder)):
+    if not (accumulating or any(helps(item) for item in found.path)):
         return found
     searched = _searched(with_zeros, settings)
     better = searched.model.test_rms < _ZEROS_HELP * found.model.test_rms
@@ -164,7 +164,9 @@ def _searched(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
 class _Selection:
     """One diagnosis under way: the candidates tried so far and what was selected."""
 
-    def __init__(self, experiment: Experiment, base: Candidate, settings: DiagnosisSettings, null: NullGains):
+    def __init__(
+        self, experiment: Experiment, base: Candidate, settings: DiagnosisSettings, null: NullDistribution
+    ):
         self.experiment = experiment
         self.base = base
         self.settings = settings
@@ -175,8 +177,8 @@ class _Selection:
         self.contradicting: dict[Candidate, bool] = {}
 
     def diagnosis(self) -> Verdict:
-        ladder = self.climb()
-        model = ladder[-1]
+        path = self.selected_path()
+        model = path[-1]
         tied = self.tied(model)
         share = self.share_removed(model)
         verdict = self.verdict(model, tied, share)
@@ -185,7 +187,7 @@ class _Selection:
             experiment=self.experiment,
             base=self.base,
             verdict=verdict,
-            ladder=ladder,
+            path=path,
             tied_with=tied,
             ranking=self.ranking(model),
             explainable_share_removed=share,
@@ -194,7 +196,7 @@ class _Selection:
         )
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
-        return self.null.p_value(gain(before, after, self.experiment), self.forms)
+        return self.null.p_value(likelihood_ratio(before, after, self.experiment), self.forms)
 
     def passes(self, before: Candidate, after: Candidate) -> bool:
         """Whether an effect may be selected: no false alarm in training, and surely better on unseen records."""
@@ -219,8 +221,8 @@ class _Selection:
     def worthwhile(self, before: Candidate, after: Candidate) -> bool:
         return is_worthwhile(self.base, before, after, self.experiment)
 
-    def climb(self) -> list[Candidate]:
-        """Select effects one after the other; return the ladder from the base up."""
+    def selected_path(self) -> list[Candidate]:
+        """Select effects one after the other; return the path from the base to the model."""
         if is_adequate(self.base, self.experiment) and not self.any_passes(self.base, self.singles):
             return [self.base]
         model = next((item for item in self.singles if self.passes(self.base, item)), None)
@@ -231,7 +233,7 @@ class _Selection:
         pair = self.best_pair(model)
         if pair is None:
             return [self.base] if model is None else [self.base, model]
-        return self.climb_further(pair)
+        return self.further_path(pair)
 
     def any_passes(self, before: Candidate, candidates: list[Candidate]) -> bool:
         return any(self.passes(before, item) for item in candidates)
@@ -247,7 +249,7 @@ class _Selection:
         best = exchange(found[0], self.settings.catalogue, self.experiment)
         return best if best.test_rms <= found[0].test_rms * 1.001 else found[0]
 
-    def climb_further(self, pair: Candidate) -> list[Candidate]:
+    def further_path(self, pair: Candidate) -> list[Candidate]:
         """Add effects to a pair while they are worth it, drop what has become needless, order what is left."""
         model = pair
         while len(model.effects) < self.settings.most_effects and not is_adequate(model, self.experiment):
@@ -259,25 +261,25 @@ class _Selection:
             if best is None:
                 break
             model = best
-        return self.ordered_ladder(model)
+        return self.ordered_path(model)
 
-    def ordered_ladder(self, model: Candidate) -> list[Candidate]:
-        """Rungs from the base to the model: each adds the effect that helps most; needless ones are dropped."""
+    def ordered_path(self, model: Candidate) -> list[Candidate]:
+        """Models from the base to the model: each adds the effect that helps most; needless ones are dropped."""
         forms = list(model.fit.structure.forms)
-        rungs = [self.base]
+        path = [self.base]
         while forms:
             found = [
-                judge(add(rungs[-1].fit, form, self.experiment.training), self.experiment) for form in forms
+                evaluate(add(path[-1].fit, form, self.experiment.training), self.experiment) for form in forms
             ]
             best = min(found, key=lambda item: item.score)
             forms = [form for form in forms if form.effect != best.effects[-1]]
             if not forms and best.score > model.score:
-                # The last rung is the model itself, with its effects in the order in which they help.
+                # The last one is the model itself, with its effects in the order in which they help.
                 best = self.in_order(model, best.effects)
-            rungs.append(best)
-        while len(rungs) > 2 and not self.passes(rungs[-2], rungs[-1]):
-            rungs.pop()
-        return rungs
+            path.append(best)
+        while len(path) > 2 and not self.passes(path[-2], path[-1]):
+            path.pop()
+        return path
 
     def in_order(self, model: Candidate, names: Sequence[str]) -> Candidate:
         """The same fitted model with its forms in another order."""

@@ -60,7 +60,7 @@ class Candidate:
         return self.fit.structure.effects
 
 
-def judge(fit: Fit, experiment: Experiment) -> Candidate:
+def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
     """Simulate a fitted model on all records."""
     training, tests = experiment.training, experiment.tests
     test_rms = fit.rms(*tests)
@@ -99,8 +99,8 @@ def _unlikelihood(errors: np.ndarray) -> float:
     return float(np.sum(_loss(errors, scale))) + 2 * len(errors) * float(np.log(scale))
 
 
-def gain(before: Candidate, after: Candidate, experiment: Experiment) -> float:
-    """Twice the gain in log-likelihood on the training record."""
+def likelihood_ratio(before: Candidate, after: Candidate, experiment: Experiment) -> float:
+    """Likelihood-ratio statistic on the training record: twice what the log-likelihood gains."""
     return experiment.training.size * float(np.log(before.fit.squared_error / after.fit.squared_error))
 
 
@@ -243,7 +243,7 @@ def extend(
     forms = [form for form in every if not form.general]
     if most is not None:
         forms = _promising(model.fit, forms, experiment, most, all_forms)
-    found = [judge(add(model.fit, form, experiment.training), experiment) for form in forms]
+    found = [evaluate(add(model.fit, form, experiment.training), experiment) for form in forms]
     if all_forms:
         simpler = {item.effects[-1]: item for item in best_by_effect(found)[:LOOK_AHEAD]}
         for form in every:
@@ -258,7 +258,7 @@ def _where_needed(
     """A general form refitted, where the best simpler form of its effect leaves much that it explains."""
     if is_adequate(simpler, experiment):
         return []
-    found = judge(add(model.fit, general, experiment.training), experiment)
+    found = evaluate(add(model.fit, general, experiment.training), experiment)
     floor = 0.0 if experiment.floor is None else experiment.floor.rms
     rest = max(simpler.train_rms**2 - floor**2, 0.0)
     removed = simpler.train_rms**2 - found.train_rms**2
@@ -297,7 +297,7 @@ def exchange(model: Candidate, catalogue: dict[str, Effect], experiment: Experim
         structure = model.fit.structure.without(name)
         base, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
         start = np.concatenate([base, *(parts[form.key] for form in structure.forms)])
-        remaining = judge(refit(structure, experiment.training, start), experiment)
+        remaining = evaluate(refit(structure, experiment.training, start), experiment)
         best = extend(remaining, catalogue, experiment, EXCHANGED)[0]
         if best.score < model.score - 1.0:
             model = best

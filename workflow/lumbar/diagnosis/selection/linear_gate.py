@@ -5,7 +5,7 @@ from __future__ import annotations
 from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.linear.higher_order import linear_dynamics
-from lumbar.diagnosis.selection.forward_selection import Candidate, judge, unseen_improvement
+from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate, unseen_improvement
 from lumbar.diagnosis.selection.thresholds import TIED, UNSEEN
 
 
@@ -16,7 +16,7 @@ def linear_alternative(model: Candidate, experiment: Experiment) -> Candidate | 
     """
     if model.fit.structure.base.contact:
         return None
-    linear = judge(linear_dynamics(experiment), experiment)
+    linear = evaluate(linear_dynamics(experiment), experiment)
     surely = unseen_improvement(model, linear, experiment) > UNSEEN
     return linear if surely and linear.score < model.score - TIED else None
 

@@ -1,6 +1,6 @@
 """How much the best of all candidates gains when nothing is missing.
 
-The tables beside this module, one per catalogue, hold the largest gain in twice the log-likelihood among all its candidates
+The tables beside this module, one per catalogue, hold the largest likelihood-ratio statistic among all its candidates
 for simulated experiments in which the base model is true, base refitted each time. Gains of white noise do not depend
 on the record's length, so the tables are made once (``tests/benchmark/null_gains.py``) and shipped.
 """
@@ -23,43 +23,43 @@ TABLES = {
 
 
 @dataclass(frozen=True, eq=False)
-class NullGains:
-    """Sorted gains of simulated null experiments.
+class NullDistribution:
+    """Sorted likelihood-ratio statistics of simulated null experiments.
 
     Attributes
     ----------
-    gains : numpy.ndarray
+    ratios : numpy.ndarray
         Ascending.
     forms : int
         Number of candidate forms they are the best of.
     """
 
-    gains: np.ndarray
+    ratios: np.ndarray
     forms: int
 
-    def p_value(self, gain: float, forms: int | None = None) -> float:
+    def p_value(self, ratio: float, forms: int | None = None) -> float:
         """Probability that the best candidate gains as much where nothing is missing.
 
-        Beyond the table the tail falls as that of chi-square gains, exp(−gain/2), from its last tenth.
+        Beyond the table the tail falls as that of chi-square ratios, exp(−ratio/2), from its last tenth.
 
         Parameters
         ----------
-        gain : float
-            Twice the gain in log-likelihood.
+        ratio : float
+            Likelihood-ratio statistic.
         forms : int, optional
             Number of candidates tried, where it differs from the table's: the probability grows in proportion.
         """
-        size = len(self.gains)
-        above = size - int(np.searchsorted(self.gains, gain, side="left"))
+        size = len(self.ratios)
+        above = size - int(np.searchsorted(self.ratios, ratio, side="left"))
         share = (above + 1) / (size + 1)
-        tail = self.gains[int(0.98 * size)]
-        if gain > tail:
-            share = min(share, 0.02 * float(np.exp(-0.5 * (gain - tail))))
+        tail = self.ratios[int(0.98 * size)]
+        if ratio > tail:
+            share = min(share, 0.02 * float(np.exp(-0.5 * (ratio - tail))))
         return float(min(1.0, share * (forms or self.forms) / self.forms))
 
 
 @cache
-def shipped(system: str = "tissue") -> NullGains:
+def shipped(system: str = "tissue") -> NullDistribution:
     """Return the table that comes with the project for a system's catalogue."""
     content = read_json(TABLES[system])
-    return NullGains(np.sort(np.array(content["gains"])), content["forms"])
+    return NullDistribution(np.sort(np.array(content["gains"])), content["forms"])

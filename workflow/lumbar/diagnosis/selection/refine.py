@@ -32,7 +32,7 @@ def refine(
     -------
     Experiment
     list of Candidate
-        The ladder: base, base and first effect, ….
+        The path: base, base and first effect, ….
 
     Raises
     ------
@@ -45,14 +45,14 @@ def refine(
     chosen = {effect.name: effect for effect in choose(effects, settings.candidates)}
     experiment = prepare_for(records, settings)
     chosen = _with_channels(chosen, experiment)
-    surfaced, ladder = _climbed(experiment, chosen, settings.base)
-    if experiment.error_dwarfs_noise(ladder[-1].train_rms):
-        surfaced, ladder = _climbed(experiment.unwhitened(), chosen, settings.base)
-    return surfaced, ladder
+    surfaced, path = _added_in_turn(experiment, chosen, settings.base)
+    if experiment.error_dwarfs_noise(path[-1].train_rms):
+        surfaced, path = _added_in_turn(experiment.unwhitened(), chosen, settings.base)
+    return surfaced, path
 
 
 def refined_fit(records: list[Record], effects: list[str], settings: DiagnosisSettings) -> FittedModel:
-    """Refine a base model by these effects and return the last model of the ladder.
+    """Refine a base model by these effects and return the last model of the path.
 
     Parameters
     ----------
@@ -62,14 +62,14 @@ def refined_fit(records: list[Record], effects: list[str], settings: DiagnosisSe
     settings : DiagnosisSettings
         ``train`` names the training record.
     """
-    experiment, ladder = refine(records, effects, settings)
-    return fitted_model(ladder[-1], experiment)
+    experiment, path = refine(records, effects, settings)
+    return fitted_model(path[-1], experiment)
 
 
-def _climbed(
+def _added_in_turn(
     experiment: Experiment, chosen: dict[str, Effect], base: str
 ) -> tuple[Experiment, list[Candidate]]:
-    """Records from the tissue's surface on, and ladder of fitted models: base, base and first effect, ….
+    """Records from the tissue's surface on, and path of fitted models: base, base and first effect, ….
 
     Raises
     ------
@@ -77,29 +77,29 @@ def _climbed(
         As `refine`.
     """
     experiment, first = choose_base(experiment, base, chosen)
-    ladder = [first]
+    path = [first]
     for name in chosen:
         # The best by likelihood and number of parameters: a form with more of them always fits a little better.
-        rung = extend(ladder[-1], {name: chosen[name]}, experiment)[0]
-        if rung.fit.squared_error > ladder[-1].fit.squared_error * (1 + 1e-6):
+        more = extend(path[-1], {name: chosen[name]}, experiment)[0]
+        if more.fit.squared_error > path[-1].fit.squared_error * (1 + 1e-6):
             raise NumericalError(
-                f"{name}: added to {model_name(ladder[-1].fit)} it raises the error on {experiment.training.name} from "
-                f"{ladder[-1].train_rms:.4g} to {rung.train_rms:.4g} {experiment.output_unit}; leave it out"
+                f"{name}: added to {model_name(path[-1].fit)} it raises the error on {experiment.training.name} from "
+                f"{path[-1].train_rms:.4g} to {more.train_rms:.4g} {experiment.output_unit}; leave it out"
             )
-        form = rung.fit.structure.forms[-1]
-        nonlinear = rung.fit.nonlinear[len(ladder[-1].fit.nonlinear) :]
-        check_excited(ladder[-1].fit, form, experiment.training, nonlinear, model_name(ladder[-1].fit))
-        ladder.append(rung)
+        form = more.fit.structure.forms[-1]
+        nonlinear = more.fit.nonlinear[len(path[-1].fit.nonlinear) :]
+        check_excited(path[-1].fit, form, experiment.training, nonlinear, model_name(path[-1].fit))
+        path.append(more)
     if len(chosen) > 1:
         # Forms were chosen one by one; with all effects in place another form of one may fit better.
-        best = exchange(ladder[-1], chosen, experiment)
-        ladder[-1] = best if set(best.effects) == set(chosen) else ladder[-1]
-    if not ladder[-1].fit.converged:
+        best = exchange(path[-1], chosen, experiment)
+        path[-1] = best if set(best.effects) == set(chosen) else path[-1]
+    if not path[-1].fit.converged:
         raise NumericalError(
             f"{first.fit.structure.base.name} with {', '.join(chosen)}: the fit on {experiment.training.name} did not converge; "
             "the data may not excite what is asked"
         )
-    return experiment, ladder
+    return experiment, path
 
 
 def _with_channels(chosen: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:

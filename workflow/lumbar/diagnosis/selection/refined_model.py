@@ -62,10 +62,10 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
     )
 
 
-def refined_document(ladder: list[Candidate], experiment: Experiment, data: str) -> dict:
-    """Return the content of ``refined.json``: every rung of the ladder as a model."""
+def refined_document(path: list[Candidate], experiment: Experiment, data: str) -> dict:
+    """Return the content of ``refined.json``: every model of the path."""
     floor = None if experiment.floor is None else experiment.floor.rms
-    return models_document([fitted_model(item, experiment) for item in ladder], data, floor)
+    return models_document([fitted_model(item, experiment) for item in path], data, floor)
 
 
 def _free_run(fit: Fit, data: FitData) -> tuple[float, float, float]:

@@ -27,9 +27,8 @@ def headline(diagnosis: Verdict) -> str:
     before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
     named = effects_text(diagnosis.selected)
     fall = f"the error on unseen records falls from {' to '.join(told_apart([before, after], 3))} {unit}"
-    turned = next((item for item in diagnosis.findings if item.kind in ("direction", "sign")), None)
-    if turned is not None:
-        return f"These records are not what the {base} model takes. {turned.sentence}"
+    if diagnosis.turned is not None:
+        return f"These records are not what the {base} model takes. {diagnosis.turned.sentence}"
     if diagnosis.verdict == "adequate":
         return f"Nothing is missing: what the {base} model leaves ({before:.3g} {unit}) is noise as far as can be told."
     if diagnosis.verdict == "named":

@@ -55,7 +55,7 @@ class Verdict:
         The base alone.
     verdict : str
         ``adequate``, ``named``, ``tied`` or ``unexplained``.
-    ladder : list of Candidate
+    path : list of Candidate
         Base, base and first effect, ….
     tied_with : list of Candidate
         Alternatives that explain the data as well.
@@ -78,7 +78,7 @@ class Verdict:
     experiment: Experiment
     base: Candidate
     verdict: str
-    ladder: list[Candidate]
+    path: list[Candidate]
     tied_with: list[Candidate]
     ranking: list[Ranked]
     explainable_share_removed: float
@@ -90,12 +90,17 @@ class Verdict:
     @property
     def model(self) -> Candidate:
         """The refined model: base and selected effects."""
-        return self.ladder[-1]
+        return self.path[-1]
 
     @property
     def selected(self) -> tuple[str, ...]:
         """Names of the selected effects, in the order added."""
         return self.model.effects
+
+    @property
+    def turned(self) -> Finding | None:
+        """The finding that input and output, or a sign, are the wrong way round; None where they are not."""
+        return next((item for item in self.findings if item.kind in ("direction", "sign")), None)
 
     @property
     def complete(self) -> bool | None:
@@ -122,7 +127,7 @@ class Verdict:
             "ranking": [_ranked_json(item) for item in self.ranking],
             "ladder": [
                 {"effects": list(item.effects), "train_rms": item.train_rms, "test_rms": item.test_rms}
-                for item in self.ladder
+                for item in self.path
             ],
             "not_tried": [
                 {"effect": form.effect, "form": form.name, "missing_channels": list(missing)}

@@ -25,8 +25,11 @@ _CONTINUES = 1e-3
 """Smallest singular value, of the largest, of what is fitted for that."""
 
 
-def excitation_band(values: np.ndarray, sampling_time: float) -> float | None:
+def edge_above_floor(values: np.ndarray, sampling_time: float) -> float | None:
     """Return the upper edge (Hz) of an excitation's band; None where no level floor follows it.
+
+    Where the spectrum falls to the floor that a sensor adds, not where a share of the power lies (`spectral_edge`): of the
+    weakest motion nothing may pass for noise.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.diagnosis.sensors.excitation_band import excitation_band, within_band
+from lumbar.diagnosis.sensors.excitation_band import edge_above_floor, within_band
 from lumbar.records.record import Record
 
 _BINS = 24
@@ -65,7 +65,7 @@ class Roughness:
 def roughness_of(record: Record) -> Roughness | None:
     """Split a position at the edge of its band; None where nothing is left beyond it that matters and is rough all along."""
     values, step = record["input"], record.sampling_time
-    edge = excitation_band(values, step)
+    edge = edge_above_floor(values, step)
     if edge is None:
         return None
     smooth = within_band(values, step, edge)

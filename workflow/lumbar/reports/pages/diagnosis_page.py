@@ -9,7 +9,7 @@ from lumbar.diagnosis.design.discrimination import separation_sentence
 from lumbar.diagnosis.evidence.evidence import Evidence
 from lumbar.diagnosis.evidence.limitations import undecided
 from lumbar.diagnosis.residuals.residual_diagnostic import probability
-from lumbar.diagnosis.selection.forward_selection import gain
+from lumbar.diagnosis.selection.forward_selection import likelihood_ratio
 from lumbar.diagnosis.selection.sentences import details, effects_text, headline, readable, runner_up
 from lumbar.diagnosis.selection.thresholds import LEVEL
 from lumbar.diagnosis.selection.ties import ALIKE
@@ -70,7 +70,7 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     ranked = {frozenset(item.candidate.effects) for item in diagnosis.ranking}
     rows += [
         _error_row(effects_text(item.effects), item, None, diagnosis)
-        for item in diagnosis.ladder[1:-1]
+        for item in diagnosis.path[1:-1]
         if frozenset(item.effects) not in ranked
     ]
     tied = {frozenset(item.effects) for item in diagnosis.tied_with}
@@ -119,18 +119,21 @@ def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Verdict, 
 
 def _false_alarm(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     told = (
-        f"Where nothing is missing, the best of all candidates still gains: in {len(evidence.null.gains)} simulated "
+        f"Where nothing is missing, the best of all candidates still gains: in {len(evidence.null.ratios)} simulated "
         "experiments of the base alone, refitted each time, twice the logarithm of the likelihood rose by more than "
         f"{evidence.threshold:.3g} in {100 * LEVEL:g} % (allowing for the number of forms tried here). An effect needs more "
         "than that, and a smaller error on unseen records, to be selected."
     )
     if not diagnosis.selected:
         best = max(
-            (gain(diagnosis.base, item.candidate, diagnosis.experiment) for item in diagnosis.ranking),
+            (
+                likelihood_ratio(diagnosis.base, item.candidate, diagnosis.experiment)
+                for item in diagnosis.ranking
+            ),
             default=0.0,
         )
         return [paragraph(told), paragraph(f"Here the best candidate gains {best:.3g}.")]
-    found = gain(diagnosis.base, diagnosis.model, diagnosis.experiment)
+    found = likelihood_ratio(diagnosis.base, diagnosis.model, diagnosis.experiment)
     verb = "gains" if len(diagnosis.selected) == 1 else "gain"
     return [paragraph(told), paragraph(f"Here {effects_text(diagnosis.selected)} {verb} {found:.4g}.")]
 

@@ -4,41 +4,30 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.diagnosis.residuals.residual_report import Simulated, compare_and_locate, least_explained
+from lumbar.diagnosis.law.proposal import Proposal
+from lumbar.diagnosis.residuals.residual_report import Simulated, least_explained
 from lumbar.diagnosis.selection.sentences import runner_up
 from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.effects.signature import pictured_form
 from lumbar.models.form import Effect
-from lumbar.records.record import Record
 from lumbar.reports.figures.comparison_figure import comparison_figure
 from lumbar.reports.figures.ladder_figure import ladder_figure, ladder_rungs
+from lumbar.reports.figures.law_figure import law_figure
 from lumbar.reports.figures.location_figure import location_figure
 from lumbar.reports.figures.signature_figures import signature_figure
 from lumbar.reports.figures.style import save
 from lumbar.reports.pages.record_pages import LOCATION_CAPTION
 
 
-def diagnosis_pictures(
+def draw_pictures(
     diagnosis: Verdict,
-    records: list[Record],
-    settings: DiagnosisSettings,
-    seed: int,
+    simulated: list[Simulated],
+    catalogue: dict[str, Effect],
     folder: Path,
     data: str,
+    proposal: Proposal | None = None,
 ) -> dict[str, Path]:
-    """Draw the pictures of a diagnosis for a page; parameters as for `draw_pictures`."""
-    experiment = diagnosis.experiment
-    simulated = compare_and_locate(
-        records, diagnosis.base.fit, experiment.floor, experiment.floor_from, seed, experiment.surface
-    )
-    return draw_pictures(diagnosis, simulated, settings.candidates, folder, data)
-
-
-def draw_pictures(
-    diagnosis: Verdict, simulated: list[Simulated], catalogue: dict[str, Effect], folder: Path, data: str
-) -> dict[str, Path]:
-    """Write ``comparison``, ``location``, ``ladder`` and ``signatures`` as SVG and PDF.
+    """Write ``comparison``, ``location``, ``ladder`` and ``signatures`` as SVG and PDF; ``proposed_law`` where there is one.
 
     Parameters
     ----------
@@ -48,6 +37,7 @@ def draw_pictures(
     catalogue : dict of str to Effect
     folder : Path
     data : str
+    proposal : Proposal, optional
 
     Returns
     -------
@@ -74,6 +64,12 @@ def draw_pictures(
         "signatures": "Signature of the selected effects and of the runner-up, each in its first form on a standard motion: "
         "force over position, added force at two rates and over time; arbitrary units.",
     }
+    if proposal is not None and proposal.law is not None:
+        figures["proposed_law"] = law_figure(proposal)
+        captions["proposed_law"] = (
+            "The missing force over the two coordinates that explain most of it, the proposed law beside it (lines), and the "
+            "errors without and with it."
+        )
     for name, drawn in figures.items():
         save(drawn, folder / name, "" if name == "signatures" else data)
     return {captions[name]: folder / f"{name}.svg" for name in figures}
