@@ -30,6 +30,7 @@ FORM_NUMBERS = {
     "coulomb_friction/stribeck": ([0.5, 0.4], [0.6, 4.0]),
     "hysteresis/dahl": ([0.6], [0.3]),
     "hysteresis/bouc_wen": ([0.6], [0.3]),
+    "hysteresis/bouc_wen_general": ([0.6], [0.3, 1.2]),
     "hysteresis/elastoplastic": ([0.6], [0.3]),
     "hysteresis/iwan": ([0.6, 0.3, 0.2, 0.1], [0.9]),
     "contact_loss/sharp": ([], [0.5]),

@@ -11,7 +11,7 @@ import lumbar.fmu.c
 from lumbar.fmu.build.compiler import compile_library
 from lumbar.models.evaluation import NUMPY
 
-_OF_ONE = ("expm1", "decay", "tanh", "sinh", "arctan", "softplus", "sine", "cosine")
+_OF_ONE = ("expm1", "decay", "tanh", "sinh", "arctan", "softplus", "sine", "cosine", "log")
 NEGLIGIBLE = 1e-200
 """Numbers below this are flushed to zero, as in ``sampled_force.c``."""
 

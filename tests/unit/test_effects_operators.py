@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lumbar.models.motion import Motion
-from lumbar.models.operators import bouc_wen, elastoplastic, play, presliding, relaxation
+from lumbar.models.operators import bouc_wen, bouc_wen_general, elastoplastic, play, presliding, relaxation
 
 STEP = 0.01
 
@@ -73,6 +73,35 @@ def test_bouc_wen_against_its_differential_equation():
         motion, lambda share, sign: sign * (1 - (share**2 if share * sign > 0 else 0.0)) / 0.3
     )
     assert np.abs(bouc_wen(motion, 0.3) - expected).max() < 1e-3
+
+
+@pytest.mark.parametrize("unloading", [0.01, 0.5, 1.0, 1.1875, 2.5])
+def test_general_bouc_wen_against_its_differential_equation(unloading):
+    """In Bouc and Wen's own numbers: ṙ = αv − β(γ|v|r + δv|r|), divided by |v|."""
+    motion, alpha, beta, gamma = wandering(6, 200), 5.0, 1.7, 0.8
+    delta = gamma * (1 - 2 * unloading)
+    expected = integrated(
+        motion, lambda force, sign: alpha * sign - beta * (gamma * force + delta * sign * abs(force))
+    )
+    largest = alpha / (2 * beta * gamma)
+    found = largest * bouc_wen_general(motion, 1 / (2 * beta * gamma), unloading)
+    assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+def test_general_bouc_wen_holds_dahl():
+    """At w = 1/2 (δ = 0) the loop is Dahl's of twice the distance and the limit."""
+    motion = wandering(7)
+    assert np.abs(bouc_wen_general(motion, 0.2, 0.5) / 2 - presliding(motion, 0.4)).max() < 1e-12
+
+
+@pytest.mark.parametrize("unloading", [0.01, 0.9, 1.1875, 3.0])
+def test_general_bouc_wen_dissipates_in_every_closed_loop(unloading):
+    """Unloading is steeper than loading wherever γ > 0, also beyond |δ| ≤ γ."""
+    turns = 3 * np.sin(2 * np.pi * np.arange(4001) / 1000) * (1 + np.sin(2 * np.pi * np.arange(4001) / 500))
+    motion = Motion(np.arange(4001) * STEP, turns, STEP)
+    force = bouc_wen_general(motion, 0.7, unloading)
+    work = np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(turns))
+    assert np.all(work[999::1000][1:] > work[999::1000][:-1])
 
 
 def test_elastoplastic_is_a_spring_until_it_slips():

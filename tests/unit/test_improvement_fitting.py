@@ -60,6 +60,7 @@ CASES = {
     "coulomb_friction/coulomb": ((0.8,), (0.5,)),
     "hysteresis/dahl": ((1.0,), (0.7,)),
     "hysteresis/bouc_wen": ((1.0,), (0.7,)),
+    "hysteresis/bouc_wen_general": ((1.0,), (0.7, 1.2)),
     "second_relaxation/maxwell_branch": ((0.5,), (2.0,)),
     "delay/pure": ((), (0.013,)),
     "backlash/play": ((), (0.6,)),

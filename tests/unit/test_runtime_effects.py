@@ -61,6 +61,8 @@ def test_elementary_functions_are_those_of_the_c_library(functions):
         assert functions["portable_cosine"](value) == pytest.approx(
             math.cos(math.tau * (value - round(value))), abs=5e-16
         )
+    for value in (10.0 ** generator.uniform(-6, 12, 4000)).tolist():
+        assert functions["portable_log"](value) == pytest.approx(math.log(value), rel=5e-16, abs=1e-16)
     for base, exponent in zip(
         10.0 ** generator.uniform(-6, 4, 3000), generator.uniform(1, 4, 3000), strict=True
     ):
@@ -92,11 +94,12 @@ def test_relaxation_after_a_ramp_has_its_closed_form():
     [
         ("dahl", lambda travel: -np.expm1(-travel)),
         ("bouc_wen", np.tanh),
+        ("bouc_wen_general", lambda travel: np.expm1(0.2 * travel) / 0.2),
         ("elastoplastic", lambda travel: np.minimum(travel, 1.0)),
     ],
 )
 def test_first_loading_of_hysteresis_has_its_closed_form_at_any_speed(form, shape):
-    (limit,), (distance,) = FORM_NUMBERS[f"hysteresis/{form}"]
+    (limit,), (distance, *_) = FORM_NUMBERS[f"hysteresis/{form}"]
     positions = np.sort(np.random.default_rng(2).uniform(0, 3.0, 200))
     positions -= positions[0]
     added = response(("LE", f"hysteresis/{form}"), positions) - response(("LE",), positions)

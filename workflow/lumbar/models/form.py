@@ -92,6 +92,8 @@ class Form:
         C statements that write the states of the next sample, where the solver's step is less exact.
     hand_written : HandWritten, optional
         Instead of the equation.
+    general : bool
+        Whether it holds other forms of its effect as special cases: a search takes it only where these leave much.
     essential : tuple of str
         Linear parameters without which the mechanism is not there; default any of them.
     contradiction : callable, optional
@@ -114,6 +116,7 @@ class Form:
     solution: Solution | None = None
     c_solution: str = ""
     hand_written: HandWritten | None = None
+    general: bool = False
     essential: tuple[str, ...] = ()
     contradiction: Contradiction | None = None
     effect: str = field(default="", compare=True)

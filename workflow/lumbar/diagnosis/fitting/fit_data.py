@@ -74,6 +74,10 @@ class FitData:
             signal = lfilter(self.whitening, [1.0], signal, axis=0)
         return self.settled(signal)
 
+    def by_record(self, values: np.ndarray) -> list[np.ndarray]:
+        """Values at the samples that count, apart for every record."""
+        return [values]
+
     @cached_property
     def zeros(self) -> np.ndarray:
         """What a sensor's zero adds: one column of ones, shape (samples, 1)."""
@@ -151,6 +155,10 @@ class JointData(FitData):
     def size(self) -> int:
         """Number of samples that count."""
         return sum(part.size for part in self.parts)
+
+    def by_record(self, values: np.ndarray) -> list[np.ndarray]:
+        """Values at the samples that count, apart for every record."""
+        return np.split(values, np.cumsum([part.size for part in self.parts])[:-1])
 
     def settled(self, signal: np.ndarray) -> np.ndarray:
         """Signal (samples first) without what does not count of each record."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lumbar.diagnosis.fitting.dependent_errors import are_white, score_covariance
 from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit
 from lumbar.models.fitted_model import FittedParameter, unit_of
@@ -16,8 +17,8 @@ _WIDEST = 20.0
 def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> list[FittedParameter]:
     """Return all parameters with 95 % intervals, linear ones first.
 
-    Gauss–Newton covariance s²(JᵀJ)⁻¹ of linear parameters and of logarithms of nonlinear ones (positive, with
-    asymmetric intervals); s² from the whitened residual. Parameters at a bound have an interval that ends there.
+    From the covariance of linear parameters and of logarithms of nonlinear ones (`scaled_covariance`; positive, with
+    asymmetric intervals). Parameters at a bound have an interval that ends there.
     """
     scaled, size = scaled_covariance(fit, data)
     deviations = 1.96 * np.sqrt(np.maximum(np.diag(scaled), 0.0)) / size
@@ -99,7 +100,10 @@ def _around(value: float, deviation: float) -> tuple[float, float]:
 
 
 def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss–Newton covariance of linear parameters and logarithms of nonlinear ones, each times its sensitivity's size.
+    """Covariance of linear parameters and logarithms of nonlinear ones, each times its sensitivity's size.
+
+    Gauss–Newton, s²(JᵀJ)⁻¹, where the whitened residual passes for white; else (JᵀJ)⁻¹ Σ (JᵀJ)⁻¹ with the covariance Σ of the
+    scores (`lumbar.diagnosis.fitting.dependent_errors`).
 
     Returns
     -------
@@ -109,8 +113,12 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
     """
     jacobian = sensitivities(fit, data)
     size = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
-    variance = fit.squared_error / max(data.size - jacobian.shape[1], 1)
-    return variance * np.linalg.pinv((jacobian / size).T @ (jacobian / size), rcond=1e-12), size
+    scaled = jacobian / size
+    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
+    errors = fit.whitened_errors(data)
+    if are_white(data.by_record(errors)):
+        return inverse * fit.squared_error / max(data.size - jacobian.shape[1], 1), size
+    return inverse @ score_covariance(data.by_record(scaled * errors[:, None])) @ inverse, size
 
 
 def sensitivities(fit: Fit, data: FitData) -> np.ndarray:

@@ -12,6 +12,7 @@ from lumbar.diagnosis.selection.forward_selection import (
     evaluate,
     extend,
     is_adequate,
+    is_worthwhile,
 )
 from lumbar.diagnosis.selection.thresholds import TIED
 from lumbar.models.bases import BASES, CHOSEN_BY_DATA
@@ -88,7 +89,9 @@ def _springs_show_contact(experiment: Experiment) -> bool:
 def base_beside(model: Candidate, experiment: Experiment) -> str | None:
     """Name of the base that surely explains all records better with the same effects; None where there is none.
 
-    What a model lacks may have passed for a Maxwell branch as long as it was lacking.
+    What a model lacks may have passed for a Maxwell branch as long as it was lacking. A base without fewer parameters
+    must be worth them as a further effect must: a branch can take up a little of any model's error, and its spring then tells on
+    the other parameters (a mass m beside a dashpot b is m + bτ beside a branch).
     """
     mine = model.fit.structure.base
     _, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
@@ -101,8 +104,19 @@ def base_beside(model: Candidate, experiment: Experiment) -> str | None:
         bare = fit_base(Structure(other), experiment.training)
         start = np.concatenate([bare.nonlinear, *(parts[form.key] for form in forms)])
         found.append(evaluate(fit(Structure(other, forms), experiment.training, start), experiment))
-    best = min(found, key=lambda item: item.score)
-    return best.fit.structure.base.name if best.score < model.score - TIED else None
+    bare = _fitted(experiment, mine.name)
+    found = [
+        item
+        for item in found
+        if item.score < model.score - TIED
+        and (_parameters(item) < _parameters(model) or is_worthwhile(bare, model, item, experiment))
+    ]
+    best = min(found, key=lambda item: item.score, default=None)
+    return best and best.fit.structure.base.name
+
+
+def _parameters(model: Candidate) -> int:
+    return len(model.fit.structure.linear) + len(model.fit.structure.nonlinear)
 
 
 def _fitted(experiment: Experiment, name: str) -> Candidate:

@@ -25,6 +25,7 @@ from lumbar.diagnosis.selection.forward_selection import (
     exchange,
     extend,
     is_adequate,
+    is_worthwhile,
     later_improvement,
     likelihood_ratio,
     pairs,
@@ -37,12 +38,9 @@ from lumbar.diagnosis.selection.thresholds import (
     BLIND,
     COMPLETE,
     LEVEL,
-    MOST_OF_REST,
     STRUCTURED,
     TIED,
     UNSEEN,
-    WORTHWHILE,
-    WORTHWHILE_BLIND,
 )
 from lumbar.diagnosis.selection.verdict import Ranked, Verdict, in_order
 from lumbar.effects.catalogue import without_channels
@@ -221,14 +219,7 @@ class _Selection:
         return self.contradicting[candidate]
 
     def worthwhile(self, before: Candidate, after: Candidate) -> bool:
-        """Whether a further effect explains more than the form of the effects before it being slightly wrong."""
-        removed = before.train_rms**2 - after.train_rms**2
-        if is_adequate(after, self.experiment):
-            return True
-        floor = 0.0 if self.experiment.floor is None else self.experiment.floor.rms
-        share = WORTHWHILE if floor else WORTHWHILE_BLIND
-        of_base, of_rest = (max(item.train_rms**2 - floor**2, 0.0) for item in (self.base, before))
-        return removed >= max(min(share * of_base, MOST_OF_REST * of_rest), floor**2)
+        return is_worthwhile(self.base, before, after, self.experiment)
 
     def selected_path(self) -> list[Candidate]:
         """Select effects one after the other; return the path from the base to the model."""

@@ -16,6 +16,7 @@ from lumbar.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import prediction_variance
 from lumbar.diagnosis.noise.noise_floor import prediction_error_filter
+from lumbar.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
 from lumbar.models.form import Effect, Form
 
 _MOST_LEFT = 0.5
@@ -163,6 +164,21 @@ def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = AD
     return left <= _UNCERTAIN * prediction_variance(candidate.fit, training, tests)
 
 
+def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experiment: Experiment) -> bool:
+    """Whether a larger model explains more than what the smaller one has being slightly wrong.
+
+    It leaves noise alone, or removes a share of what the base without effects leaves to explain, or most of what the smaller
+    model leaves (`lumbar.diagnosis.selection.thresholds`).
+    """
+    if is_adequate(after, experiment):
+        return True
+    floor = 0.0 if experiment.floor is None else experiment.floor.rms
+    share = WORTHWHILE if floor else WORTHWHILE_BLIND
+    of_base, of_rest = (max(item.train_rms**2 - floor**2, 0.0) for item in (base, before))
+    removed = before.train_rms**2 - after.train_rms**2
+    return removed >= max(min(share * of_base, MOST_OF_REST * of_rest), floor**2)
+
+
 def leaves_white_noise(fit: Fit, experiment: Experiment, factor: float) -> bool:
     """Whether a model explains half of the variance of every record at least, and its past does not predict its error.
 
@@ -213,20 +229,40 @@ def extend(
     most : int or None
         Refit only this many effects, those with the best screening; None refits all.
     all_forms : bool
-        Refit all forms of an effect, or only the one with the best screening.
+        Refit all forms of an effect, or only the one with the best screening. With all forms, the general ones of the best
+        `LOOK_AHEAD` effects stand in where simpler ones fail: only if they remove `MOST_OF_REST` of what these leave.
 
     Returns
     -------
     list of Candidate
         Every refitted form, best first.
     """
-    forms = [
+    every = [
         form for effect in catalogue.values() if effect.name not in model.effects for form in effect.forms
     ]
+    forms = [form for form in every if not form.general]
     if most is not None:
         forms = _promising(model.fit, forms, experiment, most, all_forms)
     found = [evaluate(add(model.fit, form, experiment.training), experiment) for form in forms]
+    if all_forms:
+        simpler = {item.effects[-1]: item for item in best_by_effect(found)[:LOOK_AHEAD]}
+        for form in every:
+            if form.general and form.effect in simpler:
+                found += _where_needed(model, form, simpler[form.effect], experiment)
     return sorted(found, key=lambda item: item.score)
+
+
+def _where_needed(
+    model: Candidate, general: Form, simpler: Candidate, experiment: Experiment
+) -> list[Candidate]:
+    """A general form refitted, where the best simpler form of its effect leaves much that it explains."""
+    if is_adequate(simpler, experiment):
+        return []
+    found = evaluate(add(model.fit, general, experiment.training), experiment)
+    floor = 0.0 if experiment.floor is None else experiment.floor.rms
+    rest = max(simpler.train_rms**2 - floor**2, 0.0)
+    removed = simpler.train_rms**2 - found.train_rms**2
+    return [found] if removed >= MOST_OF_REST * rest else []
 
 
 def _promising(fit: Fit, forms: list[Form], experiment: Experiment, most: int, all_forms: bool) -> list[Form]:

@@ -135,17 +135,21 @@ double portable_arctan(double x) {
     return x < 0 ? -value : value;
 }
 
+double portable_log(double x) {
+    uint64_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    int k = (int)(bits >> 52) - 0x3ff; /* x = 2^k (1 + y) */
+    bits = (bits & 0x000fffffffffffffu) | 0x3ff0000000000000u;
+    double significand;
+    memcpy(&significand, &bits, sizeof significand);
+    return k * LN2_HIGH + (k * LN2_LOW + log1p_of_share(significand - 1.0));
+}
+
 /* e^(exponent ln base): a few units in the last place, more the further ln base is from 0. */
 double portable_power(double base, double exponent) {
     if (base < 1e-300) return 0.0;
     if (!(base < INFINITY)) return base;
-    uint64_t bits;
-    memcpy(&bits, &base, sizeof bits);
-    int k = (int)(bits >> 52) - 0x3ff; /* base = 2^k (1 + y) */
-    bits = (bits & 0x000fffffffffffffu) | 0x3ff0000000000000u;
-    double significand;
-    memcpy(&significand, &bits, sizeof significand);
-    double power = exponent * (k * LN2_HIGH + (k * LN2_LOW + log1p_of_share(significand - 1.0)));
+    double power = exponent * portable_log(base);
     return power < 0 ? 1.0 / (1.0 + portable_expm1(-power)) : 1.0 + portable_expm1(power);
 }
 

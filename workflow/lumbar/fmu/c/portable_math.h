@@ -11,6 +11,7 @@ double portable_decay(double x);     /* e^-x */
 double portable_tanh(double x);
 double portable_sinh(double x);
 double portable_arctan(double x);
+double portable_log(double x);       /* ln x of a normal x > 0; to the last places of ln 2 just below 1 */
 double portable_power(double base, double exponent); /* of a base >= 0 */
 double portable_softplus(double x);  /* ln(1 + e^x) */
 double portable_sine(double turns);  /* sin(2 pi turns) */
