@@ -1,0 +1,171 @@
+"""Whether the diagnosis' probabilities and intervals are what they say, on simulated tissue tests whose truth is known.
+
+    python tests/benchmark/calibration.py [--count 30] [--markdown docs/acceptance.md]
+
+Linear tissues under noise and sensor faults: the p-value of the best effect that is not there, and whether one is named.
+Tissues with one effect, fitted in its own form: whether the 95 % intervals hold the true values. Writes every single result to
+``results/benchmark/calibration_{nulls,intervals}.csv``; with ``--markdown`` a table into that page, and the picture beside it.
+``--count`` is the number of nulls per condition, and of experiments per effect and colour of the noise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from itertools import product
+from pathlib import Path
+
+import pandas as pd
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from calibration_figure import calibration_figure
+from calibration_records import (
+    COLOURS,
+    CONDITIONS,
+    KNOWN,
+    LINEAR_TISSUES,
+    TRUE_NAMES,
+    KnownEffect,
+    effect_experiment,
+    null_records,
+    only_form,
+)
+from calibration_tables import coverage, coverage_lines, null_lines
+
+from acceptance_page import write_section
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.diagnosis.selection.diagnose import diagnose
+from lumbar.diagnosis.selection.forward_selection import extend, likelihood_ratio
+from lumbar.diagnosis.selection.null_distribution import shipped
+from lumbar.diagnosis.selection.refine import refined_fit
+from lumbar.effects.catalogue import TISSUE as CATALOGUE
+from lumbar.errors import LumbarError
+from lumbar.files import write_csv, write_text
+from lumbar.models.fitted_model import FittedParameter
+from lumbar.progress import track
+from lumbar.reports.figures.style import save
+
+RESULTS = Path("results/benchmark")
+
+
+def null_row(condition: str, number: int) -> dict:
+    """Diagnose a tissue with nothing hidden.
+
+    ``p_value`` is that of the candidate, in all its forms, that gains most; ``p_shown`` the smallest that the ranking shows of
+    a single effect, each in the form that its number of parameters is worth.
+    """
+    tissue = LINEAR_TISSUES[number % len(LINEAR_TISSUES)]
+    verdict = diagnose(null_records(condition, tissue, number))
+    false = {name: item for name, item in CATALOGUE.items() if name not in TRUE_NAMES.get(condition, ())}
+    candidates = extend(verdict.base, false, verdict.experiment)
+    ratio = max(likelihood_ratio(verdict.base, item, verdict.experiment) for item in candidates)
+    shown = [item for item in verdict.ranking if len(item.candidate.effects) == 1]
+    named = [name for name in verdict.selected if name in false and verdict.verdict in ("named", "tied")]
+    return {
+        "condition": condition,
+        "tissue": tissue,
+        "number": number,
+        "base": verdict.base.fit.structure.base.name,
+        "verdict": verdict.verdict,
+        "named": "+".join(named),
+        "findings": "+".join(sorted({item.kind for item in verdict.findings})),
+        "p_value": shipped().p_value(ratio, sum(len(item.forms) for item in CATALOGUE.values())),
+        "p_shown": min((item.p_value for item in shown if item.candidate.effects[0] in false), default=1.0),
+    }
+
+
+def interval_rows(known: KnownEffect, colour: str, number: int) -> list[dict]:
+    """Fit base and effect, and compare every interval with the truth; one row without a parameter where the fit is refused."""
+    experiment = effect_experiment(known, colour, number)
+    settings = DiagnosisSettings(base="KB", catalogue=only_form(known))
+    own = {"effect": known.effect, "noise": colour, "number": number}
+    try:
+        found = refined_fit(experiment.records, [known.effect], settings).parameters
+    except LumbarError as error:
+        return [{**own, "refused": str(error)}]
+    fitted = [item for item in found if not item.derived]
+    truth = as_ordered(experiment.truth, fitted)
+    return [
+        {
+            **own,
+            "owner": item.effect,
+            "parameter": item.name,
+            "true": truth[item.effect, item.name],
+            "value": item.value,
+            "low": item.low,
+            "high": item.high,
+            "refused": "",
+        }
+        for item in fitted
+    ]
+
+
+def as_ordered(
+    truth: dict[tuple[str, str], float], fitted: list[FittedParameter]
+) -> dict[tuple[str, str], float]:
+    """The true values, those of the two Maxwell branches exchanged where the base has come to be the slower one.
+
+    The two are alike: nothing tells which is the base's.
+    """
+    values = {(item.effect, item.name): item.value for item in fitted}
+    own, other = ("", "relaxation_time"), ("second_relaxation", "relaxation_time")
+    if other not in values or values[own] < values[other]:
+        return truth
+    exchanged = {
+        ("second_relaxation" if not owner else "", name): value for (owner, name), value in truth.items()
+    }
+    return {**truth, **{key: value for key, value in exchanged.items() if key in truth}}
+
+
+def measured(count: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Rows of all nulls, and of all intervals."""
+    plans = list(product(CONDITIONS, range(count)))
+    nulls = pd.DataFrame([null_row(*plan) for plan in track(plans, "nulls")])
+    plans = list(product(KNOWN, COLOURS, range(count)))
+    rows = [row for plan in track(plans, "known effects") for row in interval_rows(*plan)]
+    return nulls, pd.DataFrame(rows)
+
+
+def report(nulls: pd.DataFrame, intervals: pd.DataFrame, page: Path | None) -> None:
+    """Print the tables; with a page, write them into it and draw the picture beside it."""
+    covered = coverage(intervals)
+    refused = intervals["parameter"].isna().sum()
+    experiments = len(intervals.drop_duplicates(["effect", "noise", "number"]))
+    lines = [
+        f"{len(nulls)} experiments with nothing hidden, and {experiments} with one effect, of which {refused} fits were refused. "
+        "In brackets Wilson's 95 % intervals.",
+        "",
+        *null_lines(nulls),
+        "",
+        *coverage_lines(covered),
+    ]
+    print("\n".join(lines))
+    if page is None:
+        return
+    write_section(page, "calibration", lines)
+    with tempfile.TemporaryDirectory() as folder:
+        stem = Path(folder) / "calibration"
+        save(calibration_figure(nulls, covered), stem, "simulated, see the text")
+        write_text(
+            page.parent / "images" / "calibration.svg", stem.with_suffix(".svg").read_text(encoding="utf-8")
+        )
+
+
+def main() -> None:
+    """Measure, and write what was asked for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--count", type=int, default=30)
+    parser.add_argument("--markdown", type=Path)
+    options = parser.parse_args()
+    nulls, intervals = measured(options.count)
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    write_csv(RESULTS / "calibration_nulls.csv", nulls)
+    write_csv(RESULTS / "calibration_intervals.csv", intervals)
+    report(nulls, intervals, options.markdown)
+
+
+if __name__ == "__main__":
+    main()
