@@ -17,10 +17,14 @@ PROJECT = TESTS.parent
 
 
 def pytest_collection_modifyitems(items):
-    """Mark tests by their folder: what starts Snakemake is an integration test, all else a unit test."""
+    """Mark tests by their folder: what starts Snakemake is an integration test, all else a unit test.
+
+    Files of integration tests take minutes: they begin, so that no worker is left with one at the end.
+    """
     for item in items:
         starts_snakemake = {TESTS / "workflow", TESTS / "end_to_end"} & set(item.path.parents)
         item.add_marker("integration" if starts_snakemake else "unit")
+    items.sort(key=lambda item: item.get_closest_marker("integration") is None)
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,11 @@ PROJECT = Path(__file__).resolve().parent.parent
 PARTS = ("Snakefile", "profiles", "config", "workflow", "resources", "envs")
 ZIG_CACHE = PROJECT / ".snakemake" / "zig-cache"
 """The cache that the workflow uses too; a cold one costs seconds, and the default study's run has one of its own."""
+NOT_INHERITED = ("PYTHONPATH", "LUMBAR_DATA", "PYTHONDONTWRITEBYTECODE")
+"""Without bytecode, as in many containers, every job would compile the library again; a copy of the project may hold it."""
+PLAIN = ("-m", "snakemake")
+FORKING = (str(PROJECT / "tests" / "forking_snakemake.py"),)
+"""Its jobs do not import their libraries anew; the default study runs as users run it."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +51,12 @@ def copy_project(folder: Path) -> Path:
     return folder
 
 
-def snakemake(folder: Path, *arguments: str, env: dict[str, str] | None = None) -> Run:
+def snakemake(
+    folder: Path, *arguments: str, env: dict[str, str] | None = None, program: tuple[str, ...] = PLAIN
+) -> Run:
     """Call Snakemake in a project folder and return its status and output."""
-    command = [sys.executable, "-m", "snakemake", "--nocolor", *arguments]
-    environment = {
-        key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "LUMBAR_DATA")
-    }
+    command = [sys.executable, *program, "--nocolor", *arguments]
+    environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED}
     done = subprocess.run(
         command, cwd=folder, env=environment | (env or {}), capture_output=True, text=True, check=False
     )

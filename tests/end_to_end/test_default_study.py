@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from running import ZIG_CACHE, copy_project, snakemake
+from running import FORKING, ZIG_CACHE, copy_project, snakemake
 
 # Wall-clock readings differ between runs; everything else is compared byte for byte.
 VOLATILE = ("logs", "benchmarks")
@@ -134,7 +134,8 @@ def test_editing_a_library_module_reruns_what_uses_it(default_run, module, rerun
     assert untouched not in run.jobs
 
 
-# Fewer knots, starts, resamples and effects, and one set of tissue records fewer to diagnose: the same steps on less.
+# Fewer knots, starts, resamples and effects, a proof with more room, and one set of tissue records fewer to diagnose: the same
+# steps on less.
 COARSE = f"""
 surgeon: {{bandwidth: {{resamples: 200}}}}
 survey: {{resamples: 1000}}
@@ -142,6 +143,7 @@ tissue: {{bootstrap: {{resamples: 100}}}}
 runtime: {{compiler_cache: {ZIG_CACHE}, check_samples: 200}}
 stability:
   knots: 101
+  proof: {{margin_1_s: 0.05}}
   sum_of_squares: {{knots: 5}}
   thesis_method: {{knots: 5}}
   attack: {{starts: 50}}
@@ -168,7 +170,7 @@ def run_varied(folder: Path, cores: int) -> dict[str, str]:
     twin.write_text(text.replace("twin:\n", "twin:\n  seed: 4711\n", 1), encoding="utf-8")
     change_mass(folder, "expert")
     (folder / "config" / "coarse.yaml").write_text(COARSE, encoding="utf-8")
-    run = snakemake(folder, "--cores", str(cores), "--configfile", "config/coarse.yaml")
+    run = snakemake(folder, "--cores", str(cores), "--configfile", "config/coarse.yaml", program=FORKING)
     assert run.status == 0, run.text[-6000:]
     return digests(results(folder))
 
@@ -218,7 +220,9 @@ def test_only_the_mass_changed_moves_that_persons_basins_alone(varied_on_one_cor
     boa = results(folder) / "stability" / "boa.csv"
     before = pd.read_csv(boa)
     change_mass(folder, "expert")
-    run = snakemake(folder, "--cores", "2", "table_4_1", "--configfile", "config/coarse.yaml")
+    run = snakemake(
+        folder, "--cores", "2", "table_4_1", "--configfile", "config/coarse.yaml", program=FORKING
+    )
     assert run.status == 0, run.text[-6000:]
     frames = (before, pd.read_csv(boa))
     # The check by cvxpy solves the programmes of all people at once: at its tolerance it moves with the others.

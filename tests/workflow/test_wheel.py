@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -20,6 +21,21 @@ surgeon: {bandwidth: {resamples: 200}}
 survey: {resamples: 1000}
 stability: {knots: 101, attack: {starts: 20}, proof: null, sum_of_squares: null, thesis_method: null}
 """
+
+MAIN = "import sys; from lumbar.cli import main; sys.exit(main())"
+ONE_AFTER_THE_OTHER = """
+import contextlib, io, json, sys
+from lumbar.cli import main
+said = []
+for command in json.loads(sys.argv[1]):
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        status = main(command)
+    if status:
+        sys.exit(f"{command}: status {status}")
+    said.append(out.getvalue())
+print(json.dumps(said))
+"""
+"""Each command in a process of its own would import SciPy a dozen times."""
 
 
 @pytest.fixture(scope="module")
@@ -43,13 +59,12 @@ def installed(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def lumbar(installed, tmp_path_factory):
-    """Call the installed command in an empty folder; return that folder and the function."""
+    """Call a program of the installed package in an empty folder; return that folder and the function."""
     folder = tmp_path_factory.mktemp("empty")
     environment = {name: value for name, value in os.environ.items() if not name.startswith("LUMBAR_")}
     environment |= {"PYTHONPATH": str(installed), "XDG_CACHE_HOME": str(folder / "cache")}
-    main = "import sys; from lumbar.cli import main; sys.exit(main())"
 
-    def call(*arguments, program=main):
+    def call(*arguments, program=MAIN):
         command = [sys.executable, "-P", "-c", program, *map(str, arguments)]
         done = subprocess.run(
             command, cwd=folder, env=environment, capture_output=True, text=True, check=False
@@ -58,6 +73,12 @@ def lumbar(installed, tmp_path_factory):
         return done.stdout
 
     return folder, call
+
+
+def say(call, *commands):
+    """What each command prints."""
+    listed = json.dumps([[str(part) for part in command] for command in commands])
+    return json.loads(call(listed, program=ONE_AFTER_THE_OTHER))
 
 
 def test_the_wheel_is_what_runs(lumbar, installed):
@@ -79,15 +100,21 @@ def test_tissue_tests_become_models_a_diagnosis_and_fmus(lumbar, installed):
     for number, name in enumerate(("multisine", "noise", "chirp")):
         signal, recording = folder / "signals" / f"{name}.csv", folder / "tissue" / f"{name}.csv"
         play(signal, recording, SyntheticTissueSettings(), 45, number)
-    assert "multisine.csv: " in call("check", "tissue")
-    assert "models.json" in call("identify", "tissue", "--train", "multisine", "--output", "identified")
-    call("compare", "tissue", "--output", "compared")
-    call("locate", "tissue", "--output", "located")
-    assert "missing hardening stiffness" in call("diagnose", "tissue", "--output", "diagnosed")
+    checked, identified, _, _, diagnosed, *_ = say(
+        call,
+        ("check", "tissue"),
+        ("identify", "tissue", "--train", "multisine", "--output", "identified"),
+        ("compare", "tissue", "--output", "compared"),
+        ("locate", "tissue", "--output", "located"),
+        ("diagnose", "tissue", "--output", "diagnosed"),
+        ("refine", "tissue", "--add", "hardening_stiffness", "--output", "refined"),
+        ("export", "identified/models.json", "--model", "KB", "--output", "fmu"),
+        ("export", "refined/refined.json", "--output", "fmu"),
+    )
+    assert "multisine.csv: " in checked
+    assert "models.json" in identified
+    assert "missing hardening stiffness" in diagnosed
     assert (folder / "diagnosed" / "diagnosis.html").is_file()
-    call("refine", "tissue", "--add", "hardening_stiffness", "--output", "refined")
-    call("export", "identified/models.json", "--model", "KB", "--output", "fmu")
-    call("export", "refined/refined.json", "--output", "fmu")
     made = sorted(path.name for path in (folder / "fmu").iterdir())
     assert made == [
         f"KB{more}_fmi{version}.fmu" for more in ("+hardening_stiffness", "") for version in (2, 3)
@@ -112,13 +139,18 @@ def test_surgeons_participants_and_lifts(lumbar):
         for number in (1, 2):
             name = f"{surgeon}_trial_{number}"
             write_csv(folder / "surgeon" / f"{name}.csv", surgeon_trial(name, surgeon, twin.surgeon, 45))
-    assert "velocity, power_share: 2." in call("bandwidth", "surgeon", "--config", "study.yaml")
-    sheet = PROJECT / "resources" / "survey" / "survey_reconstructed.csv"
-    assert "45 participants" in call("survey", sheet, "--output", "survey", "--config", "study.yaml")
     write_lift(twin.lifting, "expert_23kg", [45], folder / "lift.c3d", None)
     shutil.copy(PROJECT / "config" / "subjects" / "expert.yaml", folder / "expert.yaml")
-    call("lift", "lift.c3d", "--subject", "expert.yaml", "--box-mass", 23, "--output", "lifted")
-    call("basin", "lifted/pendulum.csv", "--output", "lifted", "--config", "study.yaml")
+    sheet = PROJECT / "resources" / "survey" / "survey_reconstructed.csv"
+    bandwidth, survey, *_ = say(
+        call,
+        ("bandwidth", "surgeon", "--config", "study.yaml"),
+        ("survey", sheet, "--output", "survey", "--config", "study.yaml"),
+        ("lift", "lift.c3d", "--subject", "expert.yaml", "--box-mass", 23, "--output", "lifted"),
+        ("basin", "lifted/pendulum.csv", "--output", "lifted", "--config", "study.yaml"),
+    )
+    assert "velocity, power_share: 2." in bandwidth
+    assert "45 participants" in survey
     rows = np.genfromtxt(
         folder / "lifted" / "boa.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
     )

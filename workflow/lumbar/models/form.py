@@ -153,7 +153,7 @@ class Form:
             return [("place", "no equation transforms a motion; a form at the input is hand-written")]
         return self._unchecked.problems()
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Name of effect and form, e.g. ``"hardening_stiffness/cubic"``."""
         return f"{self.effect}/{self.name}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -77,7 +78,7 @@ class FitData:
         """Values at the samples that count, apart for every record."""
         return [values]
 
-    @property
+    @cached_property
     def zeros(self) -> np.ndarray:
         """What a sensor's zero adds: one column of ones, shape (samples, 1)."""
         return np.ones((len(self.force), 1))
@@ -142,7 +143,7 @@ class JointData(FitData):
     def _with_parts(self, parts: list[FitData]) -> JointData:
         return replace(JointData.of(parts), own_zero=self.own_zero)
 
-    @property
+    @cached_property
     def zeros(self) -> np.ndarray:
         """What the sensor's zero adds: ones, or ones for each record that has a zero of its own; (samples, zeros)."""
         if not self.own_zero:

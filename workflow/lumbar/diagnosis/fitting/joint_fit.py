@@ -83,12 +83,12 @@ def solve_linear(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) 
     numpy.ndarray, shape (linear parameters,)
     """
     normal = design.T @ design
-    size = np.sqrt(np.diag(normal))
+    size = np.sqrt(normal.diagonal())
     size[size == 0] = 1.0
-    normal /= np.outer(size, size)
+    normal /= size[:, None] * size
     right = (design.T @ force) / size
     # A ridge far below rounding of the data keeps columns that have become equal solvable.
-    normal[np.diag_indices_from(normal)] += 1e-11
+    normal.flat[:: len(size) + 1] += 1e-11
     free = np.linalg.solve(normal, right)
     if all(sign * value >= 0 for sign, value in zip(signs, free, strict=True)):
         return free / size

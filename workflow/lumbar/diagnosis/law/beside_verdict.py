@@ -18,10 +18,11 @@ def law_beside(verdict: Verdict) -> Proposal | None:
     Returns
     -------
     Proposal or None
-        None where records are the wrong way round, so that whatever fits them is no force law, and where one more effect of
-        the catalogue is known to explain more.
+        None where nothing is known to be left, where records are the wrong way round, so that whatever fits them is no force
+        law, and where one more effect of the catalogue is known to explain more.
     """
-    if verdict.further is not None or verdict.turned is not None:
+    left = verdict.verdict == "unexplained" or verdict.complete is False
+    if not left or verdict.further is not None or verdict.turned is not None:
         return None
     return propose(verdict.experiment, verdict.base, verdict.model)
 

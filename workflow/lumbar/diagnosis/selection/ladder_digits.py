@@ -22,10 +22,18 @@ def told_apart(values: Sequence[float], fewest: int) -> list[str]:
     --------
     >>> told_apart([1.42, 1.404, 1.398], 2)
     ['1.42', '1.404', '1.398']
+    >>> told_apart([8700.0, 1796.0], 3)
+    ['8700', '1800']
     """
     wanted = sum(f"{a:.{_MOST}g}" != f"{b:.{_MOST}g}" for a, b in pairwise(values))
     for digits in range(fewest, _MOST + 1):
-        words = [f"{value:.{digits}g}" for value in values]
+        words = [_written(value, digits) for value in values]
         if sum(a != b for a, b in pairwise(words)) == wanted:
             break
     return words
+
+
+def _written(value: float, digits: int) -> str:
+    """A number to so many digits; thousands without an exponent."""
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:.0f}" if 10.0**digits <= abs(rounded) < 1e6 else f"{value:.{digits}g}"

@@ -71,6 +71,7 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     if diagnosis.selected:
         lines.append(_removed_and_left(diagnosis))
         lines.append(_diagnosed_again(diagnosis))
+    if diagnosis.verdict in ("named", "tied"):
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
         ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -58,7 +59,11 @@ def test_gravity_of_the_settings_reaches_the_effects(run, tmp_path):
 
 
 def test_compare_locate_and_refine(run, friction, tmp_path):
-    common = (friction, "--base", "pendulum", "--output", tmp_path)
+    folder = tmp_path / "two"
+    folder.mkdir()
+    for name in ("sway.csv", "swings.csv"):
+        shutil.copy(friction / name, folder)
+    common = (folder, "--base", "pendulum", "--output", tmp_path)
     status, out, err = run("compare", *common)
     assert status == 0, err
     assert "N m" in out

@@ -325,3 +325,10 @@ def test_wrong_wishes_of_a_diagnosis(run, tissue, tmp_path, arguments, message):
     assert status == 1
     assert message in err
     assert not (tmp_path / "out").exists()
+
+
+def test_the_package_runs_as_a_module():
+    done = subprocess.run(
+        [sys.executable, "-m", "lumbar", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("lumbar ")

@@ -20,7 +20,10 @@ from lumbar.synthetic.hidden_effects.hidden_catalogue import MECHANISMS, SINGLE
 pytestmark = pytest.mark.statistical
 
 STRONG = settings(
-    slices=1, residual_over_noise=[5, 15], noise_colours={"white": 1, "autoregressive": 0, "flicker": 0}
+    periods=3,
+    slices=1,
+    residual_over_noise=[5, 15],
+    noise_colours={"white": 1, "autoregressive": 0, "flicker": 0},
 )
 OTHER_FORM = 1
 """Of each mechanism its second form, where it has one: not the one that comes to mind first."""

@@ -5,6 +5,8 @@ Records come from the independent generator; the hidden effect is read by assert
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hidden_effects_cases import recorded_motion
@@ -121,11 +123,17 @@ def test_the_proposed_excitation_breaks_the_tie():
     assert sum(item == "named after the proposal" for item in outcomes.values()) >= 3, outcomes
 
 
+@cache
+def tied(label: str, strength: float, seed: int):
+    """The same with its diagnosis."""
+    records, effect, noise = tied_experiment(label, strength, seed)
+    return records, effect, noise, diagnose(records)
+
+
 def outcome(label: str, strength: float, seed: int) -> str:
     """What becomes of one hidden effect: diagnosis, proposal, record of the proposal, diagnosis."""
     truth = (label.split(":")[0],)
-    records, effect, noise = tied_experiment(label, strength, seed)
-    before = diagnose(records)
+    records, effect, noise, before = tied(label, strength, seed)
     if before.verdict != "tied":
         return f"{before.verdict} at once: {before.selected}"
     assert truth in {before.selected, *(item.effects for item in before.tied_with)}
@@ -154,8 +162,7 @@ def test_tied_effects_lie_in_one_cluster():
 
 
 def test_the_proposal_is_a_sentence_and_a_file_to_play():
-    records, _, _ = tied_experiment("saturation:tanh", 0.35, 4)
-    diagnosis = diagnose(records)
+    *_, diagnosis = tied("saturation:tanh", 0.35, 4)
     found = separating_excitation(diagnosis)
     sentence = separation_sentence(found, diagnosis)
     assert sentence.startswith("To tell saturation from hysteresis, record a ")
@@ -203,7 +210,8 @@ def test_excitations_keep_to_the_machine():
         assert peaks.acceleration <= limits.acceleration + 1e-6
         inside = item.motion.position.min() >= -3.1 and item.motion.position.max() <= 5.1
         assert item.within == inside, item.words
-    assert len(excitation_family(motion, "mm", None)) > len(family)
+    unlimited = excitation_family(motion, "mm", None)
+    assert len(unlimited) > len(family)
     kinds = (
         "multisine (full",
         "multisine (odd",
@@ -214,7 +222,7 @@ def test_excitations_keep_to_the_machine():
         "rest for",
     )
     for kind in kinds:
-        assert any(kind in item.words for item in excitation_family(motion, "mm", None)), kind
+        assert any(kind in item.words for item in unlimited), kind
 
 
 def test_every_effect_of_the_catalogue_is_known_to_the_experimenter():
