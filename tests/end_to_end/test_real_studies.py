@@ -33,10 +33,6 @@ stability:
 """
 
 
-# Two minutes of search; the law beside this tool's verdict is judged by "make acceptance", one within a study by the damper's.
-WITHOUT_LAW = "improvement: {propose_law: false}\n"
-
-
 def run_study(folder, shared, study, *overlays):
     files = (f"config/studies/{study}.yaml", "config/shared_cache.yaml", *overlays)
     run = snakemake(
@@ -64,8 +60,7 @@ def test_absent_recordings_are_named_with_source_and_licence(folder, study, tmp_
 
 
 def test_davinci_tool(folder, shared):
-    (folder / "config" / "without_law.yaml").write_text(WITHOUT_LAW, encoding="utf-8")
-    results = run_study(folder, shared, "davinci_tool", "config/without_law.yaml")
+    results = run_study(folder, shared, "davinci_tool")
     table = pd.read_csv(results / "tables" / "table_3_1.csv")
     assert not table["data"].str.contains("synthetic").any()
     assert {"MW", "Maxwell", "KB", "HO"} <= set(table.model)
