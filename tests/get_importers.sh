@@ -2,7 +2,7 @@
 # Fetches importers of FMUs that have nothing in common with fmpy: libcosim and Ecos (C++), FMI4j (Java) and fmi-sim
 # (Rust, built here with libclang's help, which takes some minutes). Needs pip; without mvn or cargo FMI4j or fmi-sim is
 # left out.
-#   tests/get_importers.sh FOLDER && LUMBAR_IMPORTERS=FOLDER python -m pytest tests/unit/test_runtime_importers.py
+#   tests/get_importers.sh FOLDER && LUMBAR_IMPORTERS=FOLDER python -m pytest tests/unit/fmu/test_runtime_importers.py
 set -eu
 mkdir -p "$1"
 cd "$1"

@@ -24,6 +24,7 @@ for artefact in ARTEFACTS:
 
 
 onstart:
+    lift_limit(workflow.scheduler)
     RUN["log"] = watch(workflow, STAGES, BENCHMARKS)
 
 

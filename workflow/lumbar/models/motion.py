@@ -120,6 +120,13 @@ class Motion:
             del kept[next(iter(kept))]
         return found
 
+    def kept(self, name: str, compute: Callable[[], Any]) -> Any:
+        """Result of `compute`, kept as long as the motion: what no parameter changes."""
+        lasting = self.__dict__.setdefault("_lasting", {})
+        if name not in lasting:
+            lasting[name] = compute()
+        return lasting[name]
+
     def delayed(self, delay: float) -> Motion:
         """Motion `delay` seconds ago, at rest at its first position before the record began."""
         past = self.time - delay

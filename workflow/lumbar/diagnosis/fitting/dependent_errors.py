@@ -80,25 +80,29 @@ def correlation_times(scores: Sequence[np.ndarray]) -> np.ndarray:
 
 def _autocorrelation(series: Sequence[np.ndarray], lags: int) -> np.ndarray:
     """Of each column over all records, without removing means; shape (lags + 1, columns)."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
     total = np.zeros((lags + 1, series[0].shape[1]))
     for item in series:
-        length = 1 << (2 * len(item) - 1).bit_length()
-        power = np.abs(np.fft.rfft(item, length, axis=0)) ** 2
-        found = np.fft.irfft(power, length, axis=0)[: min(lags + 1, len(item))]
+        length = next_fast_len(2 * len(item) - 1, real=True)
+        power = np.abs(rfft(item, length, axis=0)) ** 2
+        found = irfft(power, length, axis=0)[: min(lags + 1, len(item))]
         total[: len(found)] += found
     return total / np.where(total[0] > 0, total[0], 1.0)
 
 
 def _windowed(scores: np.ndarray, bandwidth: float) -> np.ndarray:
     """Σ w(k) Γ(k) with Bartlett's weights, in the frequency domain, where they are never negative."""
+    from scipy.fft import next_fast_len, rfft
+
     size = len(scores)
-    length = 1 << (2 * size - 1).bit_length()
+    length = next_fast_len(2 * size - 1, real=True)
     lags = np.arange(1, min(int(np.ceil(bandwidth)), size))
     window = np.zeros(length)
     window[0] = 1.0
     window[lags] = window[-lags] = 1 - lags / bandwidth
-    # A real signal's spectrum is symmetric: all frequencies but the first and the last count twice.
-    weights = np.fft.rfft(window).real
-    weights[1:-1] *= 2
-    spectrum = np.fft.rfft(scores, length, axis=0)
+    # A real signal's spectrum is symmetric: all frequencies count twice but the first, and the last of an even number.
+    weights = rfft(window).real
+    weights[1 : None if length % 2 else -1] *= 2
+    spectrum = rfft(scores, length, axis=0)
     return ((spectrum.conj() * weights[:, None]).T @ spectrum).real / length

@@ -1,4 +1,4 @@
-"""Intervals of fitted parameters from the curvature of the training error."""
+"""Intervals of fitted parameters from the curvature of the training error, and from how its errors depend on one another."""
 
 from __future__ import annotations
 

@@ -18,11 +18,11 @@ def law_beside(verdict: Verdict) -> Proposal | None:
     Returns
     -------
     Proposal or None
-        None where nothing is known to be left, where records are the wrong way round, so that whatever fits them is no force
-        law, and where one more effect of the catalogue is known to explain more.
+        None where nothing is known to be left, where the effects named go on with one more that passes, and where records are
+        the wrong way round, so that whatever fits them is no force law.
     """
-    left = verdict.verdict == "unexplained" or verdict.complete is False
-    if not left or verdict.further is not None or verdict.turned is not None:
+    named_on = verdict.complete is False and verdict.further is None
+    if verdict.turned is not None or not (verdict.verdict == "unexplained" or named_on):
         return None
     return propose(verdict.experiment, verdict.base, verdict.model)
 

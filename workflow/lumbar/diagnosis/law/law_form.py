@@ -160,10 +160,12 @@ def _solution(terms: tuple[Term, ...], nonlinear: tuple[NonlinearParameter, ...]
         found: dict[str, np.ndarray] = {}
         for key, equation, own, constants in solved:
             given = {symbol: float(values[place[symbol]]) for symbol in own}
-            states = motion.remembered(
-                key,
-                np.array(list(given.values())),
-                partial(equation.trajectory, motion, {**given, **constants}),
+            solve = partial(equation.trajectory, motion, {**given, **constants})
+            # A largest distance so far has no parameter, and is solved step by step.
+            states = (
+                motion.remembered(key, np.array(list(given.values())), solve)
+                if given
+                else motion.kept(key, solve)
             )
             found |= states
         return tuple(found.values())

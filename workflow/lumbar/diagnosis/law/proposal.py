@@ -172,6 +172,8 @@ def _searched(none: Proposal, terms: Sequence[Term], system: str) -> Proposal:
             if not refused:
                 passed.append(law)
                 break
+        if passed and is_adequate(passed[0].candidate, experiment):
+            break  # on the base alone it leaves but noise: none beside effects is preferred to it
     if not passed:
         return replace(none, tried=tried)
     law = passed[0]

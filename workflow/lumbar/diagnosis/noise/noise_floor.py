@@ -12,8 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
+from lumbar.diagnosis.noise.bursts import Bursts, find_bursts
 from lumbar.diagnosis.noise.noise_spectrum import excess, line_power, smooth_power
-from lumbar.diagnosis.noise.nonrepeating import AMPLITUDE, DRIFT, LINE, Part, remove_structure
+from lumbar.diagnosis.noise.nonrepeating import AMPLITUDE, DRIFT, LINE, OTHER, Part, remove_structure
 from lumbar.diagnosis.noise.periods import Folding, find_period, fold_periods, repeats
 from lumbar.records.record import Record
 
@@ -26,6 +27,8 @@ _NEARLY = 0.998
 _INPUT_REPEATS_EXACTLY = 1e-4
 _DIGITS = 1e-9
 """Share of the response below which a record's digits say nothing."""
+_MOST = 0.5
+"""Share of the variance of bursts from which on few changes without a name explain it, and it is none."""
 _NORMAL_975 = 1.959964
 _NORMAL_99 = 2.326348
 _NORMAL_999 = 3.090232
@@ -41,7 +44,7 @@ class NoiseFloor:
         Noise per sample and its 95 % interval (χ²), in the output's unit.
     structured : tuple of (str, float)
         In words, and RMS, of every part that does not repeat and is no noise, the largest first. The words
-        begin with ``drift``, ``amplitude change``, ``off-grid line`` or ``other change``.
+        begin with ``drift``, ``amplitude change``, ``off-grid line``, ``other change`` or ``bursts``.
     structured_rms : float
         RMS of all of them together; 0 where none is significant.
     input_driven_rms : float
@@ -163,7 +166,12 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
     )
     exact = not np.any(noise)
     variance = _resolution(mean_period) ** 2 if exact else float(np.sum(noise**2)) / degrees
+    noise, parts, degrees, bursts = _bursts_beside(noise, parts, degrees)
+    if bursts is not None:
+        noise, degrees, variance = noise * bursts.quiet, degrees * bursts.quiet.mean(), bursts.variance
     power = line_power(noise, degrees / folding.samples)
+    if bursts is not None:
+        power *= variance / power.mean()
     if exact:
         power = np.full_like(power, variance)
     effective = degrees * _share_of_white(power, degrees / folding.samples)
@@ -173,8 +181,8 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
         rms=float(np.sqrt(variance)),
         low=float(np.sqrt(low)),
         high=float(np.sqrt(high)),
-        structured=_described(parts, variance, record, folding),
-        structured_rms=_rms_together(parts, variance),
+        structured=_described(parts, bursts, variance, record, folding),
+        structured_rms=float(np.hypot(_rms_together(parts, variance), bursts.rms if bursts else 0.0)),
         input_driven_rms=input_driven,
         spectrum=_density(power, folding.samples, record.sampling_time),
         degrees_of_freedom=float(effective),
@@ -183,6 +191,20 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
         periods=len(folded),
         exact=exact,
     )
+
+
+def _bursts_beside(
+    noise: np.ndarray, parts: list[Part], degrees: float
+) -> tuple[np.ndarray, list[Part], float, Bursts | None]:
+    """Look for bursts in the noise and the changes without a name: what these explain of bursts is theirs by chance."""
+    changes = [part for part in parts if part.kind == OTHER]
+    changing = sum((part.values for part in changes), np.zeros_like(noise))
+    rows = len(noise) - 1
+    together = degrees * rows / max(rows - len(changes), 1)
+    bursts = find_bursts(noise + changing, together)
+    if bursts is None or np.mean(changing**2) > _MOST * bursts.rms**2:
+        return noise, parts, degrees, None
+    return noise + changing, [part for part in parts if part.kind != OTHER], together, bursts
 
 
 def _resolution(mean_period: np.ndarray) -> float:
@@ -244,13 +266,17 @@ def _density(power: np.ndarray, samples: int, sampling_time: float) -> tuple[np.
 
 
 def _described(
-    parts: list[Part], variance: float, record: Record, folding: Folding
+    parts: list[Part], bursts: Bursts | None, variance: float, record: Record, folding: Folding
 ) -> tuple[tuple[str, float], ...]:
     unit = record.channels["output"].unit
     mean_period = folding.fold(record["output"]).mean(axis=0)
     described = [
         (_words(part, mean_period, unit, record.sampling_time), part.rms(variance)) for part in parts
     ]
+    if bursts is not None:
+        share = 100 * (1 - bursts.quiet.mean())
+        words = f"bursts: {share:.2g} % of the period, always the same places, in which the force drops or slips by other amounts"
+        described.append((words, bursts.rms))
     return tuple(sorted(described, key=lambda item: -item[1]))
 
 

@@ -1,4 +1,4 @@
-"""General Bouc–Wen loops are taken where the simple ones fail, and only there."""
+"""General forms (Bouc–Wen loops, Stribeck's friction) are taken where the simple ones fail, and only there."""
 
 from __future__ import annotations
 
@@ -17,32 +17,34 @@ from lumbar.models.structure import Structure
 from lumbar.records.record import Channel, Record
 
 STEP = 0.01
-FORMS = {form.name: form for form in TISSUE["hysteresis"].forms}
+FORMS = {form.name: form for name in ("hysteresis", "coulomb_friction") for form in TISSUE[name].forms}
 
 
-def record(name: str, seed: int, form: str, *nonlinear: float) -> Record:
-    """Four periods of a multisine of 3 mm on a spring and dashpot with a loop, noise of 0.01 N."""
+def record(
+    name: str, seed: int, form: str, linear: tuple[float, ...], nonlinear: tuple[float, ...]
+) -> Record:
+    """Four periods of a multisine of 3 mm on a spring and dashpot with a form of friction, noise of 0.01 N."""
     random, lines = np.random.default_rng(seed), np.arange(1, 50) / 10
     time = np.arange(0, 10, STEP)
     period = np.cos(2 * np.pi * np.outer(time, lines) + random.uniform(0, 6.28, len(lines))) @ lines**-0.7
     position = np.tile(3 * period / np.abs(period).max(), 4)
     motion = Motion(np.arange(len(position)) * STEP, position, STEP)
     tissue = Structure(BASES["KV"], (FORMS[form],))
-    force = tissue.simulate(motion, np.array([0.8, 0.03, 0.6]), np.array(nonlinear))
+    force = tissue.simulate(motion, np.array([0.8, 0.03, *linear]), np.array(nonlinear))
     force = force + 0.01 * random.standard_normal(len(force))
     channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
     return Record(name, motion.time, channels)
 
 
-def experiment_of(form: str, *nonlinear: float) -> Experiment:
-    """Two records of a tissue with a loop."""
-    records = [record(name, seed, form, *nonlinear) for seed, name in enumerate(("train", "unseen"))]
+def experiment_of(form: str, *nonlinear: float, linear: tuple[float, ...] = (0.6,)) -> Experiment:
+    """Two records of a tissue with friction."""
+    records = [record(name, seed, form, linear, nonlinear) for seed, name in enumerate(("train", "unseen"))]
     return prepare(records, "train")
 
 
-def extended(experiment: Experiment, *names: str) -> list[Candidate]:
-    """Spring and dashpot with these forms of hysteresis, or all, best first."""
-    effect = TISSUE["hysteresis"]
+def extended(experiment: Experiment, *names: str, effect: str = "hysteresis") -> list[Candidate]:
+    """Spring and dashpot with these forms of an effect, or all, best first."""
+    effect = TISSUE[effect]
     if names:
         forms = tuple(replace(FORMS[name], general=len(names) > 1 and FORMS[name].general) for name in names)
         effect = replace(effect, forms=forms)
@@ -78,3 +80,13 @@ def test_a_general_loop_that_removes_less_than_half_of_the_rest_is_not_taken():
     assert {
         item.fit.structure.forms[0].name for item in extended(experiment, "dahl", "bouc_wen_general")
     } == {"dahl"}
+
+
+def test_stribecks_friction_is_taken_where_breaking_away_shows():
+    weak = extended(experiment_of("coulomb", 0.5), effect="coulomb_friction")
+    assert weak[0].fit.structure.forms[0].name == "coulomb"
+    assert all(not item.fit.structure.forms[0].general for item in weak)
+    experiment = experiment_of("stribeck", 0.5, 8.0, linear=(0.5, 0.5))
+    best = extended(experiment, effect="coulomb_friction")[0]
+    assert best.fit.structure.forms[0].name == "stribeck"
+    assert best.fit.linear[2:] == pytest.approx([0.5, 0.5], rel=0.1)

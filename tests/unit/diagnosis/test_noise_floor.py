@@ -286,3 +286,59 @@ def test_a_force_that_repeats_exactly_leaves_what_its_digits_leave_open():
     assert floor.exact and floor.structured == ()
     assert floor.rms == pytest.approx(0.01 / np.sqrt(12))
     assert len(floor.whitening) == 1
+
+
+def drops(size: float):
+    """Where the response rises above levels that chance sets, the force drops and recovers within 0.3 s."""
+
+    def lost(_, force):
+        random, dropped = np.random.default_rng(8), 0.0
+        level, found = 0.0, np.zeros(len(force))
+        for k, value in enumerate(force):
+            if value <= 0:
+                dropped, level = 0.0, random.uniform(0.1, 1.0) * np.std(force)
+            elif value > level:
+                dropped, level = dropped + size, value + random.exponential(0.5) * np.std(force)
+            dropped *= np.exp(-STEP / 0.3)
+            found[k] = -dropped
+        return found
+
+    return lost
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.6])
+def test_drops_that_come_at_the_same_places_are_no_noise(pole):
+    floor = noise_floor(noisy_record(10, 0.3, 4, pole, samples=1000, extra=drops(1.5)))
+    assert floor.rms == pytest.approx(0.3, rel=0.15)
+    words, rms = floor.structured[0]
+    assert words.startswith("bursts") and rms == pytest.approx(0.67, rel=0.1)
+    assert floor.structured_rms == floor.surely_structured_rms > rms
+
+
+def trembling(time, force):
+    return 0.3 * np.gradient(force) * noise(time.size, 5)
+
+
+INNOCENT = {
+    "spikes": lambda time, force: (
+        3.0 * noise(time.size, 5) * (np.random.default_rng(6).random(time.size) < 0.02)
+    ),
+    "heavy tails": lambda time, force: 0.3 * np.random.default_rng(6).standard_t(2.2, time.size),
+    "noise that grows with the force": lambda time, force: 0.2 * force * noise(time.size, 5),
+    "a clock that trembles": trembling,
+    "drops that come anywhere": lambda time, force: drops(1.5)(time, noise(time.size, 5, 0.95)),
+    "wandering": lambda time, force: 0.02 * np.cumsum(noise(time.size, 5)),
+}
+
+
+@pytest.mark.parametrize("kind", INNOCENT)
+def test_what_comes_anywhere_or_does_not_last_is_no_drop(kind):
+    floor = noise_floor(noisy_record(10, 0.3, 4, samples=1000, extra=INNOCENT[kind]))
+    assert not any(words.startswith("bursts") for words, _ in floor.structured)
+
+
+def test_a_converter_whose_steps_are_larger_than_the_noise_drops_nothing():
+    rough = noisy_record(10, 0.05, 3)
+    force = np.round(rough["output"], 0)
+    found = noise_floor(record(rough["input"], force)).structured
+    assert not any(words.startswith("bursts") for words, _ in found)

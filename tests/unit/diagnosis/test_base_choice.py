@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
-from fine_tissue import branch, experiment
+from fine_tissue import FINE, branch, experiment
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.diagnosis.fitting.preparation import prepare
-from lumbar.diagnosis.selection.base_choice import choose_base
+from lumbar.diagnosis.fitting.joint_fit import add, fit_base
+from lumbar.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.diagnosis.selection.base_choice import base_beside, choose_base
 from lumbar.diagnosis.selection.diagnose import diagnose
+from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate
+from lumbar.diagnosis.selection.thresholds import TIED
+from lumbar.effects.catalogue import TISSUE
 from lumbar.errors import InputError
+from lumbar.models.bases import BASES
+from lumbar.models.structure import Structure
 
 TISSUES = {
     "LE": lambda time, position, speed, step: 1.2 * position,
@@ -51,3 +58,33 @@ def test_a_fast_relaxation_is_found_where_the_sampling_shows_it(relaxation):
     assert base.fit.nonlinear[0] == pytest.approx(relaxation, rel=0.01)
     assert base.fit.linear == pytest.approx([1.2, 0.8], rel=0.01)
     assert base.test_rms == pytest.approx(0.01, rel=0.05)
+
+
+MASS, DAMPING, LAG = 0.02, 0.2, 0.012
+
+
+def moved_mass(ripple: float) -> tuple[Experiment, Candidate]:
+    """A mass on a spring and a dashpot that lags, with a ripple of the position; fitted with a dashpot that does not."""
+
+    def force(time, position, speed, step):
+        carried = MASS * np.gradient(speed, step / FINE) + 1.2 * position
+        return carried + (DAMPING / LAG) * branch(position, LAG, step) + ripple * np.sin(4 * position)
+
+    prepared = prepare(experiment(force))
+    bare = fit_base(Structure(BASES["KV"]), prepared.training)
+    return prepared, evaluate(add(bare, TISSUE["inertia"].forms[0], prepared.training), prepared)
+
+
+def test_a_branch_takes_the_place_of_a_dashpot_where_it_explains_what_is_left():
+    prepared, model = moved_mass(ripple=0.0)
+    assert base_beside(model, prepared) == "KB"
+
+
+def test_a_branch_that_explains_little_of_what_is_left_does_not_take_the_place_of_a_dashpot():
+    """Its likelihood is larger, but a ripple is left by both: a dashpot knows the mass of slow motion, m − bτ."""
+    prepared, model = moved_mass(ripple=0.3)
+    bare = fit_base(Structure(BASES["KB"]), prepared.training)
+    beside = evaluate(add(bare, TISSUE["inertia"].forms[0], prepared.training), prepared)
+    assert beside.score < model.score - TIED
+    assert base_beside(model, prepared) is None
+    assert model.fit.linear[2] == pytest.approx(MASS - DAMPING * LAG, rel=0.1)

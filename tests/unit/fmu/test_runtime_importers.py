@@ -23,7 +23,7 @@ FOLDER = Path(os.environ.get("LUMBAR_IMPORTERS", "absent"))
 GET_IMPORTERS = "tests/get_importers.sh FOLDER and set LUMBAR_IMPORTERS=FOLDER"
 PYTHON = FOLDER / "python" / "bin" / "python"
 FMI_SIM = FOLDER / "bin" / "fmi-sim"
-HERE = Path(__file__).parent.parent / "importers"
+HERE = Path(__file__).parents[2] / "importers"
 EFFECTS = effect_entry(*COMBINATIONS[1])
 NAMES = ["IL", "MW", "KB", "HO", "KB+coulomb_friction", EFFECTS["name"]]
 STEP = "0.01"

@@ -25,7 +25,7 @@ from lumbar.fmu.build.package import export_fmus, fmu_contents
 from lumbar.fmu.build.reference_response import reference_push
 from study_settings import changed
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1]
 WINE = (
     shutil.which("wine64") or shutil.which("wine") or next(iter(Path("/usr/lib/wine").glob("wine64")), None)
 )

@@ -243,7 +243,7 @@ def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
     assert diagnosed.selected == ("depth_dependent_damping",)
     assert diagnosed.verdict == "named"
     assert not diagnosed.complete
-    law = law_beside(diagnosed)
+    law = law_beside(replace(diagnosed, verdict="unexplained", further=diagnosed.model))
     beside = with_law(diagnosed, law)
     assert law.left_by is law.base
     assert beside.verdict == "unexplained"
