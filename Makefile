@@ -56,6 +56,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python tests/benchmark/stability.py
 	python tests/benchmark/runtime.py
 	python tests/benchmark/pendulum.py
+	python tests/benchmark/calibration.py --markdown docs/acceptance.md
 	snakemake --cores $(CORES) hidden_effects --configfile config/hidden_effects_full.yaml
 
 lint: environment ## what the continuous integration checks before the tests

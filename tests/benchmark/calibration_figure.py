@@ -65,9 +65,8 @@ def _draw_reliability(axis, nulls: pd.DataFrame) -> None:
     axis.set(xscale="log", yscale="log", xlim=(SMALLEST, 1), ylim=(SMALLEST, 1.0))
     axis.set_xlabel("p-value x of the best candidate")
     axis.set_ylabel("Share of nulls with p ≤ x")
-    axis.legend(
-        loc="upper left", handlelength=1.6, frameon=True, facecolor="white", edgecolor="none", framealpha=1
-    )
+    place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
+    axis.legend(**place, ncols=2, handlelength=1.3, columnspacing=1.0, fontsize=6)
 
 
 def _draw_coverage(axis, covered: pd.DataFrame, parameters: pd.DataFrame) -> None:

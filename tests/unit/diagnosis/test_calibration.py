@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmark"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmark"))
 
 from calibration_records import CONDITIONS, KNOWN, NOISES, effect_experiment, null_records
 from calibration_tables import coverage, null_lines
