@@ -13,6 +13,8 @@ from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, house_style, lab
 
 SMALLEST = 2e-3
 """Probability at which the axes of the p-values begin."""
+HEADROOM = 8.0
+"""End of the axis of the shares: above 1 stands the legend."""
 WANTED = (93.0, 97.0)
 """Per cent of the intervals."""
 UNDER_FAULTS = "nulls with sensor faults"
@@ -62,11 +64,10 @@ def _draw_reliability(axis, nulls: pd.DataFrame) -> None:
             level, np.maximum(share, SMALLEST), where="post", label=f"{len(values)} {words}", **LOOKS[words]
         )
     axis.axvline(LEVEL, color="#000000", linewidth=0.8, linestyle=":", label="level of selection")
-    axis.set(xscale="log", yscale="log", xlim=(SMALLEST, 1), ylim=(SMALLEST, 1.0))
+    axis.set(xscale="log", yscale="log", xlim=(SMALLEST, 1), ylim=(SMALLEST, HEADROOM))
     axis.set_xlabel("p-value x of the best candidate")
     axis.set_ylabel("Share of nulls with p ≤ x")
-    place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
-    axis.legend(**place, ncols=2, handlelength=1.3, columnspacing=1.0, fontsize=6)
+    axis.legend(loc="upper left")
 
 
 def _draw_coverage(axis, covered: pd.DataFrame, parameters: pd.DataFrame) -> None:
