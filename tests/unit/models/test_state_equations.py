@@ -146,8 +146,8 @@ def test_an_iteration_that_does_not_end_falls_back_to_steps():
 def test_closed_forms_are_what_their_equations_say(form):
     """For the same straight lines: exact where the equation is linear, else to the step's second order."""
     motion = straight(walk(5))
-    nonlinear = np.array([0.15])
-    values = {form.nonlinear[0].symbol: 0.15}
+    nonlinear = np.array([0.15, 0.7])[: len(form.nonlinear)]
+    values = {item.symbol: value for item, value in zip(form.nonlinear, nonlinear, strict=True)}
     closed = form.solution(motion, nonlinear)[0]
     state = form._equation.state
     (found,) = state.trajectory(motion, values).values()
