@@ -256,3 +256,10 @@ def test_wrong_options_and_records_are_refused(run, folder, records, tmp_path):
     flipped = FAULTS["sign_flip"].put_into(records, 1.0, 0)
     with pytest.raises(InputError, match="nothing can be put into these records: The sign of the force"):
         lumbar.doctor(flipped, base="KB")
+
+
+def test_no_law_is_looked_for_in_records_that_something_was_put_into(monkeypatch, records):
+    asked = []
+    monkeypatch.setattr("lumbar.diagnosis.law.beside_verdict.law_beside", asked.append)
+    lumbar.doctor(records, base="KB", effects=["hardening_stiffness"], quick=True, faults=False)
+    assert not asked

@@ -87,7 +87,8 @@ def doctor(
     from lumbar.progress import track
 
     records = list(records)
-    settings = settings or ImprovementSettings()
+    # What is asked is whether an effect of the catalogue would be named: no law is looked for in hundreds of records.
+    settings = replace(settings or ImprovementSettings(), propose_law=False)
 
     def verdict_on(seen: Sequence[Record], most_effects: int) -> Verdict:
         chosen = replace(settings, most_effects=most_effects)
