@@ -54,7 +54,7 @@ class ImprovementSettings:
     )
     most_effects: int = key("Most effects a diagnosis adds.", default=3, ge=1, le=5)
     propose_law: bool = key(
-        "Where effects of the catalogue leave something of a tissue test, look for a short formula for it; takes up to a "
-        "minute.",
+        "Where effects of the catalogue leave something of a tissue test, look for a short formula for it; takes seconds to two "
+        "minutes.",
         default=True,
     )
