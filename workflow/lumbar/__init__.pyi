@@ -4,6 +4,7 @@ from lumbar.config.settings_files import load_settings as load_settings
 from lumbar.config.settings_files import load_subject as load_subject
 from lumbar.interface.comparison import compare as compare
 from lumbar.interface.comparison import locate as locate
+from lumbar.interface.device import check_fmu as check_fmu
 from lumbar.interface.device import export_fmu as export_fmu
 from lumbar.interface.device import load_models as load_models
 from lumbar.interface.diagnosis import diagnose as diagnose

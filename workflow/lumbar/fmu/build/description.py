@@ -11,7 +11,7 @@ from lumbar.fmu.build.sources import c_files, content_token
 FMI_VERSIONS = ("2.0", "3.0")
 
 # Exponents of the SI base units and factor, as FMI's BaseUnit wants them.
-_BASE_UNITS = {
+BASE_UNITS = {
     "m": {"m": 1},
     "mm": {"m": 1, "factor": 1e-3},
     "cm": {"m": 1, "factor": 1e-2},
@@ -168,9 +168,9 @@ def _units(root: ElementTree.Element, names: list[str]) -> None:
     units = ElementTree.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(names):
         unit = ElementTree.SubElement(units, "Unit", name=name)
-        if name in _BASE_UNITS:
+        if name in BASE_UNITS:
             ElementTree.SubElement(
-                unit, "BaseUnit", {key: str(value) for key, value in _BASE_UNITS[name].items()}
+                unit, "BaseUnit", {key: str(value) for key, value in BASE_UNITS[name].items()}
             )
 
 
