@@ -176,6 +176,29 @@ WRITTEN = {
         edited((1.9).hex(), (1.8).hex(), NUMBERS),
         "built from the FMU's own sources",
     ),
+    "no author": (
+        edited(' author="The lumbar developers"', ""),
+        "modelDescription.xml has no author",
+    ),
+    "no word on the direction": (edited('="lumbar">', '="other">'), "direction and valid range are not said"),
+    "inverted in the annotation alone": (
+        edited('"resisting_sign": 1', '"resisting_sign": -1'),
+        "modelDescription.xml does not call the force inverted; the annotation has resisting_sign -1",
+    ),
+    "inverted wherever it is told": (
+        both(
+            edited('"resisting_sign": 1', '"resisting_sign": -1'),
+            edited("a positive force resists", "INVERTED"),
+            edited("a positive force resists", "INVERTED", PAGE),
+        ),
+        "by modelDescription.xml the force that resists has the sign of -1",
+    ),
+    "a wider range in the annotation": (
+        edited('"highest": 2.5', '"highest": 25'),
+        "does not say '-2.4 to 25 mm, to 41 mm/s, 0.1 to 5 Hz', as the annotation does",
+    ),
+    "a range of no motion": (edited('"lowest": -2.4', '"lowest": 24'), "no motion is"),
+    "a range in metres": (edited('"unit": "mm"', '"unit": "m"'), "is in 'm'; the input is in 'mm'"),
     "sources that do not compile": (
         edited("return y;", "return z;", "sources/model_linear.c"),
         "sources: compiling for",

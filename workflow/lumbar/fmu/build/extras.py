@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.fmu.build.export_model import ExportModel
-from lumbar.fmu.build.reference_response import reference_push
+from lumbar.fmu.build.reference_response import reference_output
 
 _HERE = Path(__file__).parent
 REFERENCE = ("resources/reference_input.csv", "resources/reference_output.csv")
 """Signals to try an importer with."""
 WITHOUT_EVENT_MODE = "resources/reference_output_without_event_mode.csv"
-"""FMI 3.0: the same output as an importer reads it that does not use event mode."""
+"""What an importer without event mode reads of an FMI 3.0 FMU: what one of FMI 2.0 reads."""
 
 
 def attachments(model: ExportModel, version: str) -> dict[str, bytes]:
@@ -42,7 +42,7 @@ def resources(
     ----------
     model : ExportModel
     version : str
-        Of FMI.
+        Of FMI; FMI 3.0 has a second output, for importers without event mode.
     push : tuple of numpy.ndarray
         Time, input and output, each of shape (samples,).
     """
@@ -52,8 +52,8 @@ def resources(
         REFERENCE[1]: _signal(time, outputs, model.output.variable),
     }
     if version == "3.0":
-        # Without event mode an FMI 3.0 client reads what one of FMI 2.0 does.
-        signals[WITHOUT_EVENT_MODE] = _signal(time, reference_push(model, "2.0")[2], model.output.variable)
+        late = reference_output(model, inputs, "2.0")
+        signals[WITHOUT_EVENT_MODE] = _signal(time, late, model.output.variable)
     return signals
 
 

@@ -9,11 +9,13 @@ import json
 import math
 import random
 import sys
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from lumbar.fmu.build.extras import REFERENCE, WITHOUT_EVENT_MODE
 from lumbar.fmu.check.instance import Instance, UnzippedFmu
+from lumbar.fmu.check.lint_meaning import told_meaning
 
 REFERENCE_TOLERANCE = 1e-9
 """Largest difference from the reference, relative to its largest force: the reference comes from Python, and rounding
@@ -108,6 +110,20 @@ def check_reference(fmu: UnzippedFmu) -> Iterator[str]:
             )
 
 
+def check_sign(fmu: UnzippedFmu) -> Iterator[str]:
+    """A push is answered by a force of the sign that the description calls resisting."""
+    told = told_meaning(ElementTree.parse(fmu.folder / "modelDescription.xml").getroot()) or {}
+    push = Motion(fmu).push
+    inward = push[: max(range(len(push)), key=push.__getitem__) + 1]
+    rest = fmu.numbered("start").get(f"{fmu.ports[1]}_offset", 0.0)
+    mean = sum(force - rest for force in Instance(fmu, modes(fmu)[-1]).play(inward)) / len(inward)
+    if mean * told.get("resisting_sign", 0) < 0:
+        yield (
+            f"{fmu.ports[1]}: the library answers a push with {mean:.3g} on average; by modelDescription.xml the force "
+            f"that resists has the sign of {told['resisting_sign']}"
+        )
+
+
 def check_sampling(fmu: UnzippedFmu) -> Iterator[str]:
     """The next event is one step of the description away."""
     if True not in modes(fmu):
@@ -167,6 +183,11 @@ def _forces(fmu: UnzippedFmu, event_mode: bool, positions: list[float], **parame
     return instance.play(positions)
 
 
+def _guarded(fmu: UnzippedFmu) -> bool:
+    """Whether the force is bounded by the forces before it: it is then no longer gain · y + offset."""
+    return not {"device_damping", f"{fmu.ports[1]}_rate_limit"}.isdisjoint(fmu.variables)
+
+
 def check_roles(fmu: UnzippedFmu) -> Iterator[str]:
     """Parameters do what their names say: the gain multiplies, one offset adds, the other shifts the position."""
     position, force = fmu.ports
@@ -175,11 +196,11 @@ def check_roles(fmu: UnzippedFmu) -> Iterator[str]:
     missing = [name for name in ("gain", offset, f"{force}_limit", shift) if name not in fmu.settable]
     for name in missing:
         yield f"{name}: there is no tunable parameter of this name; an FMU of this kind has one"
-    if missing:
+    if missing or _guarded(fmu):
         return
     push = motion.push[: len(motion.push) // 2]
     limit, plain = start[f"{force}_limit"], _forces(fmu, event_mode, push)
-    added, moved = limit / 16, motion.span / 4
+    added, moved = math.copysign(limit / 16, max(plain, key=abs)), motion.span / 4
     offsets = [value - start[offset] for value in plain]
     for name, expected, found in (
         (
@@ -198,14 +219,19 @@ def check_roles(fmu: UnzippedFmu) -> Iterator[str]:
             _forces(fmu, event_mode, [item + moved for item in push], **{shift: start[shift] + moved}),
         ),
     ):
-        pairs = [pair for pair in zip(expected, found, strict=True) if abs(pair[0]) < 0.999 * limit]
+        # Where a tissue cannot pull, the force is 0 whatever is added to it.
+        pairs = [
+            (wanted, got)
+            for value, wanted, got in zip(plain, expected, found, strict=True)
+            if value != 0.0 and abs(wanted) < 0.999 * limit
+        ]
         wanted, got = max(pairs, key=lambda pair: abs(pair[0] - pair[1]), default=(0.0, 0.0))
         if not abs(wanted - got) <= _ROUNDING * limit:
             yield f"{name}: with another value the library gives {got:.9g}; what its name says gives {wanted:.9g}"
 
 
 def check_dependencies(fmu: UnzippedFmu) -> Iterator[str]:
-    """What the force depends on at once stands in the model structure; parameters there do act."""
+    """What the force depends on at once stands in the model structure; gain, offset and limit always act."""
     force, event_mode = fmu.ports[1], modes(fmu)[-1]
     structure = {item.variable.name: item for item in fmu.description.outputs}
     if force not in structure or structure[force].dependencies is None:
@@ -216,8 +242,7 @@ def check_dependencies(fmu: UnzippedFmu) -> Iterator[str]:
         acting |= _acting(fmu, event_mode, Motion(fmu).random(samples, 4))
     for name in sorted(acting - listed):
         yield f"{name}: {force} depends on it at once; the dependencies in modelDescription.xml leave it out"
-    idle = {name for name in listed - acting if fmu.variables[name].causality == "parameter"}
-    for name in sorted(idle - {f"{fmu.ports[0]}_offset"}):
+    for name in sorted((listed - acting) & {"gain", f"{force}_offset", f"{force}_limit"}):
         yield f"{name}: {force} does not depend on it at once; the dependencies in modelDescription.xml list it"
 
 
@@ -247,6 +272,8 @@ def _acting(fmu: UnzippedFmu, event_mode: bool, positions: list[float]) -> set[s
 def check_derivatives(fmu: UnzippedFmu) -> Iterator[str]:
     """The derivatives by gain and offset are those of gain · y + offset."""
     force = fmu.ports[1]
+    if _guarded(fmu):
+        return
     instance, start = Instance(fmu), fmu.numbered("start")
     push = Motion(fmu).push
     instance.play(push[: len(push) // 3])
@@ -332,6 +359,7 @@ CHECKS: tuple[Callable[[UnzippedFmu], Iterator[str]], ...] = (
     check_token,
     check_sampling,
     check_reference,
+    check_sign,
     check_limits,
     check_not_finite,
     check_roles,
@@ -347,7 +375,7 @@ def problems_of(fmu: UnzippedFmu) -> list[str]:
     """Everything that the library does otherwise than the description says; calls that fail count too."""
     from fmpy.fmi1 import FMICallException
 
-    found = []
+    found: list[str] = []
     for check in CHECKS:
         subject = check.__name__.removeprefix("check_").replace("_", " ")
         try:

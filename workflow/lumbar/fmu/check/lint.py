@@ -10,7 +10,8 @@ import zlib
 from collections import Counter
 from pathlib import Path
 
-from lumbar.fmu.check.lint_files import lint_binaries, lint_names, lint_resources, lint_sources
+from lumbar.fmu.check.lint_files import lint_binaries, lint_names, lint_resources, lint_sources, ports
+from lumbar.fmu.check.lint_meaning import lint_meaning
 from lumbar.fmu.check.lint_numbers import lint_constants, lint_page, lint_units
 
 _C_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -62,6 +63,7 @@ def lint_fmu(path: Path) -> list[str]:
     problems += lint_resources(files, variables, version, steps.get("stepSize"))
     if not problems:
         problems += [*lint_constants(files, variables, steps), *lint_page(files, root, variables)]
+        problems += lint_meaning(files, root, dict(variables)[ports(variables)["input"]].get("unit"))
     return problems
 
 
@@ -138,9 +140,10 @@ def _lint_variables(variables: list[tuple[str, dict]], root: ElementTree.Element
             f"{label} {value!r} stands twice" for value, count in Counter(values).items() if count > 1
         ]
     causalities = Counter(attributes.get("causality") for _, attributes in variables)
-    for causality in ("input", "output"):
-        if causalities[causality] != 1:
-            problems.append(f"there are {causalities[causality]} {causality}s; a force model has one")
+    if causalities["input"] != 1:
+        problems.append(f"there are {causalities['input']} inputs; a force model has one")
+    if not causalities["output"]:
+        problems.append("there is no output; a force model has one")
     units = {unit.get("name") for unit in root.iterfind("UnitDefinitions/Unit")}
     for name, attributes in variables:
         problems += _lint_variable(name, attributes)

@@ -98,11 +98,19 @@ def lint_sources(
     return problems
 
 
+def ports(variables: list[tuple[str, dict]]) -> dict[str, str]:
+    """Return the names of input and force: the first output; others tell more of the simulation."""
+    found: dict[str, str] = {}
+    for name, attributes in variables:
+        found.setdefault(attributes.get("causality", ""), name)
+    return found
+
+
 def lint_resources(
     files: Mapping[str, bytes], variables: list[tuple[str, dict]], version: str, step: float | None
 ) -> list[str]:
     """Return problems of terminals and reference signals: both name variables."""
-    names = {attributes.get("causality"): name for name, attributes in variables}
+    names = ports(variables)
     problems = []
     signals = [*zip(REFERENCE, ("input", "output"), strict=True)]
     if version == "3.0":

@@ -8,6 +8,7 @@ from html import unescape
 from xml.etree.ElementTree import Element
 
 from lumbar.fmu.build.description import BASE_UNITS
+from lumbar.fmu.check.lint_files import ports
 
 _CONSTANT = re.compile(r"\.(\w+) = ([^,\s}\\]+)")
 _ROW = re.compile(r"<tr>((?:<td>[^<]*</td>)+)</tr>")
@@ -34,8 +35,7 @@ def lint_constants(
         Numbers of the description that are the sampling time, by attribute.
     """
     constants, given = model_constants(files), dict(variables)
-    ports = {attributes.get("causality"): name for name, attributes in variables}
-    source, force = ports.get("input"), ports.get("output")
+    source, force = (ports(variables).get(causality, "") for causality in ("input", "output"))
     told = [(key, value, "sampling_time") for key, value in steps.items()]
     for name, attribute, constant, sign in (
         (source, "start", "input_offset", 1),
