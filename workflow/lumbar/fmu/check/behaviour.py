@@ -232,18 +232,20 @@ def check_roles(fmu: UnzippedFmu) -> Iterator[str]:
 
 def check_dependencies(fmu: UnzippedFmu) -> Iterator[str]:
     """What the force depends on at once stands in the model structure; gain, offset and limit always act."""
-    force, event_mode = fmu.ports[1], modes(fmu)[-1]
-    structure = {item.variable.name: item for item in fmu.description.outputs}
-    if force not in structure or structure[force].dependencies is None:
-        return  # by the standard it depends on everything
-    listed = {item.name for item in structure[force].dependencies}
-    acting = set()
-    for samples in (1, 7, _SAMPLES):
-        acting |= _acting(fmu, event_mode, Motion(fmu).random(samples, 4))
-    for name in sorted(acting - listed):
-        yield f"{name}: {force} depends on it at once; the dependencies in modelDescription.xml leave it out"
-    for name in sorted((listed - acting) & {"gain", f"{force}_offset", f"{force}_limit"}):
-        yield f"{name}: {force} does not depend on it at once; the dependencies in modelDescription.xml list it"
+    force, event_mode, motion = fmu.ports[1], modes(fmu)[-1], Motion(fmu)
+    for unknowns, when, lengths in (
+        (fmu.description.initialUnknowns, "at the start", (1,)),
+        (fmu.description.outputs, "at once", (7, _SAMPLES)),
+    ):
+        listed = next((item.dependencies for item in unknowns if item.variable.name == force), None)
+        if listed is None:
+            continue  # by the standard it depends on everything
+        names = {item.name for item in listed}
+        acting = set().union(*(_acting(fmu, event_mode, motion.random(length, 4)) for length in lengths))
+        for name in sorted(acting - names):
+            yield f"{name}: {force} depends on it {when}; the dependencies in modelDescription.xml leave it out"
+        for name in sorted((names - acting) & {f"{force}_offset", f"{force}_limit"}):
+            yield f"{name}: {force} does not depend on it {when}; the dependencies in modelDescription.xml list it"
 
 
 def _acting(fmu: UnzippedFmu, event_mode: bool, positions: list[float]) -> set[str]:
