@@ -72,7 +72,7 @@ def lift(
     >>> print(lumbar.lift("lift.c3d", somebody, box_mass_kg=15))
     lift_off: 2.310 s
     toe_off: 3.930 s
-    deposit_start: 5.800 s
+    deposit_start: 5.820 s
     release: 7.070 s
     """
     from lumbar.records.markers import read_markers
