@@ -32,7 +32,7 @@ _VERBS = {
     "doctor": "lumbar.interface.doctor",
     "propose": "lumbar.interface.proposing",
     "export_fmu": "lumbar.interface.device",
-    "check_fmu": "lumbar.interface.device",
+    "check_fmu": "lumbar.interface.fmu_checking",
     "load_models": "lumbar.interface.device",
     "analyse_survey": "lumbar.interface.participants",
     "lift": "lumbar.interface.person",

@@ -4,12 +4,12 @@ from lumbar.config.settings_files import load_settings as load_settings
 from lumbar.config.settings_files import load_subject as load_subject
 from lumbar.interface.comparison import compare as compare
 from lumbar.interface.comparison import locate as locate
-from lumbar.interface.device import check_fmu as check_fmu
 from lumbar.interface.device import export_fmu as export_fmu
 from lumbar.interface.device import load_models as load_models
 from lumbar.interface.diagnosis import diagnose as diagnose
 from lumbar.interface.diagnosis import refine as refine
 from lumbar.interface.doctor import doctor as doctor
+from lumbar.interface.fmu_checking import check_fmu as check_fmu
 from lumbar.interface.identification import identify as identify
 from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.participants import analyse_survey as analyse_survey

@@ -41,7 +41,7 @@ def run(options) -> None:
     files = _files(options.paths)
     fmus = [path for path in files if _is_fmu(path)]
     if fmus:
-        from lumbar.interface.device import check_fmu
+        from lumbar.interface.fmu_checking import check_fmu
 
         for check in check_fmu(fmus, settings=settings.runtime):
             print(f"runtime: {check}")

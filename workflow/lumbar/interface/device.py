@@ -1,4 +1,4 @@
-"""``lumbar.export_fmu``, ``lumbar.check_fmu`` and ``lumbar.load_models``: models for the haptic runtime and from files."""
+"""``lumbar.export_fmu`` and ``lumbar.load_models``: models for the haptic runtime, and models from files."""
 
 from __future__ import annotations
 
@@ -6,15 +6,10 @@ import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
 from lumbar.interface.data_label import NOT_SAID
 from lumbar.models.fitted_model import FittedModel
 from lumbar.settings.runtime import Platform, RuntimeSettings
-
-if TYPE_CHECKING:
-    from lumbar.fmu.check.file_check import FileCheck
 
 
 def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLike] = ()) -> list[FittedModel]:
@@ -111,7 +106,7 @@ def export_fmu(
     from lumbar.fmu.build.compiler import cache_folder
     from lumbar.fmu.build.export_model import export_models, select_models
     from lumbar.fmu.build.package import export_fmus
-    from lumbar.fmu.check.file_check import check_files
+    from lumbar.fmu.check.file_check import check_new_files
 
     settings = settings or RuntimeSettings()
     settings = replace(
@@ -125,50 +120,8 @@ def export_fmu(
         chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
     cache = cache_folder(settings.compiler_cache)
     written = export_fmus(chosen, Path(folder), data or NOT_SAID, settings.targets, cache)
-    try:
-        check_files(written, cache)
-    except InputError:
-        for path in written:
-            path.unlink()
-        raise
+    check_new_files(written, cache)
     return written
-
-
-def check_fmu(
-    path: str | os.PathLike | Iterable[str | os.PathLike], *, settings: RuntimeSettings | None = None
-) -> list[FileCheck]:
-    """Check FMUs: description, library, reference signals and sources must say and do the same.
-
-    Parameters
-    ----------
-    path : path or iterable of path
-        FMUs of `export_fmu`, of any platform; the library is played, and built anew from the sources in the FMU,
-        where it is one for this machine.
-    settings : RuntimeSettings, optional
-        For the compiler's cache.
-
-    Returns
-    -------
-    list of FileCheck
-        What was checked of each file.
-
-    Raises
-    ------
-    InputError
-        With every problem of every file: the variable or the place, what was found, what is expected.
-
-    Examples
-    --------
-    >>> import lumbar
-    >>> print(*lumbar.check_fmu("fmu/KB_fmi3.fmu"))  # doctest: +SKIP
-    KB_fmi3.fmu: sound; plays its reference, and its sources give the same library
-    """
-    from lumbar.fmu.build.compiler import cache_folder
-    from lumbar.fmu.check.file_check import check_files
-
-    paths = [path] if isinstance(path, str | os.PathLike) else path
-    cache = cache_folder((settings or RuntimeSettings()).compiler_cache)
-    return check_files(map(Path, paths), cache)
 
 
 def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained_on) -> RuntimeSettings:

@@ -107,6 +107,16 @@ def check_files(paths: Iterable[Path], cache: Path) -> list[FileCheck]:
     return checks
 
 
+def check_new_files(paths: list[Path], cache: Path) -> None:
+    """Check files that were just written, and remove them all where one has a problem; parameters as of `check_file`."""
+    try:
+        check_files(paths, cache)
+    except InputError:
+        for path in paths:
+            path.unlink()
+        raise
+
+
 def _validated(path: Path) -> list[str]:
     """Problems that fmpy finds by the standard's schema; a file that it cannot read is one."""
     from fmpy.validation import validate_fmu
