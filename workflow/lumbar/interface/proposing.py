@@ -24,6 +24,7 @@ def propose(
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    session: bool | None = None,
     settings: ImprovementSettings | None = None,
     seed: int = SEED,
     data: str = "",
@@ -43,7 +44,16 @@ def propose(
     from lumbar.interface.diagnosis import diagnose
 
     return proposed(
-        diagnose(records, base=base, train=train, periods=periods, settings=settings, seed=seed, data=data)
+        diagnose(
+            records,
+            base=base,
+            train=train,
+            periods=periods,
+            session=session,
+            settings=settings,
+            seed=seed,
+            data=data,
+        )
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.noise.periods import find_period
+from lumbar.errors import InputError
 from lumbar.records.record import Record
 from lumbar.signals.spectral_edge import spectral_edge
 
@@ -24,7 +25,7 @@ _BAND_POWER = 0.999
 long records at their rate."""
 
 
-def manageable(records: list[Record]) -> tuple[list[Record], tuple[Finding, ...]]:
+def manageable(records: list[Record], session: bool = False) -> tuple[list[Record], tuple[Finding, ...]]:
     """Return records that a diagnosis can afford, and a finding for every one that was changed.
 
     Where all records together hold more than `MOST` samples, of those of one rate every n-th sample is taken, so that
@@ -38,11 +39,24 @@ def manageable(records: list[Record]) -> tuple[list[Record], tuple[Finding, ...]
     ----------
     records : list of Record
         With a channel ``input``.
+    session : bool
+        Whether the records were cut from one session: then none is cut short.
+
+    Raises
+    ------
+    InputError
+        If records of a session are still too long at the lowest rate.
     """
     if sum(map(len, records)) <= MOST:
         return records, ()
     lower, findings = _decimated(records)
     cut, told = _shortened(lower)
+    if session and told:
+        raise InputError(
+            f"the records of the session hold {sum(map(len, lower))} samples together, at the lowest rate that their excitation "
+            f"allows; at most {MOST} can be taken, and none can be cut short where the next one goes on from its end: leave "
+            "some out, or leave session out"
+        )
     return cut, (*findings, *told)
 
 

@@ -11,7 +11,7 @@ from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
 from lumbar.diagnosis.fitting.joint_fit import add
 from lumbar.diagnosis.fitting.joint_fit import fit as refit
-from lumbar.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import estimates
 from lumbar.diagnosis.linear.direction import direction_or_sign
 from lumbar.diagnosis.linear.frequency_response import nonlinear_share
@@ -73,7 +73,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     settings = replace(settings, catalogue=usable)
     if settings.system == "tissue":
         # As recorded: a command that jumps between levels would be taken for a coarse sensor, and smoothed.
-        as_recorded = prepare(records, settings.train, settings.periods) if experiment.faults else experiment
+        as_recorded = settings.prepared(records) if experiment.faults else experiment
         turned = direction_or_sign(as_recorded)
         if turned is not None:
             return replace(_turned(as_recorded, settings, turned), not_tried=not_tried)
