@@ -14,7 +14,7 @@ from lumbar.signals.spectral_edge import spectral_edge
 
 MOST = 150_000
 """Samples of all records together that a diagnosis takes as they are."""
-ENOUGH = 25_000
+ENOUGH = 15_000
 """Samples of all records together that are left where the rate is lowered, if their excitation allows it."""
 PER_CYCLE = 12.0
 """Samples per cycle at the upper end of the excitation's band that a lower rate must leave."""
@@ -60,6 +60,11 @@ def manageable(records: list[Record], session: bool = False) -> tuple[list[Recor
     return cut, (*findings, *told)
 
 
+def band_edge(position: np.ndarray) -> float:
+    """Upper end of the excitation's band, in cycles per sample."""
+    return spectral_edge(position - position.mean(), _BAND_POWER)
+
+
 def _decimated(records: list[Record]) -> tuple[list[Record], list[Finding]]:
     wanted = int(sum(map(len, records)) / ENOUGH)
     rates = [round(1 / record.sampling_time, 6) for record in records]
@@ -84,8 +89,7 @@ def _decimated(records: list[Record]) -> tuple[list[Record], list[Finding]]:
 
 def _factor(records: list[Record], wanted: int) -> int:
     """Factor for records of one rate: one that divides their periods where there is one."""
-    positions = [record["input"] for record in records]
-    edges = [spectral_edge(position - position.mean(), _BAND_POWER) for position in positions]
+    edges = [band_edge(record["input"]) for record in records]
     largest = min(wanted, *(int(1 / (PER_CYCLE * edge)) for edge in edges))
     largest = min(largest, *(len(record) // 200 for record in records))
     periods = [record.period or find_period(_part(record, slice(_SEARCHED))) for record in records]
