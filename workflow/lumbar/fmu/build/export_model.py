@@ -12,7 +12,7 @@ from lumbar.fmu.build.effect_entry import effect_model
 from lumbar.fmu.build.effect_model import EffectModel
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.resampled_model import at_rate
-from lumbar.models.fitted_model import FittedModel, Port, identifier
+from lumbar.models.fitted_model import GIVEN, FittedModel, MotionRange, Port, identifier
 
 if TYPE_CHECKING:
     from lumbar.settings.runtime import RuntimeSettings
@@ -45,6 +45,10 @@ class ExportModel:
         Largest factor on the output that a user may set.
     fit : dict of str to str
         How the model was found, for the documentation: label and text.
+    prescribed : bool
+        Whether it was given, as IL is, not identified.
+    valid_for : MotionRange or None
+        Motion that the model was fitted to, where it is known.
     """
 
     name: str
@@ -56,6 +60,8 @@ class ExportModel:
     output_limit: float
     gain_limit: float
     fit: dict[str, str]
+    prescribed: bool = False
+    valid_for: MotionRange | None = None
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
@@ -199,6 +205,8 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
         output_limit=float(settings.output_limit),
         gain_limit=float(settings.gain_limit),
         fit=_fit_texts(model),
+        prescribed=model.estimator == GIVEN,
+        valid_for=model.valid_for,
     )
 
 
