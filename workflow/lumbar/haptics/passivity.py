@@ -38,6 +38,16 @@ class RequiredDamping:
     frequency: float
 
 
+def alias_sums(model: SampledModel, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """S(0) and S(τ) of the condition at every angle, in s²; shapes of `angles`."""
+    period, forward = model.sampling_time, np.exp(1j * angles)
+    in_time = period**2 / (2.0 * (1.0 - np.cos(angles)))
+    if not model.delay:
+        return in_time, in_time.astype(complex)
+    # −T times the transform of max(kT − τ, 0), a double integrator sampled late.
+    return in_time, -period * (period * forward / (forward - 1.0) ** 2 - model.delay / (forward - 1.0))
+
+
 def damping_at(model: SampledModel, angles: np.ndarray) -> np.ndarray:
     """Damping that the condition asks for at every angle ωT.
 
@@ -52,14 +62,11 @@ def damping_at(model: SampledModel, angles: np.ndarray) -> np.ndarray:
     numpy.ndarray
         N·s/m, shape of `angles`.
     """
-    period, forward = model.sampling_time, np.exp(1j * angles)
-    loop = (1.0 - 1.0 / forward) * model.response(angles) / period
-    in_time = period**2 / (2.0 * (1.0 - np.cos(angles)))
-    if not model.delay:
-        return in_time * loop.real
-    # Σₙ exp(−jωₙτ)/ωₙ² is −T times the transform of max(kT − τ, 0), a double integrator sampled late.
-    late = -period * (period * forward / (forward - 1.0) ** 2 - model.delay / (forward - 1.0))
+    loop = (1.0 - np.exp(-1j * angles)) * model.response(angles) / model.sampling_time
+    in_time, late = alias_sums(model, angles)
     shifted = loop * late
+    if not model.delay:
+        return shifted.real
     # In exact arithmetic |S(τ)| ≤ S(0): the root is real.
     inside = np.abs(loop * in_time) ** 2 - shifted.imag**2
     return (shifted.real + np.sqrt(np.maximum(inside, 0.0))) / 2.0

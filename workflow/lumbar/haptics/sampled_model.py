@@ -47,6 +47,10 @@ class SampledModel:
         """Whether all poles lie inside the unit circle."""
         return bool((np.abs(np.roots(self.denominator)) < 1.0).all())
 
+    def scaled(self, factor: float) -> SampledModel:
+        """The model with its force times a factor."""
+        return replace(self, numerator=factor * self.numerator)
+
     def late(self, seconds: float) -> SampledModel:
         """The model with its force later by this time."""
         whole, part = divmod(self.delay + seconds, self.sampling_time)
