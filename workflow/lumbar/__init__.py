@@ -33,6 +33,7 @@ _VERBS = {
     "propose": "lumbar.interface.proposing",
     "export_fmu": "lumbar.interface.device",
     "load_models": "lumbar.interface.device",
+    "render": "lumbar.interface.rendering",
     "analyse_survey": "lumbar.interface.participants",
     "lift": "lumbar.interface.person",
     "basins": "lumbar.interface.person",
@@ -58,6 +59,7 @@ __all__ = [
     "propose",
     "read",
     "refine",
+    "render",
 ]
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from lumbar.haptics.closed_loop import largest_stable_gain
 from lumbar.haptics.passivity import required_damping
 from lumbar.haptics.rendered_model import RenderedModel
@@ -54,17 +56,13 @@ class Analysis:
         """One sentence with the numbers."""
         device = self.device
         kind = "its linearisations need" if self.linearised else "it needs"
-        state = (
-            "passive in any hand"
-            if self.passive
-            else "stable in this hand, not passive"
-            if self.stable
-            else f"UNSTABLE: it oscillates at about {self.gain_frequency:.3g} Hz"
-        )
+        passive = "its linearisations are passive in any hand" if self.linearised else "passive in any hand"
+        state = passive if self.passive else "stable in this hand, not passive" if self.stable else "UNSTABLE"
+        begins = f", where it oscillates at {self.gain_frequency:.3g} Hz" if np.isfinite(self.gain) else ""
         return (
-            f"{self.name} at {self.rate:g} Hz on a device of {device.mass_kg:g} kg and {device.damping_N_s_m:g} N·s/m in a "
+            f"{self.name} at {self.rate:.4g} Hz on a device of {device.mass_kg:g} kg and {device.damping_N_s_m:g} N·s/m in a "
             f"hand of {device.hand_stiffness_N_m:g} N/m: {state} ({kind} {self.damping:.3g} N·s/m to be passive; "
-            f"largest stable gain {self.gain:.3g})"
+            f"largest stable gain {self.gain:.3g}{begins})"
         )
 
 

@@ -121,7 +121,9 @@ def _description(path: Path) -> ModelDescription:
     description = fmpy.read_model_description(str(path))
     version = description.fmiVersion
     if not version.startswith("3"):
-        raise InputError(f"{path}: FMI {version}; take the file for FMI 3.0 of the same model, <model>_fmi3.fmu")
+        raise InputError(
+            f"{path}: FMI {version}; take the file for FMI 3.0 of the same model, <model>_fmi3.fmu"
+        )
     simulation = description.coSimulation
     if simulation is None or not simulation.hasEventMode or not simulation.fixedInternalStepSize:
         raise InputError(f"{path}: no sampled model with event mode; FMUs of 'lumbar export' are")

@@ -79,10 +79,8 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
 def _judgement(exported: ExportModel, model: FittedModel, settings: RuntimeSettings, rates) -> Judgement:
     device = settings.device
     meets = rendered(exported, device)
-    if isinstance(exported.dynamics, LinearModel):
-        run = run_loop(meets, device)
-    else:
-        run = _run_of_fmu(exported, meets, settings)
+    linear = isinstance(exported.dynamics, LinearModel)
+    run = run_loop(meets, device) if linear else _run_of_fmu(exported, meets, settings)
     return Judgement(meets, analyse(meets, device), run, model, *rates)
 
 

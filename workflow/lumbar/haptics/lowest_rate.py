@@ -49,7 +49,9 @@ def _lowest(
     """Go down from the fastest rate to the first that is not safe, then halve the interval."""
 
     def holds(rate: float) -> bool:
-        own = replace(settings, rate_Hz=rate, device=replace(settings.device, rate_Hz=rate), unstable="export")
+        own = replace(
+            settings, rate_Hz=rate, device=replace(settings.device, rate_Hz=rate), unstable="export"
+        )
         try:
             return safe(rendered(export_models([model], own)[0], own.device).loops[0])
         except NumericalError:

@@ -131,7 +131,9 @@ def fit_branches(
     )[data.skip :]
     reduced, target = np.linalg.qr(regressors)
     projected = reduced.T @ data.outputs[data.skip :]
-    stiffnesses = _solve(target, projected, condition and condition.columns(times), condition and condition.damping)
+    stiffnesses = _solve(
+        target, projected, condition and condition.columns(times), condition and condition.damping
+    )
     kept = stiffnesses > _NEGLIGIBLE * stiffnesses.max(initial=0.0)
     chosen = Branches(tuple(stiffnesses[kept].tolist()), tuple(np.array(times)[kept].tolist()))
     error = data.outputs[data.skip :] - regressors[:, kept] @ stiffnesses[kept]
@@ -152,7 +154,9 @@ def _solve(factor: np.ndarray, projected: np.ndarray, columns, damping: float | 
         values = values / size / damping
         for value, r in zip(values, ratio, strict=True):
             # (2 − p, r p, √(r² − 1) q) in the cone; p and q per unit of the device's damping.
-            rows.append(np.vstack([value.real, -r * value.real, -np.sqrt(max(r * r - 1.0, 0.0)) * value.imag]))
+            rows.append(
+                np.vstack([value.real, -r * value.real, -np.sqrt(max(r * r - 1.0, 0.0)) * value.imag])
+            )
             bounds.append(np.array([2.0 * (1.0 - _MARGIN), 0.0, 0.0]))
             cones.append(clarabel.SecondOrderConeT(3))
     settings = clarabel.DefaultSettings()

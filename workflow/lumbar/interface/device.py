@@ -104,7 +104,7 @@ def export_fmu(
     [PosixPath('fmu/KB+coulomb_friction_fmi2.fmu'), PosixPath('fmu/KB+coulomb_friction_fmi3.fmu')]
     """
     from lumbar.fmu.build.compiler import cache_folder
-    from lumbar.fmu.build.export_model import export_models, select_models
+    from lumbar.fmu.build.export_model import export_models
     from lumbar.fmu.build.package import export_fmus
 
     settings = settings or RuntimeSettings()
@@ -112,14 +112,24 @@ def export_fmu(
         settings, rate_Hz=rate_Hz or settings.rate_Hz, targets=tuple(targets or settings.targets)
     )
     if isinstance(model, str | os.PathLike):
-        fitted, read_from = _read(Path(model), effect_files)
-        chosen = select_models(fitted, _chosen(settings, fitted, names, trained_on))
+        selected, read_from = chosen_models(Path(model), settings, names, trained_on, effect_files)
+        chosen = export_models(selected, settings)
         data = data or read_from
     else:
         chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
     return export_fmus(
         chosen, Path(folder), data or NOT_SAID, settings.targets, cache_folder(settings.compiler_cache)
     )
+
+
+def chosen_models(
+    path: Path, settings: RuntimeSettings, names, trained_on: str | None, effect_files
+) -> tuple[list[FittedModel], str]:
+    """Models of a file that are meant, and words for the source of its data; parameters and errors as of `export_fmu`."""
+    from lumbar.fmu.build.export_model import find_models
+
+    fitted, read_from = _read(path, effect_files)
+    return find_models(fitted, _chosen(settings, fitted, names, trained_on)), read_from
 
 
 def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained_on) -> RuntimeSettings:
