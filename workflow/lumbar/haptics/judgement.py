@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from lumbar.errors import NumericalError
-from lumbar.fmu.build.export_model import ExportModel, export_models
+from lumbar.errors import InputError, NumericalError
+from lumbar.fmu.build.export_model import ExportModel
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.haptics.analysis import Analysis, analyse, run_loop
 from lumbar.haptics.lowest_rate import lowest_rates
-from lumbar.haptics.rendered_model import RenderedModel, rendered
+from lumbar.haptics.rendered_model import RenderedModel, exported_at, rendered, scale_of
 from lumbar.haptics.simulation import LoopRun
 from lumbar.models.fitted_model import FittedModel
 from lumbar.settings.runtime import RuntimeSettings
@@ -53,35 +53,41 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
     Returns
     -------
     list of Judgement
-        For each model that of its own rate, or of ``settings.rate_Hz``, then that of the servo.
+        For each model that of the rate it was identified at, that of ``settings.rate_Hz`` and that of the servo.
     list of str
-        Why a model is not judged at a rate: it has no counterpart there.
+        Why a model is not judged, or not at a rate: it takes no length, or has no counterpart there.
 
     Raises
     ------
     InputError
-        If a model takes no length or gives no force.
+        If a model cannot be exported.
     """
     found, refused = [], []
     for model in models:
-        own = settings.rate_Hz or 1.0 / model.sampling_time
-        rates = lowest_rates(model, settings) if model.discrete else (None, None)
-        for rate in dict.fromkeys([own, max(own, settings.device.rate_Hz)]):
+        try:
+            scale_of(model.name, model.input, model.output)
+        except InputError as error:
+            refused.append(str(error))
+            continue
+        identified = 1.0 / model.sampling_time
+        own = settings.rate_Hz or identified
+        lowest = lowest_rates(model, settings) if model.discrete else (None, None)
+        for rate in sorted({identified, own, max(identified, settings.device.rate_Hz)}):
             try:
-                exported = export_models([model], replace(settings, rate_Hz=rate, unstable="export"))[0]
+                exported = exported_at(model, settings, rate)
             except NumericalError as error:
                 refused.append(str(error))
-                continue
-            found.append(_judgement(exported, model, settings, rates))
+            else:
+                found.append(_judgement(exported, model, settings, lowest))
     return found, list(dict.fromkeys(refused))
 
 
-def _judgement(exported: ExportModel, model: FittedModel, settings: RuntimeSettings, rates) -> Judgement:
+def _judgement(exported: ExportModel, model: FittedModel, settings: RuntimeSettings, lowest) -> Judgement:
     device = settings.device
     meets = rendered(exported, device)
     linear = isinstance(exported.dynamics, LinearModel)
     run = run_loop(meets, device) if linear else _run_of_fmu(exported, meets, settings)
-    return Judgement(meets, analyse(meets, device), run, model, *rates)
+    return Judgement(meets, analyse(meets, device), run, model, *lowest)
 
 
 def _run_of_fmu(exported: ExportModel, meets: RenderedModel, settings: RuntimeSettings) -> LoopRun:
@@ -110,3 +116,19 @@ def judge_fmu(path: Path, settings: RuntimeSettings) -> Judgement:
         meets = fmu.rendered(settings.device)
         with fmu.stepping() as step:
             return Judgement(meets, analyse(meets, settings.device), run_loop(meets, settings.device, step))
+
+
+def mended(judgements: Sequence[Judgement]) -> tuple[Judgement, Judgement] | None:
+    """A loop that oscillates and one of the same model at another rate that does not; of the model that fits best."""
+    pairs = [
+        (before, after)
+        for before in judgements
+        for after in judgements
+        if before.analysis.name == after.analysis.name and before.run.oscillates and not after.run.oscillates
+    ]
+
+    def fit(pair: tuple[Judgement, Judgement]) -> float:
+        fitted = pair[0].fitted
+        return (fitted and fitted.scores.vaf_percent) or 0.0
+
+    return max(pairs, key=fit, default=None)

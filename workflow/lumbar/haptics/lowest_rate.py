@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from lumbar.errors import NumericalError
-from lumbar.fmu.build.export_model import export_models
 from lumbar.haptics.closed_loop import largest_stable_gain
 from lumbar.haptics.passivity import required_damping
-from lumbar.haptics.rendered_model import rendered
+from lumbar.haptics.rendered_model import exported_at, rendered
 from lumbar.haptics.sampled_model import SampledModel
 from lumbar.models.fitted_model import FittedModel
 from lumbar.settings.runtime import RuntimeSettings
@@ -49,11 +48,9 @@ def _lowest(
     """Go down from the fastest rate to the first that is not safe, then halve the interval."""
 
     def holds(rate: float) -> bool:
-        own = replace(
-            settings, rate_Hz=rate, device=replace(settings.device, rate_Hz=rate), unstable="export"
-        )
+        device = replace(settings.device, rate_Hz=rate)
         try:
-            return safe(rendered(export_models([model], own)[0], own.device).loops[0])
+            return safe(rendered(exported_at(model, settings, rate), device).loops[0])
         except NumericalError:
             return False  # no counterpart at this rate
 

@@ -202,8 +202,8 @@ def fit_passive(
     def error(logarithm: float) -> float:
         return fit_branches(data, [*beside, float(np.exp(logarithm))], condition)[1]
 
-    errors = [error(np.log(time)) for time in times]
-    best = int(np.argmin(errors))
-    ends = np.log(times[max(best - 1, 0)]), np.log(times[min(best + 1, TIMES - 1)])
+    coarse = np.log(times[::2])
+    best = int(np.argmin([error(logarithm) for logarithm in coarse]))
+    ends = coarse[max(best - 1, 0)], coarse[min(best + 1, len(coarse) - 1)]
     found = minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": 1e-4})
     return fit_branches(data, [*beside, float(np.exp(found.x))], condition)[0]

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.fmu.build.export_model import ExportModel
+from lumbar.fmu.build.export_model import ExportModel, export_models
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.haptics.sampled_model import SampledModel
 from lumbar.haptics.simulation import Step
-from lumbar.models.fitted_model import Port
+from lumbar.models.fitted_model import FittedModel, Port
 from lumbar.settings.device import DeviceSettings
+from lumbar.settings.runtime import RuntimeSettings
 
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6, "in": 0.0254}
 _NEWTONS = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
@@ -23,6 +24,19 @@ _WATCHED_S, _MOST_SAMPLES = 4.0, 4000
 """How long the force after a small step is followed."""
 LARGE_STEP_MM, DEPTH_MM = 1.0, 2.0
 """A model with effects is linearised about rest and about this depth, with steps of the encoder and with large ones."""
+
+
+def exported_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> ExportModel:
+    """Return a model as it would be exported at a rate in Hz, its moving average over as many samples at every rate.
+
+    Raises
+    ------
+    InputError
+        If it cannot be exported.
+    NumericalError
+        If it has no counterpart at this rate.
+    """
+    return export_models([model], replace(settings, rate_Hz=rate, unstable="export"))[0]
 
 
 @dataclass(frozen=True)
@@ -94,7 +108,7 @@ def rendered(model: ExportModel, device: DeviceSettings, *, late: bool = False) 
         numerator = _fed_late(dynamics) if late else np.array(dynamics.numerator)
         found = [SampledModel(model.name, numerator, np.array(dynamics.denominator), model.sampling_time)]
     else:
-        millimetre = 1e-3 / _units(model.name, model.input, model.output)[0]
+        millimetre = 1e-3 / scale_of(model.name, model.input, model.output)[0]
         found = linearisations(
             lambda positions: dynamics.response(millimetre * positions),
             model.name,
@@ -107,10 +121,10 @@ def rendered(model: ExportModel, device: DeviceSettings, *, late: bool = False) 
         ]
     average = np.full(model.moving_average, 1.0 / model.moving_average)
     found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
-    return in_units(found, model.name, model.input, model.output, model.output_limit, device)
+    return inscale_of(found, model.name, model.input, model.output, model.output_limit, device)
 
 
-def in_units(
+def inscale_of(
     found: list[SampledModel], name: str, input: Port, output: Port, limit: float, device: DeviceSettings
 ) -> RenderedModel:
     """Return a model, given in its own units, in those of the device.
@@ -130,7 +144,7 @@ def in_units(
     InputError
         As `rendered`.
     """
-    metre, newton = _units(name, input, output)
+    metre, newton = scale_of(name, input, output)
     signed = direction(found[0]) * newton
     servo_samples = max(1, round(1.0 / (device.rate_Hz * found[0].sampling_time)))
     loops = tuple(
@@ -144,7 +158,8 @@ def in_units(
     )
 
 
-def _units(name: str, input: Port, output: Port) -> tuple[float, float]:
+def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
+    """One unit of a model's input in m and one of its output in N; errors as of `rendered`."""
     if input.unit not in _METRES or output.unit not in _NEWTONS:
         raise InputError(
             f"{name}: it takes {input.quantity} in {input.unit!r} and gives {output.quantity} in {output.unit!r}; the "
@@ -154,9 +169,14 @@ def _units(name: str, input: Port, output: Port) -> tuple[float, float]:
     return _METRES[input.unit], _NEWTONS[output.unit]
 
 
+def renderable(model: FittedModel) -> bool:
+    """Whether a model takes a length and gives a force, which is what a device that moves along a line needs."""
+    return model.input.unit in _METRES and model.output.unit in _NEWTONS
+
+
 def millimetres(name: str, input: Port, output: Port) -> float:
     """One unit of a model's input in mm; errors as of `rendered`."""
-    return 1e3 * _units(name, input, output)[0]
+    return 1e3 * scale_of(name, input, output)[0]
 
 
 def direction(model: SampledModel) -> float:

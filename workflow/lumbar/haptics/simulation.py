@@ -16,7 +16,7 @@ from lumbar.haptics.closed_loop import period, propagation
 from lumbar.haptics.sampled_model import SampledModel
 from lumbar.settings.device import DeviceSettings
 
-PUSH_MM, PUSH_S, DURATION_S = 2.0, 0.25, 4.0
+PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0
 """The hand's push: depth, time of its flank of half a cosine, and how long all is watched."""
 _FINEST_S = 1e-3
 _PERSISTS = 0.5

@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.errors import NumericalError
-from lumbar.fmu.build.export_model import export_models
 from lumbar.haptics.closed_loop import largest_stable_gain
 from lumbar.haptics.passivity import required_damping
-from lumbar.haptics.rendered_model import rendered
+from lumbar.haptics.rendered_model import exported_at, rendered
 from lumbar.haptics.sampled_model import SampledModel
 from lumbar.models.fitted_model import FittedModel
 from lumbar.settings.device import DeviceSettings
@@ -68,10 +67,10 @@ def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
 
 
 def _needed(model: FittedModel, rate: float, settings: RuntimeSettings) -> float:
-    own = replace(settings, rate_Hz=rate, device=replace(settings.device, rate_Hz=rate), unstable="export")
+    device = replace(settings.device, rate_Hz=rate)
     try:
         return required_damping(
-            rendered(export_models([model], own)[0], own.device).loops[0], _POINTS
+            rendered(exported_at(model, settings, rate), device).loops[0], _POINTS
         ).damping
     except NumericalError:
         return np.nan

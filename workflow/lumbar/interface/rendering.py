@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -96,15 +96,23 @@ def render(
         from lumbar.haptics.judgement import judge_fmu
 
         return Rendering((judge_fmu(Path(model), settings),), (), settings, data or Path(model).name)
-    from lumbar.haptics.judgement import judge
-
     if isinstance(model, str | os.PathLike):
         fitted, read_from = chosen_models(Path(model), settings, names, trained_on, effect_files)
         data = data or read_from
     else:
         fitted = [model] if isinstance(model, FittedModel) else list(model)
-    judgements, refused = judge(fitted, settings)
-    return Rendering(tuple(judgements), tuple(refused), settings, data or NOT_SAID)
+    found = rendering_of(fitted, settings, data or NOT_SAID)
+    if not len(found):
+        raise InputError("\n".join(found.refused))
+    return found
+
+
+def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, data: str) -> Rendering:
+    """Judge models on the device of the settings; models that cannot be rendered are refused with the reason, not an error."""
+    from lumbar.haptics.judgement import judge
+
+    judgements, refused = judge(models, settings)
+    return Rendering(tuple(judgements), tuple(refused), settings, data)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,6 +152,12 @@ class Rendering:
 
         return device_table(self.judgements, self.refused, self.settings, self.data)
 
+    @property
+    def linear(self) -> list[FittedModel]:
+        """The transfer functions among the models, each once."""
+        given = [item.fitted for item in self if item.fitted is not None and item.fitted.discrete]
+        return list({model.name: model for model in given}.values())
+
     def z_width_figure(self) -> Figure:
         """Damping needed against the rate, and the stiffness that the device can render against its damping.
 
@@ -155,32 +169,16 @@ class Rendering:
         from lumbar.haptics.z_width import z_width
         from lumbar.reports.figures.haptic_figures import z_width_figure
 
-        linear = {
-            item.fitted.name: item.fitted for item in self if item.fitted is not None and item.fitted.discrete
-        }
-        if not linear:
+        if not self.linear:
             raise InputError("the Z-width needs a model of models.json: none of these is a transfer function")
-        return z_width_figure(z_width(list(linear.values()), self.settings), self.settings.device)
+        return z_width_figure(z_width(self.linear, self.settings), self.settings.device)
 
     def loop_figure(self) -> Figure:
-        """The loop that oscillates beside the mended one: of the first model that does at one rate and not at another.
-
-        Without such a model the first two judgements are drawn.
-        """
+        """The loop that oscillates beside the mended one, of the best fitting model that has both; else the first two loops."""
+        from lumbar.haptics.judgement import mended
         from lumbar.reports.figures.haptic_figures import loop_figure
 
-        shown = next(
-            (
-                [before, after]
-                for before in self
-                for after in self
-                if before.analysis.name == after.analysis.name
-                and before.run.oscillates
-                and not after.run.oscillates
-            ),
-            list(self.judgements[:2]),
-        )
-        return loop_figure(shown, shown[0].model.limit)
+        return loop_figure(mended(self.judgements) or self.judgements[:2])
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write the table ``rendering`` and the figures ``closed_loop`` and, of transfer functions, ``z_width``."""
@@ -189,7 +187,7 @@ class Rendering:
         folder = Path(folder)
         self.table.write(folder / "rendering")
         save(self.loop_figure(), folder / "closed_loop", self.data)
-        if any(item.fitted is not None and item.fitted.discrete for item in self):
+        if self.linear:
             save(self.z_width_figure(), folder / "z_width", self.data)
 
     def __repr__(self) -> str:

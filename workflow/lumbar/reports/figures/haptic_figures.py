@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -55,21 +56,27 @@ def z_width_figure(found: ZWidth, device: DeviceSettings):
         width.loglog(found.damping, passive, color=colour, linestyle="--", label=f"{rate:.4g} Hz, passive")
     width.axvline(device.damping_N_s_m, color="#000000", linewidth=0.8)
     width.set(xlabel="Damping of the device (N·s/m)", ylabel="Largest stiffness (N/m)")
-    width.legend(ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.02))
+    width.annotate(
+        "the device",
+        (device.damping_N_s_m, 0.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(3, 4),
+        textcoords="offset points",
+        fontsize=7,
+    )
+    width.legend(loc="upper left", frameon=True, facecolor="#ffffff", edgecolor="none", framealpha=1.0)
     label_panels((needed, width))
     return figure
 
 
 @house_style
-def loop_figure(judgements: Sequence[Judgement], limit: float):
+def loop_figure(judgements: Sequence[Judgement]):
     """Draw simulated loops side by side: position and force of each.
 
     Parameters
     ----------
     judgements : sequence of Judgement
-        One column each; the first is the one to be mended.
-    limit : float
-        Largest force in N.
+        One column each; at least one.
 
     Returns
     -------
@@ -78,16 +85,31 @@ def loop_figure(judgements: Sequence[Judgement], limit: float):
     figure, axes = new_figure(
         DOUBLE_COLUMN, 3.6, nrows=2, ncols=len(judgements), sharex=True, sharey="row", squeeze=False
     )
-    for column, (item, colour) in enumerate(zip(judgements, ("#D55E00", "#0072B2", "#009E73"), strict=False)):
+    for column, item in enumerate(judgements):
         run = item.run
+        colour = _MOVING if run.oscillates else _AT_REST
         position, force = axes[:, column]
         position.plot(run.time, 1e3 * run.position, color=colour)
         force.step(run.time, run.force, where="post", color=colour)
-        for bound in (-limit, limit):
+        for bound in (-item.model.limit, item.model.limit):
             force.axhline(bound, color="#000000", linewidth=0.6, linestyle=(0, (4, 2)))
         does = f"oscillates at {run.frequency:.1f} Hz" if run.oscillates else "comes to rest"
         position.set_title(f"{item.analysis.name} at {item.analysis.rate:.4g} Hz: {does}", loc="center")
-        force.set(xlabel="Time (s)")
+        force.set(xlabel="Time (s)", xlim=(0.0, _SHOWN_S))
     axes[0, 0].set(ylabel="Stylus (mm)")
     axes[1, 0].set(ylabel="Force (N)")
     return figure
+
+
+@house_style
+def nothing_to_show(reasons: Sequence[str]):
+    """Say on an empty figure why no model is drawn."""
+    figure, axes = new_figure(DOUBLE_COLUMN, 1.5)
+    axes.set_axis_off()
+    text = "\n".join(textwrap.fill(reason, 110) for reason in reasons) or "no model"
+    axes.text(0.0, 0.5, text, va="center", fontsize=6)
+    return figure
+
+
+_SHOWN_S = 1.5
+_MOVING, _AT_REST = "#D55E00", "#0072B2"
