@@ -10,7 +10,7 @@ import pytest
 from loop_draws import drawn_device, drawn_model
 from scipy.integrate import solve_ivp
 
-from lumbar.haptics.closed_loop import largest_pole, largest_stable_gain, loop_gain, propagation
+from lumbar.haptics.closed_loop import largest_pole, largest_stable_gain, loop_response, propagation
 from lumbar.haptics.sampled_model import SampledModel
 from lumbar.haptics.simulation import difference_equation, encoder_ripple, simulate
 from lumbar.settings.device import DeviceSettings
@@ -62,9 +62,7 @@ def test_poles_solve_the_loop_s_characteristic_equation():
         model, device = drawn_model(rng), drawn_device(rng)
         pole = largest_pole(model, device, 0.7)
         # The loop's response holds at any z: angles may be complex.
-        assert 1 + 0.7 * loop_gain(model, device, np.array([-1j * np.log(pole)], dtype=complex))[
-            0
-        ] == pytest.approx(0, abs=1e-6)
+        assert 1 + 0.7 * loop_response(model, device)(-1j * np.log(pole)) == pytest.approx(0, abs=1e-6)
 
 
 def test_an_unstable_model_has_no_stable_gain():

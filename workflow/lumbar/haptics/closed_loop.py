@@ -6,6 +6,8 @@ Device and hand are linear and the force is held, so that the loop is a differen
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lumbar.haptics.sampled_model import SampledModel, all_angles
@@ -91,31 +93,34 @@ def largest_pole(model: SampledModel, device: DeviceSettings, gain: float = 1.0)
     return complex(largest.real, abs(largest.imag))
 
 
-def loop_gain(model: SampledModel, device: DeviceSettings, angles: np.ndarray) -> np.ndarray:
+def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.ndarray], np.ndarray]:
     """Open-loop frequency response: the model times the sampled response of device and hand to its held force.
 
     Parameters
     ----------
     model : SampledModel
     device : DeviceSettings
-    angles : numpy.ndarray
-        ωT in radians.
 
     Returns
     -------
-    numpy.ndarray
-        Complex, shape of `angles`; the closed loop has a pole at exp(jωT) where this is −1.
+    callable
+        From angles ωT in radians to complex numbers of the same shape; the closed loop has a pole at exp(jωT) where they
+        are −1.
     """
-    forward = np.exp(1j * np.asarray(angles))
     transition, by_new, by_old = period(model, device)
     # Row (1, 0) · (z − Φ)⁻¹ by Cramer's rule: Φ is two by two.
     trace, determinant = transition[0, 0] + transition[1, 1], np.linalg.det(transition)
-    across = forward**2 - trace * forward + determinant
-    plant = sum(
-        ((forward - transition[1, 1]) * column[0] + transition[0, 1] * column[1]) * lag
-        for column, lag in ((by_new, 1.0), (by_old, 1.0 / forward))
-    )
-    return model.response(angles) * plant / across
+
+    def response(angles: np.ndarray) -> np.ndarray:
+        forward = np.exp(1j * np.asarray(angles))
+        driven_by = [
+            (forward - transition[1, 1]) * column[0] + transition[0, 1] * column[1]
+            for column in (by_new, by_old)
+        ]
+        across = forward**2 - trace * forward + determinant
+        return model.response(angles) * (driven_by[0] + driven_by[1] / forward) / across
+
+    return response
 
 
 def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> tuple[float, float]:
@@ -140,19 +145,15 @@ def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> tuple[fl
 
     if not model.stable:
         return 0.0, 0.0
-    angles = all_angles()
-    open_loop = loop_gain(model, device, angles)
-    signs = np.signbit(open_loop.imag)
+    angles, response = all_angles(), loop_response(model, device)
+    values = response(angles)
+    signs = np.signbit(values.imag)
     crossings = [
-        brentq(lambda angle: loop_gain(model, device, angle).imag, angles[i], angles[i + 1], xtol=1e-12)
+        brentq(lambda angle: response(angle).imag, angles[i], angles[i + 1], xtol=1e-12)
         for i in np.nonzero(signs[1:] != signs[:-1])[0]
-        # Between two angles it may pass from one half-plane to the other only near the origin.
-        if min(open_loop.real[i], open_loop.real[i + 1]) < 0
+        if min(values.real[i], values.real[i + 1]) < 0
     ]
     crossings.append(np.pi)  # real there
-    gains = {float(-1.0 / loop_gain(model, device, angle).real): angle for angle in crossings}
-    positive = {gain: angle for gain, angle in gains.items() if gain > 0}
-    if not positive:
-        return float("inf"), 0.0
-    gain = min(positive)
-    return gain, float(positive[gain] / (2.0 * np.pi * model.sampling_time))
+    gains = [(float(-1.0 / response(angle).real), angle) for angle in crossings]
+    gain, angle = min((item for item in gains if item[0] > 0), default=(float("inf"), 0.0))
+    return gain, float(angle / (2.0 * np.pi * model.sampling_time))
