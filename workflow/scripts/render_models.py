@@ -7,7 +7,7 @@ def main(input, output, params):
     """Judge the exported models on the study's device, fit passive ones, write tables, figures and the passive models."""
     from lumbar.files import write_json
     from lumbar.fmu.build.export_model import find_models
-    from lumbar.haptics.passive_models import fit_passive_models, passive_table
+    from lumbar.haptics.passive_models import fit_passive_models
     from lumbar.interface.device import load_models
     from lumbar.interface.reading import read_listed
     from lumbar.interface.rendering import rendering_of
@@ -33,7 +33,7 @@ def main(input, output, params):
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
     tests = [record for record in records if record.name != settings.trained_on]
     fits = fit_passive_models(models, records[settings.trained_on], tests, settings, tissue.settling_s)
-    passive_table(fits, data).write(stem(output.passive_fits))
+    fits.table(data).write(stem(output.passive_fits))
     write_json(output.models, models_document(fits.passive, data))
 
 

@@ -52,17 +52,15 @@ class Analysis:
         return self.gain > 1.0
 
     @property
-    def verdict(self) -> str:
-        """One sentence with the numbers."""
-        device = self.device
+    def finding(self) -> str:
+        """A few words with the numbers."""
         kind = "its linearisations need" if self.linearised else "it needs"
         passive = "its linearisations are passive in any hand" if self.linearised else "passive in any hand"
         state = passive if self.passive else "stable in this hand, not passive" if self.stable else "UNSTABLE"
         begins = f", where it oscillates at {self.gain_frequency:.3g} Hz" if np.isfinite(self.gain) else ""
         return (
-            f"{self.name} at {self.rate:.4g} Hz on a device of {device.mass_kg:g} kg and {device.damping_N_s_m:g} N·s/m in a "
-            f"hand of {device.hand_stiffness_N_m:g} N/m: {state} ({kind} {self.damping:.3g} N·s/m to be passive; "
-            f"largest stable gain {self.gain:.3g}{begins})"
+            f"{self.name} at {self.rate:.4g} Hz: {state} ({kind} {self.damping:.3g} N·s/m to be passive; largest stable gain "
+            f"{self.gain:.3g}{begins})"
         )
 
 

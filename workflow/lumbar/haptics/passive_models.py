@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -47,6 +48,23 @@ class PassiveFits:
     passive: tuple[FittedModel, ...]
     settings: RuntimeSettings
     rates: tuple[float, float]
+
+    def table(self, data: str) -> Table:
+        """Return the table model × (free, passive); `data` says where the records come from."""
+        return _table(self, data)
+
+    def save(self, folder: Path, data: str) -> None:
+        """Write ``passive_models.json`` and the table ``passive_fits``."""
+        from lumbar.files import write_json
+        from lumbar.models.models_file import models_document
+
+        write_json(folder / "passive_models.json", models_document(self.passive, data))
+        self.table(data).write(folder / "passive_fits")
+
+    def __str__(self) -> str:
+        return "\n".join(
+            f"{model.name}: {model.scores.vaf_percent:.1f} %VAF, {model.remark}" for model in self.passive
+        )
 
 
 def fit_passive_models(
@@ -163,15 +181,7 @@ _OPTIONAL = frozenset(
 )
 
 
-def passive_table(fits: PassiveFits, data: str) -> Table:
-    """Return the table model × (free, passive).
-
-    Parameters
-    ----------
-    fits : PassiveFits
-    data : str
-        Where the records come from.
-    """
+def _table(fits: PassiveFits, data: str) -> Table:
     import pandas as pd
 
     from lumbar.haptics.device_table import device_text

@@ -169,7 +169,7 @@ def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
     return _METRES[input.unit], _NEWTONS[output.unit]
 
 
-def renderable(model: FittedModel) -> bool:
+def renderable(model: FittedModel | ExportModel) -> bool:
     """Whether a model takes a length and gives a force, which is what a device that moves along a line needs."""
     return model.input.unit in _METRES and model.output.unit in _NEWTONS
 

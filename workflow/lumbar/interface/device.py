@@ -95,7 +95,7 @@ def export_fmu(
     InputError
         A model that is not there or cannot be exported, or an unknown platform.
     NumericalError
-        An unstable model, where the settings refuse it.
+        An unstable model, or one that is unstable on the settings' device, where the settings refuse it.
 
     Examples
     --------
@@ -106,6 +106,7 @@ def export_fmu(
     from lumbar.fmu.build.compiler import cache_folder
     from lumbar.fmu.build.export_model import export_models
     from lumbar.fmu.build.package import export_fmus
+    from lumbar.haptics.export_warning import with_device
 
     settings = settings or RuntimeSettings()
     settings = replace(
@@ -118,7 +119,11 @@ def export_fmu(
     else:
         chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
     return export_fmus(
-        chosen, Path(folder), data or NOT_SAID, settings.targets, cache_folder(settings.compiler_cache)
+        with_device(chosen, settings.device),
+        Path(folder),
+        data or NOT_SAID,
+        settings.targets,
+        cache_folder(settings.compiler_cache),
     )
 
 
@@ -139,4 +144,9 @@ def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained
     # Of an error ladder, which holds no discrete model, the last model is what a user wants.
     continuous = not any(model.discrete for model in fitted)
     names = tuple(names or ([fitted[-1].name] if continuous else settings.models))
-    return replace(settings, trained_on=trained_on or only or settings.trained_on, models=names)
+    # Passive fits stand in a file of their own.
+    estimators = {model.estimator for model in fitted if model.discrete and model.trained_on}
+    estimator = estimators.pop() if len(estimators) == 1 else settings.estimator
+    return replace(
+        settings, trained_on=trained_on or only or settings.trained_on, models=names, estimator=estimator
+    )

@@ -194,8 +194,10 @@ class Rendering:
         return f"<Rendering: {len(self)} loops>"
 
     def __str__(self) -> str:
-        """One paragraph per loop."""
-        return "\n".join([*(_told(item) for item in self), *self.refused])
+        """Device and hand, then one paragraph per loop."""
+        from lumbar.haptics.device_table import device_text
+
+        return "\n".join([device_text(self.settings.device), *map(_told, self), *self.refused])
 
     def _repr_html_(self) -> str:
         return self.table.frame.to_html(index=False)
@@ -213,4 +215,4 @@ def _told(item: Judgement) -> str:
         for word, rate in (("stable", item.lowest_stable_rate), ("passive", item.lowest_passive_rate))
         if rate is not None
     ]
-    return "; ".join([item.analysis.verdict, does, *rates])
+    return "; ".join([item.analysis.finding, does, *rates])

@@ -52,6 +52,7 @@ def documentation_html(
         largest_pole=f"{model.dynamics.largest_pole:.6g}",
         sampling=f"{model.sampling_time:g}",
         feedthrough=feedthrough_text(model, version),
+        on_device=model.on_device,
         variables=[
             (
                 item.name,

@@ -45,6 +45,8 @@ class ExportModel:
         Largest factor on the output that a user may set.
     fit : dict of str to str
         How the model was found, for the documentation: label and text.
+    on_device : tuple of str
+        What it does on the device of the study, for the documentation; empty where that was not asked.
     """
 
     name: str
@@ -56,6 +58,7 @@ class ExportModel:
     output_limit: float
     gain_limit: float
     fit: dict[str, str]
+    on_device: tuple[str, ...] = ()
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
