@@ -19,7 +19,7 @@ def add(commands) -> None:
     parser.add_argument(
         "--passive",
         action="store_true",
-        help="fit passive models beside them, safe on runtime.device: passive_models.json for 'lumbar export', and what they cost",
+        help="fit passive models beside them (passive_models.json, for 'lumbar export') and say what they cost",
     )
     add_output(parser)
     add_data(parser)

@@ -121,10 +121,10 @@ def rendered(model: ExportModel, device: DeviceSettings, *, late: bool = False) 
         ]
     average = np.full(model.moving_average, 1.0 / model.moving_average)
     found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
-    return inscale_of(found, model.name, model.input, model.output, model.output_limit, device)
+    return in_units(found, model.name, model.input, model.output, model.output_limit, device)
 
 
-def inscale_of(
+def in_units(
     found: list[SampledModel], name: str, input: Port, output: Port, limit: float, device: DeviceSettings
 ) -> RenderedModel:
     """Return a model, given in its own units, in those of the device.
