@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.haptics.rendered_model import RenderedModel, in_units, linearisations, millimetres
+from lumbar.haptics.rendered_model import RenderedModel, in_units, linearisations, scale_of
 from lumbar.haptics.simulation import Step
 from lumbar.models.fitted_model import Port
 
@@ -106,7 +106,7 @@ class UnpackedFmu:
             Port(item.name, item.unit or "1", offset)
             for item, offset in zip(given, (start, at_rest), strict=True)
         )
-        name, unit = self.description.modelName, millimetres(self.description.modelName, x, y)
+        name, unit = self.description.modelName, 1e3 * scale_of(self.description.modelName, x, y)[0]
         found = linearisations(
             lambda positions: self.response(start + positions / unit), name, self.sampling_time, device
         )

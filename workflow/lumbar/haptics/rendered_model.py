@@ -108,17 +108,11 @@ def rendered(model: ExportModel, device: DeviceSettings, *, late: bool = False) 
         numerator = _fed_late(dynamics) if late else np.array(dynamics.numerator)
         found = [SampledModel(model.name, numerator, np.array(dynamics.denominator), model.sampling_time)]
     else:
-        millimetre = 1e-3 / scale_of(model.name, model.input, model.output)[0]
+        unit = 1e3 * scale_of(model.name, model.input, model.output)[0]
         found = linearisations(
-            lambda positions: dynamics.response(millimetre * positions),
-            model.name,
-            model.sampling_time,
-            device,
+            lambda positions: dynamics.response(positions / unit), model.name, model.sampling_time, device
         )
-        found = [
-            replace(item, numerator=item.numerator / millimetre).late(model.sampling_time if late else 0.0)
-            for item in found
-        ]
+        found = [item.scaled(unit).late(model.sampling_time if late else 0.0) for item in found]
     average = np.full(model.moving_average, 1.0 / model.moving_average)
     found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
     return in_units(found, model.name, model.input, model.output, model.output_limit, device)
@@ -148,10 +142,7 @@ def in_units(
     signed = direction(found[0]) * newton
     servo_samples = max(1, round(1.0 / (device.rate_Hz * found[0].sampling_time)))
     loops = tuple(
-        replace(item, numerator=signed / metre * item.numerator)
-        .every(servo_samples)
-        .late(1e-3 * device.delay_ms)
-        for item in found
+        item.scaled(signed / metre).every(servo_samples).late(1e-3 * device.delay_ms) for item in found
     )
     return RenderedModel(
         name, loops, found[0].sampling_time, servo_samples, metre, signed, input, output, newton * limit
@@ -172,11 +163,6 @@ def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
 def renderable(model: FittedModel | ExportModel) -> bool:
     """Whether a model takes a length and gives a force, which is what a device that moves along a line needs."""
     return model.input.unit in _METRES and model.output.unit in _NEWTONS
-
-
-def millimetres(name: str, input: Port, output: Port) -> float:
-    """One unit of a model's input in mm; errors as of `rendered`."""
-    return 1e3 * scale_of(name, input, output)[0]
 
 
 def direction(model: SampledModel) -> float:

@@ -66,6 +66,11 @@ class SampledModel:
         """
         if samples == 1:
             return self
+        slow = samples * self.sampling_time
+        if len(self.denominator) == 1:
+            # Of the samples before a tick's first one, each `samples` have the position of one tick.
+            numerator = np.add.reduceat(self.numerator, np.r_[0, 1 : len(self.numerator) : samples])
+            return replace(self, numerator=numerator, sampling_time=slow)
         from scipy.signal import ss2tf, tf2ss
 
         length = max(len(self.numerator), len(self.denominator))
@@ -73,6 +78,4 @@ class SampledModel:
         a, b, c, d = tf2ss(*padded)
         held = sum((np.linalg.matrix_power(a, step) @ b for step in range(samples)), np.zeros_like(b))
         numerator, denominator = ss2tf(np.linalg.matrix_power(a, samples), held, c, d)
-        return replace(
-            self, numerator=numerator[0], denominator=denominator, sampling_time=samples * self.sampling_time
-        )
+        return replace(self, numerator=numerator[0], denominator=denominator, sampling_time=slow)
