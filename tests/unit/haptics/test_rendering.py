@@ -38,7 +38,7 @@ def models(tmp_path):
 
 
 def test_the_command_says_what_happens_and_writes_table_and_figures(run, models, tmp_path):
-    status, _, err = run(
+    status, out, err = run(
         "render", models, "--model", "KB", "--hand", "300", "--damping", "5.5", "--output", tmp_path / "out"
     )
     assert status == 0, err

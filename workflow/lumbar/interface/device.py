@@ -144,9 +144,12 @@ def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained
     # Of an error ladder, which holds no discrete model, the last model is what a user wants.
     continuous = not any(model.discrete for model in fitted)
     names = tuple(names or ([fitted[-1].name] if continuous else settings.models))
-    # Passive fits stand in a file of their own.
+    # A file of passive fits holds no other.
     estimators = {model.estimator for model in fitted if model.discrete and model.trained_on}
     estimator = estimators.pop() if len(estimators) == 1 else settings.estimator
     return replace(
-        settings, trained_on=trained_on or only or settings.trained_on, models=names, estimator=estimator
+        settings,
+        trained_on=trained_on or only or settings.trained_on,
+        models=names,
+        estimator=estimator,  # type: ignore[arg-type]  # one that no study can name
     )

@@ -88,10 +88,8 @@ def render(
     for key, value in given.items():
         if value is not None and not 0 < value < float("inf"):
             raise InputError(f"{key}: {value}, a finite number above 0 is needed")
-    settings = replace(
-        settings,
-        device=replace(settings.device, **{key: value for key, value in given.items() if value is not None}),
-    )
+    values = {key: value for key, value in given.items() if value is not None}
+    settings = replace(settings, device=replace(settings.device, **values))  # type: ignore[arg-type]  # no words
     if isinstance(model, str | os.PathLike) and Path(model).suffix == ".fmu":
         from lumbar.haptics.judgement import judge_fmu
 
