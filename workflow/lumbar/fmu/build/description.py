@@ -157,8 +157,10 @@ def _attributes(variable: Variable) -> dict[str, str]:
     return {**unit, **{key: _number(value) for key, value in given.items() if value is not None}}
 
 
+# The input is sampled: importers apply a discrete input at the events that take the samples, a continuous one only
+# between them, which gives each sample the position of the one before.
 _ROLES = {
-    "input": {"causality": "input", "variability": "continuous"},
+    "input": {"causality": "input", "variability": "discrete"},
     "output": {"causality": "output", "variability": "discrete", "initial": "calculated"},
     "parameter": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
 }
