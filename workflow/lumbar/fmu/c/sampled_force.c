@@ -295,7 +295,7 @@ step_status force_take_sample(force_state *state) {
     double next[MODEL_STATES];
     memcpy(next, state->x[state->phase], sizeof next);
     double y = model_output(state, u, next);
-    int wild = !isfinite(u) | !isfinite(y);
+    int wild = !isfinite(u) || !isfinite(y);
     for (int i = 0; i < MODEL_STATES; ++i) { /* without branches: several at a time */
         wild |= !(fabs(next[i]) <= DBL_MAX);
         next[i] = flushed(next[i]);
