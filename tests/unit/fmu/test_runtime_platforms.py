@@ -163,12 +163,12 @@ def test_the_loader_in_c_sharp_prints_the_embedded_reference(platform_fmus, proj
 
 @on_linux
 @with_wine
-def test_five_platforms_fit_into_150_kilobytes(zig_cache, tmp_path):
+def test_five_platforms_fit_into_180_kilobytes(zig_cache, tmp_path):
     """A linear model, and the most effects that a diagnosis adds at the rate of a haptic loop."""
-    chosen = changed(SETTINGS, models=[FIVE_EFFECTS["name"]], rate_Hz=1000)
+    chosen = changed(SETTINGS, models=[FIVE_EFFECTS["name"]], rate_Hz=1000, moving_average_ms=3.0)
     models = [some_models()[0], *selected(models_json(FIVE_EFFECTS), chosen)]
     for path in export_fmus(models, tmp_path, "synthetic twin", list(TARGETS), zig_cache):
-        assert path.stat().st_size <= 150_000, path.name
+        assert path.stat().st_size <= 180_000, path.name
 
 
 def test_folders_are_those_of_each_standard():
