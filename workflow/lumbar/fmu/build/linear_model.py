@@ -89,6 +89,14 @@ class LinearModel:
         with np.errstate(over="ignore", invalid="ignore"):
             return lfilter(self._spread(self.numerator), self._spread(self.denominator), late)
 
+    @property
+    def transfer_function(self) -> TransferFunction:
+        """H(z) at the FMU's own samples, delay and phases included."""
+        return TransferFunction(
+            (*[0.0] * self.delay, *self._spread(self.numerator).tolist()),
+            tuple(self._spread(self.denominator).tolist()),
+        )
+
     def _spread(self, coefficients: tuple[float, ...]) -> np.ndarray:
         """Coefficients of the powers of 1/z, without a gap."""
         spread = np.zeros((len(coefficients) - 1) * self.phases + 1)
