@@ -63,7 +63,7 @@ def export_fmu(
     settings: RuntimeSettings | None = None,
     data: str = "",
 ) -> list[Path]:
-    """Export models as FMUs for FMI 2.0 and 3.0.
+    """Export models as FMUs for FMI 2.0 and 3.0, and check each file as `check_fmu` does.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def export_fmu(
     Raises
     ------
     InputError
-        A model that is not there or cannot be exported, or an unknown platform.
+        A model that is not there or cannot be exported, an unknown platform, or a file with a problem: it is removed.
     NumericalError
         An unstable model, where the settings refuse it.
 
@@ -106,6 +106,7 @@ def export_fmu(
     from lumbar.fmu.build.compiler import cache_folder
     from lumbar.fmu.build.export_model import export_models, select_models
     from lumbar.fmu.build.package import export_fmus
+    from lumbar.fmu.check.file_check import check_new_files
 
     settings = settings or RuntimeSettings()
     settings = replace(
@@ -117,9 +118,10 @@ def export_fmu(
         data = data or read_from
     else:
         chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
-    return export_fmus(
-        chosen, Path(folder), data or NOT_SAID, settings.targets, cache_folder(settings.compiler_cache)
-    )
+    cache = cache_folder(settings.compiler_cache)
+    written = export_fmus(chosen, Path(folder), data or NOT_SAID, settings.targets, cache)
+    check_new_files(written, cache)
+    return written
 
 
 def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained_on) -> RuntimeSettings:
