@@ -34,6 +34,7 @@ _VERBS = {
     "export_fmu": "lumbar.interface.device",
     "check_fmu": "lumbar.interface.fmu_checking",
     "load_models": "lumbar.interface.device",
+    "render": "lumbar.interface.rendering",
     "analyse_survey": "lumbar.interface.participants",
     "lift": "lumbar.interface.person",
     "basins": "lumbar.interface.person",
@@ -60,6 +61,7 @@ __all__ = [
     "propose",
     "read",
     "refine",
+    "render",
 ]
 
 

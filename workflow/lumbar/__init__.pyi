@@ -17,6 +17,7 @@ from lumbar.interface.person import basins as basins
 from lumbar.interface.person import lift as lift
 from lumbar.interface.proposing import propose as propose
 from lumbar.interface.reading import read as read
+from lumbar.interface.rendering import render as render
 from lumbar.interface.surgeons import bandwidth as bandwidth
 from lumbar.interface.surgeons import design_signals as design_signals
 

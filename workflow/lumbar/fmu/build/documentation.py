@@ -55,6 +55,7 @@ def documentation_html(
         made_by=f"lumbar {__version__}",
         model_version=model_version(model),
         author=AUTHOR,
+        on_device=model.on_device,
         variables=[
             (
                 item.name,

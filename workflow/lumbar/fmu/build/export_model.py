@@ -60,6 +60,8 @@ class ExportModel:
         Whether it was given, as IL is, not identified.
     valid_for : MotionRange or None
         Motion that the model was fitted to, where it is known.
+    on_device : tuple of str
+        What it does on the device of the study, for the documentation; empty where that was not asked.
     """
 
     name: str
@@ -75,6 +77,7 @@ class ExportModel:
     starts_at_rest: bool = True
     prescribed: bool = False
     valid_for: MotionRange | None = None
+    on_device: tuple[str, ...] = ()
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
@@ -203,12 +206,17 @@ def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[
     NumericalError
         A model is unstable and ``unstable`` is ``"refuse"``.
     """
+    return export_models(find_models(fitted, settings), settings)
+
+
+def find_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[FittedModel]:
+    """Pick the identified models that the settings name; parameters and errors as of `select_models`."""
     problems = Problems("runtime.models")
     for text in _duplicate_identifiers(settings.models):
         problems.add("", text, "rename one: both would have the same name in C")
     found = [_find(fitted, name, settings, problems) for name in settings.models]
     problems.raise_if_any()
-    return export_models([model for model in found if model is not None], settings)
+    return [model for model in found if model is not None]
 
 
 def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
