@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from lumbar.errors import InputError
 from lumbar.fmu.build.compiler import compile_library
 from lumbar.fmu.build.extras import REFERENCE, WITHOUT_EVENT_MODE
 from lumbar.fmu.build.package import write_fmu
-from lumbar.fmu.build.sources import c_files, source_files
+from lumbar.fmu.build.sources import c_files, content_token, source_files
 from lumbar.fmu.check.file_check import check_file, check_files
 from lumbar.settings.runtime import RuntimeSettings
 
@@ -225,22 +226,29 @@ CASES += [
 ]
 
 CORE = "sampled_force.c"
-FORCE = "state->gain * y + state->output_offset"
-LIMITED = "return within(force, -state->output_limit, state->output_limit);"
 WIPED = "memset(state, 0, sizeof *state);"
 SAVED = "    memcpy(*saved, &self->state, sizeof(force_state));"
 RESTORED = "    memcpy(state, bytes + sizeof MAGIC + strlen(MODEL.token), sizeof *state);"
+READ = 'return failed(self, "fmi{0}Get{1}: unknown value reference.");\n        }}'
+
+
+def read_as(changed: str, version: int = 3) -> dict[str, str]:
+    """Return the change of a source file that alters the force where it is read."""
+    read = READ.format(version, "Real" if version == 2 else "Float64")
+    return {read: f"{read}\n        if (vr[i] == VR_OUTPUT) {changed};"}
+
+
 COMPILED = {
-    "5 N more": (CORE, {FORCE: f"{FORCE} + 5.0"}, "of the reference"),
-    "a hundredth of the force": (CORE, {FORCE: f"0.01 * ({FORCE})"}, "of the reference"),
+    "5 N more": ("fmi3.c", read_as("value[i] += 5.0"), "of the reference"),
+    "a hundredth of the force": ("fmi3.c", read_as("value[i] *= 0.01"), "of the reference"),
     "force without a limit": (
-        CORE,
-        {LIMITED: "return force;"},
+        "fmi3.c",
+        read_as("value[i] *= value[i] * value[i] < MODEL.output_limit * MODEL.output_limit ? 1.0 : 2.0"),
         "modelDescription.xml says -15 to 15",
     ),
     "limit that cannot be lowered": (
-        CORE,
-        {LIMITED: "return within(force, -MODEL.output_limit, MODEL.output_limit);"},
+        "fmi3.c",
+        read_as("value[i] *= MODEL.output_limit / self->state.output_limit"),
         "force_limit set to 3.75 asks for",
     ),
     "any value of a parameter": (
@@ -264,14 +272,6 @@ COMPILED = {
         {(0.01).hex(): (0.02).hex()},
         "fixedInternalStepSize: the library takes its next sample after 0.02 s",
     ),
-    "a longer moving average": (
-        "model_size.h",
-        {
-            "#define MODEL_WINDOW 3": "#define MODEL_WINDOW 5",
-            "#define MODEL_HISTORY 2": "#define MODEL_HISTORY 4",
-        },
-        "of the reference",
-    ),
     "a reset that keeps the past": (CORE, {WIPED: ""}, "after a reset, at sample"),
     "a reset that keeps the limit": (
         CORE,
@@ -281,9 +281,9 @@ COMPILED = {
         },
         "force_limit: it is 7.625 after a reset; it must start with 15.0",
     ),
-    "saved states without the moving average": (
+    "saved states without what they had in mind": (
         "fmi3.c",
-        {SAVED: f"{SAVED}\n    memset(((force_state *)*saved)->history, 0, sizeof self->state.history);"},
+        {SAVED: f"{SAVED}\n    memset(((force_state *)*saved)->x, 0, sizeof self->state.x);"},
         "in a restored state",
     ),
     "bytes without the gain": (
@@ -292,11 +292,11 @@ COMPILED = {
         "gain: it is 1.0 in a state read from bytes; 0.8125 was saved",
     ),
     "instances that share their gain": (
-        CORE,
+        "fmi3.c",
         {
-            "static const char MAGIC[8]": "static double shared = 1.0;\nstatic const char MAGIC[8]",
-            "set_within(&state->gain,": "set_within(&shared,",
-            FORCE: FORCE.replace("state->gain", "shared"),
+            "const char *fmi3GetVersion": "static double shared = 1.0;\n\nconst char *fmi3GetVersion",
+            "        switch (force_set(": "        if (vr[i] == VR_GAIN) shared = value[i];\n        switch (force_set(",
+            **read_as("value[i] *= shared"),
         },
         "beside a second instance",
     ),
@@ -364,10 +364,24 @@ def test_defects_that_the_sources_have_too_are_found(
 ):
     """Built anew they give the same forces: only the reference tells."""
     model = next(model for model in fmu_models if model.name == "KB")
-    library = defective(model, CORE, {FORCE: f"{FORCE} + 5.0"}, zig_cache, workshop)
+    source, changes = f"fmi{version}.c", read_as("value[i] += 5.0", version)
+    library = defective(model, source, changes, zig_cache, workshop)
     files = contents(fmu_folder / f"KB_fmi{version}.fmu")
-    edited(FORCE, f"{FORCE} + 5.0", f"sources/{CORE}")(files, version)
+    for before, after in changes.items():
+        edited(before, after, f"sources/{source}")(files, version)
     found = problems({**files, BINARY[version]: library}, version, tmp_path, zig_cache)
+    assert any("of the reference" in text for text in found), found
+
+
+def test_a_library_with_another_moving_average_is_found(
+    fmu_models, fmu_folder, zig_cache, workshop, tmp_path
+):
+    """With the token of the description, so that it is let in."""
+    model = next(model for model in fmu_models if model.name == "KB")
+    longer = replace(model, moving_average=5)
+    token = {content_token(longer): content_token(model)}
+    library = defective(longer, "model_data.h", token, zig_cache, workshop)
+    found = problems({**contents(fmu_folder / "KB_fmi3.fmu"), BINARY[3]: library}, 3, tmp_path, zig_cache)
     assert any("of the reference" in text for text in found), found
 
 
@@ -401,8 +415,7 @@ def test_other_flags_give_other_bytes_and_the_same_forces(
     from lumbar.fmu.build import compiler
 
     model = next(model for model in fmu_models if model.name == "HO")
-    other = tuple("-Os" if flag == "-O2" else flag for flag in compiler.FLAGS)
-    monkeypatch.setattr(compiler, "FLAGS", other)
+    monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-O0"))
     library = defective(model, CORE, {}, zig_cache, workshop)
     monkeypatch.undo()
     files = contents(fmu_folder / "HO_fmi3.fmu")

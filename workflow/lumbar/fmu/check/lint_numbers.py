@@ -16,9 +16,14 @@ _CELL = re.compile(r"<td>([^<]*)</td>")
 
 
 def model_constants(files: Mapping[str, bytes]) -> dict[str, str]:
-    """Return the constants of ``sources/model_data.h`` by name, as they are written; empty where there are none."""
-    text = files.get("sources/model_data.h", b"").decode("utf-8", errors="replace")
-    return dict(_CONSTANT.findall(text[text.find("MODEL_CONSTANTS") :]))
+    """Return the constants of ``sources/model_data.h`` by name, as they are written, and the moving average as ``window``."""
+    data, size = (
+        files.get(f"sources/{name}", b"").decode("utf-8", errors="replace")
+        for name in ("model_data.h", "model_size.h")
+    )
+    constants = dict(_CONSTANT.findall(data[data.find("MODEL_CONSTANTS") :]))
+    window = re.search(r"#define MODEL_WINDOW (\d+)", size + data)
+    return {**constants, "window": window[1]} if window else constants
 
 
 def lint_constants(
