@@ -104,8 +104,9 @@ def _lint_variables(variables: list[tuple[str, dict]], root: ElementTree.Element
             f"{label} {value!r} stands twice" for value, count in Counter(values).items() if count > 1
         ]
     causalities = Counter(attributes.get("causality") for _, attributes in variables)
-    for causality in ("input", "output"):
-        if causalities[causality] != 1:
+    energies = sum(name == "energy" and given.get("causality") == "output" for name, given in variables)
+    for causality, others in (("input", 0), ("output", energies)):
+        if causalities[causality] != 1 + others:
             problems.append(f"there are {causalities[causality]} {causality}s; a force model has one")
     units = {unit.get("name") for unit in root.iterfind("UnitDefinitions/Unit")}
     for name, attributes in variables:

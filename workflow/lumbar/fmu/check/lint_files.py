@@ -99,7 +99,8 @@ def lint_sources(
 
 def lint_resources(files: Mapping[str, bytes], variables: list[tuple[str, dict]]) -> list[str]:
     """Return problems of terminals and reference signals: both name variables."""
-    names = {attributes.get("causality"): name for name, attributes in variables}
+    # Of the outputs the first is the force.
+    names = {attributes.get("causality"): name for name, attributes in reversed(variables)}
     problems = []
     for path, causality in zip(REFERENCE, ("input", "output"), strict=True):
         expected = f"time,{names.get(causality)}"
