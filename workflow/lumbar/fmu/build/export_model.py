@@ -279,7 +279,7 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
         sampling_time=wanted,
         input=model.input,
         output=model.output,
-        moving_average=_averaged_samples(model.name, settings.moving_average_ms, wanted),
+        moving_average=averaged_samples(model.name, settings.moving_average_ms, wanted),
         output_limit=float(settings.output_limit),
         gain_limit=float(settings.gain_limit),
         fit=_fit_texts(model),
@@ -295,7 +295,7 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
     )
 
 
-def _averaged_samples(name: str, milliseconds: float, sampling_time: float) -> int:
+def averaged_samples(name: str, milliseconds: float, sampling_time: float) -> int:
     """Samples of the moving average, to the nearest whole number; an average of none is an error."""
     samples = milliseconds / (1000 * sampling_time)
     if milliseconds > 0 and samples < 0.5:
