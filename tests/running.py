@@ -10,10 +10,12 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from lumbar.fmu.build.compiler import cache_folder
+
 PROJECT = Path(__file__).resolve().parent.parent
 PARTS = ("Snakefile", "profiles", "config", "workflow", "resources", "envs")
-ZIG_CACHE = PROJECT / ".snakemake" / "zig-cache"
-"""The cache that the workflow uses too; a cold one costs seconds, and the default study's run has one of its own."""
+ZIG_CACHE = cache_folder(None)
+"""The cache that the workflow uses too, the user's; a cold one costs seconds and has a test of its own."""
 NOT_INHERITED = ("PYTHONPATH", "LUMBAR_DATA", "PYTHONDONTWRITEBYTECODE")
 """Without bytecode, as in many containers, every job would compile the library again; a copy of the project may hold it."""
 PLAIN = ("-m", "snakemake")

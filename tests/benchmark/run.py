@@ -8,7 +8,6 @@ Prints a table; nothing is asserted, because machines differ. Each ratio compare
 from __future__ import annotations
 
 import resource
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -40,9 +39,6 @@ def default_study() -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         project = copy_project(Path(folder))
-        cache = PROJECT / ".snakemake" / "zig-cache"
-        if cache.is_dir():
-            shutil.copytree(cache, project / ".snakemake" / "zig-cache")
         start = time.perf_counter()
         subprocess.run(
             [sys.executable, "-m", "snakemake", "--cores", "2", "--quiet"], cwd=project, check=True

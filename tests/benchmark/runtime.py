@@ -1,4 +1,4 @@
-"""Timings of the FMUs: per step through a C client, through fmpy, of a PythonFMU export; sizes and build times.
+"""The FMUs in numbers: time per step in C, fmpy and PythonFMU, energy given out over 10⁷ steps, sizes and build times.
 
     python tests/benchmark/runtime.py [RESULTS.csv] [--pythonfmu PYTHON]
 
@@ -24,12 +24,13 @@ from c_programs import loader_program  # noqa: E402
 from effect_entries import COMBINATIONS, effect_entry  # noqa: E402
 from runtime_models import SETTINGS, models_json, selected  # noqa: E402
 
-from lumbar.fmu.build.compiler import TARGETS, host_target, warm_cache  # noqa: E402
+from lumbar.fmu.build.compiler import TARGETS, cache_folder, host_target, warm_cache  # noqa: E402
 from lumbar.fmu.build.package import export_fmus  # noqa: E402
 from study_settings import changed  # noqa: E402
 
-CACHE = HERE.parent.parent / ".snakemake" / "zig-cache"
+CACHE = cache_folder(None)
 STEPS = 1_000_000
+MANY_STEPS = 10_000_000
 
 PYTHON_FMU = '''
 from pythonfmu import Fmi2Causality, Fmi2Slave, Real
@@ -72,41 +73,77 @@ print(statistics.median(taken))
 """
 
 
-def models():
-    """Return KB and four models with effects."""
-    entries = [effect_entry(*structure) for structure in COMBINATIONS]
-    linear = selected(models_json(), changed(SETTINGS, models=["KB"]))
+DEVICE = changed(SETTINGS, rate_Hz=1000.0, moving_average_ms=3.0, start="first_position")
+"""What is exported by default."""
+FIVE_EFFECTS = effect_entry(
+    "KB",
+    "delay/pure",
+    "coulomb_friction/stribeck",
+    "hysteresis/bouc_wen",
+    "hardening_stiffness/exponential",
+    "softening/path",
+)
+DAMPING = 2.75
+"""Of a passive model's device, N s/m."""
+LIMITS_NS = {"KB": 60, FIVE_EFFECTS["name"]: 150}
+"""Median of one set, step and get."""
+
+
+def models(settings):
+    """Return linear models, five effects at once, and some combinations, at the rate of a haptic loop."""
+    entries = [FIVE_EFFECTS, *(effect_entry(*structure) for structure in COMBINATIONS)]
+    linear = selected(models_json(), changed(settings, models=["KB", "MW", "HO"]))
     nonlinear = selected(
-        models_json(*entries), changed(SETTINGS, models=[entry["name"] for entry in entries])
+        models_json(*entries), changed(settings, models=[entry["name"] for entry in entries])
     )
     return [*linear, *nonlinear]
 
 
-def c_client(folder: Path, exported: list) -> list[tuple]:
-    """Median and 99.9 % of one set, step and get in ns."""
-    target = host_target()
-    program = loader_program(HERE.parent / "unit" / "fmu_client.c", target, folder, CACHE)
+def library(folder: Path, model) -> tuple[Path, str]:
+    """Library of a model's unzipped FMI 2.0 file and its token."""
+    unzipped = folder / model.identifier
+    with zipfile.ZipFile(folder / f"{model.name}_fmi2.fmu") as archive:
+        archive.extractall(unzipped)
+        description = archive.read("modelDescription.xml").decode()
+    platform = TARGETS[host_target()]
+    path = unzipped / "binaries" / platform.fmi2 / f"{model.identifier}{platform.suffix}"
+    return path, description.split('guid="')[1].split('"')[0]
+
+
+def printed(program: Path, mode: str, folder: Path, model, *arguments) -> list[float]:
+    """Numbers that the C client prints."""
+    command = [program, mode, *library(folder, model), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return [float(word) for word in done.stdout.split()]
+
+
+def c_client(program: Path, folder: Path, exported: list) -> list[tuple]:
+    """Median and 99.9 % of one set, step and get in ns, the clock's own cost taken off."""
     rows = []
     for model in exported:
-        unzipped = folder / model.identifier
-        with zipfile.ZipFile(folder / f"{model.name}_fmi2.fmu") as archive:
-            archive.extractall(unzipped)
-            description = archive.read("modelDescription.xml").decode()
-        token = description.split('guid="')[1].split('"')[0]
-        platform = TARGETS[target]
-        library = unzipped / "binaries" / platform.fmi2 / f"{model.identifier}{platform.suffix}"
-        median_limit = 200 if model.name == "KB" else 1000
         medians = {}
         for kind in ("live", "decayed"):
-            command = [program, "timing", library, token, str(STEPS), kind]
-            done = subprocess.run(command, capture_output=True, text=True, check=True)
-            median, high, _, _ = map(float, done.stdout.split())
-            medians[kind] = median
-            rows.append((f"C client, {model.name}, {kind}, median", median, "ns", median_limit))
-            rows.append((f"C client, {model.name}, {kind}, 99.9 %", high, "ns", 2000))
+            found = printed(program, "timing", folder, model, STEPS, kind, model.sampling_time)
+            medians[kind] = found[0]
+            rows.append(
+                (f"C client, {model.name}, {kind}, median", found[0], "ns", LIMITS_NS.get(model.name))
+            )
+            rows.append((f"C client, {model.name}, {kind}, 99.9 % to median", found[1] / found[0], "1", 3))
         rows.append(
             (f"C client, {model.name}, decayed to live", medians["decayed"] / medians["live"], "1", 2)
         )
+    return rows
+
+
+def passivity(program: Path, folder: Path) -> list[tuple]:
+    """Most energy in J that a device and a passive model gave out beyond what they took in, in either version."""
+    exported = models(changed(DEVICE, device_damping=DAMPING))
+    export_fmus(exported, folder, "benchmark", ["host"], CACHE)
+    rows = []
+    for model in exported:
+        unit = model.input_unit * model.resistance
+        found = printed(program, "passive", folder, model, MANY_STEPS, model.sampling_time, unit, DAMPING)
+        rows.append((f"passive, {model.name}, given out beyond taken in", -min(found[:3]), "J", 1e-12))
     return rows
 
 
@@ -125,7 +162,7 @@ def builds(folder: Path, exported: list) -> list[tuple]:
     seconds = (time.perf_counter() - begin) / len(exported[1:])
     return [
         ("five platforms, per model", seconds, "s", 5),
-        ("largest FMU", max(path.stat().st_size for path in written) / 1000, "kB", 150),
+        ("largest FMU", max(path.stat().st_size for path in written) / 1000, "kB", 180),
     ]
 
 
@@ -135,18 +172,20 @@ def main() -> int:
     parser.add_argument("results", nargs="?", type=Path, help="CSV file to write")
     parser.add_argument("--pythonfmu", metavar="PYTHON", help="interpreter with pythonfmu and fmpy")
     options = parser.parse_args()
-    exported = models()
+    exported = models(DEVICE)
     with tempfile.TemporaryDirectory(prefix="lumbar-benchmark-") as name:
         folder = Path(name)
         export_fmus(exported, folder, "benchmark", ["host"], CACHE)
-        rows = c_client(folder, exported)
+        program = loader_program(HERE.parent / "unit" / "fmu_client.c", host_target(), folder, CACHE)
+        rows = c_client(program, folder, exported)
         rows.append(through_fmpy(folder / "KB_fmi2.fmu", sys.executable, "through fmpy, KB, median"))
         if options.pythonfmu:
             (folder / "kb.py").write_text(PYTHON_FMU)
             build = [options.pythonfmu, "-m", "pythonfmu", "build", "-f", "kb.py", "--no-external-tool"]
             subprocess.run(build, cwd=folder, check=True, capture_output=True)
             rows.append(through_fmpy(folder / "KB.fmu", options.pythonfmu, "PythonFMU, KB, median"))
-        rows += builds(folder / "all", exported)
+        rows += passivity(program, folder / "passive")
+        rows += builds(folder / "all", exported[:4])
     for what, value, unit, limit in rows:
         verdict = "" if limit is None else f"  (limit {limit}: {'kept' if value <= limit else 'NOT KEPT'})"
         print(f"{what:72} {value:10.4g} {unit}{verdict}")

@@ -56,17 +56,16 @@ class CModel:
     """The C function of a model's sample, called sample by sample as ``sampled_force.c`` does."""
 
     def __init__(self, model: ExportModel, folder: Path, cache: Path):
-        files = write_sources(model, folder)
+        write_sources(model, folder)
         exported = folder / "exported.c"
         exported.write_text(
             '#include "model.h"\n__attribute__((visibility("default")))\n'
             "double exported_sample(const double x[], double u, double next[]) { return model_sample(x, u, next); }\n"
             '__attribute__((visibility("default"))) int exported_states(void) { return MODEL_STATES; }\n'
         )
-        model_files = [folder / name for name in files if name in model.dynamics.c_files]
         # A name of its own: a library that was loaded once is not loaded anew.
         library = folder / f"{model.identifier}_{next(_NUMBERS)}.so"
-        compile_library([*model_files, exported], library, "x86_64-linux", cache)
+        compile_library([folder / model.dynamics.c_source, exported], library, "x86_64-linux", cache)
         self.library = ctypes.CDLL(str(library))
         self.library.exported_sample.restype = ctypes.c_double
         self.library.exported_sample.argtypes = [_DOUBLE, ctypes.c_double, _DOUBLE]

@@ -32,7 +32,7 @@ def fmu_folder(fmu_models, zig_cache, made_once):
     def export(folder):
         export_fmus(fmu_models, folder, "synthetic twin", TARGET, zig_cache)
         awkward = models_json(effect_entry("KB", "coulomb_friction/coulomb"))
-        chosen = selected(awkward, changed(SETTINGS, models=["KB+coulomb_friction"], moving_average=1))
+        chosen = selected(awkward, changed(SETTINGS, models=["KB+coulomb_friction"], moving_average_ms=0))
         export_fmus(chosen, folder, "A & B <lab>", TARGET, zig_cache)
 
     return made_once("fmu", export)[0]

@@ -2,7 +2,9 @@
  *
  *   fmu_client hash LIBRARY TOKEN STEPS        hash of all forces over a walk with whole-number arithmetic
  *   fmu_client mistimed LIBRARY TOKEN STEPS H  steps of H seconds summed up, over a static gain sampled at 10 ms
- *   fmu_client timing LIBRARY TOKEN STEPS live|decayed   nanoseconds per set, step and get: median, 99.9 %, largest
+ *   fmu_client timing LIBRARY TOKEN STEPS live|decayed H   nanoseconds per set, step of H s and get: median, 99.9 %, largest
+ *   fmu_client passive LIBRARY TOKEN STEPS H UNIT DAMPING   least energy in J that a device with this damping and the FMU
+ *                                              have taken in at any sample; the work done. UNIT: of positions in m
  *   fmu_client threads LIBRARY TOKEN STEPS     eight instances in threads: number of hashes that differ
  *
  * FMI 2.0; `hash` also plays FMI 3.0 in event mode and prints both hashes.
@@ -125,6 +127,83 @@ static uint64_t play3(long steps, double h) {
     return hash;
 }
 
+/* A hand that means harm: half of its steps are random, of all sizes, the others take out all that the force then held can
+ * give, more or less. Returned is the least energy at any sample: what went into device and FMU, the damping's share included
+ * by its least, b d^2 / h. */
+typedef struct { uint32_t seed; double energy, least, most, damping, unit, position, h; } hand;
+
+static double share(hand *a) {
+    a->seed = a->seed * 1664525u + 1013904223u;
+    return (double)(a->seed >> 8) * 0x1p-24;
+}
+
+static double moved_by(hand *a, double force) {
+    double size = 1.0, step;
+    for (int i = (int)(share(a) * 12.0); i > 0; --i) size *= 0.5;
+    step = (2.0 * share(a) - 1.0) * size;
+    if (share(a) < 0.5) step = -2.0 * share(a) * force * a->h / (2.0 * a->damping) / a->unit;
+    double next = a->position + step;
+    if (next > 20.0 || next < -20.0) step = -0.5 * a->position;
+    a->position += step;
+    double metres = step * a->unit;
+    a->energy += force * metres + a->damping * metres * metres / a->h;
+    if (a->energy < a->least) a->least = a->energy;
+    a->most += force * metres > 0 ? force * metres : 0;
+    return a->position;
+}
+
+/* A force is displayed at once, as where a device's clock waits for the step, or `late`, from the step's end on. */
+static void passive2(hand *a, long steps, int late) {
+    LOAD(fmi2SetRealTYPE, fmi2SetReal)
+    LOAD(fmi2GetRealTYPE, fmi2GetReal)
+    LOAD(fmi2DoStepTYPE, fmi2DoStep)
+    LOAD(fmi2FreeInstanceTYPE, fmi2FreeInstance)
+    fmi2Component c = start2();
+    const fmi2ValueReference input = 1, output = 2;
+    double force, before;
+    REQUIRE(!fmi2GetReal(c, &output, 1, &force));
+    before = force;
+    for (long k = 0; k < steps; ++k) {
+        double position = k ? moved_by(a, late ? before : force) : 0.0;
+        before = force;
+        REQUIRE(!fmi2SetReal(c, &input, 1, &position) && !fmi2DoStep(c, (double)k * a->h, a->h, 1));
+        REQUIRE(!fmi2GetReal(c, &output, 1, &force));
+    }
+    fmi2FreeInstance(c);
+}
+
+static void passive3(hand *a, long steps) {
+    LOAD(fmi3InstantiateCoSimulationTYPE, fmi3InstantiateCoSimulation)
+    LOAD(fmi3EnterInitializationModeTYPE, fmi3EnterInitializationMode)
+    LOAD(fmi3ExitInitializationModeTYPE, fmi3ExitInitializationMode)
+    LOAD(fmi3EnterEventModeTYPE, fmi3EnterEventMode)
+    LOAD(fmi3EnterStepModeTYPE, fmi3EnterStepMode)
+    LOAD(fmi3SetFloat64TYPE, fmi3SetFloat64)
+    LOAD(fmi3GetFloat64TYPE, fmi3GetFloat64)
+    LOAD(fmi3DoStepTYPE, fmi3DoStep)
+    LOAD(fmi3FreeInstanceTYPE, fmi3FreeInstance)
+    fmi3Instance c = fmi3InstantiateCoSimulation("client", token, NULL, 0, 0, 1, 0, NULL, 0, NULL, silent3, NULL);
+    REQUIRE(c && !fmi3EnterInitializationMode(c, 0, 0, 0.0, 0, 0) && !fmi3ExitInitializationMode(c));
+    const fmi3ValueReference input = 1, output = 2;
+    double force = 0.0, reached;
+    for (long k = 0; k < steps; ++k) {
+        fmi3Boolean event, ends, early;
+        double position = k ? moved_by(a, force) : 0.0;
+        REQUIRE(!fmi3SetFloat64(c, &input, 1, &position, 1) && !fmi3GetFloat64(c, &output, 1, &force, 1));
+        REQUIRE(!fmi3EnterStepMode(c) && !fmi3DoStep(c, (double)k * a->h, a->h, 1, &event, &ends, &early, &reached));
+        REQUIRE(event && !fmi3EnterEventMode(c));
+    }
+    fmi3FreeInstance(c);
+}
+
+static void passive(long steps, double h, double unit, double damping) {
+    hand at_once = {.seed = 1, .h = h, .unit = unit, .damping = damping}, late = at_once, event = at_once;
+    passive2(&at_once, steps, 0);
+    passive2(&late, steps, 1);
+    passive3(&event, steps);
+    printf("%g %g %g %g %g %g\n", at_once.least, late.least, event.least, at_once.most, late.most, event.most);
+}
+
 static void mistimed(long steps, double h) {
     LOAD(fmi2SetRealTYPE, fmi2SetReal)
     LOAD(fmi2GetRealTYPE, fmi2GetReal)
@@ -224,13 +303,16 @@ int main(int count, char *arguments[]) {
     REQUIRE(library && steps > 0);
     if (!strcmp(arguments[1], "hash")) {
         printf("%016llx %016llx\n", (unsigned long long)play2(steps, 0.01), (unsigned long long)play3(steps, 0.01));
+    } else if (!strcmp(arguments[1], "passive")) {
+        REQUIRE(count == 8);
+        passive(steps, strtod(arguments[5], NULL), strtod(arguments[6], NULL), strtod(arguments[7], NULL));
     } else if (!strcmp(arguments[1], "mistimed")) {
         REQUIRE(count == 6);
         mistimed(steps, strtod(arguments[5], NULL));
 #ifndef _WIN32
     } else if (!strcmp(arguments[1], "timing")) {
-        REQUIRE(count == 6);
-        timing(steps, 0.01, !strcmp(arguments[5], "decayed"));
+        REQUIRE(count == 7);
+        timing(steps, strtod(arguments[6], NULL), !strcmp(arguments[5], "decayed"));
     } else if (!strcmp(arguments[1], "threads")) {
         threads(steps);
 #endif

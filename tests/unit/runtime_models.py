@@ -15,10 +15,14 @@ from study_settings import changed
 
 TARGET = ["x86_64-linux"]
 POSITION, FORCE, GAIN, FORCE_OFFSET, FORCE_LIMIT, POSITION_OFFSET = 1, 2, 3, 4, 5, 6
+FORCE_RATE_LIMIT, ENERGY = 7, 10
 """Value references."""
 RANGE = {"lowest": -2.4, "highest": 2.5, "speed": 41.0, "lowest_Hz": 0.1, "highest_Hz": 5.0}
 """Motion that a model was fitted to."""
-SETTINGS = RuntimeSettings(models=("IL", "MW", "KB", "HO"))
+SETTINGS = RuntimeSettings(
+    models=("IL", "MW", "KB", "HO"), rate_Hz=None, moving_average_ms=30.0, start="offset"
+)
+"""As in the thesis: 100 Hz, three samples, from rest at the offset."""
 
 
 def entry(name: str, numerator, denominator, **more) -> dict:

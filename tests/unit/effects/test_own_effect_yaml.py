@@ -109,7 +109,7 @@ def test_a_refined_model_is_simulated_from_its_entry(ribbed):
 def test_an_equation_in_yaml_becomes_an_fmu(text, name, linear, nonlinear, zig_cache, tmp_path):
     catalogue = catalogue_with([written(tmp_path, text)])
     entry = entry_of_effects("KB", {f"{name}/equation": (linear, nonlinear)}, catalogue)
-    chosen = changed(SETTINGS, models=[entry["name"]], moving_average=1)
+    chosen = changed(SETTINGS, models=[entry["name"]], moving_average_ms=0)
     (model,) = selected(models_json(entry), chosen, catalogue)
     walk = np.cumsum(np.random.default_rng(3).standard_normal(800)) * 0.1
     expected = model.dynamics.response(walk)

@@ -66,8 +66,11 @@ def test_names_that_are_no_file_names_are_refused(name):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"moving_average": 0}, "moving_average"),
-        ({"moving_average": 17}, "moving_average"),
+        ({"moving_average_ms": 3.0}, "moving_average_ms.*less than a sample.*three samples are 30"),
+        ({"moving_average_ms": 6000.0}, "600 samples.*512 in all"),
+        ({"device_damping": 2000.0}, "device_damping.*0 to 1000"),
+        ({"device_damping": 5.0, "energy_reserve": -1.0}, "energy_reserve"),
+        ({"output_rate_limit": float("inf")}, "output_rate_limit"),
         ({"output_limit": 0.0}, "output_limit"),
         ({"output_limit": float("nan")}, "output_limit"),
         ({"gain_limit": 0.5}, "gain_limit"),

@@ -204,7 +204,7 @@ int main(void) {
 @pytest.mark.parametrize("start", ["0.0", "1e3"])
 def test_accumulated_steps_are_never_mistimed(start, zig_cache, tmp_path):
     """A client in C, built with traps for undefined behaviour, takes three million steps."""
-    settings = changed(SETTINGS, models=["gain"], moving_average=1, output_limit=1e9)
+    settings = changed(SETTINGS, models=["gain"], moving_average_ms=0, output_limit=1e9)
     model = selected(models_json(entry("gain", [1.0], [1.0])), settings)[0]
     for name, text in source_files(model).items():
         (tmp_path / name).write_text(text)

@@ -23,6 +23,7 @@ FOLDER = Path(os.environ.get("LUMBAR_IMPORTERS", "absent"))
 GET_IMPORTERS = "tests/get_importers.sh FOLDER and set LUMBAR_IMPORTERS=FOLDER"
 PYTHON = FOLDER / "python" / "bin" / "python"
 FMI_SIM = FOLDER / "bin" / "fmi-sim"
+FMUSIM = FOLDER / "bin" / "fmusim"
 HERE = Path(__file__).parents[2] / "importers"
 EFFECTS = effect_entry(*COMBINATIONS[1])
 NAMES = ["IL", "MW", "KB", "HO", "KB+coulomb_friction", EFFECTS["name"]]
@@ -38,6 +39,10 @@ with_java = pytest.mark.skipif(
 )
 with_fmi_sim = pytest.mark.skipif(
     not FMI_SIM.exists(), reason=f"no fmi-sim: apt-get install cargo libclang-dev, then {GET_IMPORTERS}"
+)
+with_fmusim = pytest.mark.skipif(
+    not FMUSIM.exists(),
+    reason=f"no fmusim: apt-get install cargo, put its sources there, then {GET_IMPORTERS}",
 )
 
 
@@ -161,29 +166,53 @@ def without_attributes(fmu: Path, folder: Path) -> Path:
 
 @with_fmi_sim
 @pytest.mark.parametrize("name", NAMES)
-def test_fmi_sim_reads_the_forces_of_fmi2(name, folder, positions_file, expected, tmp_path):
-    """It records the start too, and then what is read after every step; it interpolates inputs, which rounds them."""
-    read = [values[-1] for values in fmi_sim(folder / f"{name}_fmi2.fmu", positions_file, tmp_path).values()]
-    assert read[1:200] == pytest.approx(expected(name, 2)[:199], rel=0, abs=1e-12)
-
-
-@with_fmi_sim
-@pytest.mark.parametrize("early_return", [False, True])
-@pytest.mark.parametrize("name", NAMES)
-def test_fmi_sim_reads_the_forces_of_fmi3_in_event_mode(
-    name, early_return, folder, positions_file, fmu_instance, fmu_positions, tmp_path
+def test_fmi_sim_reads_the_forces_of_fmi3_without_event_mode(
+    name, folder, positions_file, expected, tmp_path
 ):
-    """It sets inputs before a step and not at the event that ends it: each sample has the position of the one before."""
+    """In event mode it sets a discrete input only at events between its output instants, so hardly ever."""
     fmu = without_attributes(folder / f"{name}_fmi3.fmu", tmp_path)
-    options = ["--event-mode-used", *(["--early-return-allowed"] if early_return else [])]
-    read = [values[-1] for values in fmi_sim(fmu, positions_file, tmp_path, *options).values()]
-    slave = fmu_instance(name, 3, event_mode=True)
-    slave.exitInitializationMode()
-    expected = []
-    for k in range(len(fmu_positions)):
-        put(slave, POSITION, fmu_positions[max(k - 1, 0)])
-        expected.append(get(slave))
-        slave.enterStepMode()
-        slave.doStep(k * float(STEP), float(STEP))
-        slave.enterEventMode()
-    assert read[:200] == pytest.approx(expected, rel=0, abs=1e-12)
+    read = [values[-1] for values in fmi_sim(fmu, positions_file, tmp_path).values()]
+    assert read[1:200] == pytest.approx(expected(name, 3)[:199], rel=0, abs=1e-12)
+
+
+def fmusim(fmu: Path, folder: Path, *options: str) -> list[float]:
+    """Forces that fmusim, the FMI project's own simulator, records for the file's reference input, one per instant."""
+    with zipfile.ZipFile(fmu) as archive:
+        archive.extractall(folder, ["resources/reference_input.csv"])
+    inputs, outputs = folder / "resources" / "reference_input.csv", folder / "forces.csv"
+    with inputs.open() as file:
+        end = list(csv.DictReader(file))[-1]["time"]
+    command = [FMUSIM, "simulate", "--input-file", inputs, "--output-file", outputs, "--stop-time", end]
+    command += ["--output-interval", STEP, *options, fmu]
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with outputs.open() as file:  # at an event it records before and after: the last row of an instant counts
+        return list({row["time"]: float(row["force"]) for row in csv.DictReader(file)}.values())
+
+
+def embedded(fmu: Path, name: str) -> list[float]:
+    """Column of a reference signal of an FMU."""
+    with zipfile.ZipFile(fmu) as archive:
+        rows = archive.read(f"resources/{name}.csv").decode().splitlines()[1:]
+    return [float(row.split(",")[1]) for row in rows]
+
+
+@with_fmusim
+@pytest.mark.parametrize(
+    ("version", "options", "reference"),
+    [
+        (2, [], "reference_output"),
+        (3, [], "reference_output_without_event_mode"),
+        (3, ["--event-mode-used"], "reference_output"),
+        (3, ["--event-mode-used", "--early-return-allowed"], "reference_output"),
+    ],
+)
+@pytest.mark.parametrize("name", NAMES)
+def test_fmusim_validates_and_reads_the_embedded_references(
+    name, version, options, reference, folder, tmp_path
+):
+    fmu = folder / f"{name}_fmi{version}.fmu"
+    subprocess.run([FMUSIM, "validate", fmu], check=True, capture_output=True)
+    read, expected = fmusim(fmu, tmp_path, *options), embedded(fmu, reference)
+    assert read == pytest.approx(expected, rel=0, abs=1e-11)
+    assert max(map(abs, expected)) > 1.0

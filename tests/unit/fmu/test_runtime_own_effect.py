@@ -54,7 +54,7 @@ RECTIFIED = Effect("rectified", "The sensor shows no sign.", (Form("size", "|F| 
 def exported(catalogue, *effects, **settings):
     added = {f"{effect}/{form}": numbers for effect, form, *numbers in effects}
     content = models_json({**entry_of_effects("KB", added, catalogue), "name": "KB+own"})
-    chosen = changed(SETTINGS, models=["KB+own"], moving_average=1, **settings)
+    chosen = changed(SETTINGS, models=["KB+own"], moving_average_ms=0, **settings)
     return selected(content, chosen, catalogue)[0]
 
 

@@ -53,7 +53,7 @@ def test_a_thousand_samples_a_second_mend_kelvin_boltzmann():
 
 
 def without_average() -> RuntimeSettings:
-    return replace(SETTINGS, moving_average=1)
+    return replace(SETTINGS, moving_average_ms=0.0)
 
 
 def test_a_client_that_reads_first_gets_the_feedthrough_late():
@@ -75,9 +75,9 @@ def replace_loop(model, seconds: float):
     return replace(meets, loops=(meets.loops[0].late(seconds),))
 
 
-@pytest.mark.parametrize("unit", ["m", "cm", "µm"])
+@pytest.mark.parametrize("unit", ["m", "cm"])
 def test_units_change_nothing(unit):
-    factor = {"m": 1e3, "cm": 10.0, "µm": 1e-3}[unit]
+    factor = {"m": 1e3, "cm": 10.0}[unit]
     model = fitted("KB", unit)
     structure = model.structure.scaled(factor)
     found = rendered(exported_at(replace(model, structure=structure), SETTINGS, 100.0), STYLUS)

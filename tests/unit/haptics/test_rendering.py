@@ -99,7 +99,7 @@ def test_side_by_side_stand_the_loop_that_oscillates_and_the_mended_one():
 @pytest.mark.parametrize("name", ["IL", "KB", "HO"])
 def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models):
     """From what the library answers alone: damping, gain, and the loop with the library in it."""
-    settings = replace(RuntimeSettings(), moving_average=SETTINGS.moving_average)
+    settings = RuntimeSettings()
     model = next(model for model in fmu_models if model.name == name)
     found = judge_fmu(fmu_folder / f"{name}_fmi3.fmu", settings)
     expected = rendered(model, STYLUS)

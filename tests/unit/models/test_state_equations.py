@@ -202,7 +202,7 @@ def test_c_takes_the_same_steps(case, zig_cache, tmp_path):
             FittedParameter(name, name, "", value, effect=owner) for name, value, owner in parts
         ),
     )
-    (model,) = export_models([fitted], changed(SETTINGS, moving_average=1))
+    (model,) = export_models([fitted], changed(SETTINGS, moving_average_ms=0))
     inputs = walk(6, 1000)
     found = CModel(model, tmp_path, zig_cache).response(inputs)
     expected = model.dynamics.response(inputs)

@@ -43,7 +43,7 @@ def add(commands) -> None:
         "--rate",
         type=float,
         metavar="HZ",
-        help="rate of the haptic loop (default: runtime.rate_Hz, or that of the models)",
+        help="rate of the haptic loop (default: runtime.rate_Hz)",
     )
     add_output(parser)
     parser.set_defaults(run=run)

@@ -44,13 +44,18 @@ def with_device(models: Sequence[ExportModel], device: DeviceSettings) -> list[E
             told.append(model)
             continue
         sentences = [device_text(device)]
+        guarded = model.guards.passive and model.guards.device_damping <= device.damping_N_s_m
+        if guarded:
+            sentences.append(
+                "The bound by device_damping, which the following leaves out, keeps the device passive whatever they say."
+            )
         for client, late in (
             ("In FMI 3.0's event mode", False),
             ("Read as FMI 2.0 reads, the position set after", True),
         ):
             found = analyse(rendered(model, device, late=late), device)
             sentences.append(f"{client}: {found.finding}.")
-            if not found.stable and not late:
+            if not (found.stable or late or guarded):
                 unsafe.append(found)
         told.append(replace(model, on_device=tuple(sentences)))
     _tell(unsafe, device)

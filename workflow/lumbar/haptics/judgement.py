@@ -85,13 +85,14 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
 def _judgement(exported: ExportModel, model: FittedModel, settings: RuntimeSettings, lowest) -> Judgement:
     device = settings.device
     meets = rendered(exported, device)
-    linear = isinstance(exported.dynamics, LinearModel)
-    run = run_loop(meets, device) if linear else _run_of_fmu(exported, meets, settings)
+    guards = exported.guards
+    plain = isinstance(exported.dynamics, LinearModel) and not (guards.active or guards.contact)
+    run = run_loop(meets, device) if plain else _run_of_fmu(exported, meets, settings)
     return Judgement(meets, analyse(meets, device), run, model, *lowest)
 
 
 def _run_of_fmu(exported: ExportModel, meets: RenderedModel, settings: RuntimeSettings) -> LoopRun:
-    """Compile a model with effects and simulate the loop with its FMU: what is felt is what is exported."""
+    """Compile a model with effects or guards and simulate the loop with its FMU: what is felt is what is exported."""
     from lumbar.fmu.build.compiler import cache_folder
     from lumbar.fmu.build.package import export_fmus
     from lumbar.haptics.fmu_step import UnpackedFmu

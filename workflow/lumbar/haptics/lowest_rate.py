@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lumbar.errors import NumericalError
+from lumbar.errors import InputError, NumericalError
 from lumbar.haptics.closed_loop import largest_stable_gain
 from lumbar.haptics.passivity import required_damping
 from lumbar.haptics.rendered_model import exported_at, rendered
@@ -51,7 +51,7 @@ def _lowest(
         device = replace(settings.device, rate_Hz=rate)
         try:
             return safe(rendered(exported_at(model, settings, rate), device).loops[0])
-        except NumericalError:
+        except (InputError, NumericalError):
             return False  # no counterpart at this rate
 
     slowest = 1.0 / model.sampling_time

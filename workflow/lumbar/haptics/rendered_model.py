@@ -8,16 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.fmu.build.export_model import ExportModel, export_models
+from lumbar.fmu.build.export_model import ExportModel, averaged_samples, export_models
 from lumbar.fmu.build.linear_model import LinearModel
+from lumbar.fmu.build.units import work_units
 from lumbar.haptics.sampled_model import SampledModel
 from lumbar.haptics.simulation import Step
 from lumbar.models.fitted_model import FittedModel, Port
 from lumbar.settings.device import DeviceSettings
 from lumbar.settings.runtime import RuntimeSettings
 
-_METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6, "in": 0.0254}
-_NEWTONS = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
 _LOOK_AHEAD_S = 1.0
 """Within which a model's largest force after a step of the position tells which way it acts."""
 _WATCHED_S, _MOST_SAMPLES = 4.0, 4000
@@ -36,7 +35,11 @@ def exported_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> E
     NumericalError
         If it has no counterpart at this rate.
     """
-    return export_models([model], replace(settings, rate_Hz=rate, unstable="export"))[0]
+    own = 1.0 / settings.rate_Hz if settings.rate_Hz else model.sampling_time
+    # The same milliseconds would be less than a sample at a low rate.
+    samples = averaged_samples(model.name, settings.moving_average_ms, own)
+    plain = replace(settings, rate_Hz=rate, moving_average_ms=0.0, unstable="export")
+    return replace(export_models([model], plain)[0], moving_average=samples)
 
 
 @dataclass(frozen=True)
@@ -105,8 +108,11 @@ def rendered(model: ExportModel, device: DeviceSettings, *, late: bool = False) 
     """
     dynamics = model.dynamics
     if isinstance(dynamics, LinearModel):
-        numerator = _fed_late(dynamics) if late else np.array(dynamics.numerator)
-        found = [SampledModel(model.name, numerator, np.array(dynamics.denominator), model.sampling_time)]
+        whole = dynamics.transfer_function
+        numerator, denominator = np.array(whole.numerator), np.array(whole.denominator)
+        if late:
+            numerator = _fed_late(numerator, denominator)
+        found = [SampledModel(model.name, numerator, denominator, model.sampling_time)]
     else:
         unit = 1e3 * scale_of(model.name, model.input, model.output)[0]
         found = linearisations(
@@ -151,18 +157,19 @@ def in_units(
 
 def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
     """One unit of a model's input in m and one of its output in N; errors as of `rendered`."""
-    if input.unit not in _METRES or output.unit not in _NEWTONS:
+    units = work_units(input.unit, output.unit)
+    if units is None or units[2] != "N·s/m":
         raise InputError(
             f"{name}: it takes {input.quantity} in {input.unit!r} and gives {output.quantity} in {output.unit!r}; the "
-            f"device of runtime.device moves along a line and needs a length ({', '.join(_METRES)}) and a force "
-            f"({', '.join(_NEWTONS)})"
+            "device of runtime.device moves along a line and needs a length and a force"
         )
-    return _METRES[input.unit], _NEWTONS[output.unit]
+    return units[:2]
 
 
 def renderable(model: FittedModel | ExportModel) -> bool:
     """Whether a model takes a length and gives a force, which is what a device that moves along a line needs."""
-    return model.input.unit in _METRES and model.output.unit in _NEWTONS
+    units = work_units(model.input.unit, model.output.unit)
+    return units is not None and units[2] == "N·s/m"
 
 
 def direction(model: SampledModel) -> float:
@@ -176,12 +183,10 @@ def direction(model: SampledModel) -> float:
     return -1.0 if len(force) and force[np.abs(force).argmax()] < 0 else 1.0
 
 
-def _fed_late(model: LinearModel) -> np.ndarray:
+def _fed_late(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
     """Numerator with the feed-through one sample late, over the same denominator: H(z) − D + D/z."""
-    length = max(len(model.numerator), len(model.denominator)) + 1
-    numerator, denominator = (
-        np.pad(np.array(part), (0, length - len(part))) for part in (model.numerator, model.denominator)
-    )
+    length = max(len(numerator), len(denominator)) + 1
+    numerator, denominator = (np.pad(part, (0, length - len(part))) for part in (numerator, denominator))
     through = numerator[0] / denominator[0]
     return numerator - through * denominator + through * np.roll(denominator, 1)
 

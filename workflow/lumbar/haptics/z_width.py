@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lumbar.errors import NumericalError
+from lumbar.errors import InputError, NumericalError
 from lumbar.haptics.closed_loop import largest_stable_gain
 from lumbar.haptics.passivity import required_damping
 from lumbar.haptics.rendered_model import exported_at, rendered
@@ -62,8 +62,11 @@ def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
     damping = np.geomspace(
         settings.device.damping_N_s_m / 10.0, settings.device.damping_N_s_m * 10.0, _DAMPINGS
     )
+    samples = exported_at(models[0], settings, slowest).moving_average
     ends = dict.fromkeys([slowest, max(slowest, settings.device.rate_Hz)])
-    return ZWidth(rates, needed, damping, {rate: _stiffnesses(damping, rate, settings) for rate in ends})
+    return ZWidth(
+        rates, needed, damping, {rate: _stiffnesses(damping, rate, samples, settings.device) for rate in ends}
+    )
 
 
 def _needed(model: FittedModel, rate: float, settings: RuntimeSettings) -> float:
@@ -72,18 +75,17 @@ def _needed(model: FittedModel, rate: float, settings: RuntimeSettings) -> float
         return required_damping(
             rendered(exported_at(model, settings, rate), device).loops[0], _POINTS
         ).damping
-    except NumericalError:
+    except (InputError, NumericalError):
         return np.nan
 
 
 def _stiffnesses(
-    damping: np.ndarray, rate: float, settings: RuntimeSettings
+    damping: np.ndarray, rate: float, samples: int, device: DeviceSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    average = np.full(settings.moving_average, 1.0 / settings.moving_average)
-    spring = SampledModel("spring", average, np.ones(1), 1.0 / rate).late(1e-3 * settings.device.delay_ms)
-    devices: list[DeviceSettings] = [
-        replace(settings.device, damping_N_s_m=float(value)) for value in damping
-    ]
+    """Of a spring behind the mean of so many samples."""
+    average = np.full(samples, 1.0 / samples)
+    spring = SampledModel("spring", average, np.ones(1), 1.0 / rate).late(1e-3 * device.delay_ms)
+    devices = [replace(device, damping_N_s_m=float(value)) for value in damping]
     # The damping needed is proportional to the stiffness.
     passive = damping / required_damping(spring, _POINTS).damping
-    return passive, np.array([largest_stable_gain(spring, device)[0] for device in devices])
+    return passive, np.array([largest_stable_gain(spring, item)[0] for item in devices])

@@ -75,13 +75,13 @@ def export_fmu(
     trained_on : str, optional
         Of a file: record the models were identified on; default the only one there is, or the settings'.
     rate_Hz : float, optional
-        Rate of the haptic loop in hertz; default the settings', or that of the model.
+        Rate of the haptic loop in hertz; default the settings': 1 kHz, or with None there that of the model.
     targets : iterable of str, optional
         Platforms to build for: ``host``, ``x86_64-windows`` …; default the settings'.
     effect_files : iterable of path, optional
         Of a file: files with effects of your own.
     settings : RuntimeSettings, optional
-        Moving average, limits, what to do with an unstable model, the compiler's cache.
+        Moving average, limits, guards of the force, what to do with an unstable model, the compiler's cache.
     data : str
         Words for the source of the data; they stand in the FMU. Default those of the file.
 

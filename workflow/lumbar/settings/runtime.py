@@ -35,11 +35,13 @@ class RuntimeSettings:
         "so everywhere and whose output runs into its limit.",
         default="refuse",
     )
-    moving_average: int = key(
-        "Samples of the moving average on the input, the newest included (thesis: 3); 1 is off.",
-        default=3,
-        ge=1,
-        le=16,
+    moving_average_ms: float = key(
+        "Length of the moving average on the input, to whole samples of the FMUs' rate; 0 is off. Default three samples of a "
+        "1 kHz loop, as the thesis has three of its 100 Hz loop: 30 ms with rate_Hz: null.",
+        default=3.0,
+        unit="ms",
+        ge=0,
+        le=1000,
     )
     output_limit: float = key(
         "Largest magnitude of the output in its own unit, N in the thesis: what the device may "
@@ -50,6 +52,37 @@ class RuntimeSettings:
     gain_limit: float = key(
         "Largest factor on the output that a user of the FMU may set.", default=10.0, ge=1
     )
+    output_rate_limit: float | None = key(
+        "Largest change of the output in a second, N/s in the thesis's units; the force then begins at 0 and a user of the FMU "
+        "may lower the limit. null is none.",
+        default=None,
+        gt=0,
+    )
+    contact: bool = key(
+        "Whether the tissue cannot pull: a tool that is lifted off feels no force, where a linear model would hold it "
+        "back.",
+        default=False,
+    )
+    start: Literal["first_position", "offset"] = key(
+        "Where the models rest when they start: at the first position, or (thesis) at their offset, from where a first "
+        "position elsewhere is a jump.",
+        default="first_position",
+    )
+    device_damping: float | None = key(
+        "Damping that the haptic device surely has at the tool, in N s/m (rotations: N m s/rad). With it the FMUs bound their "
+        "force such that device and FMU together never give out more energy than they took in, whatever the hand does. Half "
+        "of the device's damping leaves the other half to calm what goes on. null is no bound.",
+        default=None,
+        gt=0,
+        le=1000,
+    )
+    energy_reserve: float = key(
+        "Most energy, in J, that counts as taken in where device_damping is given: what was dissipated long ago buys no "
+        "oscillation now. It must cover what the tissue stores at the largest force.",
+        default=0.2,
+        gt=0,
+        le=1000,
+    )
     targets: Annotated[tuple[Platform, ...], UNIQUE] = key(
         "Platforms the FMUs hold binaries for; host is this machine's. The compiler builds what it "
         "needs of a platform once, which takes a minute for Windows and seconds for the others.",
@@ -57,10 +90,10 @@ class RuntimeSettings:
         min_length=1,
     )
     rate_Hz: float | None = key(
-        "Rate at which the FMUs sample the position, at least that of the identified models; null "
-        "keeps theirs. Models are discretised anew (ramp-invariant); one without a continuous "
-        "counterpart, such as MW, is refused. The moving average counts samples of this rate.",
-        default=None,
+        "Rate at which the FMUs sample the position, at least that of the identified models; null keeps theirs (thesis: "
+        "100 Hz). Models are discretised anew (ramp-invariant), delays of whole samples kept to the millisecond; one "
+        "that no continuous model could be runs several times over, each on its own samples.",
+        default=1000.0,
         unit="Hz",
         gt=0,
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from platform import machine, system
@@ -52,11 +54,11 @@ HOST = "host"
 """The platform of this machine."""
 
 # -ffp-contract=off: the same rounding on every platform. The rest keeps paths, dates and names of the build
-# machine out, so that every build of the same model is the same file. -Os: as fast as -O2 here, and the Windows library
-# is a seventh smaller.
+# machine out, so that every build of the same model is the same file. No -flto: the linkers of macOS and Windows cannot;
+# sampled_force.c includes the model instead, whose few numbers so become part of the code around them.
 FLAGS = (
     "-std=c99",
-    "-Os",
+    "-O2",
     "-Wall",
     "-Wextra",
     "-Werror",
@@ -118,8 +120,23 @@ def resolve_targets(names: Sequence[str]) -> list[str]:
     return [name for name in TARGETS if name in wanted]
 
 
-def warm_cache(targets: list[str], cache: Path) -> None:
-    """Compile a few lines for every target, so that the compiler builds what it needs of each platform once."""
+def warm_cache(targets: Sequence[str], cache: Path) -> None:
+    """Let the compiler build what it needs of each target, where it has not yet, and say so on standard error.
+
+    A few lines are compiled for every target; a file beside the compiler's own says that this was done.
+
+    Parameters
+    ----------
+    targets : list of str
+        Platforms, keys of `TARGETS`, or ``"host"``.
+    cache : Path
+        Folder of the compiler's cache.
+
+    Raises
+    ------
+    InputError
+        As `compile_library`.
+    """
     with tempfile.TemporaryDirectory(prefix="lumbar-warm-") as name:
         source = Path(name) / "warm.c"
         # Exported, so that no linker is left with an empty library: Zig's for macOS crashes on one.
@@ -128,7 +145,25 @@ def warm_cache(targets: list[str], cache: Path) -> None:
             '__attribute__((visibility("default"))) double rounded_down(double x) { return floor(x); }\n'
         )
         for target in resolve_targets(targets):
-            compile_library([source], source.with_suffix(TARGETS[target].suffix), target, cache)
+            done = cache / f"{target}-{_toolchain()}.ready"
+            if not done.is_file():
+                duration = "a minute or more" if target.endswith("windows") else "seconds"
+                print(
+                    f"C compiler: building what it needs of {target} in {cache}, once: {duration}",
+                    file=sys.stderr,
+                    flush=True,
+                )
+                compile_library([source], source.with_suffix(TARGETS[target].suffix), target, cache)
+                done.touch()
+
+
+def _toolchain() -> str:
+    """What decides whether the compiler must build its libraries anew, in a few letters."""
+    try:
+        compiler = version("ziglang")
+    except PackageNotFoundError:
+        compiler = ""
+    return hashlib.sha256("\0".join([compiler, *FLAGS]).encode()).hexdigest()[:12]
 
 
 def compile_library(sources: list[Path], library: Path, target: str, cache: Path) -> None:

@@ -8,29 +8,15 @@ from dataclasses import dataclass
 
 from lumbar import __version__
 from lumbar.fmu.build.export_model import ExportModel
+from lumbar.fmu.build.guards import LARGEST
 from lumbar.fmu.build.meaning import meaning, range_text, resisting_sign, sign_text
 from lumbar.fmu.build.sources import c_files, content_token
+from lumbar.fmu.build.units import base_unit
 
 FMI_VERSIONS = ("2.0", "3.0")
 AUTHOR = "The lumbar developers"
 ANNOTATION = "lumbar"
 """Name of the annotation that holds `lumbar.fmu.build.meaning.meaning`."""
-
-# Exponents of the SI base units and factor, as FMI's BaseUnit wants them.
-BASE_UNITS = {
-    "m": {"m": 1},
-    "mm": {"m": 1, "factor": 1e-3},
-    "cm": {"m": 1, "factor": 1e-2},
-    "rad": {"rad": 1},
-    "deg": {"rad": 1, "factor": 0.017453292519943295},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "mN": {"kg": 1, "m": 1, "s": -2, "factor": 1e-3},
-    "kN": {"kg": 1, "m": 1, "s": -2, "factor": 1e3},
-    "N·m": {"kg": 1, "m": 2, "s": -2},
-    "Nm": {"kg": 1, "m": 2, "s": -2},
-    "N·mm": {"kg": 1, "m": 2, "s": -2, "factor": 1e-3},
-    "s": {"s": 1},
-}
 
 
 @dataclass(frozen=True)
@@ -115,7 +101,59 @@ def variables(model: ExportModel) -> list[Variable]:
             x.unit,
             x.offset,
         ),
+        *_guards(model),
     ]
+
+
+def _guards(model: ExportModel) -> list[Variable]:
+    """Variables of the guards that the model has."""
+    guards, y = model.guards, model.output
+    rate = Variable(
+        f"{y.variable}_rate_limit",
+        7,
+        "parameter",
+        f"Largest change of the {y.quantity} in a second; it can be lowered, not raised",
+        f"{y.unit}/s",
+        guards.rate_limit,
+        0.0,
+        guards.rate_limit,
+        guards.rate_limit,
+    )
+    damping = Variable(
+        "device_damping",
+        8,
+        "parameter",
+        "Damping that the device surely has at the tool: with less of it the FMU bounds the "
+        f"{y.quantity} more; 0 lets none through",
+        model.damping_unit,
+        guards.device_damping,
+        0.0,
+        LARGEST,
+        1.0,
+    )
+    reserve = Variable(
+        "energy_reserve",
+        9,
+        "parameter",
+        "Most energy that counts as taken in: what is dissipated early is not kept for ever",
+        "J",
+        guards.energy_reserve,
+        0.0,
+        LARGEST,
+        1.0,
+    )
+    energy = Variable(
+        "energy",
+        10,
+        "output",
+        "Energy that model and device damping have taken in up to the last sample; never negative",
+        "J",
+        None,
+        None,
+        None,
+        1.0,
+    )
+    return [rate] * (guards.rate_limit > 0) + [damping, reserve, energy] * guards.passive
 
 
 def _resists(model: ExportModel) -> str:
@@ -133,11 +171,35 @@ def description_text(model: ExportModel, data: str) -> str:
     )
 
 
+def guards_text(model: ExportModel) -> list[str]:
+    """Say what is done to the force before the device receives it, a sentence or two for each guard."""
+    y, guards, texts = model.output, model.guards, []
+    way = "positive" if model.resistance > 0 else "negative"
+    if guards.contact:
+        texts.append(
+            f"Contact: the tissue cannot pull; {y.variable} is never on the other side than the {way} one, on which it "
+            f"resists a growing {model.input.quantity}."
+        )
+    if guards.rate_limit > 0:
+        texts.append(
+            f"Rate: {y.variable} begins at 0 and changes by at most {y.variable}_rate_limit in a second, "
+            f"{guards.rate_limit * model.sampling_time:g} {y.unit} in a sample."
+        )
+    if guards.passive:
+        texts.append(
+            f"Passive: {y.variable} stays within the force at which FMU and a device with the damping device_damping cannot "
+            "give out more energy than they took in, whatever is done with the device. It gives way where the model alone "
+            f"would feed an oscillation; {way} {y.quantity} counts as resisting. The guarantee needs one communication "
+            "step per sample, and a device that displays what is read."
+        )
+    return texts
+
+
 def feedthrough_text(model: ExportModel, version: str) -> str:
     """Say what a client sees of the feed-through, by FMI version."""
     if not model.feedthrough:
         return "The model has no feed-through (D = 0): the output of a sample does not depend on its input."
-    if model.dynamics.waits_for_input:
+    if model.waits_for_input:
         return _whole_force_late(version)
     if version == "2.0":
         return (
@@ -176,8 +238,10 @@ def _attributes(variable: Variable) -> dict[str, str]:
     return {**unit, **{key: _number(value) for key, value in given.items() if value is not None}}
 
 
+# The input is sampled: importers apply a discrete input at the events that take the samples, a continuous one only
+# between them, which gives each sample the position of the one before.
 _ROLES = {
-    "input": {"causality": "input", "variability": "continuous"},
+    "input": {"causality": "input", "variability": "discrete"},
     "output": {"causality": "output", "variability": "discrete", "initial": "calculated"},
     "parameter": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
 }
@@ -187,10 +251,9 @@ def _units(root: ElementTree.Element, names: list[str]) -> None:
     units = ElementTree.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(names):
         unit = ElementTree.SubElement(units, "Unit", name=name)
-        if name in BASE_UNITS:
-            ElementTree.SubElement(
-                unit, "BaseUnit", {key: str(value) for key, value in BASE_UNITS[name].items()}
-            )
+        exponents = base_unit(name)
+        if exponents is not None:
+            ElementTree.SubElement(unit, "BaseUnit", {key: str(value) for key, value in exponents.items()})
 
 
 def _experiment(root: ElementTree.Element, model: ExportModel) -> None:
@@ -205,15 +268,21 @@ def _log_categories(root: ElementTree.Element) -> None:
         ElementTree.SubElement(categories, "Category", name=name)
 
 
-def _dependencies(model: ExportModel, numbers: dict[str, int]) -> str:
-    """Numbers of the variables that the output depends on at a sample instant."""
+def _unknowns(model: ExportModel, numbers: dict[str, int], initial: bool) -> list[dict[str, str]]:
+    """Outputs with the variables that they depend on at a sample instant, or at the first one, by their numbers."""
     names = [variable.name for variable in variables(model) if variable.kind == "parameter"]
-    if model.feedthrough:
+    if model.feedthrough or (initial and model.starts_at_rest):
         names = [model.input.variable, *names]
     else:
         # Without feed-through the input's offset acts through the states alone.
         names.remove(f"{model.input.variable}_offset")
-    return " ".join(str(numbers[name]) for name in names)
+    dependencies = {model.output.variable: " ".join(str(numbers[name]) for name in names)}
+    return [
+        # The energy is that of the last sample taken.
+        {"number": str(numbers[variable.name]), "dependencies": dependencies.get(variable.name, "")}
+        for variable in variables(model)
+        if variable.kind == "output"
+    ]
 
 
 def model_description(model: ExportModel, version: str, data: str) -> str:
@@ -248,6 +317,7 @@ def _root(version: str, model: ExportModel, data: str, **token: str) -> ElementT
                     sign_text(model),
                     range_text(model),
                     feedthrough_text(model, version),
+                    *guards_text(model),
                 )
             ),
             "author": AUTHOR,
@@ -299,13 +369,12 @@ def _fmi2(model: ExportModel, data: str) -> ElementTree.Element:
         ElementTree.SubElement(scalar, "Real", _attributes(variable))
     indices = {variable.name: index for index, variable in enumerate(listed, start=1)}
     structure = ElementTree.SubElement(root, "ModelStructure")
-    for name in ("Outputs", "InitialUnknowns"):
-        ElementTree.SubElement(
-            ElementTree.SubElement(structure, name),
-            "Unknown",
-            index=str(indices[model.output.variable]),
-            dependencies=_dependencies(model, indices),
-        )
+    for name, initial in (("Outputs", False), ("InitialUnknowns", True)):
+        parent = ElementTree.SubElement(structure, name)
+        for unknown in _unknowns(model, indices, initial):
+            ElementTree.SubElement(
+                parent, "Unknown", index=unknown["number"], dependencies=unknown["dependencies"]
+            )
     return root
 
 
@@ -349,13 +418,11 @@ def _fmi3(model: ExportModel, data: str) -> ElementTree.Element:
         ElementTree.SubElement(parent, "Float64", {**head, **_ROLES[variable.kind], **_attributes(variable)})
     references = {variable.name: variable.reference for variable in listed}
     structure = ElementTree.SubElement(root, "ModelStructure")
-    for name in ("Output", "InitialUnknown"):
-        ElementTree.SubElement(
-            structure,
-            name,
-            valueReference=str(references[model.output.variable]),
-            dependencies=_dependencies(model, references),
-        )
+    for name, initial in (("Output", False), ("InitialUnknown", True)):
+        for unknown in _unknowns(model, references, initial):
+            ElementTree.SubElement(
+                structure, name, valueReference=unknown["number"], dependencies=unknown["dependencies"]
+            )
     annotations = ElementTree.SubElement(root, "Annotations")
     ElementTree.SubElement(annotations, "Annotation", type=ANNOTATION).text = json.dumps(meaning(model))
     return root

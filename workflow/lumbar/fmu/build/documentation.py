@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar import __version__
-from lumbar.fmu.build.description import AUTHOR, feedthrough_text, model_version, variables
+from lumbar.fmu.build.description import AUTHOR, feedthrough_text, guards_text, model_version, variables
 from lumbar.fmu.build.effect_model import Term
 from lumbar.fmu.build.equation_svg import equation_svg
 from lumbar.fmu.build.export_model import ExportModel
@@ -34,12 +34,6 @@ def documentation_html(
     from markupsafe import Markup
 
     x, y = model.input, model.output
-    averaged = (
-        f"u[k] is the mean of the last {model.moving_average} samples of {x.variable} − {x.variable}_offset, "
-        "the newest included; before the start the model was at rest."
-        if model.moving_average > 1
-        else f"u[k] = {x.variable} − {x.variable}_offset."
-    )
     linear = isinstance(model.dynamics, LinearModel)
     return template("fmu/build/documentation.html.jinja").render(
         name=model.name,
@@ -49,7 +43,8 @@ def documentation_html(
         output=y,
         linear_equations=model.dynamics.equations() if linear else [],
         terms=[] if linear else [_term(model, term) for term in model.dynamics.terms],
-        averaged=averaged,
+        averaged=_averaged(model),
+        guards=guards_text(model),
         stable=model.stable,
         largest_pole=f"{model.dynamics.largest_pole:.6g}",
         sampling=f"{model.sampling_time:g}",
@@ -74,6 +69,20 @@ def documentation_html(
         fit=model.fit,
         plot=Markup(reference_plot(push[0], [(x.label, push[1]), (y.label, push[2])])),
     )
+
+
+def _averaged(model: ExportModel) -> str:
+    """What u[k] is, and what it was before the start."""
+    x, samples = model.input.variable, model.moving_average
+    text = f"u[k] = {x} − {x}_offset"
+    if samples > 1:
+        milliseconds = 1000 * samples * model.sampling_time
+        text = (
+            f"u[k] is the mean of the last {samples} samples ({milliseconds:g} ms) of {x} − {x}_offset, the newest "
+            "included"
+        )
+    rest = "has always been where it is" if model.starts_at_rest else "rested at its offset before"
+    return f"{text}; at the first sample the {model.input.quantity} counts as one that {rest}."
 
 
 _ACTS = {

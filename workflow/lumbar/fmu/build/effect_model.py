@@ -66,10 +66,13 @@ class EffectModel:
     forms: tuple[tuple[Form, tuple[float, ...], tuple[float, ...]], ...]
     sampling_time: float
 
-    c_files = ("model_effects.c", "portable_math.c")
-    headers = ("effect_forms.h", "portable_math.h")
+    c_source = "model_effects.c"
+    headers = ("effect_forms.h", "portable_math.h", "portable_math.c")
     waits_for_input = True
     feedthrough = True
+    rests_anywhere = True
+    delay = 0
+    phases = 1
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
@@ -143,6 +146,10 @@ class EffectModel:
 
     def _motion(self, inputs: np.ndarray) -> SampledMotion:
         return SampledMotion.of_positions(np.asarray(inputs, dtype=float), self.sampling_time)
+
+    def response_from_rest(self, inputs: np.ndarray, late: bool) -> np.ndarray:
+        """Return the output from rest at the first input, as all forms begin; shape (samples,)."""
+        return self.late_response(inputs) if late else self.response(inputs)
 
     def late_response(self, inputs: np.ndarray) -> np.ndarray:
         """Return what an FMI 2.0 client reads: the force of the sample before, except at the start."""

@@ -5,21 +5,28 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from lumbar.errors import NumericalError, Problems
 from lumbar.fmu.build.effect_entry import effect_model
 from lumbar.fmu.build.effect_model import EffectModel
+from lumbar.fmu.build.guards import UNGUARDED, Guards
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.resampled_model import at_rate
+from lumbar.fmu.build.units import work_units
 from lumbar.models.fitted_model import GIVEN, FittedModel, MotionRange, Port, identifier
 
 if TYPE_CHECKING:
     from lumbar.settings.runtime import RuntimeSettings
 
-MAX_WINDOW = 16
-"""Room for the moving average in an FMU's memory, as in ``model.h``."""
+MAX_HISTORY = 512
+"""Earlier inputs that an FMU keeps, for its moving average and its delay."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
+_PUSH = 0.2
+"""Seconds of the push that tells which force resists."""
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 """What no file can be called on Windows, whatever its ending."""
 
@@ -45,6 +52,10 @@ class ExportModel:
         Largest factor on the output that a user may set.
     fit : dict of str to str
         How the model was found, for the documentation: label and text.
+    guards : Guards
+        What is done to the force before the device receives it.
+    starts_at_rest : bool
+        Whether the model rests at the first input; else it rested at the input's offset before.
     prescribed : bool
         Whether it was given, as IL is, not identified.
     valid_for : MotionRange or None
@@ -62,6 +73,8 @@ class ExportModel:
     output_limit: float
     gain_limit: float
     fit: dict[str, str]
+    guards: Guards = UNGUARDED
+    starts_at_rest: bool = True
     prescribed: bool = False
     valid_for: MotionRange | None = None
     on_device: tuple[str, ...] = ()
@@ -71,10 +84,26 @@ class ExportModel:
         if not _NAME.fullmatch(self.name) or _DEVICE.fullmatch(self.name):
             allowed = "a letter, then letters, digits, _ . + -, at most 200, and no device of Windows"
             problems.add("name", repr(self.name), f"{allowed} (it becomes a file name)")
-        if not 1 <= self.moving_average <= MAX_WINDOW:
-            problems.add("runtime.moving_average", f"{self.moving_average}", f"allowed are 1 to {MAX_WINDOW}")
-        for problem in self.dynamics.problems():
+        if not (self.moving_average >= 1 and self.history <= MAX_HISTORY):
+            problems.add(
+                "runtime.moving_average_ms",
+                f"{self.moving_average} samples, and {self.dynamics.delay} of delay, at {1 / self.sampling_time:g} Hz",
+                f"at least 1, and {MAX_HISTORY} in all, fit into an FMU",
+            )
+        for problem in (*self.dynamics.problems(), *self.guards.problems()):
             problems.add(*problem)
+        if self.guards.passive and self.work_units is None:
+            problems.add(
+                "runtime.device_damping",
+                f"{self.input.unit} times {self.output.unit} is no energy",
+                "a length and a force or an angle and a torque are needed; leave the key empty",
+            )
+        if self.starts_at_rest and not self.dynamics.rests_anywhere:
+            problems.add(
+                "runtime.start",
+                "a pole at 1: the model rests at no other input than its offset",
+                "say runtime.start: offset",
+            )
         for label, value in (
             ("sampling_time_s", self.sampling_time),
             ("runtime.output_limit", self.output_limit),
@@ -106,7 +135,48 @@ class ExportModel:
     @property
     def feedthrough(self) -> bool:
         """Whether the output depends on the input of the same sample."""
-        return self.dynamics.feedthrough
+        return self.dynamics.feedthrough or self.guards.active
+
+    @property
+    def waits_for_input(self) -> bool:
+        """Whether an output without the input of its sample would be meaningless."""
+        return self.dynamics.waits_for_input or self.guards.active
+
+    @property
+    def history(self) -> int:
+        """Earlier inputs kept."""
+        return self.moving_average - 1 + self.dynamics.delay
+
+    @property
+    def work_units(self) -> tuple[float, float, str] | None:
+        """Input and output in SI units and the unit of damping; None where their product is no energy."""
+        return work_units(self.input.unit, self.output.unit)
+
+    @property
+    def input_unit(self) -> float:
+        """The input's unit in m or rad; 1 where energies mean nothing."""
+        return (self.work_units or (1.0,))[0]
+
+    @property
+    def output_unit(self) -> float:
+        """The output's unit in N or N·m; 1 where energies mean nothing."""
+        return (self.work_units or (1.0, 1.0))[1]
+
+    @property
+    def damping_unit(self) -> str:
+        """Of the device's damping."""
+        return (self.work_units or (1.0, 1.0, "1"))[2]
+
+    @cached_property
+    def resistance(self) -> float:
+        """Sign of the output that resists a growing input, 1 or −1: that of the mean over a slow push.
+
+        A prescribed model is displayed like the others, whatever its sign: an inverted one is active, and draws the tool in.
+        """
+        if self.prescribed:
+            return 1.0
+        push = np.linspace(0.0, 1.0, max(10, round(_PUSH / self.sampling_time)))
+        return -1.0 if self.dynamics.response(push).mean() < 0 else 1.0
 
     @property
     def stable(self) -> bool:
@@ -209,13 +279,34 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
         sampling_time=wanted,
         input=model.input,
         output=model.output,
-        moving_average=settings.moving_average,
+        moving_average=averaged_samples(model.name, settings.moving_average_ms, wanted),
         output_limit=float(settings.output_limit),
         gain_limit=float(settings.gain_limit),
         fit=_fit_texts(model),
+        guards=Guards(
+            contact=settings.contact,
+            rate_limit=float(settings.output_rate_limit or 0.0),
+            device_damping=float(settings.device_damping or 0.0),
+            energy_reserve=float(settings.energy_reserve),
+        ),
+        starts_at_rest=settings.start == "first_position",
         prescribed=model.estimator == GIVEN,
         valid_for=model.valid_for,
     )
+
+
+def averaged_samples(name: str, milliseconds: float, sampling_time: float) -> int:
+    """Samples of the moving average, to the nearest whole number; an average of none is an error."""
+    samples = milliseconds / (1000 * sampling_time)
+    if milliseconds > 0 and samples < 0.5:
+        problems = Problems(f"model {name!r}")
+        problems.add(
+            "runtime.moving_average_ms",
+            f"{milliseconds:g} ms is less than a sample at {1 / sampling_time:g} Hz",
+            f"0 is off; the thesis's three samples are {3000 * sampling_time:g}",
+        )
+        problems.raise_if_any()
+    return max(1, round(samples))
 
 
 def _fit_texts(model: FittedModel) -> dict[str, str]:

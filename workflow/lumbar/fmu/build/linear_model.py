@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     import control
 
 MAX_STATES = 16
+_NEAR_ONE = 1e-9
+"""A pole this close to 1 counts as an integrator."""
 
 
 @dataclass(frozen=True)
@@ -24,16 +26,22 @@ class LinearModel:
     Attributes
     ----------
     numerator, denominator : tuple of float
-        Coefficients of z⁰, z⁻¹, z⁻², …
+        Coefficients of z⁰, z⁻ᵖ, z⁻²ᵖ, … with p phases.
     name : str
         Stands in messages.
+    delay : int
+        Samples by which the input is late.
+    phases : int
+        Samples between those that the model itself knows: it runs as many times over, each on its own samples.
     """
 
     numerator: tuple[float, ...]
     denominator: tuple[float, ...]
     name: str = "model"
+    delay: int = 0
+    phases: int = 1
 
-    c_files = ("model_linear.c",)
+    c_source = "model_linear.c"
     headers = ()
     waits_for_input = False
 
@@ -44,18 +52,28 @@ class LinearModel:
 
     @property
     def states(self) -> int:
-        """Numbers that the model keeps from sample to sample."""
+        """Numbers that the model keeps from one of its samples to the next."""
         return self.state_space.nstates
 
     @property
     def largest_pole(self) -> float:
-        """Largest magnitude of a pole; 0 without poles."""
-        return float(np.abs(self.state_space.poles()).max(initial=0.0))
+        """Largest magnitude of a pole, per sample of the FMU; 0 without poles."""
+        return float(np.abs(self.state_space.poles()).max(initial=0.0)) ** (1 / self.phases)
+
+    @property
+    def rests_anywhere(self) -> bool:
+        """Whether there is a state at rest for every input: no pole at 1."""
+        return bool(np.all(np.abs(self.state_space.poles() - 1.0) > _NEAR_ONE))
+
+    @property
+    def rest_gain(self) -> float:
+        """Output at rest at an input of 1."""
+        return sum(self.numerator) / sum(self.denominator)
 
     @property
     def feedthrough(self) -> bool:
         """Whether the output depends on the input of the same sample."""
-        return self.numerator[0] != 0.0
+        return self.numerator[0] != 0.0 and self.delay == 0
 
     def problems(self) -> list[tuple[str, str, str]]:
         """What keeps the model from being exported: place, what was found, what is allowed."""
@@ -67,11 +85,33 @@ class LinearModel:
         """Return the output by the transfer function itself, from rest; shape (samples,)."""
         from scipy.signal import lfilter
 
+        late = np.concatenate([np.zeros(self.delay), inputs])[: len(inputs)]
         with np.errstate(over="ignore", invalid="ignore"):
-            return lfilter(self.numerator, self.denominator, inputs)
+            return lfilter(self._spread(self.numerator), self._spread(self.denominator), late)
+
+    @property
+    def transfer_function(self) -> TransferFunction:
+        """H(z) at the FMU's own samples, delay and phases included."""
+        return TransferFunction(
+            (*[0.0] * self.delay, *self._spread(self.numerator).tolist()),
+            tuple(self._spread(self.denominator).tolist()),
+        )
+
+    def _spread(self, coefficients: tuple[float, ...]) -> np.ndarray:
+        """Coefficients of the powers of 1/z, without a gap."""
+        spread = np.zeros((len(coefficients) - 1) * self.phases + 1)
+        spread[:: self.phases] = coefficients
+        return spread
+
+    def response_from_rest(self, inputs: np.ndarray, late: bool) -> np.ndarray:
+        """Return the output of a model that rests at the first input; shape (samples,)."""
+        respond = self.late_response if late else self.response
+        return self.rest_gain * inputs[0] + respond(inputs - inputs[0])
 
     def late_response(self, inputs: np.ndarray) -> np.ndarray:
         """Return what an FMI 2.0 client reads: the feed-through one sample late, except at the start."""
+        if not self.feedthrough:
+            return self.response(inputs)
         through = self.numerator[0] / self.denominator[0] * inputs
         return self.response(inputs) - through + np.concatenate([through[:1], through[:-1]])
 
@@ -92,12 +132,22 @@ class LinearModel:
 
     def equations(self) -> list[str]:
         """Return the equations in plain text, one per line, numbers to six digits."""
-        system, rows = self.state_space, []
+        system, rows, late = self.state_space, [], f"−{self.delay}" if self.delay else ""
         for index in range(system.nstates):
             terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.A[index])]
-            rows.append(f"x{index + 1}[k+1] = {_sum([*terms, (system.B[index, 0], 'u[k]')])}")
+            rows.append(
+                f"x{index + 1}[k+{self.phases}] = {_sum([*terms, (system.B[index, 0], f'u[k{late}]')])}"
+            )
         terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.C[0])]
-        return [*rows, f"y[k] = {_sum([*terms, (system.D[0, 0], 'u[k]')])}"]
+        return [*rows, f"y[k] = {_sum([*terms, (system.D[0, 0], f'u[k{late}]')])}"]
+
+    @property
+    def rest_state(self) -> np.ndarray:
+        """State at rest at an input of 1, or of 0 where a pole at 1 leaves no other; shape (states,) or (1,)."""
+        system = self.state_space
+        if not system.nstates or not self.rests_anywhere:
+            return np.zeros(max(1, system.nstates))
+        return np.linalg.solve(np.eye(system.nstates) - system.A, system.B[:, 0])
 
     def c_data(self) -> list[str]:
         """Lines of model_data.h: hexadecimal floats are exact, and the same text on every machine."""
@@ -115,6 +165,7 @@ class LinearModel:
             f"static const double MODEL_A[{size}][{size}] = {{{', '.join(map(hex_row, matrix))}}};",
             f"static const double MODEL_B[{size}] = {hex_row(column)};",
             f"static const double MODEL_C[{size}] = {hex_row(row)};",
+            f"static const double MODEL_REST[{size}] = {hex_row(np.resize(self.rest_state, size))};",
             f"#define MODEL_D {float(system.D[0, 0]).hex()}",
         ]
 

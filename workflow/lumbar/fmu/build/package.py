@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lumbar.errors import InputError
 from lumbar.files import replacing
-from lumbar.fmu.build.compiler import TARGETS, compile_library, resolve_targets
+from lumbar.fmu.build.compiler import TARGETS, compile_library, resolve_targets, warm_cache
 from lumbar.fmu.build.description import FMI_VERSIONS, build_description, model_description
 from lumbar.fmu.build.documentation import documentation_html
 from lumbar.fmu.build.export_model import ExportModel
@@ -17,6 +17,7 @@ from lumbar.fmu.build.extras import attachments, resources
 from lumbar.fmu.build.mach_o import universal_library
 from lumbar.fmu.build.reference_response import reference_push
 from lumbar.fmu.build.sources import c_files, source_files
+from lumbar.progress import track
 
 _COMPRESSION = 9
 _EARLIEST = (1980, 1, 1, 0, 0, 0)
@@ -124,7 +125,7 @@ def write_fmu(path: Path, files: dict[str, bytes]) -> None:
 def export_fmus(
     models: list[ExportModel], folder: Path, data: str, targets: Sequence[str], cache: Path
 ) -> list[Path]:
-    """Compile each model once and write its FMUs, ``<name>_fmi2.fmu`` and ``<name>_fmi3.fmu``.
+    """Compile each model once and write its FMUs, ``<name>_fmi2.fmu`` and ``<name>_fmi3.fmu``; say how far it is.
 
     Parameters
     ----------
@@ -149,8 +150,9 @@ def export_fmus(
         As `compile_model` and `write_fmu`.
     """
     written = []
+    warm_cache(targets, cache)
     with tempfile.TemporaryDirectory(prefix="lumbar-fmu-") as name:
-        for model in models:
+        for model in track(models, "FMUs compiled"):
             libraries = compile_model(model, targets, cache, Path(name))
             for version in FMI_VERSIONS:
                 path = folder / fmu_name(model.name, version)

@@ -6,6 +6,7 @@ import numpy as np
 
 from lumbar.errors import NumericalError
 from lumbar.fmu.build.export_model import ExportModel
+from lumbar.fmu.build.guards import guarded
 from lumbar.fmu.build.linear_model import LinearModel
 
 _LARGEST_GROWTH = 1e6
@@ -18,11 +19,30 @@ _DURATIONS = {"rest": 0.1, "push": 0.25, "hold": 0.4, "withdraw": 0.25, "end": 0
 """Seconds."""
 
 
-def moving_average(deviations: np.ndarray, samples: int) -> np.ndarray:
-    """Return the moving average over the newest samples, from rest."""
+def moving_average(deviations: np.ndarray, samples: int, at_rest: bool = False) -> np.ndarray:
+    """Return the moving average over the newest samples, from rest at 0 or at the first of them."""
     from scipy.signal import lfilter
 
-    return lfilter(np.full(samples, 1 / samples), [1.0], deviations)
+    first = deviations[0] if at_rest else 0.0
+    return first + lfilter(np.full(samples, 1 / samples), [1.0], deviations - first)
+
+
+def model_output(model: ExportModel, inputs: np.ndarray, late: bool = False) -> np.ndarray:
+    """Return the output of model and moving average, in deviations from rest; shape (samples,).
+
+    Parameters
+    ----------
+    model : ExportModel
+    inputs : numpy.ndarray, shape (samples,)
+        In the input's unit.
+    late : bool
+        As a client without event mode reads it.
+    """
+    dynamics, at_rest = model.dynamics, model.starts_at_rest
+    averaged = moving_average(inputs - model.input.offset, model.moving_average, at_rest)
+    if at_rest:
+        return dynamics.response_from_rest(averaged, late)
+    return dynamics.late_response(averaged) if late else dynamics.response(averaged)
 
 
 def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np.ndarray:
@@ -33,7 +53,8 @@ def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np
     model : ExportModel
     inputs : numpy.ndarray, shape (samples,)
     version : str
-        In FMI 2.0 the feed-through is one sample late, or the whole force; not so at the start.
+        In FMI 2.0 the feed-through is one sample late, or the whole force; not so at the start, but with guards the force
+        is 0 there.
 
     Returns
     -------
@@ -44,13 +65,14 @@ def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np
     NumericalError
         If the output overflows.
     """
-    averaged = moving_average(inputs - model.input.offset, model.moving_average)
-    dynamics = model.dynamics
-    outputs = dynamics.late_response(averaged) if version == "2.0" else dynamics.response(averaged)
-    outputs = outputs + model.output.offset
+    late = version == "2.0"
+    outputs = model_output(model, inputs, late and not model.guards.active) + model.output.offset
     if not np.isfinite(outputs).all():
         raise NumericalError(f"{model.name}: the output overflows within {len(inputs)} samples")
-    return np.clip(outputs, -model.output_limit, model.output_limit)
+    if model.guards.contact:
+        outputs = np.where(model.resistance * outputs < 0, 0.0, outputs)
+    limited = np.clip(outputs, -model.output_limit, model.output_limit)
+    return guarded(model, inputs, limited, event_mode=not late).read if model.guards.active else limited
 
 
 def samples_within_range(model: ExportModel, samples: int) -> int:

@@ -11,7 +11,6 @@ from lumbar.fmu.build.export_model import ExportModel
 from lumbar.fmu.c import c_source
 
 _C_FILES = ("sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
-_ROOMS = (16, 32, 64, 128, 256, 512)
 _HEADERS = ("model.h", "sampled_force.h")
 _FMI_HEADERS = (
     "fmi2Functions.h",
@@ -24,8 +23,8 @@ _FMI_HEADERS = (
 
 
 def c_files(model: ExportModel) -> tuple[str, ...]:
-    """What is compiled, the model's own files first."""
-    return (*model.dynamics.c_files, *_C_FILES)
+    """What is compiled; ``sampled_force.c`` includes the model itself."""
+    return _C_FILES
 
 
 @cache
@@ -39,7 +38,7 @@ def _fixed_source(name: str) -> str:
 
 
 def _fixed_sources(model: ExportModel) -> dict[str, str]:
-    names = (*c_files(model), *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
+    names = (*c_files(model), model.dynamics.c_source, *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
     return {name: _fixed_source(name) for name in names}
 
 
@@ -63,13 +62,22 @@ def content_token(model: ExportModel) -> str:
 
 
 def _model_size(model: ExportModel) -> str:
-    """Room for the state, in a few sizes: what does not hold the model's numbers is then compiled once for many."""
-    room = next(size for size in _ROOMS if size >= model.dynamics.states)
-    return f"/* Room for the state of a model, written at export. */\n#define MODEL_STATES {room}\n"
+    """What loops and memory depend on, exactly: they are what a step costs. C has no arrays of length 0."""
+    sizes = {
+        "MODEL_STATES": max(1, model.dynamics.states),
+        "MODEL_PHASES": model.dynamics.phases,
+        "MODEL_WINDOW": model.moving_average,
+        "MODEL_DELAY": model.dynamics.delay,
+        "MODEL_HISTORY": max(1, model.history),
+        "MODEL_SOURCE": f'"{model.dynamics.c_source}"',
+    }
+    lines = [f"#define {name} {size}" for name, size in sizes.items()]
+    return "\n".join(["/* Sizes of a model, written at export. */", *lines, ""])
 
 
 def _model_data(model: ExportModel, token: str) -> str:
     """Numbers as hexadecimal floats: exact, and the same text on every machine."""
+    guards = model.guards
     constants = {
         "token": f'"{token}"',
         "sampling_time": model.sampling_time.hex(),
@@ -77,7 +85,15 @@ def _model_data(model: ExportModel, token: str) -> str:
         "output_offset": model.output.offset.hex(),
         "output_limit": model.output_limit.hex(),
         "gain_limit": model.gain_limit.hex(),
-        "window": str(model.moving_average),
+        "rate_limit": guards.rate_limit.hex(),
+        "device_damping": guards.device_damping.hex(),
+        "energy_reserve": guards.energy_reserve.hex(),
+        "input_unit": model.input_unit.hex(),
+        "output_unit": model.output_unit.hex(),
+        "resistance": model.resistance.hex(),
+        "contact": str(int(guards.contact)),
+        "guarded": str(int(guards.active)),
+        "starts_at_rest": str(int(model.starts_at_rest)),
         "feedthrough": str(int(model.feedthrough)),
         "waits_for_input": str(int(model.dynamics.waits_for_input)),
     }

@@ -104,9 +104,9 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     INSTANCE
     if (self->state.mode != MODE_INITIALIZATION) return failed(self, "The instance is not in initialization mode.");
     self->state.mode = MODE_STEP;
-    if (MODEL.feedthrough) {
+    if (MODEL.feedthrough || MODEL.guarded) {
         message(self, fmi2Warning,
-                MODEL.waits_for_input
+                MODEL.waits_for_input || MODEL.guarded
                     ? "FMI 2.0: the force read is that of the sample before (documentation/index.html); the FMI 3.0 "
                       "FMU with event mode has none of this delay."
                     : "FMI 2.0: the feed-through from position to force is one sample late, C x[k] + D u[k-1] "

@@ -12,9 +12,12 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
-#include "model_size.h" /* MODEL_STATES, written at export */
+/* MODEL_STATES, and the samples of: MODEL_WINDOW, the moving average on the input, 1 = off; MODEL_DELAY, how late the
+ * model gets it; MODEL_PHASES, the time between two samples of the model itself, which has as many states in turn;
+ * MODEL_HISTORY, earlier inputs kept. Written at export. */
+#include <stdbool.h>
 
-#define MODEL_MAX_WINDOW 16
+#include "model_size.h"
 
 typedef struct {
     const char *token;       /* content hash: the FMU's GUID (FMI 2) and instantiation token (FMI 3) */
@@ -23,7 +26,15 @@ typedef struct {
     double output_offset;    /* output at rest */
     double output_limit;     /* largest magnitude of the output that the device may receive */
     double gain_limit;       /* largest factor on the model's output */
-    int window;              /* samples of the moving average on the input, 1 = off, at most MODEL_MAX_WINDOW */
+    double rate_limit;       /* largest change of the output in a second; 0 = none */
+    double device_damping;   /* N s/m that the device surely has; 0 = the model is not made passive */
+    double energy_reserve;   /* most energy that counts as taken in, J */
+    double input_unit;       /* of the input in m or rad, for energies */
+    double output_unit;      /* of the output in N or N m */
+    double resistance;       /* sign of the output that resists a growing input: 1 or -1 */
+    int contact;             /* 1 where the output never pulls */
+    int guarded;             /* 1 with a limit on the rate, or passive */
+    int starts_at_rest;      /* 1 where the model rests at the first input, 0 at its offset */
     int feedthrough;         /* 1 where the output depends on the input of the same sample */
     int waits_for_input;     /* 1 where an output without the input of its sample would be meaningless */
 } model_constants;
@@ -33,7 +44,10 @@ extern const model_constants MODEL;
 /* Sample k: returns y[k] = h(x[k], u[k]) and writes x[k+1] = f(x[k], u[k]) to `next`, which must not be `x`. */
 double model_sample(const double x[], double u, double next[]);
 
-/* Derivative of y[k] by u[k]. */
-double model_slope(const double x[], double u);
+/* States at rest at a constant input. */
+void model_rest(double u, double x[]);
+
+/* Derivative of y[k] by u[k]; at rest, by an input that has always been u. */
+double model_slope(const double x[], double u, bool at_rest);
 
 #endif

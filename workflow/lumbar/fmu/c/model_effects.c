@@ -7,6 +7,7 @@
  */
 #include "effect_forms.h"
 #include "model.h"
+#include "portable_math.c" /* what is constant in a form is then computed by the compiler */
 
 typedef struct {
     form_function *run;
@@ -56,8 +57,15 @@ double model_sample(const double x[], double u, double next[]) {
     return force;
 }
 
+/* At the first sample every form rests where it is. */
+void model_rest(double u, double x[]) {
+    (void)u;
+    for (int i = 0; i < MODEL_STATES; ++i) x[i] = 0.0;
+}
+
 /* Central difference: the forms have kinks, where a derivative does not exist; far from them it is good to 1e-6. */
-double model_slope(const double x[], double u) {
+double model_slope(const double x[], double u, bool at_rest) {
+    (void)at_rest;
     static const double STEP = 0x1p-23; /* about 1e-7 of the input's unit; a power of two is added without error */
     double next[MODEL_STATES];
     return (model_sample(x, u + STEP, next) - model_sample(x, u - STEP, next)) / (2.0 * STEP);

@@ -1,7 +1,7 @@
 /* Linear discrete-time state space:  x[k+1] = A x[k] + B u[k],  y[k] = C x[k] + D u[k].
  *
  * The numbers are in model_data.h, which is written at export: A, B, C, D as hexadecimal floats (exact), the
- * constants as MODEL_CONSTANTS.
+ * constants as MODEL_CONSTANTS; MODEL_REST is x at rest at u = 1.
  */
 #include "model.h"
 #include "model_data.h"
@@ -18,7 +18,14 @@ double model_sample(const double x[], double u, double next[]) {
     return y;
 }
 
-double model_slope(const double x[], double u) {
+void model_rest(double u, double x[]) {
+    for (int i = 0; i < LINEAR_STATES; ++i) x[i] = MODEL_REST[i] * u;
+}
+
+double model_slope(const double x[], double u, bool at_rest) {
     (void)x, (void)u;
-    return MODEL_D;
+    if (!at_rest) return MODEL_D;
+    double slope = MODEL_D;
+    for (int i = 0; i < LINEAR_STATES; ++i) slope += MODEL_C[i] * MODEL_REST[i];
+    return slope;
 }

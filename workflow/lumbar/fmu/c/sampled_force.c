@@ -1,7 +1,10 @@
 #include "sampled_force.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
+
+#include MODEL_SOURCE /* the model itself: its numbers become part of the code around them */
 
 /* Communication points are sums of many steps: they miss a sample instant by rounding. An instant counts as reached
  * within this share of the sampling time. */
@@ -10,7 +13,10 @@
 /* Numbers below this are flushed to zero: products of them would be denormal, and slow, long before they mattered. */
 #define NEGLIGIBLE 1e-200
 
-static const char MAGIC[8] = "lumbar1";
+/* Largest device damping in N s/m and energy reserve in J (rotations: N m s/rad) that may be set. */
+#define LARGEST_GUARD 1e3
+
+static const char MAGIC[8] = "lumbar2";
 
 static double sample_instant(const force_state *state, int64_t sample) {
     return state->start_time + (double)sample * MODEL.sampling_time;
@@ -20,12 +26,19 @@ static double tolerance(void) { return INSTANT_TOLERANCE * MODEL.sampling_time; 
 
 static double flushed(double value) { return fabs(value) < NEGLIGIBLE ? 0.0 : value; }
 
+static double within(double value, double low, double high) {
+    return value < low ? low : value > high ? high : value;
+}
+
 void force_reset(force_state *state, bool event_mode) {
     memset(state, 0, sizeof *state);
     state->input = MODEL.input_offset;
     state->input_offset = MODEL.input_offset;
     state->output_offset = MODEL.output_offset;
     state->output_limit = MODEL.output_limit;
+    state->rate_limit = MODEL.rate_limit;
+    state->device_damping = MODEL.device_damping;
+    state->energy_reserve = MODEL.energy_reserve;
     state->gain = 1.0;
     state->mode = MODE_INSTANTIATED;
     state->event_mode = event_mode;
@@ -41,55 +54,181 @@ bool force_start(force_state *state, double start_time) {
     return true;
 }
 
-/* Mean of the newest input and those of the samples before it, as a deviation from rest. */
+static double deviation(const force_state *state) { return state->input - state->input_offset; }
+
+/* Whether the pending sample is the first one of a model that rests where it is first touched. */
+static bool starts_at_rest(const force_state *state) { return MODEL.starts_at_rest && state->next_sample == 0; }
+
+/* Deviation of the input so many samples ago. */
+static double past_input(const force_state *state, int samples) {
+    if (samples == 0) return deviation(state);
+    int place = state->newest + 1 - samples;
+    return state->history[place < 0 ? place + MODEL_HISTORY : place];
+}
+
+/* Mean of the newest inputs, as late as the model's delay. */
 static double averaged_input(const force_state *state) {
-    double sum = state->input - state->input_offset;
-    for (int i = 0; i < MODEL.window - 1; ++i) sum += state->window[i];
-    return flushed(sum / MODEL.window);
+    if (starts_at_rest(state)) return flushed(deviation(state));
+    double sum = past_input(state, MODEL_DELAY);
+    for (int i = 1; i < MODEL_WINDOW; ++i) sum += past_input(state, MODEL_DELAY + i);
+    return flushed(sum / MODEL_WINDOW);
+}
+
+static double model_output(const force_state *state, double u, double next[]) {
+    if (!starts_at_rest(state)) return model_sample(state->x[state->phase], u, next);
+    double rest[MODEL_STATES] = {0};
+    model_rest(u, rest);
+    memcpy(next, rest, sizeof rest);
+    return model_sample(rest, u, next);
 }
 
 /* Whether the output follows the input at this moment: a sample is pending and evaluated lazily. */
 static bool follows_input(const force_state *state) {
-    return state->pending && !(state->event_mode && state->mode == MODE_STEP);
+    bool waits = state->event_mode ? state->mode == MODE_STEP : MODEL.guarded;
+    return state->pending && !waits;
 }
 
 /* Model output at this moment. A pending sample is evaluated with the input set for it; where none was set yet, the
  * feed-through is that of the sample before, or the whole output is where the model needs the input. */
 static double model_output_now(const force_state *state) {
     if (!follows_input(state)) return state->held_output;
-    bool input_known = state->input_set || state->mode != MODE_STEP;
+    bool input_known = MODEL_DELAY > 0 || state->input_set || state->mode != MODE_STEP;
     if (!input_known && MODEL.waits_for_input) return state->held_output;
     double next[MODEL_STATES];
-    double y = model_sample(state->x, input_known ? averaged_input(state) : state->held_input, next);
+    double y = model_output(state, input_known ? averaged_input(state) : state->held_input, next);
     return isfinite(y) ? y : state->held_output;
 }
 
-static double unlimited_force(const force_state *state) {
-    return state->gain * model_output_now(state) + state->output_offset;
+/* A tissue does not pull; and never more than the limit leaves the FMU. */
+static double limited_force(const force_state *state, double y) {
+    double force = state->gain * y + state->output_offset;
+    if (MODEL.contact && MODEL.resistance * force < 0.0) force = 0.0;
+    return within(force, -state->output_limit, state->output_limit);
+}
+
+/* The energy in J that model and device's damping together have taken in up to the pending sample, where this force was
+ * displayed since the sample before and that much had been taken in until then.
+ *
+ * A held force f does the work f d over a displacement d, however the device gets there; a damping b takes at least
+ * b d^2 / T meanwhile (Cauchy and Schwarz). Hannaford and Ryu, IEEE Trans. Robotics and Automation 18 (2002) 1-10. */
+static double energy_taken(const force_state *state, double shown, double before) {
+    if (state->next_sample == 0) return 0.0;
+    double moved = (state->input - state->last_input) * MODEL.input_unit;
+    double damped = state->device_damping * moved * moved / MODEL.sampling_time;
+    double energy = before + (MODEL.resistance * (shown * MODEL.output_unit) * moved + damped);
+    return energy > state->energy_reserve ? state->energy_reserve : energy;
+}
+
+/* Without event mode nobody knows when the force of a step is displayed: at the step's begin by who lets the device's clock
+ * wait for it, at its end by the rules of co-simulation. Both accounts are kept. */
+typedef struct {
+    double at_once, late;
+} energies;
+
+static energies energies_taken(const force_state *state) {
+    energies taken = {.at_once = energy_taken(state, state->held_force, state->energy)};
+    taken.late = state->event_mode ? taken.at_once : energy_taken(state, state->earlier_force, state->late_energy);
+    return taken;
+}
+
+/* The largest force that, held for a sample, cannot give out more than the energy at hand whatever the device does: the
+ * least of E + f d + b d^2 / T over all d is E - f^2 T / (4 b). Late, the force of the sample before comes first. */
+static double passive_limit(const force_state *state, energies taken) {
+    if (!(state->device_damping > 0.0)) return 0.0;
+    double worst = MODEL.sampling_time / (4.0 * state->device_damping), energy = taken.at_once;
+    if (!state->event_mode) {
+        double first = state->held_force * MODEL.output_unit, rest = taken.late - first * first * worst;
+        if (rest < energy) energy = rest;
+    }
+    return energy > 0.0 ? sqrt(energy / worst) / MODEL.output_unit : 0.0;
+}
+
+/* The force of the pending sample: steady enough, and passive whatever that takes. */
+static double guarded_force(const force_state *state, double y, energies taken) {
+    double force = limited_force(state, y);
+    if (MODEL.rate_limit > 0.0) {
+        double step = state->rate_limit * MODEL.sampling_time;
+        force = within(force, state->held_force - step, state->held_force + step);
+    }
+    if (MODEL.device_damping > 0.0) {
+        double largest = passive_limit(state, taken);
+        force = within(force, -largest, largest);
+    }
+    return force;
+}
+
+/* The force at this moment. With guards it is a whole sample late where there is no event mode, and held from one
+ * sample's instant to the next: what the device displays must be known. */
+static double force_now(const force_state *state) {
+    if (!MODEL.guarded) return limited_force(state, model_output_now(state));
+    if (follows_input(state)) return guarded_force(state, model_output_now(state), energies_taken(state));
+    return state->event_mode || state->pending ? state->held_force : state->earlier_force;
+}
+
+/* Derivative of the model's output by the input of the pending sample. */
+static double output_slope(const force_state *state) {
+    if (starts_at_rest(state)) {
+        double rest[MODEL_STATES] = {0}, u = averaged_input(state);
+        model_rest(u, rest);
+        return model_slope(rest, u, true);
+    }
+    return MODEL_DELAY > 0 ? 0.0 : model_slope(state->x[state->phase], averaged_input(state), false) / MODEL_WINDOW;
+}
+
+static double *parameter(force_state *state, uint32_t reference) {
+    switch (reference) {
+        case VR_INPUT: return &state->input;
+        case VR_GAIN: return &state->gain;
+        case VR_OUTPUT_OFFSET: return &state->output_offset;
+        case VR_OUTPUT_LIMIT: return &state->output_limit;
+        case VR_INPUT_OFFSET: return &state->input_offset;
+        case VR_RATE_LIMIT: return MODEL.rate_limit > 0.0 ? &state->rate_limit : NULL;
+        case VR_DEVICE_DAMPING: return MODEL.device_damping > 0.0 ? &state->device_damping : NULL;
+        case VR_ENERGY_RESERVE: return MODEL.device_damping > 0.0 ? &state->energy_reserve : NULL;
+        default: return NULL;
+    }
 }
 
 value_status force_get(const force_state *state, uint32_t reference, double *value) {
     switch (reference) {
         case VR_TIME: *value = state->time; return VALUE_OK;
-        case VR_INPUT: *value = state->input; return VALUE_OK;
-        case VR_GAIN: *value = state->gain; return VALUE_OK;
-        case VR_OUTPUT_OFFSET: *value = state->output_offset; return VALUE_OK;
-        case VR_OUTPUT_LIMIT: *value = state->output_limit; return VALUE_OK;
-        case VR_INPUT_OFFSET: *value = state->input_offset; return VALUE_OK;
-        case VR_OUTPUT: {
-            *value = fmax(-state->output_limit, fmin(state->output_limit, unlimited_force(state)));
+        case VR_OUTPUT: *value = force_now(state); return VALUE_OK;
+        case VR_ENERGY:
+            if (!(MODEL.device_damping > 0.0)) return VALUE_UNKNOWN;
+            *value = state->late_energy < state->energy ? state->late_energy : state->energy;
+            return VALUE_OK;
+        default: {
+            const double *found = parameter((force_state *)state, reference);
+            if (!found) return VALUE_UNKNOWN;
+            *value = *found;
             return VALUE_OK;
         }
-        default: return VALUE_UNKNOWN;
     }
 }
 
+/* Central difference: with effects and guards the force has kinks, where a derivative does not exist; far from them it is
+ * good to 1e-6. */
+static double difference_quotient(const force_state *state, uint32_t known) {
+    static const double STEP = 0x1p-23; /* about 1e-7 of the unit; a power of two is added without error */
+    double force[2];
+    for (int i = 0; i < 2; ++i) {
+        force_state moved = *state;
+        *parameter(&moved, known) += i ? STEP : -STEP;
+        force[i] = force_now(&moved);
+    }
+    return (force[1] - force[0]) / (2.0 * STEP);
+}
+
 value_status force_derivative(const force_state *state, uint32_t unknown, uint32_t known, double *value) {
-    if (unknown != VR_OUTPUT) return VALUE_UNKNOWN;
-    double force = unlimited_force(state);
+    if (unknown != VR_OUTPUT || !parameter((force_state *)state, known)) return VALUE_UNKNOWN;
+    if (MODEL.guarded || MODEL.contact) {
+        *value = difference_quotient(state, known);
+        return VALUE_OK;
+    }
+    double force = state->gain * model_output_now(state) + state->output_offset;
     bool limited = fabs(force) > state->output_limit;
     double by_input = 0.0;
-    if (follows_input(state)) by_input = state->gain * model_slope(state->x, averaged_input(state)) / MODEL.window;
+    if (follows_input(state)) by_input = state->gain * output_slope(state);
     switch (known) {
         case VR_INPUT: *value = limited ? 0.0 : by_input; return VALUE_OK;
         case VR_INPUT_OFFSET: *value = limited ? 0.0 : -by_input; return VALUE_OK;
@@ -104,6 +243,12 @@ static value_status set_within(double *target, double value, double low, double 
     if (!(value >= low && value <= high)) return VALUE_OUT_OF_RANGE;
     *target = value;
     return VALUE_OK;
+}
+
+static value_status set_guard(force_state *state, uint32_t reference, double value) {
+    double *target = parameter(state, reference);
+    if (!target) return VALUE_UNKNOWN;
+    return set_within(target, value, 0.0, reference == VR_RATE_LIMIT ? MODEL.rate_limit : LARGEST_GUARD);
 }
 
 value_status force_set(force_state *state, uint32_t reference, double value) {
@@ -121,33 +266,58 @@ value_status force_set(force_state *state, uint32_t reference, double value) {
         case VR_OUTPUT_LIMIT: return set_within(&state->output_limit, value, 0.0, MODEL.output_limit);
         case VR_OUTPUT_OFFSET:
             return set_within(&state->output_offset, value, -MODEL.output_limit, MODEL.output_limit);
+        case VR_RATE_LIMIT:
+        case VR_DEVICE_DAMPING:
+        case VR_ENERGY_RESERVE: return set_guard(state, reference, value);
         case VR_TIME:
         case VR_OUTPUT: return VALUE_NOT_SETTABLE;
+        case VR_ENERGY: return MODEL.device_damping > 0.0 ? VALUE_NOT_SETTABLE : VALUE_UNKNOWN;
         default: return VALUE_UNKNOWN;
     }
+}
+
+/* What the samples after this one need to know of it. */
+static void remember(force_state *state, double u, const double next[]) {
+    if (starts_at_rest(state)) {
+        for (int i = 0; i < MODEL_HISTORY; ++i) state->history[i] = deviation(state);
+        for (int i = 0; i < MODEL_PHASES; ++i) model_rest(u, state->x[i]);
+    }
+    memcpy(state->x[state->phase], next, sizeof state->x[0]);
+    state->newest = state->newest + 1 < MODEL_HISTORY ? state->newest + 1 : 0;
+    state->history[state->newest] = deviation(state);
+    state->held_input = u;
 }
 
 step_status force_take_sample(force_state *state) {
     if (!state->pending) return STEP_OK;
     double u = averaged_input(state);
     double next[MODEL_STATES];
-    memcpy(next, state->x, sizeof next);
-    double y = model_sample(state->x, u, next);
-    bool finite = isfinite(u) && isfinite(y);
-    for (int i = 0; i < MODEL_STATES; ++i) {
-        finite = finite && isfinite(next[i]);
+    memcpy(next, state->x[state->phase], sizeof next);
+    double y = model_output(state, u, next);
+    int wild = !isfinite(u) || !isfinite(y);
+    for (int i = 0; i < MODEL_STATES; ++i) { /* without branches: several at a time */
+        wild |= !(fabs(next[i]) <= DBL_MAX);
         next[i] = flushed(next[i]);
     }
+    bool finite = !wild;
+    if (finite) {
+        remember(state, u, next);
+        state->held_output = y;
+    }
+    if (MODEL.guarded) {
+        energies taken = energies_taken(state);
+        double force = guarded_force(state, state->held_output, taken);
+        state->energy = taken.at_once;
+        state->late_energy = taken.late;
+        state->earlier_force = state->held_force;
+        state->held_force = force;
+        state->last_input = state->input;
+    }
+    state->phase = state->phase + 1 < MODEL_PHASES ? state->phase + 1 : 0;
     state->pending = 0;
     state->input_set = 0;
     ++state->next_sample;
-    if (!finite) return STEP_NOT_FINITE;
-    memcpy(state->x, next, sizeof next);
-    for (int i = MODEL.window - 1; i > 0; --i) state->window[i] = state->window[i - 1];
-    state->window[0] = state->input - state->input_offset;
-    state->held_input = u;
-    state->held_output = y;
-    return STEP_OK;
+    return finite ? STEP_OK : STEP_NOT_FINITE;
 }
 
 step_status force_advance(force_state *state, double from, double step, bool stop_at_sample) {

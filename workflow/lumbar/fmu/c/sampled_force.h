@@ -1,4 +1,4 @@
-/* A model played in time: sampling, moving average, limits. Knows neither an FMI version nor a model's equations.
+/* A model played in time: sampling, moving average, delay, limits and guards. Knows neither an FMI version nor a model's equations.
  *
  * Sample k is due at start_time + k * sampling_time. It is *pending* from the moment time reaches that instant until
  * the input of the instant is known for certain; only then is it *taken*: the input enters the moving average, the
@@ -14,28 +14,50 @@
 #include "model.h"
 
 /* Value references, the same in both FMI versions (time exists in FMI 3.0 alone). */
-enum { VR_TIME, VR_INPUT, VR_OUTPUT, VR_GAIN, VR_OUTPUT_OFFSET, VR_OUTPUT_LIMIT, VR_INPUT_OFFSET };
+enum {
+    VR_TIME,
+    VR_INPUT,
+    VR_OUTPUT,
+    VR_GAIN,
+    VR_OUTPUT_OFFSET,
+    VR_OUTPUT_LIMIT,
+    VR_INPUT_OFFSET,
+    VR_RATE_LIMIT,     /* with a limit on the output's rate alone */
+    VR_DEVICE_DAMPING, /* this and the next two: of passive models alone */
+    VR_ENERGY_RESERVE,
+    VR_ENERGY
+};
 
 typedef enum { MODE_INSTANTIATED, MODE_INITIALIZATION, MODE_STEP, MODE_EVENT, MODE_TERMINATED } fmu_mode;
 
 /* Everything a simulation depends on, without pointers: saving it saves the simulation. */
 typedef struct {
-    double x[MODEL_STATES];
-    double window[MODEL_MAX_WINDOW]; /* inputs of earlier samples, newest first, as deviations from rest */
-    double input;                    /* last finite value set */
+    double x[MODEL_PHASES][MODEL_STATES];
+    double history[MODEL_HISTORY]; /* inputs of earlier samples, as deviations from rest: a ring */
+    double input;                  /* last finite value set */
     double gain;
     double output_offset;
     double output_limit;
     double input_offset;
-    double held_input;               /* averaged input of the last sample taken */
-    double held_output;              /* model output of the last sample taken */
+    double rate_limit;
+    double device_damping;         /* N s/m */
+    double energy_reserve;         /* most energy that counts as taken in, J */
+    double held_input;             /* averaged input of the last sample taken */
+    double held_output;            /* model output of the last sample taken */
+    double held_force;             /* of the last sample taken; this and the next four: with guards */
+    double earlier_force;          /* of the sample before that */
+    double last_input;             /* of the last sample taken */
+    double energy;                 /* taken in by model and device's damping up to then, J */
+    double late_energy;            /* the same where every force was displayed a sample later */
     double start_time;
     double time;
     int64_t next_sample;
-    int32_t mode;                    /* fmu_mode */
-    int32_t event_mode;              /* 1: samples are taken in FMI 3.0's Event Mode */
-    int32_t pending;                 /* 1: next_sample is due now */
-    int32_t input_set;               /* 1: the input was set since the sample became pending */
+    int32_t newest;                /* place of the newest input in `history` */
+    int32_t phase;                 /* of the next sample: which of the states it continues */
+    int32_t mode;                  /* fmu_mode */
+    int32_t event_mode;            /* 1: samples are taken in FMI 3.0's Event Mode */
+    int32_t pending;               /* 1: next_sample is due now */
+    int32_t input_set;             /* 1: the input was set since the sample became pending */
 } force_state;
 
 typedef enum { VALUE_OK, VALUE_NOT_FINITE, VALUE_OUT_OF_RANGE, VALUE_NOT_SETTABLE, VALUE_UNKNOWN } value_status;

@@ -73,7 +73,7 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
         notes=(
             f"Test input: a random walk (seed {seed}) that drives the output to 80 % of its limit of "
             f"{first.model.output_limit:g} {unit}. "
-            f"Moving average of {first.model.moving_average} samples on the input.",
+            f"Moving average of {first.model.moving_average} samples at {1 / first.model.sampling_time:g} Hz on the input.",
         ),
     )
 

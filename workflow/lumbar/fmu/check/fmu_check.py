@@ -86,7 +86,8 @@ def simulate_fmu(path: Path, time: np.ndarray, inputs: np.ndarray) -> np.ndarray
     import fmpy
 
     description = fmpy.read_model_description(str(path))
-    names = {variable.causality: variable.name for variable in description.modelVariables}
+    # The force is the first output; a passive model has its energy as another.
+    names = {variable.causality: variable.name for variable in reversed(description.modelVariables)}
     signal = np.zeros(len(time), dtype=[("time", float), (names["input"], float)])
     signal["time"], signal[names["input"]] = time, inputs
     step = float(time[1] - time[0])

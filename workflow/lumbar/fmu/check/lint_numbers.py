@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from html import unescape
 from xml.etree.ElementTree import Element
 
-from lumbar.fmu.build.description import BASE_UNITS
+from lumbar.fmu.build.units import base_unit
 from lumbar.fmu.check.lint_files import ports
 
 _CONSTANT = re.compile(r"\.(\w+) = ([^,\s}\\]+)")
@@ -74,7 +74,7 @@ def lint_units(root: Element) -> list[str]:
     problems = []
     for unit in root.iterfind("UnitDefinitions/Unit"):
         name, base = unit.get("name", ""), unit.find("BaseUnit")
-        known = BASE_UNITS.get(name)
+        known = base_unit(name)
         if known is None:
             continue
         try:
@@ -98,7 +98,7 @@ def lint_page(files: Mapping[str, bytes], root: Element, variables: list[tuple[s
     title = f"<title>{root.get('modelName')} (FMI {root.get('fmiVersion')})</title>"
     if title not in unescape(page):
         return [f"documentation/index.html is another FMU's; {title} is needed"]
-    constants, problems = model_constants(files), []
+    problems = []
     rows = {cells[0]: cells[1:6] for cells in map(_CELL.findall, _ROW.findall(page))}
     for name, attributes in variables:
         if attributes.get("causality") == "independent":
@@ -115,9 +115,11 @@ def lint_page(files: Mapping[str, bytes], root: Element, variables: list[tuple[s
             )
     samples = re.search(r"mean of the last (\d+) samples", page)
     window = samples[1] if samples else "1"
-    if "window" in constants and window != constants["window"]:
+    sizes = files.get("sources/model_size.h", b"").decode("utf-8", errors="replace")
+    sized = re.search(r"#define MODEL_WINDOW (\d+)", sizes)
+    if sized and window != sized[1]:
         problems.append(
-            f"documentation/index.html says a moving average of {window} samples; the sources have {constants['window']}"
+            f"documentation/index.html says a moving average of {window} samples; the sources have {sized[1]}"
         )
     step = re.search(r"samples its input every ([0-9.e+-]+) s", page)
     told = root.find("DefaultExperiment")

@@ -1,0 +1,133 @@
+"""What stands between a model's force and the device: contact, rate, passivity; the same computed in Python."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+LARGEST = 1e3
+"""Of device damping in N·s/m and energy reserve in J, as in ``sampled_force.c``."""
+
+
+@dataclass(frozen=True)
+class Guards:
+    """What is done to the force before the device receives it.
+
+    Attributes
+    ----------
+    contact : bool
+        The tissue cannot pull.
+    rate_limit : float
+        Largest change of the force in a second, in its unit; 0 is none.
+    device_damping : float
+        What the device surely has, in N·s/m (rotations: N·m·s/rad): with it the force is bounded such that device and
+        FMU never give out more energy than they took in. 0 leaves the force unbounded.
+    energy_reserve : float
+        Most energy that counts as taken in, in J.
+    """
+
+    contact: bool = False
+    rate_limit: float = 0.0
+    device_damping: float = 0.0
+    energy_reserve: float = 0.0
+
+    @property
+    def passive(self) -> bool:
+        """Whether device and FMU never give out more energy than they took in."""
+        return self.device_damping > 0
+
+    @property
+    def active(self) -> bool:
+        """Whether the force depends on the forces before it."""
+        return self.passive or self.rate_limit > 0
+
+    def problems(self) -> list[tuple[str, str, str]]:
+        """What keeps the guards from being exported: place, what was found, what is allowed."""
+        found = []
+        for label, value in (
+            ("runtime.device_damping", self.device_damping),
+            ("runtime.energy_reserve", self.energy_reserve),
+        ):
+            if not 0 <= value <= LARGEST:
+                found.append((label, f"{value}", f"allowed are 0 to {LARGEST:g}"))
+        if not (math.isfinite(self.rate_limit) and self.rate_limit >= 0):
+            found.append(
+                ("runtime.output_rate_limit", f"{self.rate_limit}", "a finite number above 0 is needed")
+            )
+        return found
+
+
+UNGUARDED = Guards()
+
+
+@dataclass(frozen=True)
+class Guarded:
+    """Forces behind the guards.
+
+    Attributes
+    ----------
+    forces : numpy.ndarray, shape (samples,)
+        Of each sample.
+    read : numpy.ndarray, shape (samples,)
+        What is read, and displayed, from each sample's instant on: a sample later without event mode.
+    energies : numpy.ndarray, shape (samples,)
+        Taken in by FMU and device's damping up to each sample, in J; without event mode the least of what it can be.
+    """
+
+    forces: np.ndarray
+    read: np.ndarray
+    energies: np.ndarray
+
+
+def guarded(model, positions: np.ndarray, limited: np.ndarray, event_mode: bool) -> Guarded:
+    """Return the forces behind rate limit and passivity, each operation as in ``sampled_force.c``.
+
+    The energy is observed as B. Hannaford and J.-H. Ryu do (IEEE Trans. Robotics and Automation 18 (2002) 1-10). A force
+    f that is held for a sample T gives f d over the displacement d, and a damping b takes at least b d²/T meanwhile
+    (Cauchy and Schwarz), of which the least is −f² T/(4 b): forces within √(4 b E/T) can never give out more than the
+    energy E at hand. Without event mode a force may be displayed at once or from the next sample on: both are counted.
+
+    Parameters
+    ----------
+    model : ExportModel
+    positions : numpy.ndarray, shape (samples,)
+        In the input's unit.
+    limited : numpy.ndarray, shape (samples,)
+        Force within its limit and, with contact, never a pull.
+    event_mode : bool
+        Without it a force is displayed from the next sample on.
+    """
+    guards, step = model.guards, model.sampling_time
+    worst = step / (4.0 * guards.device_damping) if guards.passive else math.inf
+    energy = late = held = earlier = 0.0
+    forces, energies = [], []
+    last = float(positions[0])
+    for position, wanted in zip(positions.tolist(), limited.tolist(), strict=True):
+        if forces:
+            moved = (position - last) * model.input_unit
+            damped = guards.device_damping * moved * moved / step
+            work = [
+                model.resistance * (force * model.output_unit) * moved + damped for force in (held, earlier)
+            ]
+            energy = min(energy + work[0], guards.energy_reserve)
+            late = energy if event_mode else min(late + work[1], guards.energy_reserve)
+        force = wanted
+        if guards.rate_limit > 0:
+            change = guards.rate_limit * step
+            force = _within(force, held - change, held + change)
+        if guards.passive:
+            first = held * model.output_unit
+            at_hand = energy if event_mode else min(energy, late - first * first * worst)
+            largest = math.sqrt(at_hand / worst) / model.output_unit if at_hand > 0 else 0.0
+            force = _within(force, -largest, largest)
+        earlier, held, last = held, force, position
+        forces.append(force)
+        energies.append(min(energy, late))
+    read = forces if event_mode else [0.0, *forces[:-1]]
+    return Guarded(np.array(forces), np.array(read), np.array(energies))
+
+
+def _within(value: float, low: float, high: float) -> float:
+    return low if value < low else high if value > high else value
