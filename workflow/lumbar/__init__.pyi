@@ -9,6 +9,7 @@ from lumbar.interface.device import load_models as load_models
 from lumbar.interface.diagnosis import diagnose as diagnose
 from lumbar.interface.diagnosis import refine as refine
 from lumbar.interface.doctor import doctor as doctor
+from lumbar.interface.fmu_checking import check_fmu as check_fmu
 from lumbar.interface.identification import identify as identify
 from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.participants import analyse_survey as analyse_survey

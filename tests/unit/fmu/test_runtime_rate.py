@@ -69,6 +69,8 @@ def test_a_delay_stays_what_it_is_in_seconds(name, old, new):
     fast = np.interp(np.arange(11 * new + 1) / new, np.arange(12), corners)
     _, expected = dlsim((model.numerator, padded(model), 0.01), slow)
     found = faster.response(fast)
+    whole = faster.transfer_function
+    np.testing.assert_allclose(lfilter(whole.numerator, whole.denominator, fast), found, atol=1e-12)
     np.testing.assert_allclose(found[::new], expected[::old, 0], atol=1e-10 * np.abs(expected).max())
 
 
@@ -92,6 +94,8 @@ def test_models_without_a_continuous_counterpart_are_themselves_at_their_own_ins
     assert faster.phases == 10
     positions = np.random.default_rng(5).standard_normal(500)
     found = faster.response(positions)
+    whole = faster.transfer_function
+    np.testing.assert_allclose(lfilter(whole.numerator, whole.denominator, positions), found, atol=1e-10)
     longest = max(len(numerator), len(denominator))
     system = (
         [*numerator, *[0.0] * (longest - len(numerator))],

@@ -23,6 +23,7 @@ def read_folder(options) -> tuple[StudySettings, RecordSet, dict[str, Any]]:
         "base": options.base,
         "train": options.train,
         "periods": dict(map(_period, options.period)),
+        "session": options.session,
         "settings": settings.improvement,
         "seed": settings.seed,
         "data": options.data or options.folder.name,

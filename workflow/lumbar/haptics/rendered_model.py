@@ -108,8 +108,8 @@ def rendered(model: ExportModel, device: DeviceSettings, *, late: bool = False) 
     """
     dynamics = model.dynamics
     if isinstance(dynamics, LinearModel):
-        denominator = dynamics.spread(dynamics.denominator)
-        numerator = np.concatenate([np.zeros(dynamics.delay), dynamics.spread(dynamics.numerator)])
+        whole = dynamics.transfer_function
+        numerator, denominator = np.array(whole.numerator), np.array(whole.denominator)
         if late:
             numerator = _fed_late(numerator, denominator)
         found = [SampledModel(model.name, numerator, denominator, model.sampling_time)]

@@ -46,6 +46,7 @@ from lumbar.models.tissue_models import (
 )
 from lumbar.models.transfer_function import TransferFunction
 from lumbar.records.record import Record, same_units
+from lumbar.signals.motion_range import motion_range
 
 if TYPE_CHECKING:
     from lumbar.settings.tissue import TissueSettings
@@ -301,6 +302,7 @@ class _Identification:
                 ),
             ),
             remark=remark,
+            valid_for=motion_range(self.record["input"], self.data.sampling_time),
         )
 
     def parameters(

@@ -63,7 +63,7 @@ def export_fmu(
     settings: RuntimeSettings | None = None,
     data: str = "",
 ) -> list[Path]:
-    """Export models as FMUs for FMI 2.0 and 3.0.
+    """Export models as FMUs for FMI 2.0 and 3.0, and check each file as `check_fmu` does.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def export_fmu(
     Raises
     ------
     InputError
-        A model that is not there or cannot be exported, or an unknown platform.
+        A model that is not there or cannot be exported, an unknown platform, or a file with a problem: it is removed.
     NumericalError
         An unstable model, or one that is unstable on the settings' device, where the settings refuse it.
 
@@ -106,6 +106,7 @@ def export_fmu(
     from lumbar.fmu.build.compiler import cache_folder
     from lumbar.fmu.build.export_model import export_models
     from lumbar.fmu.build.package import export_fmus
+    from lumbar.fmu.check.file_check import check_new_files
     from lumbar.haptics.export_warning import with_device
 
     settings = settings or RuntimeSettings()
@@ -118,13 +119,11 @@ def export_fmu(
         data = data or read_from
     else:
         chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
-    return export_fmus(
-        with_device(chosen, settings.device),
-        Path(folder),
-        data or NOT_SAID,
-        settings.targets,
-        cache_folder(settings.compiler_cache),
-    )
+    cache = cache_folder(settings.compiler_cache)
+    asked = with_device(chosen, settings.device)
+    written = export_fmus(asked, Path(folder), data or NOT_SAID, settings.targets, cache)
+    check_new_files(written, cache)
+    return written
 
 
 def chosen_models(

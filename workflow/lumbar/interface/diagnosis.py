@@ -38,6 +38,7 @@ def diagnose(
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    session: bool | None = None,
     settings: ImprovementSettings | None = None,
     machine: MachineSettings | None = None,
     gravity_m_s2: float = GRAVITY,
@@ -56,6 +57,9 @@ def diagnose(
         Record to fit on, or several that are fitted together; default the longest.
     periods : mapping of str to float, optional
         Periods of excitations in seconds by record; default found from the input.
+    session : bool, optional
+        Whether the records were cut from one session, in their order, so that each begins in the state in which the one
+        before it left the tissue; default the settings'.
     settings : ImprovementSettings, optional
         Effects of your own (``effect_files``), how many effects to add, whether to propose a law for what they leave.
     machine : MachineSettings, optional
@@ -92,9 +96,9 @@ def diagnose(
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
     settings = settings or ImprovementSettings()
-    chosen = _chosen(settings, base, train, periods, gravity_m_s2)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2, session)
     data = data_label(data, (record.source for record in records))
-    used, changed = manageable(list(records))
+    used, changed = manageable(list(records), chosen.session)
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
     proposal = law_beside(verdict) if settings.propose_law and chosen.system == "tissue" else None
@@ -108,6 +112,7 @@ def refine(
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    session: bool | None = None,
     settings: ImprovementSettings | None = None,
     gravity_m_s2: float = GRAVITY,
     seed: int = SEED,
@@ -142,14 +147,14 @@ def refine(
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
-    chosen = _chosen(settings, base, train, periods, gravity_m_s2)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2, session)
     data = data_label(data, (record.source for record in records))
     return _refined(list(records), list(effects), chosen, seed, data)
 
 
-def _chosen(settings, base, train, periods, gravity_m_s2) -> DiagnosisSettings:
+def _chosen(settings, base, train, periods, gravity_m_s2, session) -> DiagnosisSettings:
     return DiagnosisSettings.from_improvement(
-        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2
+        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2, session
     )
 
 
@@ -157,7 +162,7 @@ def _refined(records, effects, settings, seed, data) -> Refinement:
     from lumbar.diagnosis.fitting.manageable import manageable
     from lumbar.diagnosis.selection.refine import refine as fit_path
 
-    used, changed = manageable(records)
+    used, changed = manageable(records, settings.session)
     experiment, path = fit_path(used, effects, settings)
     return Refinement(used, settings, experiment, path, seed, data, changed)
 
@@ -230,6 +235,7 @@ class Diagnosis:
             trained,
             self.seed,
             verdict.experiment.surface,
+            verdict.experiment.session,
         )
 
     @property
@@ -395,10 +401,9 @@ class Refinement:
     def _on_records(self) -> list[Simulated]:
         from lumbar.diagnosis.residuals.residual_report import compare_and_locate
 
-        floor, trained = self.experiment.floor, self.experiment.floor_from
-        fit = self.path[-1].fit
+        seen, fit = self.experiment, self.path[-1].fit
         return compare_and_locate(
-            self.experiment.records, fit, floor, trained, self.seed, self.experiment.surface
+            seen.records, fit, seen.floor, seen.floor_from, self.seed, seen.surface, seen.session
         )
 
     def rows(self) -> list[dict]:

@@ -17,6 +17,7 @@ def propose(
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    session: bool | None = None,
     settings: ImprovementSettings | None = None,
     seed: int = SEED,
     data: str = "",
@@ -34,6 +35,13 @@ def propose(
     >>> law.save("proposed_law.yaml")                           # doctest: +SKIP
     """
     found = diagnose(
-        records, base=base, train=train, periods=periods, settings=settings, seed=seed, data=data
+        records,
+        base=base,
+        train=train,
+        periods=periods,
+        session=session,
+        settings=settings,
+        seed=seed,
+        data=data,
     )
     return found.propose()

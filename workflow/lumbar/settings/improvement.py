@@ -21,6 +21,10 @@ class RecordSetSettings:
         "lifting.moment_layout, all others by tissue.layout.",
         default=None,
     )
+    session: bool | None = key(
+        "Whether the records of this set were cut from one session, instead of improvement.session.",
+        default=None,
+    )
     records: tuple[RecordSettings, ...] | None = key(
         "Records of the set; left out, they are those of the tissue chapter.", default=None, min_length=1
     )
@@ -37,6 +41,11 @@ class ImprovementSettings:
     )
     train: str | Annotated[tuple[str, ...], UNIQUE] | None = key(
         "Record to fit on, or a list of records to fit on together; null takes the longest.", default=None
+    )
+    session: bool = key(
+        "true: the records were cut from one session, in their order, and each begins in the state (path, time, relaxation, "
+        "hysteresis, damage) in which the one before it left the tissue; false: at rest and anew.",
+        default=False,
     )
     effects: Annotated[tuple[str, ...], UNIQUE] = key(
         "Effects added to the base, in this order; the model with them stands in Table 3.1, Figure "

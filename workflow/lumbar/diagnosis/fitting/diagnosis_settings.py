@@ -35,6 +35,8 @@ class DiagnosisSettings:
         Candidates; default those of the system that the base is a model of.
     most_effects : int
         Most effects to add.
+    session : bool
+        Whether the records were cut from one session, in their order.
     """
 
     base: str = CHOSEN_BY_DATA
@@ -42,6 +44,7 @@ class DiagnosisSettings:
     periods: dict[str, float] = field(default_factory=dict)
     catalogue: dict[str, Effect] | None = None
     most_effects: int = 3
+    session: bool = False
 
     @property
     def system(self) -> str:
@@ -61,6 +64,7 @@ class DiagnosisSettings:
         train: str | Sequence[str] | None = None,
         periods: dict[str, float] | None = None,
         gravity_m_s2: float = GRAVITY,
+        session: bool | None = None,
     ) -> DiagnosisSettings:
         """Settings from a study's chapter improvement; what is given beside it comes first."""
         base = base or improvement.base
@@ -70,7 +74,12 @@ class DiagnosisSettings:
             periods=periods or {},
             catalogue=catalogue_with(improvement.effect_files, base, gravity_m_s2),
             most_effects=improvement.most_effects,
+            session=improvement.session if session is None else session,
         )
+
+    def prepared(self, records: list[Record]) -> Experiment:
+        """Prepare records as they are."""
+        return prepare(records, self.train, self.periods, self.session)
 
 
 def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:
@@ -83,8 +92,8 @@ def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experimen
     """
     if settings.system != "tissue":
         seen = [for_base(record, BASES[settings.base]) for record in records]
-        return replace(prepare(seen, settings.train, settings.periods), records=tuple(records))
+        return replace(settings.prepared(seen), records=tuple(records))
     faults = [finding for record in records for finding in sensor_faults(record)]
     sound = [mended(record, faults) for record in records]
-    experiment = prepare(sound, settings.train, settings.periods)
+    experiment = settings.prepared(sound)
     return replace(experiment, records=tuple(sound), faults=tuple(faults))

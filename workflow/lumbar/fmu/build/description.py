@@ -5,12 +5,17 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
+from lumbar import __version__
 from lumbar.fmu.build.export_model import ExportModel
 from lumbar.fmu.build.guards import LARGEST
+from lumbar.fmu.build.meaning import meaning, range_text, resisting_sign, sign_text
 from lumbar.fmu.build.sources import c_files, content_token
 from lumbar.fmu.build.units import base_unit
 
 FMI_VERSIONS = ("2.0", "3.0")
+AUTHOR = "The lumbar developers"
+ANNOTATION = "lumbar"
+"""Name of the annotation that holds `lumbar.fmu.build.meaning.meaning`."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +48,19 @@ def variables(model: ExportModel) -> list[Variable]:
     """Return the variables that a user sees, the same in both versions."""
     x, y, limit = model.input, model.output, model.output_limit
     return [
-        Variable(x.variable, 1, "input", f"Measured {x.quantity}, sampled by the model", x.unit, x.offset),
+        Variable(
+            x.variable,
+            1,
+            "input",
+            f"Measured {x.quantity}, sampled by the model; it grows into the model",
+            x.unit,
+            x.offset,
+        ),
         Variable(
             y.variable,
             2,
             "output",
-            f"{y.quantity.capitalize()} to display",
+            f"{y.quantity.capitalize()} of the model; {_resists(model)}",
             y.unit,
             None,
             -limit,
@@ -141,6 +153,12 @@ def _guards(model: ExportModel) -> list[Variable]:
         1.0,
     )
     return [rate] * (guards.rate_limit > 0) + [damping, reserve, energy] * guards.passive
+
+
+def _resists(model: ExportModel) -> str:
+    if resisting_sign(model) > 0:
+        return f"where positive it resists a growing {model.input.quantity}"
+    return f"INVERTED: where negative it answers a growing {model.input.quantity}"
 
 
 def description_text(model: ExportModel, data: str) -> str:
@@ -280,6 +298,11 @@ def model_description(model: ExportModel, version: str, data: str) -> str:
     return _text(_fmi2(model, data) if version == "2.0" else _fmi3(model, data))
 
 
+def model_version(model: ExportModel) -> str:
+    """Version of the tool and, behind a plus, of the model: another number anywhere makes another one."""
+    return f"{__version__}+{content_token(model)[:8]}"
+
+
 def _root(version: str, model: ExportModel, data: str, **token: str) -> ElementTree.Element:
     return ElementTree.Element(
         "fmiModelDescription",
@@ -288,9 +311,19 @@ def _root(version: str, model: ExportModel, data: str, **token: str) -> ElementT
             "modelName": model.name,
             **token,
             "description": " ".join(
-                [description_text(model, data), feedthrough_text(model, version), *guards_text(model)]
+                (
+                    description_text(model, data),
+                    sign_text(model),
+                    range_text(model),
+                    feedthrough_text(model, version),
+                    *guards_text(model),
+                )
             ),
-            "generationTool": "lumbar",
+            "author": AUTHOR,
+            "version": model_version(model),
+            "copyright": f"Copyright (c) 2026 {AUTHOR}; the numbers: see license",
+            "license": "MIT for the code; the numbers as the data: documentation/licenses/license.txt",
+            "generationTool": f"lumbar {__version__}",
             "variableNamingConvention": "flat",
         },
     )
@@ -316,6 +349,9 @@ def _fmi2(model: ExportModel, data: str) -> ElementTree.Element:
     _units(root, [variable.unit for variable in listed if variable.unit])
     _log_categories(root)
     _experiment(root, model)
+    tool = ElementTree.SubElement(ElementTree.SubElement(root, "VendorAnnotations"), "Tool", name=ANNOTATION)
+    # FMI 2.0 wants an element here where FMI 3.0 has text.
+    ElementTree.SubElement(tool, "Meaning").text = meaning(model)
     parent = ElementTree.SubElement(root, "ModelVariables")
     for variable in listed:
         scalar = ElementTree.SubElement(
@@ -385,6 +421,8 @@ def _fmi3(model: ExportModel, data: str) -> ElementTree.Element:
             ElementTree.SubElement(
                 structure, name, valueReference=unknown["number"], dependencies=unknown["dependencies"]
             )
+    annotations = ElementTree.SubElement(root, "Annotations")
+    ElementTree.SubElement(annotations, "Annotation", type=ANNOTATION).text = meaning(model)
     return root
 
 

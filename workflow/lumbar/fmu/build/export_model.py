@@ -17,7 +17,7 @@ from lumbar.fmu.build.guards import UNGUARDED, Guards
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.resampled_model import at_rate
 from lumbar.fmu.build.units import work_units
-from lumbar.models.fitted_model import FittedModel, Port, identifier
+from lumbar.models.fitted_model import GIVEN, FittedModel, MotionRange, Port, identifier
 
 if TYPE_CHECKING:
     from lumbar.settings.runtime import RuntimeSettings
@@ -56,6 +56,10 @@ class ExportModel:
         What is done to the force before the device receives it.
     starts_at_rest : bool
         Whether the model rests at the first input; else it rested at the input's offset before.
+    prescribed : bool
+        Whether it was given, as IL is, not identified.
+    valid_for : MotionRange or None
+        Motion that the model was fitted to, where it is known.
     on_device : tuple of str
         What it does on the device of the study, for the documentation; empty where that was not asked.
     """
@@ -71,6 +75,8 @@ class ExportModel:
     fit: dict[str, str]
     guards: Guards = UNGUARDED
     starts_at_rest: bool = True
+    prescribed: bool = False
+    valid_for: MotionRange | None = None
     on_device: tuple[str, ...] = ()
 
     def __post_init__(self):
@@ -163,7 +169,12 @@ class ExportModel:
 
     @cached_property
     def resistance(self) -> float:
-        """Sign of the output that resists a growing input, 1 or −1: that of the mean over a slow push."""
+        """Sign of the output that resists a growing input, 1 or −1: that of the mean over a slow push.
+
+        A prescribed model is displayed like the others, whatever its sign: an inverted one is active, and draws the tool in.
+        """
+        if self.prescribed:
+            return 1.0
         push = np.linspace(0.0, 1.0, max(10, round(_PUSH / self.sampling_time)))
         return -1.0 if self.dynamics.response(push).mean() < 0 else 1.0
 
@@ -279,6 +290,8 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
             energy_reserve=float(settings.energy_reserve),
         ),
         starts_at_rest=settings.start == "first_position",
+        prescribed=model.estimator == GIVEN,
+        valid_for=model.valid_for,
     )
 
 

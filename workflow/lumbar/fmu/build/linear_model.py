@@ -87,9 +87,17 @@ class LinearModel:
 
         late = np.concatenate([np.zeros(self.delay), inputs])[: len(inputs)]
         with np.errstate(over="ignore", invalid="ignore"):
-            return lfilter(self.spread(self.numerator), self.spread(self.denominator), late)
+            return lfilter(self._spread(self.numerator), self._spread(self.denominator), late)
 
-    def spread(self, coefficients: tuple[float, ...]) -> np.ndarray:
+    @property
+    def transfer_function(self) -> TransferFunction:
+        """H(z) at the FMU's own samples, delay and phases included."""
+        return TransferFunction(
+            (*[0.0] * self.delay, *self._spread(self.numerator).tolist()),
+            tuple(self._spread(self.denominator).tolist()),
+        )
+
+    def _spread(self, coefficients: tuple[float, ...]) -> np.ndarray:
         """Coefficients of the powers of 1/z, without a gap."""
         spread = np.zeros((len(coefficients) - 1) * self.phases + 1)
         spread[:: self.phases] = coefficients

@@ -285,7 +285,6 @@ static void remember(force_state *state, double u, const double next[]) {
     memcpy(state->x[state->phase], next, sizeof state->x[0]);
     state->newest = state->newest + 1 < MODEL_HISTORY ? state->newest + 1 : 0;
     state->history[state->newest] = deviation(state);
-    state->phase = state->phase + 1 < MODEL_PHASES ? state->phase + 1 : 0;
     state->held_input = u;
 }
 
@@ -314,6 +313,7 @@ step_status force_take_sample(force_state *state) {
         state->held_force = force;
         state->last_input = state->input;
     }
+    state->phase = state->phase + 1 < MODEL_PHASES ? state->phase + 1 : 0;
     state->pending = 0;
     state->input_set = 0;
     ++state->next_sample;
