@@ -19,6 +19,7 @@ from lumbar.models.fitted_model import ARX, OUTPUT_ERROR, FittedModel
 from lumbar.models.transfer_function import TransferFunction
 from lumbar.records.record import Record
 from lumbar.settings.runtime import RuntimeSettings
+from lumbar.signals.motion_range import motion_range
 from lumbar.tables import Table
 
 PASSIVE = "passive"
@@ -143,6 +144,7 @@ def _fitted(
         no_parameters_because=f"springs in parallel: {found}",
         scores=scores_of(structure, data, tests),
         remark=str(found),
+        valid_for=motion_range(training["input"], data.sampling_time),
     )
 
 
