@@ -149,14 +149,17 @@ def _fitted(
 
 
 def takes_energy(structure: TransferFunction) -> bool:
-    """Whether a discrete model takes energy at every frequency: Im H(exp(jωT)) ≥ 0 for 0 < ωT < π.
+    """Whether a discrete model takes energy at every frequency: H(1) ≥ 0, and Im H(exp(jωT)) ≥ 0 for 0 < ωT < π.
 
     With the work of a force on the motion between its samples as the mean of their forces times the way, a sine of amplitude
-    1 does the work π Im H in a cycle.
+    1 does the work π Im H in a cycle; a spring that pushes would give out energy without end.
     """
     model = SampledModel("", np.array(structure.numerator), np.array(structure.denominator), 1.0)
     response = model.response(all_angles())
-    return bool(structure.stable and (response.imag >= -_ROUNDING * np.abs(response).max()).all())
+    rounding = _ROUNDING * np.abs(response).max()
+    return bool(
+        structure.stable and structure.static_gain >= -rounding and (response.imag >= -rounding).all()
+    )
 
 
 def _on_device(model: FittedModel, settings: RuntimeSettings, rate: float) -> Analysis:
@@ -170,7 +173,7 @@ _DEFINITIONS = {
         "device: such that the device of the study is passive with the averaged and held force at that rate, too"
     ),
     "consists_of": "Stiffnesses in output unit per input unit, and relaxation times",
-    "takes_energy": "Whether the model takes energy at every frequency, Im H(exp(jωT)) ≥ 0 for 0 < ωT < π",
+    "takes_energy": "Whether the model takes energy at every frequency, H(1) ≥ 0 and Im H(exp(jωT)) ≥ 0 for 0 < ωT < π",
     "vaf_percent": "%VAF (Eq. 3.12) of the free run on the training record",
     "vaf_cost": "Points of %VAF less than the free output-error fit of the same model",
     "vaf_tests_percent": "Mean %VAF on the other records",

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.haptics.closed_loop import period, propagation
-from lumbar.haptics.sampled_model import SampledModel
+from lumbar.haptics.sampled_model import SampledModel, all_angles
 from lumbar.settings.device import DeviceSettings
 
 PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0
@@ -44,7 +44,8 @@ class LoopRun:
     sampling_time : float
         Seconds.
     ripple : float
-        Peak to peak force in N that the encoder's steps alone may keep up.
+        Peak to peak force in N that the encoder's steps alone may keep up in a stable loop; in an unstable one, that bounds
+        of the FMU may calm, the largest force of one step.
     """
 
     time: np.ndarray
@@ -164,6 +165,11 @@ def _hand_force(device: DeviceSettings, time: float, push_mm: float) -> float:
     phase = math.pi * min(time / PUSH_S, 1.0)
     position, velocity = (1.0 - math.cos(phase)) / 2.0, math.pi / PUSH_S * math.sin(phase) / 2.0
     return 1e-3 * push_mm * (device.hand_stiffness_N_m * position + device.hand_damping_N_s_m * velocity)
+
+
+def one_step(model: SampledModel, device: DeviceSettings) -> float:
+    """Largest force in N that a sine of one encoder's step gives."""
+    return float(np.abs(model.response(all_angles())).max() * device.encoder_um * 1e-6)
 
 
 def encoder_ripple(model: SampledModel, device: DeviceSettings) -> float:
