@@ -79,6 +79,7 @@ def device_table(
             f"Moving average of {settings.moving_average_ms:g} ms at the rate of export, over as many samples at every rate. "
             f"Simulated: the hand pushes {PUSH_MM:g} mm in {PUSH_S:g} s and rests, {DURATION_S:g} s in all, the force within "
             f"±{settings.output_limit:g} of the model's unit.",
+            "Forces count with the sign that resists the motion; a model that is inverted on purpose, as IL is, turned round.",
             *([effects] if any(item.analysis.linearised for item in judgements) else []),
             *refused,
         ),

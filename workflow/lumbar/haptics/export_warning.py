@@ -14,8 +14,8 @@ from lumbar.haptics.rendered_model import renderable, rendered
 from lumbar.settings.device import DeviceSettings
 
 _ADVICE = (
-    "raise runtime.rate_Hz, export a passive model (runtime/passive_models.json of the study), lower gain, or take a device "
-    "with more damping; 'lumbar render' says what helps"
+    "raise runtime.rate_Hz, export a passive model (runtime/passive_models.json of the study), bound the force "
+    "(runtime.device_damping), or take a device with more damping; 'lumbar render' says what helps"
 )
 
 
