@@ -43,7 +43,6 @@ from lumbar.effects.catalogue import TISSUE
 from lumbar.effects.own_effect import load_effects
 from lumbar.errors import InputError
 from lumbar.interface.diagnosis import Diagnosis
-from lumbar.interface.proposing import proposed
 from lumbar.models.motion import Motion
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
@@ -217,8 +216,7 @@ def test_the_command_says_that_nothing_is_missing(run, tmp_path):
 def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkeypatch, needle):
     import lumbar.interface.proposing as proposing
 
-    nothing_diagnosed = SimpleNamespace(candidates=TISSUE, data="needle tests")
-    found = proposing.ProposedLaw(nothing_diagnosed, needle)
+    found = proposing.ProposedLaw(needle, TISSUE, "needle tests")
     monkeypatch.setattr(proposing, "propose", lambda *_, **__: found)
     folder = saved(records(depth_friction), tmp_path)
     status, out, _ = run("propose", folder, "--output", tmp_path / "law.yaml", "--picture", tmp_path / "law")
@@ -318,7 +316,7 @@ def test_the_settings_say_whether_a_law_is_looked_for(monkeypatch, wanted):
 def test_a_law_is_for_tissue():
     diagnosis = SimpleNamespace(settings=SimpleNamespace(base="pendulum", system="pendulum"))
     with pytest.raises(InputError, match="no passive force"):
-        proposed(diagnosis)
+        Diagnosis.propose(diagnosis)
 
 
 def test_a_part_that_snaps_through_is_found_and_extrapolates():

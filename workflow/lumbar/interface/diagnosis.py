@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.effects.pendulum_load import GRAVITY
+from lumbar.errors import InputError
 from lumbar.interface.data_label import data_label
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.selection.forward_selection import Candidate
     from lumbar.diagnosis.selection.verdict import Verdict
     from lumbar.interface.comparison import Comparisons, Locations
-    from lumbar.interface.proposing import ProposedLaw
+    from lumbar.interface.proposed_law import ProposedLaw
     from lumbar.models.fitted_model import FittedModel
     from lumbar.models.form import Effect
 
@@ -254,10 +255,23 @@ class Diagnosis:
         return _refined(self.records, wanted, self.settings, self.seed, self.data)
 
     def propose(self) -> ProposedLaw:
-        """Look for a short formula for what the catalogue leaves."""
-        from lumbar.interface.proposing import proposed
+        """Look for a short formula for what the catalogue leaves.
 
-        return proposed(self)
+        Raises
+        ------
+        InputError
+            For a pendulum: the library of terms is that of tissue.
+        """
+        from lumbar.diagnosis.law.proposal import propose
+        from lumbar.interface.proposed_law import ProposedLaw
+
+        if self.settings.system != "tissue":
+            raise InputError(
+                f"base {self.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
+            )
+        verdict = self.verdict
+        proposal = self.proposal or propose(verdict.experiment, verdict.base, verdict.model)
+        return ProposedLaw(proposal, self.candidates, self.data)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
         """Return the page of the diagnosis."""
