@@ -256,9 +256,8 @@ class StateEquation:
         state, found = 0.0, [0.0]
         for now in zip(*series.values(), strict=True) if series else repeat((), steps):
             try:
-                added, slope, *by_clock = evaluate(
-                    {**constants, **dict(zip(series, now, strict=True)), symbol: state}
-                )
+                values = {**constants, **dict(zip(series, now, strict=True)), symbol: state}
+                added, slope, *by_clock = map(float, evaluate(values))  # type: ignore[arg-type]
             except (OverflowError, ValueError):  # beyond the largest number, where NumPy would say so by one
                 break
             slope = min(slope, _LARGEST_SLOPE)
