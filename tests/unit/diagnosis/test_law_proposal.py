@@ -12,6 +12,7 @@ import pytest
 import yaml
 from law_experiments import (
     NOISE,
+    STEP,
     cogging,
     depth_friction,
     experiment,
@@ -316,3 +317,23 @@ def test_a_law_is_for_tissue():
     diagnosis = SimpleNamespace(settings=SimpleNamespace(base="pendulum", system="pendulum"))
     with pytest.raises(InputError, match="no passive force"):
         Diagnosis.propose(diagnosis)
+
+
+def test_a_part_that_snaps_through_is_found_and_extrapolates():
+    """Its own simulation in fine steps; the spring that carries it is part of the base's."""
+    fine = 20
+
+    def snapping(position, velocity):
+        time = np.arange(len(position)) * STEP
+        between = np.interp(np.arange(fine * len(position)) * STEP / fine, time, position)
+        place, places = 0.0, []
+        for now in between.tolist():
+            place += STEP / fine * (now - place + 2.2 * place * (1 - (place / 2.0) ** 2)) / 0.04
+            places.append(place)
+        return 0.5 * (position - np.array(places)[::fine])
+
+    prepared, base = experiment(snapping)
+    found = propose(prepared, base, terms=terms("snap_through", "position_z3", "friction", "odd_bump"))
+    assert [item.name for item in found.terms] == ["snap_through"]
+    assert found.law.candidate.test_rms < 1.1 * NOISE
+    assert error(found.law.fit, 1.2 * sines(20, 5), snapping) < 1.3

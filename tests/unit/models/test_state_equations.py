@@ -241,3 +241,41 @@ def test_one_matrix_is_enough_where_the_equations_are_linear():
     assert _stretches(matrix, 2) == pytest.approx(_matrix_phi1(matrix), abs=1e-14)
     matrix[3, 0, 0] += 1.0
     assert _stretches(matrix, 2) == pytest.approx(_matrix_phi1(matrix), abs=1e-14)
+
+
+def test_a_state_that_snaps_between_two_places_against_an_ode_solver():
+    """Between its places of rest it runs away from any guess by e^4 in ten samples: no iteration over the record ends."""
+    time = np.arange(1200) * STEP / 10
+    position = 4 * np.sin(2 * np.pi * 1.3 * time) + 1.5 * np.cos(2 * np.pi * 3.1 * time + 0.4)
+    motion = straight(position - position[0], STEP / 10)
+    state = equations(u="(z + u*(1 - (u/w)**2))/tau")
+    values = {"w": 1.5, "tau": 0.025}
+
+    def slope(u, position, velocity, time, path, w, tau):
+        return (position + u * (1 - (u / w) ** 2)) / tau
+
+    found = state.trajectory(motion, values)["u"]
+    truth = solved(state, motion, slope, values)[0]
+    assert np.ptp(np.sign(truth)) == 2
+    assert np.abs(found - truth).max() < 2e-3 * np.abs(truth).max()
+
+
+@pytest.mark.parametrize(
+    "slope",
+    [
+        "max(abs(z) - r, 0)/0.02",
+        "where(z > 0.2, (1 - r)/0.05, -r/0.3)",
+        "sin(z)*exp(-(r**2)) + t/(1 + s) - 3*tanh(r)",
+    ],
+)
+def test_one_state_sample_by_sample_is_what_arrays_of_one_give(slope):
+    motion = straight(walk(5))
+    state = equations(r=slope)
+    found = state.trajectory(motion, {})["r"]
+    known = state._between(motion)
+    np.testing.assert_allclose(found, state.in_steps(known, len(motion) - 1)[0], rtol=1e-10, atol=1e-12)
+
+
+def test_a_state_without_bounds_ends_as_no_number_and_not_as_an_error():
+    found = equations(r="exp(r)*(1 + abs(z)) + sin(r)").trajectory(straight(walk(5)), {})["r"]
+    assert np.isfinite(found[:5]).all() and not np.isfinite(found[-1])

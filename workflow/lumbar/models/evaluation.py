@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -48,6 +49,37 @@ NUMPY: dict[str, Callable] = {
     "where": np.where,
 }
 """NumPy's functions by the names of the operations."""
+
+
+def _exp(x: float) -> float:
+    return math.exp(x) if x < _LARGEST else math.inf
+
+
+_LARGEST = 700.0
+"""Exponent of the largest number."""
+MATH: dict[str, Callable] = {
+    **{name: NUMPY[name] for name in ("+", "-", "*", "neg", "<", "<=", ">", ">=")},
+    "/": lambda x, y: x / y if y else math.nan if x == 0 else math.copysign(math.inf, x),
+    "**": math.pow,
+    "abs": abs,
+    "sign": lambda x: float(x > 0) - float(x < 0),
+    "sqrt": math.sqrt,
+    "exp": _exp,
+    "expm1": lambda x: math.expm1(x) if x < _LARGEST else math.inf,
+    "tanh": math.tanh,
+    "sinh": lambda x: math.sinh(x) if abs(x) < _LARGEST else math.copysign(math.inf, x),
+    "sin": math.sin,
+    "cos": math.cos,
+    "arctan": math.atan,
+    "softplus": lambda x: max(x, 0.0) + math.log1p(math.exp(-abs(x))),
+    "smoothstep": lambda x: float(_smoothstep(x)),
+    "min": min,
+    "max": max,
+    "hypot": math.hypot,
+    "clip": lambda x, low, high: min(max(x, low), high),
+    "where": lambda condition, x, y: x if condition else y,
+}
+"""The same for plain numbers, one at a time."""
 
 
 class Evaluator:

@@ -198,12 +198,16 @@ class Motion:
         fine.__dict__["_spline"] = self._spline
         return fine
 
+    def replaced(self, position: np.ndarray) -> Motion:
+        """Motion with a position that is not smooth, on the same clock."""
+        return Motion(self.time, position, self.sampling_time, False, self.channels)
+
     def through(self, moved: Callable[[Motion], np.ndarray]) -> Motion:
         """Motion whose position is what `moved` makes of it and which is not smooth; on the same clock."""
         if not self.smooth:
-            return Motion(self.time, moved(self), self.sampling_time, False, self.channels)
+            return self.replaced(moved(self))
         between = moved(self.refined)
-        return Motion(self.time, between[::SUBSTEPS], self.sampling_time, False, self.channels, between)
+        return replace(self.replaced(between[::SUBSTEPS]), between=between)
 
     def scale(self, kind: str) -> float:
         """Size of a quantity, for starting values: see `lumbar.models.parameter.NonlinearParameter`."""

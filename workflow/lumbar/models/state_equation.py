@@ -7,19 +7,22 @@ The step from sample to sample is the exponential Rosenbrock–Euler step (Hochb
 
 exact where the equations are linear in the states and of second order elsewhere. Equations that know position, path or
 time themselves get a clock as one state more, which makes them autonomous. NumPy solves all samples at once by Newton's method
-(each iteration is linear in the states and solved as a banded system); C takes one step per sample.
+(each iteration is linear in the states and solved as a banded system), or one state with a clock sample by sample; C takes one
+step per sample.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import repeat
 
 import numpy as np
 
 from lumbar.models.derivative import derivative
-from lumbar.models.evaluation import NUMPY, Evaluator, Functions
+from lumbar.models.evaluation import MATH, NUMPY, Evaluator, Functions
 from lumbar.models.expression import (
     COMPARISONS,
     Expression,
@@ -40,6 +43,10 @@ MOST_STATES = 4
 STEP_SYMBOL = "sampling_time"
 """Symbol of the time from sample to sample in the equations of a step."""
 _MOST_ITERATIONS = 40
+_LARGEST_SLOPE = 50.0
+"""Exponent of what runs away in one step: beyond it nothing is known, and nothing overflows."""
+_SMALL = 1e-4
+"""Exponent below which φ₂ is its series: a difference would have no digits left."""
 _TOLERANCE = 1e-13
 """Largest change in Newton's last iteration, as a share of the largest state."""
 _TERMS = 14
@@ -179,9 +186,12 @@ class StateEquation:
             }
             return {name: found[name] for name in self.names}
         known = {**values, **self._between(motion)}
-        states = self._newton(known, len(motion) - 1)
+        one = len(self.names) == 1
+        # With a clock, two of Newton's iterations take longer than all samples one by one.
+        by_newton = self.is_linear or not (one and self.clocked)
+        states = self._newton(known, len(motion) - 1) if by_newton else None
         if states is None:
-            states = self.in_steps(known, len(motion) - 1)
+            states = (self._one_by_one if one else self.in_steps)(known, len(motion) - 1)
         return dict(zip(self.names, states, strict=True))
 
     def _between(self, motion: Motion) -> dict[str, np.ndarray | float]:
@@ -208,9 +218,10 @@ class StateEquation:
             len(self.increments),
         )
 
-    def _newton(self, known: Mapping, steps: int) -> np.ndarray | None:
+    def _newton(self, known: Mapping, steps: int, begin: np.ndarray | None = None) -> np.ndarray | None:
         """States from the first sample on, shape (states, steps + 1); None if the iteration does not end."""
-        states = np.zeros((len(self.names), steps + 1))
+        begin = np.zeros(len(self.names)) if begin is None else begin
+        states = np.repeat(begin[:, None], steps + 1, axis=1)
         with np.errstate(all="ignore"):
             for _ in range(_MOST_ITERATIONS):
                 before = states[:, :-1]
@@ -218,15 +229,43 @@ class StateEquation:
                 driven = after - np.einsum("ijk,jk->ik", slopes, before)
                 if not (np.isfinite(driven).all() and np.isfinite(slopes).all()):
                     return None
+                driven[:, 0] += slopes[:, :, 0] @ begin
                 try:
                     found = _recursion(slopes, driven)
                 except np.linalg.LinAlgError:  # slopes so large that the system overflows
                     return None
+                if not np.isfinite(found).all():
+                    return None
+                found[:, 0] = begin
                 change = np.abs(found - states).max()
                 states = found
                 if self.is_linear or change <= _TOLERANCE * np.abs(states).max():
                     return states
         return None
+
+    def _one_by_one(self, known: Mapping, steps: int) -> np.ndarray:
+        """The same of one state in plain numbers, which is forty times as fast as by arrays of one.
+
+        With a clock the step is φ₁(x) h f + φ₂(x) g, x = hJ, where g is what the clock changes of h f.
+        """
+        cells = [self.increments[0], *self.matrix[0]]
+        evaluate = Evaluator(cells, MATH)
+        constants = {name: float(value) for name, value in known.items() if not np.ndim(value)}
+        series = {name: np.asarray(value).tolist() for name, value in known.items() if np.ndim(value)}
+        (symbol,) = self.names
+        state, found = 0.0, [0.0]
+        for now in zip(*series.values(), strict=True) if series else repeat((), steps):
+            try:
+                values = {**constants, **dict(zip(series, now, strict=True)), symbol: state}
+                added, slope, *by_clock = map(float, evaluate(values))  # type: ignore[arg-type]
+            except (OverflowError, ValueError):  # beyond the largest number, where NumPy would say so by one
+                break
+            slope = min(slope, _LARGEST_SLOPE)
+            first = math.expm1(slope) / slope if slope else 1.0
+            second = (first - 1.0) / slope if abs(slope) > _SMALL else 0.5 + slope / 6
+            state += first * added + (second * by_clock[0] if by_clock else 0.0)
+            found.append(state)
+        return np.array([found + [math.nan] * (steps + 1 - len(found))])
 
     def in_steps(self, known: Mapping, steps: int, functions: Functions = STEP_FUNCTIONS) -> np.ndarray:
         """The same one step after the other, shape (states, steps + 1), as C takes them.

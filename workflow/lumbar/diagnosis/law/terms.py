@@ -79,6 +79,8 @@ _DISTANCE = _scaled("d", "presliding_distance", "{x}", "position", 0.01, 1.0, 5)
 _ALONG = _scaled("s_0", "path_constant", "{x}", "path", 0.003, 1.0, 5)
 _WEAR = _scaled("d", "breakdown_distance", "{x}", "position", 0.3, 30.0, 4)
 _HEALING = _scaled("tau", "recovery_time", "s", "time", 0.1, 30.0, 4)
+_WELL = _scaled("w", "width", "{x}", "position", 0.05, 1.2, 4)
+_SNAPPING = _scaled("tau", "snapping_time", "s", "time", 0.005, 1.0, 5, reach=(0.3, 4.0))
 _EXPONENT = _scaled("p", "exponent", "1", "one", 0.3, 2.5, 4, reach=(0.5, 1.5))
 
 
@@ -295,6 +297,10 @@ def _special() -> list[Term]:
             ("where(z < -z_d, 0, b*exp(z/z_e))",),
             (tear, strength), (("b", "where(z > 0, (1 - b)/t_f, where(z < -z_d, -b/t_f, 0))"),), (FASTEST,),
             **memory,
+        ),
+        Term(
+            "snap_through", "a part that snaps through: it rests in two places and takes its time from one to the other", ("u",),
+            (_WELL, _SNAPPING), (("u", "(z + u*(1 - (u/w)**2))/tau"),), **memory,
         ),
         Term(
             "snap", "a part that snaps from one place to another and back", ("where(z > z_d, 1, where(z < -z_d, -1, b))",),
