@@ -23,7 +23,8 @@ from lumbar.diagnosis.fitting.joint_fit import solve_linear
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.linear.decimation import decimated
 from lumbar.diagnosis.linear.pole_relocation import relocated_poles
-from lumbar.diagnosis.linear.poles import Poles, forces, is_held, slope_forces
+from lumbar.diagnosis.linear.poles import Poles, forces, slope_forces
+from lumbar.models.held_input import is_held
 from lumbar.models.joined_motions import JoinedMotions
 from lumbar.models.motion import Motion
 
