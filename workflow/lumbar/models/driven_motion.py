@@ -36,7 +36,7 @@ _SEARCHED = 40
 """Iterations of a single step, damped."""
 _SHARES = 0.5 ** np.arange(12)
 _FEWER = 8
-_MOST_FAILURES = 400
+_MOST_FAILURES = 100
 _TOLERANCE = 1e-8
 """Largest change of the position in the last iteration, as a share of its size."""
 _TOGETHER = 400

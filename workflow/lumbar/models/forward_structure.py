@@ -25,8 +25,8 @@ _FINE = 0.4
 """Largest step, in radians of the highest frequency that holds much of the motion."""
 _MOST_PARTS = 4
 _BAND_POWER = 0.95
-_TURNS = 4
-"""Iterations of the state at the beginning."""
+_TURNS, _AGAIN = 4, 2
+"""Iterations of the state at the beginning, at first and for other parameters."""
 _RIDGE = 1e-3
 """Of the state's change, relative to what the beginning tells of it: what it does not tell stays as it is."""
 _STEP = 1e-6
@@ -165,6 +165,8 @@ class ForwardStructure(Structure):
         last: dict = motion.__dict__.setdefault("_last_driven", {})
         guess, start = last.get(self._key, (None, None))
         if MEASURED in motion.channels:
+            if guess is None:
+                guess = _as_measured(motion, step, zero, len(drive.balance.states))
             start = _estimated_start(drive, values, _measured(motion) - zero, motion.sampling_time, step, start)
         else:
             start = _at_rest(drive, values)
@@ -221,19 +223,34 @@ def _at_rest(drive: ForceDrive, values: dict[str, float]) -> np.ndarray:
     return start if np.isfinite(start).all() else np.zeros(2 + states)
 
 
+def _as_measured(motion: Motion, parts: int, zero: float, states: int) -> np.ndarray:
+    """Measured motion at the collocation points, states at rest: what friction makes of its speed is nearly right."""
+
+    def at_points() -> np.ndarray:
+        from scipy.interpolate import make_interp_spline
+
+        samples = (np.arange(parts * (len(motion) - 1))[:, None] + POINTS) / parts
+        return make_interp_spline(np.arange(len(motion)), _measured(motion), k=3)(samples)
+
+    position = motion.kept("measured at points", at_points) - zero
+    return np.concatenate([position[None], np.zeros((states, *position.shape))])
+
+
 def _estimated_start(drive, values, measured, sampling_time, parts, start=None) -> np.ndarray:
     """State at the beginning with which the simulation follows the measured motion there, by Gauss and Newton."""
     count = min(max(round(BEGINNING / sampling_time), _FEWEST), len(measured) - 1)
     measured = measured[: count + 1]
+    turns = _AGAIN
     if start is None:
         start = np.zeros(2 + len(drive.balance.states))
+        turns = _TURNS
         near = min(_FEWEST, count)
         slope, _ = np.polyfit(sampling_time * np.arange(near + 1), measured[: near + 1], 1)
         start[:2] = measured[0], slope
     begun = replace(drive, force=drive.force[: count * parts])
     best, least = start, np.inf
     guess = None
-    for _ in range(_TURNS):
+    for _ in range(turns):
         found = begun.motion(values, start, guess)
         if not found.finite:
             break

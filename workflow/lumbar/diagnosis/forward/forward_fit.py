@@ -13,7 +13,7 @@ from lumbar.models.forward_structure import ForwardStructure
 from lumbar.models.joined_motions import JoinedMotions
 from lumbar.models.motion import Motion
 
-_EVALUATIONS = 25
+_EVALUATIONS = 20
 _AT_ZERO = 1e-3
 """Size of a linear parameter that starts at 0, as a share of the largest that acts alike."""
 _OFF_BOUND = 1e-3
@@ -96,6 +96,6 @@ def fit_forward(
 
     found = least_squares(
         lambda vector: error_of(vector.tobytes()), start, jac=jacobian, bounds=(lower, upper), x_scale="jac",
-        xtol=1e-7, ftol=1e-8, max_nfev=evaluations,
+        xtol=1e-6, ftol=1e-7, max_nfev=evaluations,
     )  # fmt: skip
     return replace(trial(found.x), squared_error=2 * float(found.cost), converged=bool(found.status > 0))

@@ -152,27 +152,32 @@ def _searched(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
     """Choose the base and select effects; once they are known, choose the base again."""
     null = shipped(settings.system)
     experiment, base = choose_base(experiment, settings.base, settings.candidates)
-    found = _Selection(experiment, base, settings, null).diagnosis()
+    found = Selection(experiment, base, settings, null).diagnosis()
     if settings.base != CHOSEN_BY_DATA or found.model is found.base:
         return found
     other = base_beside(found.model, experiment)
     if other is None:
         return found
-    return _Selection(*choose_base(experiment, other, settings.candidates), settings, null).diagnosis()
+    return Selection(*choose_base(experiment, other, settings.candidates), settings, null).diagnosis()
 
 
-class _Selection:
+class Selection:
     """One diagnosis under way: the candidates tried so far and what was selected."""
 
     def __init__(
-        self, experiment: Experiment, base: Candidate, settings: DiagnosisSettings, null: NullDistribution
+        self,
+        experiment: Experiment,
+        base: Candidate,
+        settings: DiagnosisSettings,
+        null: NullDistribution,
+        singles: list[Candidate] | None = None,
     ):
         self.experiment = experiment
         self.base = base
         self.settings = settings
         self.null = null
         self.forms = sum(len(effect.forms) for effect in settings.catalogue.values())
-        self.singles = extend(base, settings.catalogue, experiment, most=None)
+        self.singles = extend(base, settings.catalogue, experiment) if singles is None else singles
         self.tried = list(self.singles)
         self.contradicting: dict[Candidate, bool] = {}
 
