@@ -60,6 +60,12 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
         "time_s,angle_rad,moment_Nm",
     )
     parser.add_argument(
+        "--forward",
+        action="store_true",
+        default=None,
+        help="the records have the force as input and the motion as output (default: the settings')",
+    )
+    parser.add_argument(
         "--train",
         metavar="NAME",
         action="append",

@@ -40,6 +40,7 @@ def diagnose(
     settings: ImprovementSettings | None = None,
     machine: MachineSettings | None = None,
     gravity_m_s2: float = GRAVITY,
+    forward: bool | None = None,
     seed: int = SEED,
     data: str = "",
 ) -> Diagnosis:
@@ -61,6 +62,8 @@ def diagnose(
         Limits of the machine that would play a separating excitation.
     gravity_m_s2 : float
         That acts on a pendulum.
+    forward : bool, optional
+        Whether the records have the force as input and the motion as output; default the settings'.
     seed : int
         Of the intervals.
     data : str
@@ -91,12 +94,13 @@ def diagnose(
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
     settings = settings or ImprovementSettings()
-    chosen = _chosen(settings, base, train, periods, gravity_m_s2)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward)
     data = data_label(data, (record.source for record in records))
     used, changed = manageable(list(records))
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
-    proposal = law_beside(verdict) if settings.propose_law and chosen.system == "tissue" else None
+    proposing = settings.propose_law and chosen.system == "tissue" and not chosen.forward
+    proposal = law_beside(verdict) if proposing else None
     return Diagnosis(used, chosen, with_law(verdict, proposal), machine, seed, data, proposal)
 
 
@@ -109,6 +113,7 @@ def refine(
     periods: Mapping[str, float] | None = None,
     settings: ImprovementSettings | None = None,
     gravity_m_s2: float = GRAVITY,
+    forward: bool | None = None,
     seed: int = SEED,
     data: str = "",
 ) -> Refinement:
@@ -141,14 +146,14 @@ def refine(
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
-    chosen = _chosen(settings, base, train, periods, gravity_m_s2)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward)
     data = data_label(data, (record.source for record in records))
     return _refined(list(records), list(effects), chosen, seed, data)
 
 
-def _chosen(settings, base, train, periods, gravity_m_s2) -> DiagnosisSettings:
+def _chosen(settings, base, train, periods, gravity_m_s2, forward) -> DiagnosisSettings:
     return DiagnosisSettings.from_improvement(
-        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2
+        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2, forward
     )
 
 

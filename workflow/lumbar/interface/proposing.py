@@ -25,6 +25,7 @@ def propose(
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
     settings: ImprovementSettings | None = None,
+    forward: bool | None = None,
     seed: int = SEED,
     data: str = "",
 ) -> ProposedLaw:
@@ -42,9 +43,8 @@ def propose(
     """
     from lumbar.interface.diagnosis import diagnose
 
-    return proposed(
-        diagnose(records, base=base, train=train, periods=periods, settings=settings, seed=seed, data=data)
-    )
+    chosen = {"base": base, "train": train, "periods": periods, "settings": settings, "forward": forward}
+    return proposed(diagnose(records, **chosen, seed=seed, data=data))
 
 
 def proposed(diagnosis: Diagnosis) -> ProposedLaw:
@@ -53,7 +53,7 @@ def proposed(diagnosis: Diagnosis) -> ProposedLaw:
     Raises
     ------
     InputError
-        For a pendulum: the library of terms is that of tissue.
+        For a pendulum: the library of terms is that of tissue. For records with the force as input.
     """
     from lumbar.diagnosis.law.proposal import propose as search
 
@@ -61,6 +61,8 @@ def proposed(diagnosis: Diagnosis) -> ProposedLaw:
         raise InputError(
             f"base {diagnosis.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
         )
+    if diagnosis.settings.forward:
+        raise InputError("records with the force as input (improvement.forward): no law is looked for in them")
     verdict = diagnosis.verdict
     return ProposedLaw(
         diagnosis, diagnosis.proposal or search(verdict.experiment, verdict.base, verdict.model)

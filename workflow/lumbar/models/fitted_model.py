@@ -12,6 +12,8 @@ import numpy as np
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.bases import Base
 from lumbar.models.form import Effect, Form
+from lumbar.models.forward_structure import ForwardStructure
+from lumbar.models.measured_motion import with_measured_motion
 from lumbar.models.structure import Structure
 from lumbar.models.transfer_function import TransferFunction
 
@@ -257,6 +259,9 @@ class FittedModel:
 
         parts = [self.values_of(structure.base), *map(self.values_of, structure.forms)]
         linear, nonlinear = (np.concatenate([part[kind] for part in parts]) for kind in (0, 1))
+        if isinstance(structure, ForwardStructure):
+            seen = Motion.of(with_measured_motion(record), offset=self.input.offset)
+            return structure.simulate(seen, linear, nonlinear, self.output.offset)
         motion = Motion.of(for_base(record, structure.base), offset=self.input.offset)
         return structure.simulate(motion, linear, nonlinear)
 
@@ -276,6 +281,8 @@ class FittedModel:
             from lumbar.models.state_space import aligned
 
             return control.TransferFunction(*aligned(self.structure), self.sampling_time)
+        if isinstance(self.structure, ForwardStructure):
+            raise NumericalError(f"{self.name}: it goes from force to motion; no transfer function of it is made")
         if self.structure.forms:
             effects = ", ".join(self.structure.effects)
             raise NumericalError(f"{self.name}: no transfer function holds its effects ({effects})")

@@ -13,11 +13,10 @@ from lumbar.models.force_balance import ForceBalance
 from lumbar.models.form import Form, LinearParameter, NonlinearParameter, Place
 from lumbar.models.held_input import is_held
 from lumbar.models.joined_motions import JoinedMotions
+from lumbar.models.measured_motion import MEASURED
 from lumbar.models.motion import Motion
 from lumbar.models.structure import Structure
 
-MEASURED = "measured_motion"
-"""Role of the channel with the motion as measured, of which a simulation takes its beginning."""
 BEGINNING = 0.5
 """Seconds of the measured motion from which the state at the beginning is estimated; no error counts them."""
 _FEWEST = 5

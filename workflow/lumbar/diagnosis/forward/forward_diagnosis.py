@@ -12,7 +12,7 @@ from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.diagnosis.forward.carried import carried, fitted_base, response_of
-from lumbar.diagnosis.forward.forward_data import forward_experiment, with_measured_motion
+from lumbar.diagnosis.forward.forward_data import forward_experiment
 from lumbar.diagnosis.forward.forward_fit import ForwardFit, fit_forward
 from lumbar.diagnosis.selection.diagnose import Selection
 from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate, is_adequate
@@ -23,6 +23,7 @@ from lumbar.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.models.force_balance import can_be_simulated
 from lumbar.models.form import Effect
 from lumbar.models.forward_structure import ForwardStructure
+from lumbar.models.measured_motion import with_measured_motion
 from lumbar.models.structure import Structure
 from lumbar.records.record import Record
 
@@ -32,7 +33,7 @@ _SIMULATED = 2
 """Bases, those that fit best turned round, that are simulated."""
 _CONFIRMED = 5
 """Sets of effects, beside those selected and tied, that are simulated."""
-_LONG = 8000
+_LONG = 6000
 """Samples of the training record on which a search is made."""
 _POLISHED = 4
 """Evaluations of the error on all of a long record, from the fit to its beginning."""

@@ -68,6 +68,10 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
         For an unknown base and for records that cannot be used (`prepare`).
     """
     settings = settings or DiagnosisSettings()
+    if settings.forward:
+        from lumbar.diagnosis.forward.forward_diagnosis import diagnose_forward
+
+        return diagnose_forward(records, settings)
     experiment = prepare_for(records, settings)
     usable, not_tried = without_channels(settings.candidates, experiment.training.motion.channels)
     settings = replace(settings, catalogue=usable)
