@@ -26,6 +26,8 @@ Response = Callable[[np.ndarray], np.ndarray]
 """From frequencies (Hz) to the motion by the force there."""
 _STIFFEST = 1e-6
 """Share of the largest dynamic stiffness below which none counts: what nothing holds drifts away."""
+_STIFF = 10.0
+"""Stiffness of what does not follow the force, in that of force over motion."""
 _SEGMENTS = 8
 _TURNS = 3
 """Fits of the base, each weighted by the response of the one before."""
@@ -132,5 +134,9 @@ def fitted_base(experiment: Experiment, base: Base) -> tuple[Experiment, np.ndar
     seen = carried(experiment, measured_response(first))
     for _ in range(_TURNS):
         found = fit_base(Structure(base), seen.training)
-        seen = carried(experiment, response_of(base, found.linear, found.nonlinear))
-    return seen, found.linear, found.nonlinear
+        linear = found.linear
+        if not linear.any():  # no material at all: what does not follow the force is stiff
+            spring = [item.name == "spring_stiffness" for item in base.linear]
+            linear = np.where(spring, _STIFF * np.std(training.motion.position) / np.std(training.force), 0.0)
+        seen = carried(experiment, response_of(base, linear, found.nonlinear))
+    return seen, linear, found.nonlinear

@@ -14,10 +14,15 @@ from lumbar.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.diagnosis.forward.carried import carried, fitted_base, response_of
 from lumbar.diagnosis.forward.forward_data import forward_experiment
 from lumbar.diagnosis.forward.forward_fit import ForwardFit, fit_forward
+from lumbar.diagnosis.forward.sensor import sensor_candidates
 from lumbar.diagnosis.selection.diagnose import Selection
-from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate, is_adequate
+from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate, is_adequate, unseen_improvement
+from lumbar.diagnosis.selection.linear_gate import linear_alternative, linear_finding
 from lumbar.diagnosis.selection.null_distribution import shipped
+from lumbar.diagnosis.selection.offsets import offsets
+from lumbar.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.diagnosis.selection.verdict import Verdict
+from lumbar.effects.motion_sensor import MOTION_SENSOR
 from lumbar.errors import InputError
 from lumbar.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.models.force_balance import can_be_simulated
@@ -33,6 +38,8 @@ _SIMULATED = 2
 """Bases, those that fit best turned round, that are simulated."""
 _CONFIRMED = 5
 """Sets of effects, beside those selected and tied, that are simulated."""
+_LEAST_EXPLAINED = 0.05
+"""Share of the motion's variance that a base must explain for effects to be looked for beside it."""
 _LONG = 6000
 """Samples of the training record on which a search is made."""
 _POLISHED = 4
@@ -59,7 +66,48 @@ def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> Verd
         For a base with contact, and for records that cannot be used.
     """
     experiment, base = prepared_base(records, settings)
-    return _confirmed(experiment, base, settings)
+    found = _behind_sensor(_confirmed(experiment, base, settings), settings)
+    found, linear = _beside_linear(found)
+    zeros = [replace(item, kind="motion_offset") for item in offsets(found)]
+    return replace(found, findings=(*zeros, *linear))
+
+
+def _behind_sensor(found: Verdict, settings: DiagnosisSettings) -> Verdict:
+    """Linear dynamics behind a sensor that is not linear, where they surely explain all records better."""
+    experiment, null = found.experiment, shipped("tissue")
+    if is_adequate(found.model, experiment):
+        return found
+    forms = {name: settings.candidates[name].forms for name in MOTION_SENSOR}
+    for before, after in sorted(sensor_candidates(experiment, forms), key=lambda pair: pair[1].score):
+        judge = Selection(experiment, before, settings, null, singles=[])
+        surely = unseen_improvement(found.model, after, experiment) > UNSEEN
+        if not (judge.passes(before, after) and surely and after.score < found.model.score - TIED):
+            continue
+        judge.tried = [after]
+        share = judge.share_removed(after)
+        return replace(
+            found,
+            base=before,
+            verdict=judge.verdict(after, [], share),
+            path=[before, after],
+            tied_with=[],
+            ranking=[*judge.ranking(after), *found.ranking],
+            explainable_share_removed=share,
+            verdict_after=judge.verdict_after(after, None),
+        )
+    return found
+
+
+def _beside_linear(found: Verdict) -> tuple[Verdict, list[Finding]]:
+    """Where linear dynamics of higher order surely explain more, they are told and nothing is named."""
+    experiment = found.experiment
+    if is_adequate(found.model, experiment):
+        return found, []
+    linear = linear_alternative(found.model, experiment)
+    if linear is None:
+        return found, []
+    said = [linear_finding(linear, found.model, experiment)]
+    return replace(found, verdict="unexplained", tied_with=[], verdict_after="unexplained"), said
 
 
 def prepared_base(records: list[Record], settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
@@ -89,7 +137,8 @@ def chosen_base(experiment: Experiment, name: str) -> Candidate:
         return evaluate(fit_base(Structure(base), seen.training), seen).score
 
     ranked = sorted((base for _, base in turned), key=score)
-    return min((_simulated_base(experiment, base) for base in ranked[:_SIMULATED]), key=lambda item: item.score)
+    found = [_simulated_base(experiment, base) for base in ranked[:_SIMULATED]]
+    return min(found, key=lambda item: item.score if np.isfinite(item.score) else np.inf)
 
 
 def _simulated_base(experiment: Experiment, base: Base) -> Candidate:
@@ -132,6 +181,8 @@ def forward_catalogue(catalogue: dict[str, Effect], base: Base) -> dict[str, Eff
 
 def _confirmed(experiment: Experiment, base: Candidate, settings: DiagnosisSettings) -> Verdict:
     """Name by the turned-round records, keep what simulation confirms; once effects are known, ask for the base again."""
+    if _follows_nothing(base, experiment):
+        return _Confirmation(experiment, base, replace(settings, catalogue={}), shipped("tissue"), None, 1.0).diagnosis()
     found, seen = _named(experiment, base, settings)
     if settings.base != CHOSEN_BY_DATA or not found.selected:
         return found
@@ -139,6 +190,12 @@ def _confirmed(experiment: Experiment, base: Candidate, settings: DiagnosisSetti
     if other is None:
         return found
     return _named(experiment, _simulated_base(experiment, other), settings)[0]
+
+
+def _follows_nothing(base: Candidate, experiment: Experiment) -> bool:
+    """Whether the motion hardly follows the force through the base: nothing can be carried through its response then."""
+    data = experiment.training
+    return base.train_rms**2 > (1 - _LEAST_EXPLAINED) * float(np.var(data.settled(data.force)))
 
 
 def _named(
@@ -178,19 +235,21 @@ class _Confirmation(Selection):
 
     Parameters
     ----------
-    named : Verdict
-        Of the turned-round records.
+    named : Verdict or None
+        Of the turned-round records; None where none was made.
     stiffness : float
         Static stiffness of the base, which turns the zero of a force into one of the motion.
     """
 
-    def __init__(self, experiment, base, settings, null, named: Verdict, stiffness: float):
+    def __init__(self, experiment, base, settings, null, named: Verdict | None, stiffness: float):
         super().__init__(experiment, base, settings, null, singles=[])
         self.named = named
         self.stiffness = stiffness
 
     def selected_path(self) -> list[Candidate]:
         """Simulate what was named, and its rivals; from the base on to larger sets that pass, the best of each step."""
+        if self.named is None:
+            return [self.base]
         self.simulate(self.named.path[1:])
         rivals = [*self.named.tied_with, *(item.candidate for item in self.named.ranking)]
         best = min([self.base, *self.tried], key=lambda item: item.score)
@@ -213,9 +272,9 @@ class _Confirmation(Selection):
                 known.add(forms)
                 structure = ForwardStructure(item.fit.structure.base, forms)
                 zero = -item.fit.zero / self.stiffness
-                self.tried.append(
-                    simulated(self.experiment, structure, item.fit.linear, item.fit.nonlinear, zero)
-                )
+                found = simulated(self.experiment, structure, item.fit.linear, item.fit.nonlinear, zero)
+                if np.isfinite(found.score):
+                    self.tried.append(found)
 
     def follows(self, before: Candidate, after: Candidate) -> bool:
         """Whether a larger set may be selected after another one."""

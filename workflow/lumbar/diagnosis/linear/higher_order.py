@@ -131,6 +131,22 @@ def linear_dynamics(experiment: Experiment) -> LinearDynamics:
     )
 
 
+def rational_of_order(data: FitData, order: int) -> LinearDynamics:
+    """Fit an output-error model of so many free poles and free residues to a record.
+
+    Parameters
+    ----------
+    data : FitData
+    order : int
+
+    Returns
+    -------
+    LinearDynamics
+    """
+    static = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), is_held(data.motion))
+    return _rational(data, order, static)
+
+
 def _chosen(candidates: list[LinearDynamics], data: FitData) -> LinearDynamics:
     """The candidate of the lowest information criterion (Schwarz, Ann. Statist. 6 (1978) 461-464).
 
