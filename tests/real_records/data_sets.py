@@ -36,7 +36,9 @@ def coupled_drives(folder: Path, number: int) -> Read:
     """Voltage to speed as the sensor gives it; one record, whose last part is the unseen one."""
     content = loadmat(folder / "coupled_drives" / "drive.mat", squeeze_me=True)
     voltage, speed = content[f"u{number}"].astype(float), content[f"z{number}"]
-    return RecordSet([_record("prbs", 0.02, (voltage, "voltage", "V"), (speed, "speed", "V"))]), {"forward": True}
+    return RecordSet([_record("prbs", 0.02, (voltage, "voltage", "V"), (speed, "speed", "V"))]), {
+        "forward": True
+    }
 
 
 def bouc_wen(folder: Path, forward: bool) -> Read:

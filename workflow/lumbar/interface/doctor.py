@@ -92,7 +92,9 @@ def doctor(
     # What is asked is whether an effect of the catalogue would be named: no law is looked for in hundreds of records.
     settings = replace(settings or ImprovementSettings(), propose_law=False)
     if settings.forward if forward is None else forward:
-        raise InputError("records with the force as input (improvement.forward): no effects are put into them")
+        raise InputError(
+            "records with the force as input (improvement.forward): no effects are put into them"
+        )
 
     def verdict_on(seen: Sequence[Record], most_effects: int) -> Verdict:
         chosen = replace(settings, most_effects=most_effects)

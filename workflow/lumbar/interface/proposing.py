@@ -62,7 +62,9 @@ def proposed(diagnosis: Diagnosis) -> ProposedLaw:
             f"base {diagnosis.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
         )
     if diagnosis.settings.forward:
-        raise InputError("records with the force as input (improvement.forward): no law is looked for in them")
+        raise InputError(
+            "records with the force as input (improvement.forward): no law is looked for in them"
+        )
     verdict = diagnosis.verdict
     return ProposedLaw(
         diagnosis, diagnosis.proposal or search(verdict.experiment, verdict.base, verdict.model)

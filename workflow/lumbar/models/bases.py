@@ -123,7 +123,14 @@ _FASTENED = (
 _MASS = LinearParameter("mass", "{y} s^2/{x}", symbol="m")
 _WITH_MASS = (
     Base("KV-mass", "m*a + k_e*z + b*v", (_MASS, *_FASTENED[2].linear)),
-    Base("KB-mass", "m*a + k_e*z + k_b*q", (_MASS, *_FASTENED[3].linear), (_RELAXATION,), MAXWELL_STATE, elongation),
+    Base(
+        "KB-mass",
+        "m*a + k_e*z + k_b*q",
+        (_MASS, *_FASTENED[3].linear),
+        (_RELAXATION,),
+        MAXWELL_STATE,
+        elongation,
+    ),
 )
 
 

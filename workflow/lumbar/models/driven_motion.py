@@ -86,7 +86,9 @@ class ForceDrive:
     step: float
     size: float
 
-    def motion(self, parameters: Mapping[str, float], start: np.ndarray, guess: np.ndarray | None = None) -> Driven:
+    def motion(
+        self, parameters: Mapping[str, float], start: np.ndarray, guess: np.ndarray | None = None
+    ) -> Driven:
         """Simulate from a start.
 
         Parameters
@@ -157,7 +159,9 @@ class ForceDrive:
             trial = points + share * change
             known = self._known(parameters, begun, trial, window)
             before = self._ends(trial, begun)[:, :-1]
-            return float(np.abs(self._missed(self.balance.values(known, trial.shape[1:]), trial, before, window)).sum())
+            return float(
+                np.abs(self._missed(self.balance.values(known, trial.shape[1:]), trial, before, window)).sum()
+            )
 
         here = missed(0.0)
         return next((share for share in _SHARES if missed(share) < here), 1.0)
@@ -215,7 +219,9 @@ class ForceDrive:
         size = count * _STAGES
         right = self._missed(values, points, before, window)[..., None] if beside is None else beside
         more = right.shape[-1]
-        whole = np.concatenate([right.reshape(steps, size, more), start.reshape(steps, size, count + 1)], axis=2)
+        whole = np.concatenate(
+            [right.reshape(steps, size, more), start.reshape(steps, size, count + 1)], axis=2
+        )
         try:
             local = -np.linalg.solve(matrix.reshape(steps, size, size), whole)
         except np.linalg.LinAlgError:
@@ -233,7 +239,11 @@ class ForceDrive:
         return local, slope, driven
 
     def sensitivities(
-        self, parameters: Mapping[str, float], found: Driven, changes: list[tuple[str, float]], by_start: bool = False
+        self,
+        parameters: Mapping[str, float],
+        found: Driven,
+        changes: list[tuple[str, float]],
+        by_start: bool = False,
     ) -> np.ndarray:
         """Derivatives of the position by parameters, and by position, velocity and states at the start.
 
@@ -259,7 +269,9 @@ class ForceDrive:
         with np.errstate(all="ignore"):
             for column, (name, step) in enumerate(changes):
                 ends = [
-                    self.balance.values({**known, name: parameters[name] + way * step}, found.points.shape[1:])
+                    self.balance.values(
+                        {**known, name: parameters[name] + way * step}, found.points.shape[1:]
+                    )
                     for way in (1, -1)
                 ]
                 beside[..., column] = (sign * (ends[0] - ends[1]) / (2 * step)).transpose(1, 0, 2)
@@ -301,7 +313,11 @@ def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = 
         wrong = ~(np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(driven).all(axis=(1, 2)))
         whole = int(np.argmax(wrong)) if wrong.any() else 0
         found = np.full((steps + 1, size, columns), np.nan)
-        found[: whole + 1] = recursion(slope[:whole], driven[:whole], first) if whole else right[:size].reshape(1, size, columns)
+        found[: whole + 1] = (
+            recursion(slope[:whole], driven[:whole], first)
+            if whole
+            else right[:size].reshape(1, size, columns)
+        )
         return found
     solved = solve_banded((lower, 0), bands, right, overwrite_ab=True, overwrite_b=True, check_finite=False)
     return solved.reshape(steps + 1, size, columns)

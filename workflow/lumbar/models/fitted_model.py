@@ -282,7 +282,9 @@ class FittedModel:
 
             return control.TransferFunction(*aligned(self.structure), self.sampling_time)
         if isinstance(self.structure, ForwardStructure):
-            raise NumericalError(f"{self.name}: it goes from force to motion; no transfer function of it is made")
+            raise NumericalError(
+                f"{self.name}: it goes from force to motion; no transfer function of it is made"
+            )
         if self.structure.forms:
             effects = ", ".join(self.structure.effects)
             raise NumericalError(f"{self.name}: no transfer function holds its effects ({effects})")

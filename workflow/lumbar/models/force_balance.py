@@ -11,7 +11,15 @@ import numpy as np
 from lumbar.errors import InputError
 from lumbar.models.derivative import derivative
 from lumbar.models.evaluation import Evaluator
-from lumbar.models.expression import Expression, Number, Operation, Symbol, add, multiply, substituted, symbols
+from lumbar.models.expression import (
+    Expression,
+    Number,
+    Symbol,
+    add,
+    multiply,
+    substituted,
+    symbols,
+)
 from lumbar.models.form import Form, Place
 from lumbar.models.motion_signals import SIGNALS
 from lumbar.models.parsing import parse
@@ -104,7 +112,9 @@ class ForceBalance:
     @cached_property
     def _slopes(self) -> Evaluator:
         trees = (self.force, *self.rates.values())
-        return Evaluator([*trees, *(derivative(tree, name) for tree in trees for name in (*MOTION, *self.states))])
+        return Evaluator(
+            [*trees, *(derivative(tree, name) for tree in trees for name in (*MOTION, *self.states))]
+        )
 
     def values(self, known: Mapping[str, np.ndarray | float], shape: tuple[int, ...]) -> np.ndarray:
         """R and the states' rates, shape (1 + states, *shape)."""

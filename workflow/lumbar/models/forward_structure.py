@@ -78,7 +78,9 @@ class ForwardStructure(Structure):
         own, parts = self.nonlinear_of(nonlinear)
         acting = [parts[form.key] for form in self.forms if form.place is Place.PARALLEL]
         named = zip(
-            (*self.balance.linear, *self.balance.nonlinear), (*linear, *np.concatenate([own, *acting])), strict=True
+            (*self.balance.linear, *self.balance.nonlinear),
+            (*linear, *np.concatenate([own, *acting])),
+            strict=True,
         )
         return {name: float(value) for name, value in named}
 
@@ -105,7 +107,9 @@ class ForwardStructure(Structure):
     ) -> np.ndarray:
         """Derivatives of the position by linear parameters and logarithms of nonlinear ones, shape (samples, parameters)."""
         if isinstance(motion, JoinedMotions):
-            return np.concatenate([self.sensitivities(part, linear, nonlinear, zero) for part in motion.parts])
+            return np.concatenate(
+                [self.sensitivities(part, linear, nonlinear, zero) for part in motion.parts]
+            )
         numbers = np.concatenate([linear, nonlinear, [zero]])
         return motion.remembered(
             f"slopes of {self._key}", numbers, lambda: self._sensitivities(motion, linear, nonlinear, zero)
@@ -144,18 +148,28 @@ class ForwardStructure(Structure):
         return " ".join([self.base.name, *(form.remembered_as for form in self.forms)])
 
     def _driven(self, motion: Motion, linear, nonlinear, zero) -> tuple[ForceDrive, Driven, int]:
-        own, parts = self.nonlinear_of(nonlinear)
+        _, parts = self.nonlinear_of(nonlinear)
         seen = motion
         for form in self.forms:
             if form.place is Place.INPUT:
                 given = parts[form.key]
-                seen = motion.remembered(form.remembered_as, given, lambda form=form, given=given: form.input_transform(motion, given))
+                seen = motion.remembered(
+                    form.remembered_as,
+                    given,
+                    lambda form=form, given=given: form.input_transform(motion, given),
+                )
         step = motion.kept("parts of a step", lambda: _parts_of_step(motion))
         force = seen.kept("force at points", lambda: _at_points(seen, step))
-        size = motion.kept("size of position", lambda: float(np.ptp(_measured(motion)))) if MEASURED in motion.channels else 1.0
+        size = (
+            motion.kept("size of position", lambda: float(np.ptp(_measured(motion))))
+            if MEASURED in motion.channels
+            else 1.0
+        )
         drive = ForceDrive(self.balance, force, motion.sampling_time / step, size)
         numbers = np.concatenate([linear, nonlinear, [zero]])
-        found = motion.remembered(self._key, numbers, lambda: self._found(motion, drive, step, linear, nonlinear, zero))
+        found = motion.remembered(
+            self._key, numbers, lambda: self._found(motion, drive, step, linear, nonlinear, zero)
+        )
         return drive, found, step
 
     def _found(self, motion, drive, step, linear, nonlinear, zero) -> Driven:
@@ -166,7 +180,9 @@ class ForwardStructure(Structure):
         if MEASURED in motion.channels:
             if guess is None:
                 guess = _as_measured(motion, step, zero, len(drive.balance.states))
-            start = _estimated_start(drive, values, _measured(motion) - zero, motion.sampling_time, step, start)
+            start = _estimated_start(
+                drive, values, _measured(motion) - zero, motion.sampling_time, step, start
+            )
         else:
             start = _at_rest(drive, values)
         found = drive.motion(values, start, guess)
@@ -211,7 +227,14 @@ def _at_rest(drive: ForceDrive, values: dict[str, float]) -> np.ndarray:
     states = len(drive.balance.states)
     start = np.zeros(2 + states)
     for _ in range(20):
-        known = {**values, **dict.fromkeys(drive.balance.states, 0.0), "z": start[0], "v": 0.0, "a": 0.0, "t": 0.0}
+        known = {
+            **values,
+            **dict.fromkeys(drive.balance.states, 0.0),
+            "z": start[0],
+            "v": 0.0,
+            "a": 0.0,
+            "t": 0.0,
+        }
         force, slopes = drive.balance.slopes(known, ())
         if not slopes[0, 0] > 0:
             return np.zeros(2 + states)

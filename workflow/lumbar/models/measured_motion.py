@@ -25,7 +25,9 @@ _HIGHEST = 0.45
 def with_measured_motion(record: Record) -> Record:
     """The record with its motion once more, smoothed, as the channel that a simulation takes its beginning from."""
     output = record.channels["output"]
-    return replace(record, channels={**record.channels, MEASURED: replace(output, values=smoothed(output.values))})
+    return replace(
+        record, channels={**record.channels, MEASURED: replace(output, values=smoothed(output.values))}
+    )
 
 
 def smoothed(signal: np.ndarray) -> np.ndarray:

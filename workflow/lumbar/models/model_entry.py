@@ -163,9 +163,7 @@ def _transfer_function(written: _Written, problems: Problems) -> TransferFunctio
     return None
 
 
-def _structure(
-    base: str, written: _Written, catalogues: Catalogues, problems: Problems
-) -> Structure | None:
+def _structure(base: str, written: _Written, catalogues: Catalogues, problems: Problems) -> Structure | None:
     before = len(problems.entries)
     if base not in BASES:
         problems.add("base", repr(base), f"bases are {', '.join(BASES)}")

@@ -51,7 +51,8 @@ class CarriedData(FitData):
 
         length = next_fast_len(2 * len(signal), real=True)
         kept = self.motion.kept(
-            f"response {id(self.response)}", lambda: (self.response, self.response(rfftfreq(length, self.motion.sampling_time)))
+            f"response {id(self.response)}",
+            lambda: (self.response, self.response(rfftfreq(length, self.motion.sampling_time))),
         )[1]
         spectrum = rfft(signal, length, axis=0)
         return irfft(spectrum * kept.reshape(-1, *[1] * (signal.ndim - 1)), length, axis=0)[: len(signal)]
@@ -97,7 +98,9 @@ def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Respon
     """Frequency response of a base from force to motion."""
     balance = ForceBalance((base.form,))
     names = (*balance.linear, *balance.nonlinear)
-    known = dict(zip(names, (*linear, *nonlinear), strict=True)) | dict.fromkeys(("z", "v", "a", "t", *balance.states), 0.0)
+    known = dict(zip(names, (*linear, *nonlinear), strict=True)) | dict.fromkeys(
+        ("z", "v", "a", "t", *balance.states), 0.0
+    )
     _, slopes = balance.slopes(known, ())
     by_motion, by_states = slopes[:, : len(MOTION)], slopes[:, len(MOTION) :]
 
@@ -120,7 +123,9 @@ def measured_response(data: FitData) -> Response:
 
     force, motion = data.motion.position, data.force
     rate = 1 / data.motion.sampling_time
-    frequency, powers = welch(np.array([force - force.mean(), motion - motion.mean()]), rate, nperseg=len(force) // _SEGMENTS)
+    frequency, powers = welch(
+        np.array([force - force.mean(), motion - motion.mean()]), rate, nperseg=len(force) // _SEGMENTS
+    )
     ratio = np.sqrt(powers[1] / np.maximum(powers[0], 1e-12 * powers[0].max()))
     # Where the force holds nothing the ratio is noise.
     ratio[powers[0] < 1e-6 * powers[0].max()] = 0.0

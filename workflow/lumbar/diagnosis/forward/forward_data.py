@@ -39,7 +39,9 @@ class ForwardJointData(JointData):
 def forward_experiment(experiment: Experiment) -> Experiment:
     """The same experiment with its records as forward ones."""
     return replace(
-        experiment, training=_forward(experiment.training), tests=[_forward(item) for item in experiment.tests]
+        experiment,
+        training=_forward(experiment.training),
+        tests=[_forward(item) for item in experiment.tests],
     )
 
 
@@ -47,6 +49,4 @@ def _forward(data: FitData) -> FitData:
     if isinstance(data, JointData):
         joint = ForwardJointData.of([_forward(part) for part in data.parts])
         return replace(joint, own_zero=data.own_zero)
-    return ForwardData(
-        data.name, data.motion, data.force, data.whitening, data.counts_from, data.own_zero
-    )
+    return ForwardData(data.name, data.motion, data.force, data.whitening, data.counts_from, data.own_zero)

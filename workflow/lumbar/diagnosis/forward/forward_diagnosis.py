@@ -13,7 +13,7 @@ from lumbar.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.diagnosis.forward.carried import carried, fitted_base, response_of
 from lumbar.diagnosis.forward.forward_data import forward_experiment
-from lumbar.diagnosis.forward.forward_fit import ForwardFit, fit_forward
+from lumbar.diagnosis.forward.forward_fit import fit_forward
 from lumbar.diagnosis.forward.sensor import sensor_candidates
 from lumbar.diagnosis.selection.diagnose import Selection
 from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate, is_adequate, unseen_improvement
@@ -113,7 +113,9 @@ def _beside_linear(found: Verdict) -> tuple[Verdict, list[Finding]]:
 def prepared_base(records: list[Record], settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
     """Forward records ready for a diagnosis, and the base that is named or that they ask for, simulated."""
     seen = [with_measured_motion(record) for record in records]
-    experiment = replace(forward_experiment(prepare(seen, settings.train, settings.periods)), records=tuple(seen))
+    experiment = replace(
+        forward_experiment(prepare(seen, settings.train, settings.periods)), records=tuple(seen)
+    )
     base = chosen_base(experiment, settings.base)
     if experiment.error_dwarfs_noise(base.train_rms):
         experiment = experiment.unwhitened()
@@ -125,7 +127,9 @@ def chosen_base(experiment: Experiment, name: str) -> Candidate:
     """The base of a name, or the one of `FORWARD_BASES` that explains all records best, fitted by simulation."""
     if name != CHOSEN_BY_DATA:
         if BASES[name].contact or BASES[name].system != "tissue":
-            raise InputError(f"base {name}: records with the force as input know the bases {', '.join(FORWARD_BASES)}")
+            raise InputError(
+                f"base {name}: records with the force as input know the bases {', '.join(FORWARD_BASES)}"
+            )
         return _simulated_base(experiment, BASES[name])
     short = shortened(experiment)
     turned = [(fitted_base(short, BASES[item]), BASES[item]) for item in FORWARD_BASES]
@@ -147,13 +151,19 @@ def _simulated_base(experiment: Experiment, base: Base) -> Candidate:
 
 
 def simulated(
-    experiment: Experiment, structure: ForwardStructure, linear: np.ndarray, nonlinear: np.ndarray, zero: float = 0.0
+    experiment: Experiment,
+    structure: ForwardStructure,
+    linear: np.ndarray,
+    nonlinear: np.ndarray,
+    zero: float = 0.0,
 ) -> Candidate:
     """Fit a structure by the error of its simulation, long records on their beginning first."""
     short = shortened(experiment).training
     found = fit_forward(structure, short, linear, nonlinear, zero)
     if short is not experiment.training:
-        found = fit_forward(structure, experiment.training, found.linear, found.nonlinear, found.zero, _POLISHED)
+        found = fit_forward(
+            structure, experiment.training, found.linear, found.nonlinear, found.zero, _POLISHED
+        )
     return evaluate(found, experiment)
 
 
@@ -163,7 +173,9 @@ def shortened(experiment: Experiment) -> Experiment:
     def short(data):
         return data.split(_LONG / data.size)[0] if data.size > _LONG else data
 
-    return replace(experiment, training=short(experiment.training), tests=[short(item) for item in experiment.tests])
+    return replace(
+        experiment, training=short(experiment.training), tests=[short(item) for item in experiment.tests]
+    )
 
 
 def forward_catalogue(catalogue: dict[str, Effect], base: Base) -> dict[str, Effect]:
@@ -182,7 +194,9 @@ def forward_catalogue(catalogue: dict[str, Effect], base: Base) -> dict[str, Eff
 def _confirmed(experiment: Experiment, base: Candidate, settings: DiagnosisSettings) -> Verdict:
     """Name by the turned-round records, keep what simulation confirms; once effects are known, ask for the base again."""
     if _follows_nothing(base, experiment):
-        return _Confirmation(experiment, base, replace(settings, catalogue={}), shipped("tissue"), None, 1.0).diagnosis()
+        return _Confirmation(
+            experiment, base, replace(settings, catalogue={}), shipped("tissue"), None, 1.0
+        ).diagnosis()
     found, seen = _named(experiment, base, settings)
     if settings.base != CHOSEN_BY_DATA or not found.selected:
         return found
@@ -260,7 +274,9 @@ class _Confirmation(Selection):
         path = [self.base]
         while larger := [item for item in self.tried if self.follows(path[-1], item)]:
             fewest = min(len(item.effects) for item in larger)
-            path.append(min((item for item in larger if len(item.effects) == fewest), key=lambda item: item.score))
+            path.append(
+                min((item for item in larger if len(item.effects) == fewest), key=lambda item: item.score)
+            )
         return path
 
     def simulate(self, models: Sequence[Candidate]) -> None:

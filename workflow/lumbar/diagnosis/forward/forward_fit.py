@@ -32,7 +32,10 @@ class ForwardFit(Fit):
         parts = motion.parts if isinstance(motion, JoinedMotions) else (motion,)
         zeros = self.zeros if len(self.zeros) == len(parts) else [self.zero] * len(parts)
         return np.concatenate(
-            [self.structure.simulate(part, self.linear, self.nonlinear, zero) + zero for part, zero in zip(parts, zeros)]
+            [
+                self.structure.simulate(part, self.linear, self.nonlinear, zero) + zero
+                for part, zero in zip(parts, zeros, strict=True)
+            ]
         )
 
     def sensitivities(self, data: FitData) -> np.ndarray:

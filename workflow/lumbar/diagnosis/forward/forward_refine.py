@@ -45,14 +45,16 @@ def refine_forward(
     usable = forward_catalogue(effects, model)
     for name in effects:
         if name not in usable:
+            known = ", ".join(forward_catalogue(settings.candidates, model))
             raise InputError(
-                f"{name}: it cannot be added to {model.name} from force to motion; {', '.join(forward_catalogue(settings.candidates, model))} can"
+                f"{name}: it cannot be added to {model.name} from force to motion; those that can are {known}"
             )
     seen = carried(shortened(experiment), response_of(model, base.fit.linear, base.fit.nonlinear))
     turned, path = evaluate(fit_base(Structure(model), seen.training), seen), [base]
     for effect in usable.values():
         turned = min(
-            (evaluate(add(turned.fit, form, seen.training), seen) for form in effect.forms), key=lambda item: item.score
+            (evaluate(add(turned.fit, form, seen.training), seen) for form in effect.forms),
+            key=lambda item: item.score,
         )
         structure = ForwardStructure(model, turned.fit.structure.forms)
         found = simulated(experiment, structure, turned.fit.linear, turned.fit.nonlinear, path[-1].fit.zero)

@@ -1,4 +1,4 @@
-"""Linear dynamics of some order from force to motion behind a sensor that is not linear: it gives the absolute value, or clips."""
+"""Linear dynamics from force to motion behind a sensor that is not linear: it gives the absolute value, or clips."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ _WIDE = 1e3
 _EVALUATIONS = 60
 
 
-def sensor_candidates(experiment: Experiment, forms: dict[str, tuple[Form, ...]]) -> list[tuple[Candidate, Candidate]]:
+def sensor_candidates(
+    experiment: Experiment, forms: dict[str, tuple[Form, ...]]
+) -> list[tuple[Candidate, Candidate]]:
     """Linear dynamics and the same behind each effect of the sensor, refitted together.
 
     Parameters
@@ -66,7 +68,8 @@ def _behind_absolute_value(experiment: Experiment, form: Form) -> list[tuple[Can
     if not _may_be_absolute(training.force):
         return []
     sign = min(
-        (_settled_signs(training, start, _FIRST_ORDER) for start in _first_signs(training)), key=lambda pair: pair[0]
+        (_settled_signs(training, start, _FIRST_ORDER) for start in _first_signs(training)),
+        key=lambda pair: pair[0],
     )[1]
     pairs = []
     for order in ORDERS:
@@ -157,7 +160,11 @@ def _refined(structure: Structure, dynamics: LinearDynamics, data: FitData) -> F
 def _base_of(dynamics: LinearDynamics) -> Base:
     """Linear dynamics as a base: residues are linear parameters, poles nonlinear ones."""
     poles, held = dynamics.poles, dynamics.held
-    direct = ("constant", "direct_gain", *(("gain_of_last",) if held else ("gain_of_rate", "gain_of_acceleration")))
+    direct = (
+        "constant",
+        "direct_gain",
+        *(("gain_of_last",) if held else ("gain_of_rate", "gain_of_acceleration")),
+    )
     direct = direct[: poles.direct]
     units = ("{y}", "{y}/{x}", "{y}/{x}" if held else "{y} s/{x}", "{y} s^2/{x}")
     gains = [*zip(direct, units, strict=False)]
@@ -172,9 +179,13 @@ def _base_of(dynamics: LinearDynamics) -> Base:
     return Base(
         name=f"linear-{poles.order}",
         equation=rf"\text{{linear dynamics of {poles.order} poles}}",
-        linear=tuple(LinearParameter(name, unit, 0, symbol=f"c{index}") for index, (name, unit) in enumerate(gains)),
+        linear=tuple(
+            LinearParameter(name, unit, 0, symbol=f"c{index}") for index, (name, unit) in enumerate(gains)
+        ),
         nonlinear=tuple(
-            NonlinearParameter(name, unit, "one", value, value, 1, reach=(1 / _WIDE, _WIDE), symbol=f"p{index}")
+            NonlinearParameter(
+                name, unit, "one", value, value, 1, reach=(1 / _WIDE, _WIDE), symbol=f"p{index}"
+            )
             for index, ((name, unit), value) in enumerate(zip(rates, values, strict=True))
         ),
         sensor_zero=False,

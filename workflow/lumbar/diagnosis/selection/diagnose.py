@@ -186,6 +186,7 @@ class Selection:
         self.contradicting: dict[Candidate, bool] = {}
 
     def diagnosis(self) -> Verdict:
+        """Select effects and judge what was selected."""
         path = self.selected_path()
         model = path[-1]
         tied = self.tied(model)
@@ -205,6 +206,7 @@ class Selection:
         )
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
+        """Probability that the best of all forms gains as much where nothing is missing."""
         return self.null.p_value(likelihood_ratio(before, after, self.experiment), self.forms)
 
     def passes(self, before: Candidate, after: Candidate) -> bool:
@@ -223,11 +225,13 @@ class Selection:
         return accumulating and later_improvement(before, after, self.experiment) > UNSEEN
 
     def contradicts_itself(self, candidate: Candidate) -> bool:
+        """Whether a name does not agree with its own parameters."""
         if candidate not in self.contradicting:
             self.contradicting[candidate] = bool(contradictions(candidate.fit, self.experiment))
         return self.contradicting[candidate]
 
     def worthwhile(self, before: Candidate, after: Candidate) -> bool:
+        """Whether a further effect explains more than what the smaller model has being slightly wrong."""
         return is_worthwhile(self.base, before, after, self.experiment)
 
     def selected_path(self) -> list[Candidate]:
@@ -245,6 +249,7 @@ class Selection:
         return self.further_path(pair)
 
     def any_passes(self, before: Candidate, candidates: list[Candidate]) -> bool:
+        """Whether any of several larger models may be selected."""
         return any(self.passes(before, item) for item in candidates)
 
     def best_pair(self, single: Candidate | None) -> Candidate | None:
@@ -321,6 +326,7 @@ class Selection:
         ]
 
     def share_removed(self, model: Candidate) -> float:
+        """Share of the base's explainable variance on unseen records that the effects remove."""
         # Where the noise is unknown nothing better than the best model met is known to be possible.
         reached = min(item.test_rms for item in [*self.tried, model])
         floor = self.experiment.floor.rms if self.experiment.floor else reached
@@ -329,6 +335,7 @@ class Selection:
         return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
 
     def verdict(self, model: Candidate, tied: list[Candidate], share: float) -> str:
+        """Verdict on the base (see `Verdict`)."""
         if model is self.base:
             floor = self.experiment.floor
             # Periods that differ by more than noise show that something is missing, even where it raises the floor.
@@ -354,6 +361,7 @@ class Selection:
         return min(found, key=lambda item: item.score, default=None)
 
     def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
+        """Verdict on the refined model."""
         if further is not None:
             return "named"
         return "adequate" if self.leaves_noise(model) else "unexplained"
@@ -374,6 +382,7 @@ class Selection:
         return [self.ranked(item) for item in [*chosen, *others][:_SHOWN]]
 
     def ranked(self, candidate: Candidate) -> Ranked:
+        """A set of effects with its evidence."""
         experiment = self.experiment
         units = experiment.input_unit, experiment.output_unit
         return Ranked(
