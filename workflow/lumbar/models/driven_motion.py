@@ -37,7 +37,7 @@ _SEARCHED = 40
 _SHARES = 0.5 ** np.arange(12)
 _FEWER = 8
 _MOST_FAILURES = 100
-_TOLERANCE = 1e-8
+_TOLERANCE = 1e-7
 """Largest change of the position in the last iteration, as a share of its size."""
 _TOGETHER = 400
 """Steps that are taken together without a guess."""
@@ -226,14 +226,11 @@ class ForceDrive:
             local = -np.linalg.solve(matrix.reshape(steps, size, size), whole)
         except np.linalg.LinAlgError:
             local = np.full(whole.shape, np.nan)
-        ends = np.zeros((count + 1, size))
-        ends[0, _STAGES - 1] = 1.0
-        ends[1, :_STAGES] = rate * _RATE[-1]
-        for state in range(1, count):
-            ends[state + 1, (state + 1) * _STAGES - 1] = 1.0
-        slope = np.einsum("es,ksj->kej", ends, local[..., more:])
+        # Position, velocity and states at the end of a step.
+        last = slice(_STAGES - 1, None, _STAGES)
+        ends = np.insert(local[:, last], 1, rate * (_RATE[-1] @ local[:, :_STAGES]), axis=1)
+        driven, slope = ends[..., :more], ends[..., more:]
         slope[:, 1, 0] -= rate * _SUM[-1]
-        driven = np.einsum("es,ksj->kej", ends, local[..., :more])
         if beside is None:
             driven = driven[..., 0]
         return local, slope, driven

@@ -298,8 +298,12 @@ class FittedModel:
             )
         from lumbar.models.first_order import FirstOrder
 
+        mass = values.pop("mass", 0.0)
         system = FirstOrder.of_base(**values)
-        return control.TransferFunction([system.nu, system.k], [system.gamma, 1.0])
+        above, below = [system.nu, system.k], [system.gamma, 1.0]
+        if mass:
+            above = np.polyadd(np.polymul([mass, 0.0, 0.0], below), above)
+        return control.TransferFunction(above, below)
 
     def to_state_space(self) -> control.StateSpace:
         """State space of python-control (Eqs 3.17 and 3.18 for a discrete model).

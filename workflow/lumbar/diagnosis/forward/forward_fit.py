@@ -13,7 +13,8 @@ from lumbar.models.forward_structure import ForwardStructure
 from lumbar.models.joined_motions import JoinedMotions
 from lumbar.models.motion import Motion
 
-_EVALUATIONS = 20
+EVALUATIONS = 20
+"""Of the error, at most, to fit one model."""
 _AT_ZERO = 1e-3
 """Size of a linear parameter that starts at 0, as a share of the largest that acts alike."""
 _OFF_BOUND = 1e-3
@@ -50,7 +51,7 @@ def fit_forward(
     linear: np.ndarray,
     nonlinear: np.ndarray,
     zero: float = 0.0,
-    evaluations: int = _EVALUATIONS,
+    evaluations: int = EVALUATIONS,
 ) -> ForwardFit:
     """Fit a structure to records from one start.
 

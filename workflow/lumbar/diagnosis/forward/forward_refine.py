@@ -6,7 +6,8 @@ from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.forward.carried import carried, response_of
-from lumbar.diagnosis.forward.forward_diagnosis import forward_catalogue, prepared_base, shortened, simulated
+from lumbar.diagnosis.forward.forward_base import shortened, simulated
+from lumbar.diagnosis.forward.forward_diagnosis import forward_catalogue, prepared_base
 from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.form import Effect
@@ -49,15 +50,15 @@ def refine_forward(
             raise InputError(
                 f"{name}: it cannot be added to {model.name} from force to motion; those that can are {known}"
             )
-    seen = carried(shortened(experiment), response_of(model, base.fit.linear, base.fit.nonlinear))
-    turned, path = evaluate(fit_base(Structure(model), seen.training), seen), [base]
+    short = shortened(experiment)
+    seen = carried(short, response_of(model, base.fit.linear, base.fit.nonlinear))
+    turned, path = evaluate(fit_base(Structure(model), seen.training), seen), [_on(experiment, base)]
     for effect in usable.values():
-        turned = min(
-            (evaluate(add(turned.fit, form, seen.training), seen) for form in effect.forms),
-            key=lambda item: item.score,
-        )
+        added = [evaluate(add(turned.fit, form, seen.training), seen) for form in effect.forms]
+        turned = min(added, key=lambda item: item.score)
         structure = ForwardStructure(model, turned.fit.structure.forms)
-        found = simulated(experiment, structure, turned.fit.linear, turned.fit.nonlinear, path[-1].fit.zero)
+        found = simulated(short, structure, turned.fit.linear, turned.fit.nonlinear, path[-1].fit.zero)
+        found = _on(experiment, found)
         if found.fit.squared_error > path[-1].fit.squared_error * (1 + 1e-6):
             raise NumericalError(
                 f"{effect.name}: added, it raises the error on {experiment.training.name} from {path[-1].train_rms:.4g} to "
@@ -65,3 +66,11 @@ def refine_forward(
             )
         path.append(found)
     return experiment, path
+
+
+def _on(experiment: Experiment, model: Candidate) -> Candidate:
+    """A model that was fitted to the beginning of records, fitted to all of them."""
+    if shortened(experiment) is experiment:
+        return model
+    fit = model.fit
+    return simulated(experiment, fit.structure, fit.linear, fit.nonlinear, fit.zero)
