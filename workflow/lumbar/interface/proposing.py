@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.law.proposal import Proposal
     from lumbar.interface.diagnosis import Diagnosis
 
+_FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"
+
 
 def propose(
     records: Sequence[Record],
@@ -43,6 +45,8 @@ def propose(
     """
     from lumbar.interface.diagnosis import diagnose
 
+    if (settings or ImprovementSettings()).forward if forward is None else forward:
+        raise InputError(_FORWARD)
     chosen = {"base": base, "train": train, "periods": periods, "settings": settings, "forward": forward}
     return proposed(diagnose(records, **chosen, seed=seed, data=data))
 
