@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, TypeVar
 
-from lumbar.config.study import read_subject
+from lumbar.config.load_study import read_subject
 from lumbar.config.validation import Origins, laid_over, validated
 from lumbar.errors import Problems
 from lumbar.settings.plain import plain, typed

@@ -30,7 +30,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 def expected_artefacts(folder: Path) -> list[Path]:
-    from lumbar.config.study import load_study
+    from lumbar.config.load_study import load_study
 
     run = json.loads((results(folder) / "run_environment.json").read_text(encoding="utf-8"))
     assert run["versions"]["python"]

@@ -15,8 +15,9 @@ STUDIES = ("davinci_tool", "friction_damper", "box_transfer", "sit_to_stand")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     made = copy_project(tmp_path_factory.mktemp("real"))
-    overlay = f"runtime: {{compiler_cache: {ZIG_CACHE}}}\n"
-    (made / "config" / "shared_cache.yaml").write_text(overlay, encoding="utf-8")
+    # Whether a law is found in these recordings is asked among the public records (tests/real_records).
+    overlay = f"runtime: {{compiler_cache: {ZIG_CACHE}}}\nimprovement: {{propose_law: false}}\n"
+    (made / "config" / "overlay.yaml").write_text(overlay, encoding="utf-8")
     return made
 
 
@@ -34,7 +35,7 @@ stability:
 
 
 def run_study(folder, shared, study, *overlays):
-    files = (f"config/studies/{study}.yaml", "config/shared_cache.yaml", *overlays)
+    files = (f"config/studies/{study}.yaml", "config/overlay.yaml", *overlays)
     run = snakemake(
         folder,
         *("--cores", "2", "--configfile", *files),

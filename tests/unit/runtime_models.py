@@ -16,6 +16,8 @@ from study_settings import changed
 TARGET = ["x86_64-linux"]
 POSITION, FORCE, GAIN, FORCE_OFFSET, FORCE_LIMIT, POSITION_OFFSET = 1, 2, 3, 4, 5, 6
 """Value references."""
+RANGE = {"lowest": -2.4, "highest": 2.5, "speed": 41.0, "lowest_Hz": 0.1, "highest_Hz": 5.0}
+"""Motion that a model was fitted to."""
 SETTINGS = RuntimeSettings(models=("IL", "MW", "KB", "HO"))
 
 
@@ -51,7 +53,7 @@ def models_json(*entries: dict) -> dict:
         or [
             entry("IL", [-0.125], [1.0], trained_on=None, estimator="given", alpha=None, scores={}),
             entry("MW", [0.0, 0.3], [1.0, -0.35], **about(0.1, 0.02)),
-            entry("KB", [1.9, -1.2], [1.0, -0.45]),
+            entry("KB", [1.9, -1.2], [1.0, -0.45], valid_for=RANGE),
             entry("HO", [1.9, -2.9, 1.1], [1.0, -1.5, 0.57], **about(-0.4, -0.3)),
         ],
     }

@@ -32,7 +32,9 @@ _VERBS = {
     "doctor": "lumbar.interface.doctor",
     "propose": "lumbar.interface.proposing",
     "export_fmu": "lumbar.interface.device",
+    "check_fmu": "lumbar.interface.fmu_checking",
     "load_models": "lumbar.interface.device",
+    "render": "lumbar.interface.rendering",
     "analyse_survey": "lumbar.interface.participants",
     "lift": "lumbar.interface.person",
     "basins": "lumbar.interface.person",
@@ -43,6 +45,7 @@ __all__ = [
     "analyse_survey",
     "bandwidth",
     "basins",
+    "check_fmu",
     "compare",
     "design_signals",
     "diagnose",
@@ -58,6 +61,7 @@ __all__ = [
     "propose",
     "read",
     "refine",
+    "render",
 ]
 
 

@@ -9,6 +9,7 @@ from lumbar.interface.device import load_models as load_models
 from lumbar.interface.diagnosis import diagnose as diagnose
 from lumbar.interface.diagnosis import refine as refine
 from lumbar.interface.doctor import doctor as doctor
+from lumbar.interface.fmu_checking import check_fmu as check_fmu
 from lumbar.interface.identification import identify as identify
 from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.participants import analyse_survey as analyse_survey
@@ -16,6 +17,7 @@ from lumbar.interface.person import basins as basins
 from lumbar.interface.person import lift as lift
 from lumbar.interface.proposing import propose as propose
 from lumbar.interface.reading import read as read
+from lumbar.interface.rendering import render as render
 from lumbar.interface.surgeons import bandwidth as bandwidth
 from lumbar.interface.surgeons import design_signals as design_signals
 

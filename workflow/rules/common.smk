@@ -11,7 +11,7 @@ from job_environment import set_job_environment
 from job_starts import lift_limit
 from run_log import watch
 from lumbar.config.artefacts import read_artefacts
-from lumbar.config.study import load_study
+from lumbar.config.load_study import load_study
 from lumbar.errors import LumbarError
 from lumbar.settings.plain import plain
 from lumbar.stability.model.failures import announcement

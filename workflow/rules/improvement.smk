@@ -40,6 +40,7 @@ rule diagnose_records:
     params:
         records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),
         base=lambda wildcards: record_set(settings, wildcards.record_set).base,
+        session=lambda wildcards: record_set(settings, wildcards.record_set).session,
         layout=lambda wildcards: plain(
             record_layout(settings, record_set(settings, wildcards.record_set).base)[0]
         ),

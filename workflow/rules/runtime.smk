@@ -1,5 +1,6 @@
 # Haptic runtime: the identified models as FMUs for FMI 2.0 and 3.0 (Eqs 3.17 and 3.18, moving average on the position).
-# In: tissue/models.json, effects of the user's own. Out: fmu/<model>_fmi{2,3}.fmu, their checks and the forces they give to one push.
+# In: tissue/models.json, effects of the user's own. Out: fmu/<model>_fmi{2,3}.fmu, their checks, the forces they give to one push,
+# and what the models ask of the device and the hand of the study.
 
 FMUS = [f"<results>/fmu/{model}_fmi{version}.fmu" for model in settings.runtime.models for version in (2, 3)]
 
@@ -71,3 +72,30 @@ rule check_fmus:
         "Checks of the FMUs against the identified transfer functions"
     script:
         "../scripts/check_fmus.py"
+
+
+rule render_models:
+    input:
+        models="<results>/tissue/models.json",
+        recordings=TISSUE_RECORDINGS,
+        checked="<results>/checked/tissue.json",
+        effects=list(settings.improvement.effect_files),
+        targets="<results>/runtime/targets.json",
+        sources=library_sources("render_models.py"),
+    output:
+        **published("rendering", "passive_fits", "closed_loop", "z_width"),
+        models="<results>/runtime/passive_models.json",
+    log:
+        "<logs>/render_models.log",
+    benchmark:
+        "<benchmarks>/render_models.tsv"
+    conda:
+        CONDA
+    params:
+        settings=plain(settings.runtime),
+        tissue=plain(settings.tissue),
+        data=DATA,
+    message:
+        "The models in a person's hand: what they ask of the device, and passive fits"
+    script:
+        "../scripts/render_models.py"

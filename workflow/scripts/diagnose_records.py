@@ -19,6 +19,7 @@ def main(input, output, params):
     diagnosis = diagnose(
         records,
         base=params.base,
+        session=params.session,
         settings=typed(ImprovementSettings, params.improvement),
         machine=typed(MachineSettings, params.machine),
         gravity_m_s2=params.gravity,

@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from lumbar.config.artefacts import Artefact, read_artefacts
+from lumbar.config.load_study import load_study, name_lifts
 from lumbar.config.reference import keys
-from lumbar.config.study import load_study, name_lifts
 from lumbar.config.study_recordings import reading_plan, record_layout, record_set, recordings_of
 from lumbar.config.validation import laid_over
 from lumbar.errors import InputError

@@ -8,7 +8,7 @@ import sys
 import pytest
 import yaml
 
-from lumbar.config.study import load_study
+from lumbar.config.load_study import load_study
 from lumbar.errors import InputError, Problems
 from lumbar.yaml_file import read_yaml
 from running import PROJECT

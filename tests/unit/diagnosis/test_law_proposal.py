@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from types import SimpleNamespace
 
+import law_experiments
 import numpy as np
 import pytest
 import yaml
@@ -34,13 +35,13 @@ from lumbar.diagnosis.law.proposal import propose
 from lumbar.diagnosis.law.search import Search
 from lumbar.diagnosis.law.surface import surfaces
 from lumbar.diagnosis.law.terms import library
+from lumbar.diagnosis.law.thinning import thinned
 from lumbar.diagnosis.selection.diagnose import diagnose as search
 from lumbar.diagnosis.selection.sentences import headline
 from lumbar.effects.catalogue import TISSUE
 from lumbar.effects.own_effect import load_effects
 from lumbar.errors import InputError
 from lumbar.interface.diagnosis import Diagnosis
-from lumbar.interface.proposing import proposed
 from lumbar.models.motion import Motion
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
@@ -214,8 +215,7 @@ def test_the_command_says_that_nothing_is_missing(run, tmp_path):
 def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkeypatch, needle):
     import lumbar.interface.proposing as proposing
 
-    nothing_diagnosed = SimpleNamespace(candidates=TISSUE, data="needle tests")
-    found = proposing.ProposedLaw(nothing_diagnosed, needle)
+    found = proposing.ProposedLaw(needle, TISSUE, "needle tests")
     monkeypatch.setattr(proposing, "propose", lambda *_, **__: found)
     folder = saved(records(depth_friction), tmp_path)
     status, out, _ = run("propose", folder, "--output", tmp_path / "law.yaml", "--picture", tmp_path / "law")
@@ -254,9 +254,34 @@ def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
 
 def test_no_law_is_looked_for_where_the_catalogue_goes_on_or_records_are_turned(diagnosed):
     turned = Finding("direction", "force in, motion out", 0.0, "")
-    for verdict in (replace(diagnosed, further=diagnosed.model), replace(diagnosed, findings=(turned,))):
+    noise = diagnosed.experiment.floor.rms
+    whole = replace(diagnosed.model, train_rms=noise, test_rms=noise)
+    for verdict in (replace(diagnosed, further=whole), replace(diagnosed, findings=(turned,))):
         assert law_beside(verdict) is None
         assert with_law(verdict, None) is verdict
+
+
+def test_a_law_is_looked_for_where_one_effect_more_still_leaves_much(diagnosed, monkeypatch):
+    """A search ends at a number of effects: that one more would pass does not make the first ones right."""
+    monkeypatch.setattr("lumbar.diagnosis.law.proposal.library", lambda: terms(*FEW))
+    assert law_beside(replace(diagnosed, further=diagnosed.model)).law is not None
+
+
+def test_terms_are_chosen_at_a_lower_rate_and_the_law_is_fitted_to_every_sample(monkeypatch):
+    monkeypatch.setattr(law_experiments, "STEP", 0.001)
+    prepared, base = experiment(cogging)
+    lower = thinned(prepared)
+    assert lower.training.motion.sampling_time == pytest.approx(0.003)
+    assert np.array_equal(lower.tests[0].force, prepared.tests[0].force[::3])
+    found = propose(prepared, base, terms=terms("cogging", "position_z3"))
+    assert [item.name for item in found.terms] == ["cogging"]
+    assert found.law.candidate.test_rms < 1.05 * NOISE
+    assert found.law.fit.squared_error > 0.9 * NOISE**2 * prepared.training.size  # of all its samples
+
+
+def test_records_that_are_slow_enough_stay_the_very_same():
+    prepared, _ = experiment(cogging)
+    assert thinned(prepared) is prepared
 
 
 def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, diagnosed, needle):
@@ -290,4 +315,4 @@ def test_the_settings_say_whether_a_law_is_looked_for(monkeypatch, wanted):
 def test_a_law_is_for_tissue():
     diagnosis = SimpleNamespace(settings=SimpleNamespace(base="pendulum", system="pendulum"))
     with pytest.raises(InputError, match="no passive force"):
-        proposed(diagnosis)
+        Diagnosis.propose(diagnosis)

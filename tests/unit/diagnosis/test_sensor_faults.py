@@ -220,3 +220,33 @@ def test_long_records_take_little_memory():
     tracemalloc.stop()
     assert [item.kind for item in found] == ["position_noise"]
     assert peak < 300e6
+
+
+def with_force(record: Record, at: dict[int, float]) -> Record:
+    force = record["output"].copy()
+    for sample, value in at.items():
+        force[sample] = value
+    return record.with_values(output=force)
+
+
+def test_single_samples_beyond_all_others_are_told_and_replaced():
+    sound = tissue_record("hand", "coulomb", seed=3)
+    size = 2 * np.ptp(sound["output"])
+    wild = with_force(sound, {400: size, 900: -3 * size})
+    (found,) = sensor_faults(wild)
+    assert (found.kind, found.value, found.record) == ("wild_samples", 2, wild.name)
+    assert f"{wild.time[400]:.4g} s" in found.sentence and f"{-3 * size:.3g}" in found.sentence
+    force = mended(wild, [found])["output"]
+    assert force[400] == pytest.approx((sound["output"][399] + sound["output"][401]) / 2)
+    untouched = np.setdiff1d(np.arange(len(force)), [400, 900])
+    assert np.array_equal(force[untouched], sound["output"][untouched])
+
+
+def test_a_force_that_jumps_or_strikes_often_is_not_wild():
+    sound = tissue_record("hand", "none", seed=3)
+    size = 2 * np.ptp(sound["output"])
+    struck = with_force(sound, dict.fromkeys(range(100, len(sound), 100), size))
+    blow = with_force(sound, {400: size, 401: 0.7 * size, 402: 0.3 * size})
+    step = sound.with_values(output=sound["output"] + size * (np.arange(len(sound)) > 700))
+    for record in (struck, blow, step):
+        assert "wild_samples" not in kinds(record)

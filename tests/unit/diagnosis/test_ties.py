@@ -227,3 +227,24 @@ def test_excitations_keep_to_the_machine():
 
 def test_every_effect_of_the_catalogue_is_known_to_the_experimenter():
     assert all(effect.experiment for effect in TISSUE.values())
+
+
+def pressed(step: float) -> list[Record]:
+    """Records of a tool that presses ever faster, its speed in proportion to its depth, on damping that grows with depth."""
+    records = []
+    for seed, (name, size) in enumerate((("one", 1.0), ("two", 1.3), ("three", 0.8))):
+        time = np.arange(round(10 / step)) * step
+        depth = size * np.exp(0.2 * time)
+        force = (TRUE_TISSUE.elastic + 0.1 * 0.2 * depth) * depth
+        force += 0.01 * np.random.default_rng(seed).standard_normal(len(time))
+        channels = {"input": Channel(depth, "position", "mm"), "output": Channel(force, "force", "N")}
+        records.append(Record(name, time, channels))
+    return records
+
+
+@pytest.mark.parametrize("step", [0.02, 0.001])
+def test_damping_by_depth_and_by_speed_are_tied_where_speed_follows_depth_however_often_it_is_sampled(step):
+    found = diagnose(pressed(step), DiagnosisSettings(base="LE", most_effects=1))
+    assert found.verdict == "tied"
+    named = {*found.selected, *(name for item in found.tied_with for name in item.effects)}
+    assert {"depth_dependent_damping", "quadratic_damping"} <= named

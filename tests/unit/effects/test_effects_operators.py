@@ -17,7 +17,7 @@ def wandering(seed, samples=1500):
     time = np.arange(samples) * STEP
     lines = random.uniform(0.1, 4, 12)
     position = np.cos(2 * np.pi * np.outer(time, lines) + random.uniform(0, 6, 12)) @ (1 / lines)
-    return Motion(time, position, STEP)
+    return Motion(time, position, STEP, smooth=False)
 
 
 def test_derivatives_of_a_sine():
@@ -30,7 +30,7 @@ def test_derivatives_of_a_sine():
 
 
 def test_reversals_skip_rests():
-    motion = Motion(np.arange(8) * STEP, np.array([0.0, 1, 1, 2, 2, 1, 0, 1]), STEP)
+    motion = Motion(np.arange(8) * STEP, np.array([0.0, 1, 1, 2, 2, 1, 0, 1]), STEP, smooth=False)
     assert motion.reversals.tolist() == [0, 4, 6, 7]
     assert motion.stretch.tolist() == [0, 0, 0, 0, 1, 1, 2, 2]
 
@@ -133,6 +133,54 @@ def test_relaxation_of_a_ramp_is_exact_for_a_position_that_is_not_smooth():
     time = np.arange(200) * STEP
     motion = Motion(time, 2.0 * time, STEP, smooth=False)
     assert np.allclose(relaxation(motion, 0.3), 2.0 * 0.3 * -np.expm1(-time / 0.3), rtol=1e-12)
+
+
+FINE = 50
+"""Steps between two samples of a motion that is known finely."""
+
+
+def band_limited(seed: int, fastest: float = 5.0) -> tuple[Motion, Motion]:
+    """A motion up to 5 Hz as a sensor samples it, and in fine steps."""
+    random = np.random.default_rng(seed)
+    lines, phases = random.uniform(0.1, fastest, 12), random.uniform(0, 6, 12)
+    time = np.arange(1 + 1499 * FINE) * STEP / FINE
+    position = np.cos(2 * np.pi * np.outer(time, lines) + phases).sum(axis=1)
+    sampled = Motion(time[::FINE], position[::FINE], STEP)
+    return sampled, Motion(time, position, STEP / FINE, smooth=False)
+
+
+OPERATORS = {
+    "play": lambda motion: play(motion, 0.4),
+    "presliding": lambda motion: presliding(motion, 0.3),
+    "bouc_wen": lambda motion: bouc_wen(motion, 0.3),
+    "bouc_wen_general": lambda motion: bouc_wen_general(motion, 0.3, 0.8),
+    "elastoplastic": lambda motion: elastoplastic(motion, 0.3),
+}
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_smooth_motion_turns_between_its_samples(name, seed):
+    sampled, fine = band_limited(seed)
+    truth = OPERATORS[name](fine)[::FINE]
+    apart = Motion(sampled.time, sampled.position, STEP, smooth=False)
+    within, without = (OPERATORS[name](motion) - truth for motion in (sampled, apart))
+    assert np.abs(within).mean() < 0.05 * np.abs(without).mean()
+    assert abs(within.mean()) < 1e-3 * np.abs(truth).mean()
+
+
+def test_a_branch_behind_play_follows_what_moves_between_samples():
+    sampled, fine = band_limited(3)
+    truth = relaxation(Motion(fine.time, play(fine, 0.4), fine.sampling_time, smooth=False), 0.1)[::FINE]
+    error = relaxation(sampled.through(lambda motion: play(motion, 0.4)), 0.1) - truth
+    coarse = relaxation(Motion(sampled.time, play(sampled, 0.4), STEP, smooth=False), 0.1) - truth
+    assert np.sqrt(np.mean(error**2)) < 0.3 * np.sqrt(np.mean(coarse**2))
+
+
+def test_rests_and_corners_of_a_machine_are_no_turns_between_samples():
+    ramps = np.concatenate([np.arange(50), np.full(30, 50.0), 50 - np.arange(50), np.arange(20)])
+    motion = Motion(np.arange(len(ramps)) * STEP, ramps, STEP)
+    np.testing.assert_allclose(motion.turns, ramps[motion.reversals], atol=1e-12)
 
 
 def test_delayed_motion_rests_before_the_record():

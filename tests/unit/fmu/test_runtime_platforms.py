@@ -129,39 +129,6 @@ def test_eight_instances_in_threads_are_alike(name, platform_fmus):
 
 
 @on_linux
-@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
-def test_the_loader_prints_the_embedded_reference(name, platform_fmus, zig_cache, project, tmp_path):
-    """The loader for the device's computer plays the FMU's own reference: input in, output out."""
-    folder = platform_fmus("x86_64-linux")["folder"] / f"{name}_fmi3"
-    source = project / "examples" / "haptic_runtime" / "play_fmu.c"
-    program = loader_program(source, "x86_64-linux", tmp_path, zig_cache)
-    reference = folder / "resources" / "reference_input.csv"
-    done = subprocess.run([program, folder, reference], capture_output=True, text=True, check=True)
-    _, *rows = [line.split(",") for line in done.stdout.splitlines()]
-    expected = np.loadtxt(folder / "resources" / "reference_output.csv", delimiter=",", skiprows=1)
-    np.testing.assert_allclose(np.array(rows, dtype=float)[:, [0, 2]], expected, atol=1e-13)
-    assert np.abs(expected[:, 1]).max() > 0.1
-    missing = subprocess.run([program, tmp_path, reference], capture_output=True, text=True, check=False)
-    assert missing.returncode == 1
-    assert "cannot read" in missing.stderr
-
-
-@pytest.mark.skipif(
-    shutil.which("mcs") is None or shutil.which("mono") is None,
-    reason="no C# compiler: apt-get install mono-mcs mono-runtime libmono-system-xml4.0-cil",
-)
-def test_the_loader_in_c_sharp_prints_the_embedded_reference(platform_fmus, project, tmp_path):
-    folder = platform_fmus("x86_64-linux")["folder"] / "KB_fmi3"
-    source = project / "examples" / "haptic_runtime" / "TissueForce.cs"
-    subprocess.run(["mcs", f"-out:{tmp_path / 'play.exe'}", "-r:System.Xml", source], check=True)
-    command = ["mono", tmp_path / "play.exe", folder, folder / "resources" / "reference_input.csv"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    _, *rows = [line.split(",") for line in done.stdout.splitlines()]
-    expected = np.loadtxt(folder / "resources" / "reference_output.csv", delimiter=",", skiprows=1)
-    np.testing.assert_allclose([float(row[2]) for row in rows], expected[:, 1], atol=1e-13)
-
-
-@on_linux
 @with_wine
 def test_five_platforms_fit_into_150_kilobytes(zig_cache, tmp_path):
     """A linear model, and the most effects that a diagnosis adds at the rate of a haptic loop."""

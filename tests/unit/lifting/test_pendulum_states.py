@@ -150,7 +150,8 @@ def test_the_whole_chain_recovers_the_twins_true_pendulum(study, recording):
     assert states.length == pytest.approx(at(length), abs=2e-3)
     facts = summary(lift, subject, trial, settings)
     assert facts["length_m"]["thorax"]["flexion_extension"] == pytest.approx(at(length).mean(), abs=1e-3)
-    assert facts["duration_s"] == pytest.approx(7.75 - 6.15, abs=0.06)
+    # Of a movement that starts and ends as smoothly, speeds below 20 mm/s are not seen.
+    assert facts["duration_s"] == pytest.approx(7.75 - 6.15, abs=0.1)
 
 
 def test_states_do_not_depend_on_place_nor_on_the_laboratorys_heading(study, recording):

@@ -10,7 +10,7 @@ import yaml
 from foreign_files import FORCE, POSITION, TIME, foreign_files, rows
 
 import lumbar
-from lumbar.config.study import load_study
+from lumbar.config.load_study import load_study
 from lumbar.config.study_recordings import reading_plan
 from lumbar.errors import InputError
 from lumbar.interface.reading import read_listed

@@ -41,9 +41,11 @@ def vertical_lines(axis):
 
 def test_every_event_stands_in_every_panel(drawn):
     figure = events_figure(drawn)
-    times = sorted(event["time_s"] for event in drawn["events"].values())
+    events = drawn["events"]
+    times = sorted([*(event["time_s"] for event in events.values()), events["deposit_start"]["thesis_s"]])
     for axis in figure.axes:
         assert vertical_lines(axis) == pytest.approx(times)
+    assert "thesis's rule" in texts(figure)
     for label in ("lift-off", "first toe-off", "start of deposit", "release"):
         assert label in texts(figure)
 
@@ -55,7 +57,7 @@ def test_missing_feet_and_events_set_by_hand_are_said(drawn):
     figure = events_figure({**drawn, "motion": motion, "events": events})
     assert "no markers on the feet" in texts(figure)
     assert "release (set by hand)" in texts(figure)
-    assert len(vertical_lines(figure.axes[0])) == 3
+    assert len(vertical_lines(figure.axes[0])) == 4
 
 
 def test_figure_4_1_draws_the_pendulums_from_pivot_to_centre(drawn):

@@ -41,7 +41,9 @@ def test_the_study_declares_the_people_and_lifts_of_the_twin(project, twin):
     assert declared == {name: lift.box_mass_kg for name, lift in twin.lifts.items()}
 
 
-@pytest.mark.parametrize("module", ["lifting_recordings", "lifter", "hip_moment_recordings", "swinging_body"])
+@pytest.mark.parametrize(
+    "module", ["lifting_recordings", "lifter", "hip_moment", "hip_moment_recordings", "swinging_body"]
+)
 def test_the_twin_does_not_use_the_code_that_analyses_it(project, module):
     tree = ast.parse(
         (project / "workflow" / "lumbar" / "synthetic" / f"{module}.py").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""``lumbar check``: read recordings and describe them, or tell every problem."""
+"""``lumbar check``: read recordings and FMUs and describe them, or tell every problem."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def add(commands) -> None:
     parser = new_command(
         commands,
         "check",
-        "read recordings and describe them, or tell every problem of every file",
-        "lumbar check recordings/tissue\n  lumbar check --chapter survey survey.csv",
+        "read recordings and FMUs and describe them, or tell every problem of every file",
+        "lumbar check recordings/tissue\n  lumbar check --chapter survey survey.csv\n  lumbar check fmu/KB_fmi3.fmu",
     )
     parser.add_argument("paths", type=Path, nargs="+", metavar="FILE|FOLDER")
     parser.add_argument(
@@ -38,21 +38,33 @@ def run(options) -> None:
     from lumbar.records.checking import check_recordings
 
     settings = load_settings(*options.config)
-    plan = [_reading(path, options.chapter, settings) for path in _files(options.paths)]
+    files = _files(options.paths)
+    fmus = [path for path in files if _is_fmu(path)]
+    if fmus:
+        from lumbar.interface.fmu_checking import check_fmu
+
+        for check in check_fmu(fmus, settings=settings.runtime):
+            print(f"runtime: {check}")
+    plan = [_reading(path, options.chapter, settings) for path in files if not _is_fmu(path)]
     for chapter, recordings in check_recordings(plan).items():
         for description in recordings:
             print(f"{chapter}: {_line(description)}")
 
 
+def _is_fmu(path: Path) -> bool:
+    return path.suffix == ".fmu"
+
+
 def _files(paths: list[Path]) -> list[Path]:
     from lumbar.interface.reading import is_column_file, is_marker_file
 
+    kinds = (is_column_file, is_marker_file, _is_fmu)
     files = []
     for path in paths:
         if path.is_dir():
-            found = [item for item in sorted(path.iterdir()) if is_column_file(item) or is_marker_file(item)]
+            found = [item for item in sorted(path.iterdir()) if any(kind(item) for kind in kinds)]
             if not found:
-                raise InputError(f"{path}: no recordings in this folder")
+                raise InputError(f"{path}: no recordings and no FMUs in this folder")
             files += found
         else:
             files.append(path)

@@ -24,6 +24,7 @@ COMMANDS = (
     "propose",
     "refine",
     "doctor",
+    "render",
     "export",
     "survey",
     "lift",

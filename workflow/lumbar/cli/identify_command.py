@@ -16,6 +16,11 @@ def add(commands) -> None:
     )
     add_folder(parser)
     parser.add_argument("--train", metavar="NAME", help="record to identify on (default: the longest)")
+    parser.add_argument(
+        "--passive",
+        action="store_true",
+        help="fit passive models beside them (passive_models.json, for 'lumbar export') and say what they cost",
+    )
     add_output(parser)
     add_data(parser)
     parser.set_defaults(run=run)
@@ -39,4 +44,8 @@ def run(options) -> None:
     )
     found.save(options.output)
     print(found)
+    if options.passive:
+        fits = found.passive(records, settings=settings.runtime)
+        fits.save(options.output, found.data)
+        print(fits)
     print(f"identified on {train}; models.json, table_3_1 and physical_parameters are in {options.output}")

@@ -52,7 +52,7 @@ def add_folder(parser: argparse.ArgumentParser) -> None:
 
 
 def add_fit(parser: argparse.ArgumentParser) -> None:
-    """Add ``--base``, ``--train`` and ``--period``."""
+    """Add ``--base``, ``--train``, ``--period`` and ``--session``."""
     parser.add_argument(
         "--base",
         metavar="MODEL",
@@ -77,6 +77,13 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=SECONDS",
         help="period of a record's excitation (default: found from the input)",
+    )
+    parser.add_argument(
+        "--session",
+        action="store_true",
+        default=None,
+        help="the records were cut from one session, in the order of their names: each begins in the state in which the one "
+        "before it left the tissue (default: the settings')",
     )
 
 

@@ -24,6 +24,7 @@ def read_folder(options) -> tuple[StudySettings, RecordSet, dict[str, Any]]:
         "train": options.train,
         "forward": options.forward,
         "periods": dict(map(_period, options.period)),
+        "session": options.session,
         "settings": settings.improvement,
         "seed": settings.seed,
         "data": options.data or options.folder.name,

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.config.study import Study
 from lumbar.config.study_recordings import record_layout, record_set, recordings_of
 from lumbar.errors import LumbarError, Problems
 from lumbar.yaml_file import way_of
 
 if TYPE_CHECKING:
-    from lumbar.config.study import Study
     from lumbar.config.validation import Origins
     from lumbar.settings.improvement import ImprovementSettings
     from lumbar.settings.study_settings import StudySettings

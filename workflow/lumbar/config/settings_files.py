@@ -76,7 +76,7 @@ def load_subject(path: str | os.PathLike) -> SubjectSettings:
     >>> lumbar.load_subject("ann.yaml").trials[0].markers
     'ann.c3d'
     """
-    from lumbar.config.study import read_subject
+    from lumbar.config.load_study import read_subject
     from lumbar.errors import Problems
 
     problems = Problems("subject")

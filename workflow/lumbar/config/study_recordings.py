@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from lumbar.config.study import Study
 from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
-    from lumbar.config.study import Study
     from lumbar.settings.improvement import RecordSetSettings
     from lumbar.settings.layout import ColumnLayout, MarkerLayout
     from lumbar.settings.study_settings import StudySettings

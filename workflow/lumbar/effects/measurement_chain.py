@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -27,7 +28,7 @@ BACKLASH = Effect(
                 ),
             ),
             hand_written=HandWritten(
-                input_transform=lambda motion, nonlinear: motion.replaced(play(motion, nonlinear[0])),
+                input_transform=lambda motion, nonlinear: motion.through(partial(play, gap=nonlinear[0])),
                 c_step=CStep(
                     "next[0]", "next[0] = behind_gap(memory[0], position, half_gap, first);", memory=1
                 ),

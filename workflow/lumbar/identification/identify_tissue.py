@@ -46,6 +46,7 @@ from lumbar.models.tissue_models import (
 )
 from lumbar.models.transfer_function import TransferFunction
 from lumbar.records.record import Record, same_units
+from lumbar.signals.motion_range import motion_range
 
 if TYPE_CHECKING:
     from lumbar.settings.tissue import TissueSettings
@@ -117,12 +118,12 @@ def given_model(
         IL.name,
         structure,
         data.sampling_time,
-        *_ports(training, 0.0, 0.0),
+        *ports_of(training, 0.0, 0.0),
         base=IL.name,
         estimator=GIVEN,
         trained_on=training.name,
         no_parameters_because=f"{IL.name}: {IL.no_parameters_because}",
-        scores=replace(_scores(structure, data, others), free_parameters=0, rank=0),
+        scores=replace(scores_of(structure, data, others), free_parameters=0, rank=0),
         remark="not identified",
     )
 
@@ -133,7 +134,8 @@ def distinct(models: list[FittedModel]) -> list[FittedModel]:
     return [*(model for model in models if model.estimator != GIVEN), *given.values()]
 
 
-def _ports(record: Record, *offsets: float) -> tuple[Port, Port]:
+def ports_of(record: Record, *offsets: float) -> tuple[Port, Port]:
+    """Input and output of a record with what they are at rest."""
     channels = (record.channels[INPUT], record.channels[OUTPUT])
     return tuple(
         Port(channel.quantity, channel.unit, offset)
@@ -141,7 +143,9 @@ def _ports(record: Record, *offsets: float) -> tuple[Port, Port]:
     )
 
 
-def _scores(structure: TransferFunction, data: IdentificationData, tests: list[IdentificationData]) -> Scores:
+def scores_of(
+    structure: TransferFunction, data: IdentificationData, tests: list[IdentificationData]
+) -> Scores:
     """Errors of a free run and of the prediction one step ahead, on training and test records."""
     trained, tested = free_run(structure, data), [free_run(structure, test) for test in tests]
     return Scores(
@@ -281,14 +285,14 @@ class _Identification:
             model.name,
             fitted,
             self.data.sampling_time,
-            *_ports(self.record, self.data.input_offset, self.data.output_offset),
+            *ports_of(self.record, self.data.input_offset, self.data.output_offset),
             base=model.name,
             estimator=estimator,
             trained_on=self.data.name,
             parameters=parameters,
             no_parameters_because=refused,
             scores=replace(
-                _scores(fitted, self.data, self.tests),
+                scores_of(fitted, self.data, self.tests),
                 free_parameters=structure.parameter_count,
                 rank=path.rank,
                 condition_number=path.condition_number,
@@ -298,6 +302,7 @@ class _Identification:
                 ),
             ),
             remark=remark,
+            valid_for=motion_range(self.record["input"], self.data.sampling_time),
         )
 
     def parameters(

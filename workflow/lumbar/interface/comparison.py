@@ -29,6 +29,7 @@ def compare(
     *,
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    session: bool = False,
     seed: int = SEED,
     data: str = "",
 ) -> Comparisons:
@@ -43,6 +44,8 @@ def compare(
         Record that the noise floor is taken from; default the one the model was fitted to, or the longest.
     periods : mapping of str to float, optional
         Periods of excitations in seconds by record; default found from the input.
+    session : bool
+        Whether the records were cut from one session, in their order.
     seed : int
         Of the intervals.
     data : str
@@ -68,7 +71,7 @@ def compare(
     >>> f"{found['other'].comparison.vaf.value:.1f} % of the variance"
     '100.0 % of the variance'
     """
-    return Comparisons(*_on_records(records, model, train, periods, seed, data))
+    return Comparisons(*_on_records(records, model, train, periods, session, seed, data))
 
 
 def locate(
@@ -77,6 +80,7 @@ def locate(
     *,
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    session: bool = False,
     seed: int = SEED,
     data: str = "",
 ) -> Locations:
@@ -91,24 +95,26 @@ def locate(
     >>> print(found["other"].location.sentences[0].split(";")[0])
     other: 0.224 N of the error's 0.224 N are not noise
     """
-    return Locations(*_on_records(records, model, train, periods, seed, data))
+    return Locations(*_on_records(records, model, train, periods, session, seed, data))
 
 
 def _on_records(
-    records, model, train, periods, seed, data
+    records, model, train, periods, session, seed, data
 ) -> tuple[FittedModel, list[Simulated], str, tuple]:
     from lumbar.diagnosis.fitting.manageable import manageable
     from lumbar.diagnosis.fitting.preparation import prepare
+    from lumbar.diagnosis.fitting.session import in_session
     from lumbar.diagnosis.residuals.residual_report import residual_reports
 
-    records, changed = manageable(list(records))
+    records, changed = manageable(list(records), session)
     if not isinstance(model, FittedModel):
         found = f"an object of class {type(model).__name__}"
         raise InputError(f"model is {found}: give one model, e.g. identification['KB'] or diagnosis.model")
     if train is None and model.trained_on in [record.name for record in records]:
         train = model.trained_on
     experiment = prepare(records, train, dict(periods or {}))
-    reports = residual_reports(records, model.simulate, experiment.floor, experiment.floor_from, seed)
+    simulate = in_session(records, model.simulate) if session else model.simulate
+    reports = residual_reports(records, simulate, experiment.floor, experiment.floor_from, seed)
     return model, reports, data_label(data, (record.source for record in records)), changed
 
 

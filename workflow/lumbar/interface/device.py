@@ -63,7 +63,7 @@ def export_fmu(
     settings: RuntimeSettings | None = None,
     data: str = "",
 ) -> list[Path]:
-    """Export models as FMUs for FMI 2.0 and 3.0.
+    """Export models as FMUs for FMI 2.0 and 3.0, and check each file as `check_fmu` does.
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ def export_fmu(
     Raises
     ------
     InputError
-        A model that is not there or cannot be exported, or an unknown platform.
+        A model that is not there or cannot be exported, an unknown platform, or a file with a problem: it is removed.
     NumericalError
-        An unstable model, where the settings refuse it.
+        An unstable model, or one that is unstable on the settings' device, where the settings refuse it.
 
     Examples
     --------
@@ -104,22 +104,36 @@ def export_fmu(
     [PosixPath('fmu/KB+coulomb_friction_fmi2.fmu'), PosixPath('fmu/KB+coulomb_friction_fmi3.fmu')]
     """
     from lumbar.fmu.build.compiler import cache_folder
-    from lumbar.fmu.build.export_model import export_models, select_models
+    from lumbar.fmu.build.export_model import export_models
     from lumbar.fmu.build.package import export_fmus
+    from lumbar.fmu.check.file_check import check_new_files
+    from lumbar.haptics.export_warning import with_device
 
     settings = settings or RuntimeSettings()
     settings = replace(
         settings, rate_Hz=rate_Hz or settings.rate_Hz, targets=tuple(targets or settings.targets)
     )
     if isinstance(model, str | os.PathLike):
-        fitted, read_from = _read(Path(model), effect_files)
-        chosen = select_models(fitted, _chosen(settings, fitted, names, trained_on))
+        selected, read_from = chosen_models(Path(model), settings, names, trained_on, effect_files)
+        chosen = export_models(selected, settings)
         data = data or read_from
     else:
         chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
-    return export_fmus(
-        chosen, Path(folder), data or NOT_SAID, settings.targets, cache_folder(settings.compiler_cache)
-    )
+    cache = cache_folder(settings.compiler_cache)
+    asked = with_device(chosen, settings.device)
+    written = export_fmus(asked, Path(folder), data or NOT_SAID, settings.targets, cache)
+    check_new_files(written, cache)
+    return written
+
+
+def chosen_models(
+    path: Path, settings: RuntimeSettings, names, trained_on: str | None, effect_files
+) -> tuple[list[FittedModel], str]:
+    """Models of a file that are meant, and words for the source of its data; parameters and errors as of `export_fmu`."""
+    from lumbar.fmu.build.export_model import find_models
+
+    fitted, read_from = _read(path, effect_files)
+    return find_models(fitted, _chosen(settings, fitted, names, trained_on)), read_from
 
 
 def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained_on) -> RuntimeSettings:
@@ -129,4 +143,12 @@ def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained
     # Of an error ladder, which holds no discrete model, the last model is what a user wants.
     continuous = not any(model.discrete for model in fitted)
     names = tuple(names or ([fitted[-1].name] if continuous else settings.models))
-    return replace(settings, trained_on=trained_on or only or settings.trained_on, models=names)
+    # A file of passive fits holds no other.
+    estimators = {model.estimator for model in fitted if model.discrete and model.trained_on}
+    estimator = estimators.pop() if len(estimators) == 1 else settings.estimator
+    return replace(
+        settings,
+        trained_on=trained_on or only or settings.trained_on,
+        models=names,
+        estimator=estimator,  # type: ignore[arg-type]  # one that no study can name
+    )

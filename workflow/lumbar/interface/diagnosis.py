@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.effects.pendulum_load import GRAVITY
+from lumbar.errors import InputError
 from lumbar.interface.data_label import data_label
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
@@ -26,9 +27,11 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.selection.forward_selection import Candidate
     from lumbar.diagnosis.selection.verdict import Verdict
     from lumbar.interface.comparison import Comparisons, Locations
-    from lumbar.interface.proposing import ProposedLaw
+    from lumbar.interface.proposed_law import ProposedLaw
     from lumbar.models.fitted_model import FittedModel
     from lumbar.models.form import Effect
+
+FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"
 
 
 def diagnose(
@@ -37,6 +40,7 @@ def diagnose(
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    session: bool | None = None,
     settings: ImprovementSettings | None = None,
     machine: MachineSettings | None = None,
     gravity_m_s2: float = GRAVITY,
@@ -56,6 +60,9 @@ def diagnose(
         Record to fit on, or several that are fitted together; default the longest.
     periods : mapping of str to float, optional
         Periods of excitations in seconds by record; default found from the input.
+    session : bool, optional
+        Whether the records were cut from one session, in their order, so that each begins in the state in which the one
+        before it left the tissue; default the settings'.
     settings : ImprovementSettings, optional
         Effects of your own (``effect_files``), how many effects to add, whether to propose a law for what they leave.
     machine : MachineSettings, optional
@@ -94,9 +101,9 @@ def diagnose(
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
     settings = settings or ImprovementSettings()
-    chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward, session)
     data = data_label(data, (record.source for record in records))
-    used, changed = manageable(list(records))
+    used, changed = manageable(list(records), chosen.session)
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
     proposing = settings.propose_law and chosen.system == "tissue" and not chosen.forward
@@ -111,6 +118,7 @@ def refine(
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    session: bool | None = None,
     settings: ImprovementSettings | None = None,
     gravity_m_s2: float = GRAVITY,
     forward: bool | None = None,
@@ -146,14 +154,14 @@ def refine(
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
-    chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward, session)
     data = data_label(data, (record.source for record in records))
     return _refined(list(records), list(effects), chosen, seed, data)
 
 
-def _chosen(settings, base, train, periods, gravity_m_s2, forward) -> DiagnosisSettings:
+def _chosen(settings, base, train, periods, gravity_m_s2, forward, session) -> DiagnosisSettings:
     return DiagnosisSettings.from_improvement(
-        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2, forward
+        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2, forward, session
     )
 
 
@@ -161,7 +169,7 @@ def _refined(records, effects, settings, seed, data) -> Refinement:
     from lumbar.diagnosis.fitting.manageable import manageable
     from lumbar.diagnosis.selection.refine import refine as fit_path
 
-    used, changed = manageable(records)
+    used, changed = manageable(records, settings.session)
     experiment, path = fit_path(used, effects, settings)
     return Refinement(used, settings, experiment, path, seed, data, changed)
 
@@ -234,6 +242,7 @@ class Diagnosis:
             trained,
             self.seed,
             verdict.experiment.surface,
+            verdict.experiment.session,
         )
 
     @property
@@ -253,10 +262,25 @@ class Diagnosis:
         return _refined(self.records, wanted, self.settings, self.seed, self.data)
 
     def propose(self) -> ProposedLaw:
-        """Look for a short formula for what the catalogue leaves."""
-        from lumbar.interface.proposing import proposed
+        """Look for a short formula for what the catalogue leaves.
 
-        return proposed(self)
+        Raises
+        ------
+        InputError
+            For a pendulum: the library of terms is that of tissue. For records with the force as input.
+        """
+        from lumbar.diagnosis.law.proposal import propose
+        from lumbar.interface.proposed_law import ProposedLaw
+
+        if self.settings.system != "tissue":
+            raise InputError(
+                f"base {self.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
+            )
+        if self.settings.forward:
+            raise InputError(FORWARD)
+        verdict = self.verdict
+        proposal = self.proposal or propose(verdict.experiment, verdict.base, verdict.model)
+        return ProposedLaw(proposal, self.candidates, self.data)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
         """Return the page of the diagnosis."""
@@ -386,10 +410,9 @@ class Refinement:
     def _on_records(self) -> list[Simulated]:
         from lumbar.diagnosis.residuals.residual_report import compare_and_locate
 
-        floor, trained = self.experiment.floor, self.experiment.floor_from
-        fit = self.path[-1].fit
+        seen, fit = self.experiment, self.path[-1].fit
         return compare_and_locate(
-            self.experiment.records, fit, floor, trained, self.seed, self.experiment.surface
+            seen.records, fit, seen.floor, seen.floor_from, self.seed, seen.surface, seen.session
         )
 
     def rows(self) -> list[dict]:

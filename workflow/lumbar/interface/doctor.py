@@ -34,6 +34,7 @@ def doctor(
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
+    session: bool | None = None,
     settings: ImprovementSettings | None = None,
     machine: MachineSettings | None = None,
     gravity_m_s2: float = GRAVITY,
@@ -59,7 +60,7 @@ def doctor(
         Every mathematical form of an effect, in place of its first.
     quick : bool
         The predicted smallest size and one diagnosis that confirms it, in place of a search; the largest mistakes only.
-    base, train, periods, settings, machine, gravity_m_s2, forward
+    base, train, periods, session, settings, machine, gravity_m_s2, forward
         As of `diagnose`.
     seed : int
         Of the noise and of what is random in a mistake.
@@ -99,7 +100,13 @@ def doctor(
     def verdict_on(seen: Sequence[Record], most_effects: int) -> Verdict:
         chosen = replace(settings, most_effects=most_effects)
         return diagnose(
-            seen, base=base, train=train, periods=periods, settings=chosen, gravity_m_s2=gravity_m_s2
+            seen,
+            base=base,
+            train=train,
+            periods=periods,
+            session=session,
+            settings=chosen,
+            gravity_m_s2=gravity_m_s2,
         ).verdict
 
     own = diagnose(
@@ -107,6 +114,7 @@ def doctor(
         base=base,
         train=train,
         periods=periods,
+        session=session,
         settings=settings,
         machine=machine,
         gravity_m_s2=gravity_m_s2,

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from lumbar.haptics.passive_models import PassiveFits
+    from lumbar.settings.runtime import RuntimeSettings
     from lumbar.tables import Table
 
 
@@ -180,6 +182,37 @@ class Identification:
             and (not model.discrete or (model.estimator == ARX and model.name in ("MW", "KB", "HO")))
         }
         return comparison_figure(record, shown, self.settings.segment_s)
+
+    def passive(
+        self, records: Sequence[Record], train: str | None = None, *, settings: RuntimeSettings | None = None
+    ) -> PassiveFits:
+        """Fit the models once more within those that give out no energy, as they are and on a device; see what it costs.
+
+        Parameters
+        ----------
+        records : sequence of Record
+            Those that the models were identified on.
+        train : str, optional
+            Record to fit on; default the first of the models'.
+        settings : RuntimeSettings, optional
+            Its ``models``, moving average and device.
+
+        Returns
+        -------
+        PassiveFits
+            ``table(data)`` says what was found; ``save(folder, data)`` writes ``passive_models.json`` and the table.
+        """
+        from lumbar.haptics.passive_models import fit_passive_models
+        from lumbar.settings.runtime import RuntimeSettings
+
+        name = train or self.models[0].trained_on
+        tests = [record for record in records if record.name != name]
+        training = next((record for record in records if record.name == name), None)
+        if training is None:
+            raise InputError(f"no record {name!r}; there are {', '.join(record.name for record in records)}")
+        return fit_passive_models(
+            self.models, training, tests, settings or RuntimeSettings(), self.settings.settling_s
+        )
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``models.json``, ``search.csv`` and the tables ``table_3_1`` and ``physical_parameters``."""

@@ -1,8 +1,8 @@
 """Events of a lift: the box leaves its support, the first toe-off, the start of the deposit, the release.
 
-The lift ends with the first toe-off and the deposit starts at a minimum of the wrist's speed (thesis, section
-4.2.3.1). The global minimum would find rest, or the end of the placement; it is therefore a local one, the
-last before the wrists descend for good.
+The box is lifted when it rises for good: before, it may slide on its support. The lift ends with the first toe-off. The
+deposit starts at the last instant before the box goes down for good. The thesis (section 4.2.3.1) takes a minimum of the
+wrists' speed; while a box is swung over a shelf that is found on the way up, so its time stands beside the other.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ EVENTS = ("lift_off", "toe_off", "deposit_start", "release")
 """In the order in which they happen. There may be no toe-off: the lifter deposits without a step."""
 WRISTS = ("L_WRIST", "R_WRIST")
 TOES = ("L_TOE", "R_TOE")
-DESCENT_ONSET = 0.1
-"""The wrists descend for good once they have gone this share of the way down to the release."""
+ONSET = 0.1
+"""What rises or descends for good has begun to, without doubt, once it has gone this share of the way."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,20 @@ class Event:
         The rule and the numbers behind it, for the reader.
     detected_s : float or None
         What detection says where the event is declared by hand; None where it finds nothing.
+    earliest_s, latest_s : float or None
+        Between these the event has happened whatever the threshold: the last instant of no movement in its direction, and a
+        tenth of the way done; None where the rule knows no such instants.
+    thesis_s : float or None
+        What the thesis's own rule finds; None where it has no other, or finds nothing.
     """
 
     time_s: float | None
     method: str
     how: str
     detected_s: float | None = None
+    earliest_s: float | None = None
+    latest_s: float | None = None
+    thesis_s: float | None = None
 
     def as_dict(self) -> dict:
         """Plain data for JSON."""
@@ -173,7 +181,34 @@ def _needed(recording: MarkerRecording, points: np.ndarray | None, what: str, ev
 
 
 def _lift_off(recording: MarkerRecording, settings: EventSettings) -> Event:
+    """Last instant before the box rises for good; of a box that is only taken down, the first movement."""
     box = _needed(recording, box_centre(recording), "box", "lift_off")
+    moved = _first_movement(recording, box, settings)
+    height, climb = box[:, 2], derivative(box, recording.rate)[:, 2]
+    lifted = np.flatnonzero(height[moved:] >= height[moved] + settings.rise_m)
+    if not lifted.size:
+        how = (
+            f"last rest of the box (slower than {settings.box_rest_m_s:g} m/s) before it first moves faster than "
+            f"{settings.box_speed_m_s:g} m/s for at least {settings.box_sustained_s:g} s; it never rises by {settings.rise_m:g} m"
+        )
+        return Event(float(recording.time[moved]), "detected", how)
+    high = moved + int(lifted[0])
+    still = np.flatnonzero(climb[moved:high] <= settings.box_rest_m_s)
+    onset = moved + int(still[-1]) if still.size else moved
+    before = np.flatnonzero(climb[: onset + 1] <= 0)
+    latest = onset + int(np.flatnonzero(height[onset:] >= height[onset] + ONSET * settings.rise_m)[0])
+    slid = recording.time[onset] - recording.time[moved]
+    how = (
+        f"last instant at which the box rises no faster than {settings.box_rest_m_s:g} m/s before it is {settings.rise_m:g} m "
+        f"higher; it moves from {recording.time[moved]:.2f} s on"
+        + (", sliding at first" if slid > 0.1 else "")
+    )
+    times = recording.time[[onset, before[-1] if before.size else 0, latest]]
+    return Event(float(times[0]), "detected", how, earliest_s=float(times[1]), latest_s=float(times[2]))
+
+
+def _first_movement(recording: MarkerRecording, box: np.ndarray, settings: EventSettings) -> int:
+    """Index of the last rest of the box before it first moves."""
     threshold, lasting = settings.box_speed_m_s, settings.box_sustained_s
     moving = speed(box, recording.rate)
     first = _first_run(moving > threshold, max(1, round(lasting * recording.rate)))
@@ -188,12 +223,7 @@ def _lift_off(recording: MarkerRecording, settings: EventSettings) -> Event:
             f"{recording.source}: the box moves from the first frame, its lift-off is not there; {advice}"
         )
     rest = np.flatnonzero(moving[:first] <= settings.box_rest_m_s)
-    onset = int(rest[-1]) + 1 if rest.size else first
-    how = (
-        f"last rest of the box (slower than {settings.box_rest_m_s:g} m/s) before it first moves faster "
-        f"than {threshold:g} m/s for at least {lasting:g} s"
-    )
-    return Event(float(recording.time[onset]), "detected", how)
+    return int(rest[-1]) + 1 if rest.size else first
 
 
 def _release(recording: MarkerRecording, settings: EventSettings, lift_off: float) -> Event:
@@ -271,42 +301,82 @@ def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: floa
 def _deposit_start(
     recording: MarkerRecording, settings: EventSettings, start: float, release: float
 ) -> Event:
-    from scipy.signal import find_peaks
-
-    wrists = _needed(recording, wrist_centre(recording), "wrist", "deposit_start")
+    """Last instant before the box goes down for good; the wrists where there is no box."""
+    box = box_centre(recording)
+    what, goes = ("box", "goes") if box is not None else ("wrists", "go")
+    carried = wrist_centre(recording) if box is None else box
+    carried = _needed(recording, carried, "box or wrist", "deposit_start")
     advice = "set deposit_start_s in the subject's file"
     searched = np.flatnonzero((recording.time > start) & (recording.time <= release))
     if searched.size < 3:
         raise InputError(
             f"{recording.source}: no time between {start:g} s and the release at {release:g} s; {advice}"
         )
-    slow = speed(wrists, recording.rate)[searched]
-    height = wrists[searched, 2]
-    if not (np.isfinite(slow).all() and np.isfinite(height).all()):
+    height, climb = carried[searched, 2], derivative(carried, recording.rate)[searched, 2]
+    if not np.isfinite(climb).all():
         raise InputError(
-            f"{recording.source}: wrists not seen all the time between {start:g} and {release:g} s; {advice}"
+            f"{recording.source}: {what} not seen all the time between {start:g} and {release:g} s; {advice}"
         )
-    top = int(height.argmax())
-    descent = float(height[top] - height[-1])
+    descent = float(height.max() - height[-1])
     if descent < settings.descent_m:
         raise InputError(
-            f"{recording.source}: the wrists descend by {descent:.3f} m before the release at "
+            f"{recording.source}: the {what} {goes} down by {descent:.3f} m before the release at "
             f"{release:.2f} s, a deposit needs {settings.descent_m:g} m (lifting.events.descent_m); " + advice
         )
-    onset = int(np.flatnonzero(height >= height[top] - DESCENT_ONSET * descent)[-1])
+    onset = _last_stop(height, climb, settings, recording.rate)
+    if onset is None:
+        raise InputError(
+            f"{recording.source}: the {what} {goes} down all the time from {start:.2f} to {release:.2f} s; {advice}"
+        )
+    left = float(height[onset] - height[-1])
+    not_down = np.flatnonzero(climb[: onset + 1] >= 0)
+    latest = onset + int(np.flatnonzero(height[onset:] <= height[onset] - ONSET * left)[0])
+    how = (
+        f"last instant at which the {what} {goes} down no faster than {settings.box_rest_m_s:g} m/s before the last "
+        f"{left:.2f} m to the release"
+    )
+    time = recording.time[searched]
+    return Event(
+        float(time[onset]),
+        "detected",
+        how,
+        earliest_s=float(time[not_down[-1] if not_down.size else 0]),
+        latest_s=float(time[latest]),
+        thesis_s=_slowest_wrists(recording, settings, searched, onset),
+    )
+
+
+def _last_stop(height: np.ndarray, climb: np.ndarray, settings: EventSettings, rate: float) -> int | None:
+    """Index of the last rest in the last rise or stay from which there is a deposit's way to go down.
+
+    Slowing down, or a small rise on the way, is none: a stay lasts, and a rise is a lift of its own. Two speeds tell
+    them, so that noise neither cuts a stay nor makes one.
+    """
+    rests = climb >= -settings.box_rest_m_s
+    stops = []
+    for run in runs(climb >= -settings.box_speed_m_s):
+        lasts = run.stop - run.start >= settings.stay_s * rate or np.ptp(height[run]) >= settings.descent_m
+        resting = run.start + np.flatnonzero(rests[run])
+        if lasts and resting.size and height[resting[-1]] - height[-1] >= settings.descent_m:
+            stops.append(int(resting[-1]))
+    return stops[-1] if stops else None
+
+
+def _slowest_wrists(
+    recording: MarkerRecording, settings: EventSettings, searched: np.ndarray, onset: int
+) -> float | None:
+    """Time of the last local minimum of the wrists' speed before the descent: the thesis's start of the deposit."""
+    from scipy.signal import find_peaks
+
+    wrists = wrist_centre(recording)
+    if wrists is None:
+        return None
+    slow = speed(wrists, recording.rate)[searched]
+    if not np.isfinite(slow).all():
+        return None
     minima, _ = find_peaks(-slow, prominence=settings.prominence_m_s)
     minima = minima[minima <= onset]
-    if minima.size == 0:
-        raise InputError(
-            f"{recording.source}: the wrists do not slow down between {start:.2f} s and their descent at "
-            f"{recording.time[searched[onset]]:.2f} s; {advice}"
-        )
-    chosen = int(minima[-1])
-    how = (
-        f"last local minimum of the wrists' speed ({slow[chosen]:.3f} m/s) before they descend by "
-        f"{descent:.2f} m to the release"
-    )
-    return Event(float(recording.time[searched[chosen]]), "detected", how)
+    return float(recording.time[searched[minima[-1]]]) if minima.size else None
 
 
 def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:

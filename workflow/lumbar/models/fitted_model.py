@@ -89,6 +89,34 @@ class Port:
 
 
 @dataclass(frozen=True)
+class MotionRange:
+    """Motion of the record that a model was fitted to: what the model is known to hold for.
+
+    Attributes
+    ----------
+    lowest, highest : float
+        Positions, in the input's unit.
+    speed : float
+        Below which 99 % of the samples were, in that unit per second.
+    lowest_Hz, highest_Hz : float
+        Band of 99 % of the position's power.
+    """
+
+    lowest: float
+    highest: float
+    speed: float
+    lowest_Hz: float
+    highest_Hz: float
+
+    def in_words(self, unit: str) -> str:
+        """E.g. ``"-2 to 2 mm, to 12.6 mm/s, 0.1 to 5 Hz"``."""
+        return (
+            f"{self.lowest:.3g} to {self.highest:.3g} {unit}, to {self.speed:.3g} {unit}/s, "
+            f"{self.lowest_Hz:.3g} to {self.highest_Hz:.3g} Hz"
+        )
+
+
+@dataclass(frozen=True)
 class Scores:
     """How well a model does and how well it is determined; None where a number does not exist.
 
@@ -155,6 +183,8 @@ class FittedModel:
         Why there are none, or no derived ones.
     scores : Scores
     remark : str
+    valid_for : MotionRange or None
+        Motion of the record it was fitted to; None for a given model, and where a file does not say.
 
     Examples
     --------
@@ -179,6 +209,7 @@ class FittedModel:
     no_parameters_because: str = ""
     scores: Scores = field(default_factory=Scores)
     remark: str = ""
+    valid_for: MotionRange | None = None
 
     @property
     def discrete(self) -> bool:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.errors import Problems
 from lumbar.models.bases import BASES
-from lumbar.models.fitted_model import FittedModel, FittedParameter, Port, Scores
+from lumbar.models.fitted_model import FittedModel, FittedParameter, MotionRange, Port, Scores
 from lumbar.models.form import Effect, Form
 from lumbar.models.forward_structure import ForwardStructure
 from lumbar.models.structure import Structure
@@ -111,6 +111,7 @@ def checked_entry(entry: dict, catalogues: Catalogues, problems: Problems) -> Fi
         structure = _structure(plain.base, plain.structure, catalogues, problems)
     if structure is not None:
         _check_parameters(plain.parameters, structure, plain.base, problems)
+    _check_range(plain.valid_for, problems)
     if not plain.sampling_time > 0:
         problems.add("sampling_time", f"{plain.sampling_time}", "seconds above 0 are needed")
     if len(problems.entries) > before:
@@ -143,6 +144,7 @@ _KINDS = {
     "input": Port,
     "output": Port,
     "scores": Scores,
+    "valid_for": MotionRange,
     "parameters": FittedParameter,
     "structure": _Written,
     "effects": _Added,
@@ -197,6 +199,18 @@ def _form(item: _Added, catalogue: Mapping[str, Effect], problems: Problems) -> 
             allowed = f"constants of {form.key} are {', '.join(known) or 'none'}"
             problems.add(f"structure.effects.{effect.name}", f"unknown constant {symbol!r}", allowed)
     return form.with_constants(item.constants or {})
+
+
+def _check_range(covered: MotionRange | None, problems: Problems) -> None:
+    """A motion has a lower and an upper end."""
+    if covered is None:
+        return
+    for low, high in (("lowest", "highest"), ("lowest_Hz", "highest_Hz")):
+        if not getattr(covered, low) <= getattr(covered, high):
+            found = f"{getattr(covered, low):g} above {high} {getattr(covered, high):g}"
+            problems.add(f"valid_for.{low}", found, "it must not be")
+    if covered.speed < 0:
+        problems.add("valid_for.speed", f"{covered.speed:g}", "0 or more is needed")
 
 
 def _check_parameters(

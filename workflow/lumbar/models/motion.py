@@ -13,6 +13,8 @@ from lumbar.records.record import Record
 
 _MOST_KEPT = 8
 """Results that a motion remembers."""
+SUBSTEPS = 4
+"""Steps between two samples in which a motion that is not smooth is followed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,8 @@ class Motion:
         taken by differences instead of by a spline.
     channels : dict of str to numpy.ndarray
         What else was measured beside input and output, by role, for effects that need it.
+    between : numpy.ndarray, optional, shape (1 + (samples - 1) * `SUBSTEPS`,)
+        Position in steps between the samples, where it is not smooth but known there.
     """
 
     time: np.ndarray
@@ -38,6 +42,7 @@ class Motion:
     sampling_time: float
     smooth: bool = True
     channels: dict[str, np.ndarray] = field(default_factory=dict)
+    between: np.ndarray | None = None
 
     @classmethod
     def of(cls, record: Record, role: str = "input", offset: float = 0.0) -> Motion:
@@ -104,11 +109,42 @@ class Motion:
         return np.concatenate([[0], turned, [len(self.position) - 1]])
 
     @cached_property
+    def _turning(self) -> tuple[np.ndarray, np.ndarray]:
+        """Extreme position at each reversal, and the first sample after it.
+
+        A smooth position turns between two samples: the extreme is the interpolating spline's, by a step of Newton's method
+        from the vertex of the parabola through three samples. Ends of the record are no extremes.
+        """
+        samples, position = self.reversals.copy(), self.position
+        turns = position[samples]
+        inner = samples[1:-1]
+        if not self.smooth or not len(inner):
+            return turns, samples
+        before, at, after = position[inner - 1], position[inner], position[inner + 1]
+        vertex = 0.5 * (after - before) / (2 * at - before - after)
+        time = self.time[inner] + self.sampling_time * np.clip(vertex, -1.0, 1.0)
+        speed, curvature = self._spline(time, 1), self._spline(time, 2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.nan_to_num(speed / curvature, posinf=0.0, neginf=0.0) / self.sampling_time
+        time = time - self.sampling_time * np.clip(step, -0.5, 0.5)
+        extreme = self._spline(time)
+        # A rest, or a corner, where the spline does not reach beyond the sample, turns at the sample itself.
+        rests = (before == at) & (position[np.maximum(inner - 2, 0)] == at)
+        beyond = ((extreme - at) * np.sign(2 * at - before - after) > 0) & ~rests
+        turns[1:-1] = np.where(beyond, extreme, at)
+        samples[1:-1] += beyond & (time > self.time[inner])
+        return turns, samples
+
+    @property
+    def turns(self) -> np.ndarray:
+        """Position at the start, extreme position at each reversal, and position at the end."""
+        return self._turning[0]
+
+    @cached_property
     def stretch(self) -> np.ndarray:
-        """For every sample the number of the monotone stretch between reversals it lies in."""
-        return np.append(
-            np.repeat(np.arange(len(self.reversals) - 1), np.diff(self.reversals)), len(self.reversals) - 2
-        )
+        """For every sample the number of the monotone stretch between `turns` it lies in."""
+        samples = self._turning[1]
+        return np.append(np.repeat(np.arange(len(samples) - 1), np.diff(samples)), len(samples) - 2)
 
     def remembered(self, name: str, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
         """Result of `compute`, kept for the latest few nonlinear parameters: fits change one at a time."""
@@ -130,25 +166,44 @@ class Motion:
     def delayed(self, delay: float) -> Motion:
         """Motion `delay` seconds ago, at rest at its first position before the record began."""
         past = self.time - delay
-        began = past >= 0
         channels = {name: np.interp(past, self.time, values) for name, values in self.channels.items()}
         late = Motion(self.time, self._spline(np.maximum(past, 0.0)), self.sampling_time, channels=channels)
-        # Derivatives of this motion's own spline, put where the delayed motion would compute its own.
-        between = past[:-1] + 0.5 * self.sampling_time
-        late.__dict__["velocity"] = np.where(began, self._spline(np.maximum(past, 0.0), 1), 0.0)
-        late.__dict__["velocity_between"] = np.where(
-            between >= 0, self._spline(np.maximum(between, 0.0), 1), 0.0
-        )
+        spline = self._spline
+
+        def delayed_spline(time: np.ndarray, order: int = 0) -> np.ndarray:
+            found = spline(np.maximum(time - delay, 0.0), order)
+            return np.where(time >= delay, found, 0.0) if order else found
+
+        late.__dict__["_spline"] = delayed_spline
         return late
 
     def beginning(self, samples: int) -> Motion:
         """The first samples of the motion."""
         channels = {name: values[:samples] for name, values in self.channels.items()}
-        return replace(self, time=self.time[:samples], position=self.position[:samples], channels=channels)
+        between = None if self.between is None else self.between[: 1 + (samples - 1) * SUBSTEPS]
+        return replace(
+            self,
+            time=self.time[:samples],
+            position=self.position[:samples],
+            channels=channels,
+            between=between,
+        )
 
-    def replaced(self, position: np.ndarray) -> Motion:
-        """Motion with a position that is not smooth, on the same clock."""
-        return Motion(self.time, position, self.sampling_time, False, self.channels)
+    @cached_property
+    def refined(self) -> Motion:
+        """The same smooth motion in `SUBSTEPS` steps between two samples, for a position that it becomes behind play."""
+        step = self.sampling_time / SUBSTEPS
+        time = self.time[0] + step * np.arange(1 + (len(self) - 1) * SUBSTEPS)
+        fine = Motion(time, self._spline(time), step)
+        fine.__dict__["_spline"] = self._spline
+        return fine
+
+    def through(self, moved: Callable[[Motion], np.ndarray]) -> Motion:
+        """Motion whose position is what `moved` makes of it and which is not smooth; on the same clock."""
+        if not self.smooth:
+            return Motion(self.time, moved(self), self.sampling_time, False, self.channels)
+        between = moved(self.refined)
+        return Motion(self.time, between[::SUBSTEPS], self.sampling_time, False, self.channels, between)
 
     def scale(self, kind: str) -> float:
         """Size of a quantity, for starting values: see `lumbar.models.parameter.NonlinearParameter`."""

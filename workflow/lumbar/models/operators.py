@@ -11,15 +11,15 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from lumbar.models.motion import Motion
+from lumbar.models.motion import SUBSTEPS, Motion
 
 
 def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
     """Elongation of the spring of a Maxwell branch with τ = b/k: q̇ = ẋ − q/τ, q(0) = 0.
 
     Exact for a velocity that is a parabola between samples (from the spline's values at the samples and halfway); a
-    position that is not smooth is taken as linear between samples (ramp-invariant). A branch as fast as two samples
-    would otherwise show the interpolation's error as a force.
+    position that is not smooth is taken as linear between samples, or in steps between them (ramp-invariant). A branch as
+    fast as two samples would otherwise show the interpolation's error as a force.
 
     Parameters
     ----------
@@ -46,6 +46,11 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
             + 4 * (linear - square) * motion.velocity_between
             + (2 * square - linear) * motion.velocity[1:]
         )
+    elif motion.between is not None:
+        steps = np.diff(motion.between).reshape(-1, SUBSTEPS)
+        short = rate / SUBSTEPS
+        weights = -np.expm1(-short) / short * np.exp(-short * np.arange(SUBSTEPS - 1, -1, -1))
+        driven = np.concatenate([[0.0], steps @ weights])
     else:
         driven = constant * motion.increments
     return lfilter([1.0], [1.0, -np.exp(-rate)], driven)
@@ -57,7 +62,7 @@ def play(motion: Motion, gap: float) -> np.ndarray:
     Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989), the play operator; at rest in the middle first.
     """
     position = motion.position
-    turns = position[motion.reversals]
+    turns = motion.turns
     place = float(turns[0])
     reached = [place]
     for low, high in zip((turns[1:] - gap).tolist(), (turns[1:] + gap).tolist(), strict=True):
@@ -78,7 +83,7 @@ def presliding(motion: Motion, distance: float) -> np.ndarray:
     the presliding distance d.
     """
     position = motion.position
-    turns = position[motion.reversals]
+    turns = motion.turns
     steps = np.diff(turns)
     direction = np.sign(steps)
     share = [0.0]
@@ -96,7 +101,7 @@ def bouc_wen(motion: Motion, distance: float) -> np.ndarray:
     Y. Wen, J. Eng. Mech. Div. 102 (1976) 249-263, with n = 2, β = γ = 1/2.
     """
     position = motion.position
-    turns = position[motion.reversals]
+    turns = motion.turns
     steps = np.diff(turns)
     direction = np.sign(steps)
     share = [0.0]
@@ -146,7 +151,7 @@ def bouc_wen_general(motion: Motion, distance: float, unloading_share: float) ->
     numpy.ndarray, shape (samples,)
     """
     position = motion.position
-    turns = position[motion.reversals]
+    turns = motion.turns
     steps = np.diff(turns)
     direction = np.sign(steps)
     share = [0.0]

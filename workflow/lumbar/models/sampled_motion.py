@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -46,6 +47,10 @@ class SampledMotion(Motion):
         )
         length = len(self)
         return self.replaced(newer[:length] + (samples - whole) * (older[:length] - newer[:length]))
+
+    def through(self, moved: Callable[[Motion], np.ndarray]) -> SampledMotion:
+        """Motion whose position is what `moved` makes of the samples, on the same clock."""
+        return self.replaced(moved(self))
 
     def replaced(self, position: np.ndarray) -> SampledMotion:
         """Motion with another position, on the same clock."""

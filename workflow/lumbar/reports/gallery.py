@@ -23,6 +23,8 @@ IN_PYTHON = {
     "comparison_figures": 'lumbar.compare(records, model).figure("noise")',
     "location_figures": 'lumbar.locate(records, model).figure("noise")',
     "effect_signatures": 'lumbar.diagnose(records).save("out")',
+    "closed_loop": 'lumbar.render("models.json").loop_figure()',
+    "z_width": 'lumbar.render("models.json").z_width_figure()',
     "survey_likert": 'lumbar.analyse_survey(file).figures()["survey_likert"]',
     "survey_best_picks_figure": 'lumbar.analyse_survey(file).figures()["survey_best_picks_figure"]',
 }

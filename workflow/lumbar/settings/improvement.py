@@ -23,6 +23,10 @@ class RecordSetSettings:
         "lifting.moment_layout, all others by tissue.layout.",
         default=None,
     )
+    session: bool | None = key(
+        "Whether the records of this set were cut from one session, instead of improvement.session.",
+        default=None,
+    )
     records: tuple[RecordSettings, ...] | None = key(
         "Records of the set; left out, they are those of the tissue chapter.", default=None, min_length=1
     )
@@ -43,6 +47,11 @@ class ImprovementSettings:
     forward: bool = key(
         "Whether the records of tissue tests have the force as input and the motion as output (load-controlled tests): models "
         "are then simulated from force to motion, and errors are in the unit of the motion.",
+        default=False,
+    )
+    session: bool = key(
+        "true: the records were cut from one session, in their order, and each begins in the state (path, time, relaxation, "
+        "hysteresis, damage) in which the one before it left the tissue; false: at rest and anew.",
         default=False,
     )
     effects: Annotated[tuple[str, ...], UNIQUE] = key(

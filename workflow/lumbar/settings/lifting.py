@@ -111,15 +111,30 @@ class EventSettings:
     toe_sustained_s: float = key(
         "How long the toe must keep that speed.", default=0.065, unit="s", ge=0, le=1
     )
+    rise_m: float = key(
+        "Rise of the box that makes it lifted: before, it may slide on its support.",
+        default=0.02,
+        unit="m",
+        gt=0,
+        le=1,
+    )
+    stay_s: float = key(
+        "How long the box must not go down for a stay: the deposit starts at the end of the last one, or of the last rise.",
+        default=0.3,
+        unit="s",
+        gt=0,
+        le=10,
+    )
     descent_m: float = key(
-        "Descent of the wrists before the release that makes it a deposit.",
+        "Descent of the box (of the wrists where there is none) before the release that makes it a deposit.",
         default=0.05,
         unit="m",
         gt=0,
         le=2,
     )
     prominence_m_s: float = key(
-        "How far a local minimum of the wrists' speed must lie below its surroundings.",
+        "How far a local minimum of the wrists' speed, the thesis's start of the deposit, must lie below its "
+        "surroundings.",
         default=0.05,
         unit="m/s",
         ge=0,

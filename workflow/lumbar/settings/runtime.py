@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from lumbar.settings.key import UNIQUE, Each, key, settings
+from lumbar.settings.device import DeviceSettings
+from lumbar.settings.key import UNIQUE, Each, key, section, settings
 
 Platform = Literal[
     "host", "x86_64-linux", "x86_64-windows", "aarch64-linux", "x86_64-darwin", "aarch64-darwin"
@@ -72,3 +73,4 @@ class RuntimeSettings:
     check_samples: int = key(
         "Samples each FMU is simulated for when it is checked.", default=1000, ge=100, le=100000
     )
+    device: DeviceSettings = section(default_factory=DeviceSettings)

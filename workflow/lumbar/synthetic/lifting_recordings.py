@@ -9,7 +9,7 @@ import numpy as np
 
 from lumbar.errors import InputError
 from lumbar.files import replacing, write_csv
-from lumbar.synthetic.hip_moment_recordings import box_held, hip_moment, trunk_angle
+from lumbar.synthetic.hip_moment import box_held, hip_moment, trunk_angle
 from lumbar.synthetic.lifter import Movement, simulate
 from lumbar.synthetic.swinging_body import GRAVITY
 

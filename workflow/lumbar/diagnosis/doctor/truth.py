@@ -31,12 +31,15 @@ class Truth:
         Of each of them, counted from the surface.
     disturbances : tuple of numpy.ndarray
         What is added to each one's simulation: noise, and the record's own zero.
+    begins : tuple of int
+        Sample of each motion at which the record itself begins.
     """
 
     verdict: Verdict
     templates: tuple[Record, ...]
     motions: tuple[Motion, ...]
     disturbances: tuple[np.ndarray, ...]
+    begins: tuple[int, ...]
 
     @classmethod
     def of(cls, verdict: Verdict, records: Sequence[Record], seed: int) -> Truth:
@@ -47,7 +50,7 @@ class Truth:
         noise.
         """
         experiment, fit = verdict.experiment, verdict.model.fit
-        templates, motions, disturbances = [], [], []
+        templates, motions, disturbances, begins = [], [], [], []
         for number, (record, data) in enumerate(_pairs(verdict, records)):
             generator = np.random.default_rng([seed, number])
             residual = data.settled(data.force - fit.simulate(data.motion))
@@ -55,13 +58,14 @@ class Truth:
                 float(np.mean(residual)) if experiment.own_zeros and fit.structure.base.sensor_zero else 0.0
             )
             if reaches_floor(verdict):
-                noise = floor_noise(experiment.floor, len(data.force), data.motion.sampling_time, generator)
+                noise = floor_noise(experiment.floor, data.length, data.motion.sampling_time, generator)
             else:
-                noise = phase_randomised(residual - np.mean(residual), len(data.force), generator)
-            templates.append(_as_seen(record, data.motion, experiment.surface))
+                noise = phase_randomised(residual - np.mean(residual), data.length, generator)
+            templates.append(_as_seen(record, data, experiment.surface))
             motions.append(data.motion)
             disturbances.append(noise + zero)
-        return cls(verdict, tuple(templates), tuple(motions), tuple(disturbances))
+            begins.append(data.begins)
+        return cls(verdict, tuple(templates), tuple(motions), tuple(disturbances), tuple(begins))
 
     @property
     def fit(self) -> Fit:
@@ -81,9 +85,9 @@ class Truth:
     def records(self, fit: Fit) -> list[Record]:
         """The records as they would be if this model were the truth."""
         return [
-            template.with_values(output=fit.simulate(motion) + disturbance)
-            for template, motion, disturbance in zip(
-                self.templates, self.motions, self.disturbances, strict=True
+            template.with_values(output=fit.simulate(motion)[begins:] + disturbance)
+            for template, motion, disturbance, begins in zip(
+                self.templates, self.motions, self.disturbances, self.begins, strict=True
             )
         ]
 
@@ -103,10 +107,11 @@ def _pairs(verdict: Verdict, records: Sequence[Record]) -> list[tuple[Record, Fi
     return [(record, data[record.name]) for record in records]
 
 
-def _as_seen(record: Record, motion: Motion, surface: float) -> Record:
-    position = motion.position + surface
+def _as_seen(record: Record, data: FitData, surface: float) -> Record:
+    motion = data.motion
+    position = data.own(motion.position) + surface
     beside = {
-        role: replace(channel, values=motion.channels[role])
+        role: replace(channel, values=data.own(motion.channels[role]))
         for role, channel in record.channels.items()
         if role in motion.channels
     }
@@ -115,7 +120,8 @@ def _as_seen(record: Record, motion: Motion, surface: float) -> Record:
         "output": replace(record.channels["output"], values=np.zeros_like(position)),
         **beside,
     }
-    return replace(record, time=motion.time + record.time[0], channels=channels, filled=())
+    time = data.own(motion.time)
+    return replace(record, time=time - time[0] + record.time[0], channels=channels, filled=())
 
 
 def floor_noise(

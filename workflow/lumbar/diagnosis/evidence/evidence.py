@@ -96,6 +96,7 @@ def gather_evidence(
             experiment.floor_from,
             seed,
             experiment.surface,
+            experiment.session,
         ),
         ties=signal_angles(diagnosis),
         separation=separating_excitation(diagnosis, machine_limits(machine, experiment)),

@@ -38,6 +38,8 @@ class DiagnosisSettings:
         Most effects to add.
     forward : bool
         Whether the records of a tissue test have the force as input and the motion as output.
+    session : bool
+        Whether the records were cut from one session, in their order.
     """
 
     base: str = CHOSEN_BY_DATA
@@ -46,6 +48,7 @@ class DiagnosisSettings:
     catalogue: dict[str, Effect] | None = None
     most_effects: int = 3
     forward: bool = False
+    session: bool = False
 
     @property
     def system(self) -> str:
@@ -67,6 +70,7 @@ class DiagnosisSettings:
         periods: dict[str, float] | None = None,
         gravity_m_s2: float = GRAVITY,
         forward: bool | None = None,
+        session: bool | None = None,
     ) -> DiagnosisSettings:
         """Settings from a study's chapter improvement; what is given beside it comes first."""
         base = base or improvement.base
@@ -78,7 +82,12 @@ class DiagnosisSettings:
             catalogue=catalogue_with(improvement.effect_files, base, gravity_m_s2),
             most_effects=improvement.most_effects,
             forward=wanted and system_of(base) == "tissue",
+            session=improvement.session if session is None else session,
         )
+
+    def prepared(self, records: list[Record]) -> Experiment:
+        """Prepare records as they are."""
+        return prepare(records, self.train, self.periods, self.session)
 
 
 def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:
@@ -91,8 +100,8 @@ def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experimen
     """
     if settings.system != "tissue":
         seen = [for_base(record, BASES[settings.base]) for record in records]
-        return replace(prepare(seen, settings.train, settings.periods), records=tuple(records))
+        return replace(settings.prepared(seen), records=tuple(records))
     faults = [finding for record in records for finding in sensor_faults(record)]
     sound = [mended(record, faults) for record in records]
-    experiment = prepare(sound, settings.train, settings.periods)
+    experiment = settings.prepared(sound)
     return replace(experiment, records=tuple(sound), faults=tuple(faults))

@@ -30,6 +30,9 @@ class FitData:
         Seconds at the start that are left out of every error.
     own_zero : bool
         Whether the sensor had another zero than in training: the mean of an error then says nothing.
+    begins : int
+        Sample at which the record itself begins: before it lies what came earlier in the same session, which is simulated
+        and never counted.
     """
 
     name: str
@@ -38,16 +41,27 @@ class FitData:
     whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
     counts_from: float = SETTLING
     own_zero: bool = False
+    begins: int = 0
 
     @property
     def first(self) -> int:
         """Index of the first sample that counts."""
-        return round(self.counts_from / self.motion.sampling_time)
+        return self.begins + round(self.counts_from / self.motion.sampling_time)
+
+    @property
+    def length(self) -> int:
+        """Number of samples of the record itself."""
+        return len(self.force) - self.begins
+
+    def own(self, signal: np.ndarray) -> np.ndarray:
+        """Signal (samples first) over the record itself."""
+        return signal[self.begins :]
 
     def split(self, share: float) -> tuple[FitData, FitData]:
         """Cut the record in two: its first part, and the whole of it of which only what follows counts."""
-        count = round(share * len(self.force))
-        early = replace(self, motion=self.motion.beginning(count), force=self.force[:count])
+        count = round(share * self.length)
+        end = self.begins + count
+        early = replace(self, motion=self.motion.beginning(end), force=self.force[:end])
         return early, replace(self, counts_from=count * self.motion.sampling_time)
 
     def unwhitened(self) -> FitData:
@@ -151,6 +165,11 @@ class JointData(FitData):
             return super().zeros
         owner = np.repeat(np.arange(len(self.parts)), [len(part.force) for part in self.parts])
         return (owner[:, None] == np.arange(len(self.parts))).astype(float)
+
+    @property
+    def length(self) -> int:
+        """Number of samples of the records themselves."""
+        return sum(part.length for part in self.parts)
 
     @property
     def size(self) -> int:

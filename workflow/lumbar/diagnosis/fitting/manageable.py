@@ -8,12 +8,13 @@ import numpy as np
 
 from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.noise.periods import find_period
+from lumbar.errors import InputError
 from lumbar.records.record import Record
 from lumbar.signals.spectral_edge import spectral_edge
 
 MOST = 150_000
 """Samples of all records together that a diagnosis takes as they are."""
-ENOUGH = 25_000
+ENOUGH = 15_000
 """Samples of all records together that are left where the rate is lowered, if their excitation allows it."""
 PER_CYCLE = 12.0
 """Samples per cycle at the upper end of the excitation's band that a lower rate must leave."""
@@ -24,7 +25,7 @@ _BAND_POWER = 0.999
 long records at their rate."""
 
 
-def manageable(records: list[Record]) -> tuple[list[Record], tuple[Finding, ...]]:
+def manageable(records: list[Record], session: bool = False) -> tuple[list[Record], tuple[Finding, ...]]:
     """Return records that a diagnosis can afford, and a finding for every one that was changed.
 
     Where all records together hold more than `MOST` samples, of those of one rate every n-th sample is taken, so that
@@ -38,12 +39,30 @@ def manageable(records: list[Record]) -> tuple[list[Record], tuple[Finding, ...]
     ----------
     records : list of Record
         With a channel ``input``.
+    session : bool
+        Whether the records were cut from one session: then none is cut short.
+
+    Raises
+    ------
+    InputError
+        If records of a session are still too long at the lowest rate.
     """
     if sum(map(len, records)) <= MOST:
         return records, ()
     lower, findings = _decimated(records)
     cut, told = _shortened(lower)
+    if session and told:
+        raise InputError(
+            f"the records of the session hold {sum(map(len, lower))} samples together, at the lowest rate that their excitation "
+            f"allows; at most {MOST} can be taken, and none can be cut short where the next one goes on from its end: leave "
+            "some out, or leave session out"
+        )
     return cut, (*findings, *told)
+
+
+def band_edge(position: np.ndarray) -> float:
+    """Upper end of the excitation's band, in cycles per sample."""
+    return spectral_edge(position - position.mean(), _BAND_POWER)
 
 
 def _decimated(records: list[Record]) -> tuple[list[Record], list[Finding]]:
@@ -70,8 +89,7 @@ def _decimated(records: list[Record]) -> tuple[list[Record], list[Finding]]:
 
 def _factor(records: list[Record], wanted: int) -> int:
     """Factor for records of one rate: one that divides their periods where there is one."""
-    positions = [record["input"] for record in records]
-    edges = [spectral_edge(position - position.mean(), _BAND_POWER) for position in positions]
+    edges = [band_edge(record["input"]) for record in records]
     largest = min(wanted, *(int(1 / (PER_CYCLE * edge)) for edge in edges))
     largest = min(largest, *(len(record) // 200 for record in records))
     periods = [record.period or find_period(_part(record, slice(_SEARCHED))) for record in records]

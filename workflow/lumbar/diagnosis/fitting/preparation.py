@@ -10,6 +10,7 @@ import numpy as np
 from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.fit_data import SETTLING, FitData, JointData
 from lumbar.diagnosis.fitting.record_checks import check_excitation, check_response
+from lumbar.diagnosis.fitting.session import with_past
 from lumbar.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
 from lumbar.errors import InputError
 from lumbar.models.motion import Motion
@@ -43,6 +44,8 @@ class Experiment:
         All records, faults of their sensors mended.
     faults : tuple of Finding
         Faults of the sensors.
+    session : bool
+        Whether each record begins in the state in which the one before it left the tissue.
     """
 
     training: FitData
@@ -56,6 +59,7 @@ class Experiment:
     surface: float = 0.0
     records: tuple[Record, ...] = ()
     faults: tuple[Finding, ...] = ()
+    session: bool = False
 
     def counted_from(self, surface: float) -> Experiment:
         """The same records, their positions counted from here."""
@@ -100,6 +104,7 @@ def prepare(
     records: list[Record],
     train: str | Sequence[str] | None = None,
     periods: dict[str, float] | None = None,
+    session: bool = False,
 ) -> Experiment:
     """Choose the training records, estimate their noise and prepare all records.
 
@@ -111,6 +116,8 @@ def prepare(
         Name of the training record, or of several that are fitted together; default the longest.
     periods : dict of str to float, optional
         Period of a record's excitation in seconds; default found from the input.
+    session : bool
+        Whether the records were cut from one session, in their order (`lumbar.diagnosis.fitting.session`).
 
     Returns
     -------
@@ -138,8 +145,9 @@ def prepare(
     first, floor = _noise_floor_of(chosen, periods or {})
     check_response(first, floor)
     whitening = np.ones(1) if floor is None else floor.whitening
-    fitted = [_fit_data(item, whitening) for item in chosen]
-    tests = [_fit_data(item, _at_rate(whitening, item, first)) for item in others]
+    past = with_past(records) if session else {}
+    fitted = [_fit_data(item, whitening, past) for item in chosen]
+    tests = [_fit_data(item, _at_rate(whitening, item, first), past) for item in others]
     if not others:
         # The last part of every record is held back; what began in the first part goes on there.
         fitted, tests = map(list, zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True))
@@ -152,6 +160,7 @@ def prepare(
         first.name,
         first.channels["input"].quantity,
         first.channels["output"].quantity,
+        session=session,
     )
 
 
@@ -191,5 +200,6 @@ def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndar
     return whitening if np.isclose(record.sampling_time, training.sampling_time) else np.ones(1)
 
 
-def _fit_data(record: Record, whitening: np.ndarray) -> FitData:
-    return FitData(record.name, Motion.of(record), record["output"], whitening)
+def _fit_data(record: Record, whitening: np.ndarray, past: dict[str, tuple[Record, int]]) -> FitData:
+    record, begins = past.get(record.name, (record, 0))
+    return FitData(record.name, Motion.of(record), record["output"], whitening, begins=begins)

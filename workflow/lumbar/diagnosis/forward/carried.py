@@ -86,7 +86,13 @@ def carried(experiment: Experiment, response: Response) -> Experiment:
         moved, force = data.moved, data.motion.position
         motion = Motion(moved.time, moved.position, moved.sampling_time)
         return CarriedData(
-            data.name, motion, force, data.whitening, data.counts_from, data.own_zero, response
+            data.name,
+            motion,
+            force,
+            data.whitening,
+            data.counts_from,
+            own_zero=data.own_zero,
+            response=response,
         )
 
     return replace(

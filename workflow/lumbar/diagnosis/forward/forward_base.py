@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import fit, fit_base
-from lumbar.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.forward.carried import carried, fitted_base, response_of
 from lumbar.diagnosis.forward.forward_data import forward_experiment
 from lumbar.diagnosis.forward.forward_fit import EVALUATIONS, fit_forward
@@ -28,12 +29,21 @@ _LONG = 6000
 """Samples of every record on which a search is made."""
 
 
-def prepared_forward(
-    records: list[Record], train=None, periods: dict[str, float] | None = None
-) -> Experiment:
-    """Forward records ready for a diagnosis; arguments as of `prepare`."""
+def prepared_forward(records: list[Record], settings: DiagnosisSettings) -> Experiment:
+    """Forward records ready for a diagnosis.
+
+    Raises
+    ------
+    InputError
+        As `prepare`; for records of one session.
+    """
+    if settings.session:
+        raise InputError(
+            "records of one session (improvement.session) are not supported with the force as input (improvement.forward): each "
+            "begins in the state that its own motion tells; leave session out"
+        )
     seen = [with_measured_motion(record) for record in records]
-    return replace(forward_experiment(prepare(seen, train, periods)), records=tuple(seen))
+    return replace(forward_experiment(settings.prepared(seen)), records=tuple(seen))
 
 
 def shortened(experiment: Experiment) -> Experiment:

@@ -49,4 +49,6 @@ def _forward(data: FitData) -> FitData:
     if isinstance(data, JointData):
         joint = ForwardJointData.of([_forward(part) for part in data.parts])
         return replace(joint, own_zero=data.own_zero)
-    return ForwardData(data.name, data.motion, data.force, data.whitening, data.counts_from, data.own_zero)
+    return ForwardData(
+        data.name, data.motion, data.force, data.whitening, data.counts_from, own_zero=data.own_zero
+    )

@@ -76,7 +76,7 @@ def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> Verd
 
 def prepared_base(records: list[Record], settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
     """Forward records ready for a diagnosis, and the base that is named or that they ask for, on their beginning."""
-    experiment = prepared_forward(records, settings.train, settings.periods)
+    experiment = prepared_forward(records, settings)
     base = chosen_base(shortened(experiment), settings.base)
     if experiment.error_dwarfs_noise(base.train_rms):
         experiment, fit = experiment.unwhitened(), base.fit

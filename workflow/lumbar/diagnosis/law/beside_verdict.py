@@ -6,6 +6,8 @@ from dataclasses import replace
 
 from lumbar.diagnosis.law.effect_file import finding
 from lumbar.diagnosis.law.proposal import Proposal, propose
+from lumbar.diagnosis.selection.forward_selection import is_adequate
+from lumbar.diagnosis.selection.thresholds import COMPLETE
 from lumbar.diagnosis.selection.verdict import Verdict
 
 _CLEARLY = 0.5
@@ -18,10 +20,11 @@ def law_beside(verdict: Verdict) -> Proposal | None:
     Returns
     -------
     Proposal or None
-        None where nothing is known to be left, where the effects named go on with one more that passes, and where records are
-        the wrong way round, so that whatever fits them is no force law.
+        None where nothing is known to be left, where the effects named go on with one more that passes and leaves but noise,
+        and where records are the wrong way round, so that whatever fits them is no force law.
     """
-    named_on = verdict.complete is False and verdict.further is None
+    goes_on = verdict.further is not None and is_adequate(verdict.further, verdict.experiment, COMPLETE)
+    named_on = verdict.complete is False and not goes_on
     if verdict.turned is not None or not (verdict.verdict == "unexplained" or named_on):
         return None
     return propose(verdict.experiment, verdict.base, verdict.model)

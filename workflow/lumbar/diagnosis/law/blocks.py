@@ -31,7 +31,14 @@ class Chosen(FitData):
     def of(cls, whole: FitData, keep: np.ndarray) -> Chosen:
         """Let only these samples of a record count."""
         return cls(
-            whole.name, whole.motion, whole.force, whole.whitening, whole.counts_from, whole=whole, keep=keep
+            whole.name,
+            whole.motion,
+            whole.force,
+            whole.whitening,
+            whole.counts_from,
+            begins=whole.begins,
+            whole=whole,
+            keep=keep,
         )
 
     @property

@@ -23,6 +23,7 @@ from lumbar.diagnosis.law.law_form import form_of
 from lumbar.diagnosis.law.search import Law, Search
 from lumbar.diagnosis.law.surface import Surface, surfaces
 from lumbar.diagnosis.law.terms import Term, knows, library
+from lumbar.diagnosis.law.thinning import thinned
 from lumbar.diagnosis.selection.forward_selection import (
     Candidate,
     evaluate,
@@ -160,7 +161,8 @@ def _searched(none: Proposal, terms: Sequence[Term], system: str) -> Proposal:
     """The proposal with what a search finds, beside the base and beside the catalogue's best model."""
     experiment, base, before = none.experiment, none.base, none.before
     chosen_on, confirmed_on = alternate(experiment)
-    search = Search(chosen_on, terms)
+    lower = thinned(experiment)
+    search = Search(chosen_on if lower is experiment else alternate(lower)[0], terms)
     starts = [base] if before.effects == base.effects else [base, before]
     test = _Test(experiment, confirmed_on, before, len(terms), system)
     tried, passed = [], []

@@ -306,7 +306,8 @@ def _shortened(experiment: Experiment) -> FitData:
     training, floor = experiment.training, experiment.floor
     if floor is None or floor.structured_rms > 0 or isinstance(training, JointData):
         return training
-    share = _PERIODS * floor.period / training.motion.time[-1]
+    time = training.own(training.motion.time)
+    share = _PERIODS * floor.period / (time[-1] - time[0])
     return training.split(share)[0] if share < 1 else training
 
 

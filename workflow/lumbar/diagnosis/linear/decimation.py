@@ -46,4 +46,5 @@ def _decimated(data: FitData, factor: int) -> FitData:
     step = factor * motion.sampling_time
     lower = Motion(np.arange(len(position)) * step, position, step, motion.smooth)
     late = (len(window) - 1) / 2 * motion.sampling_time
-    return FitData(data.name, lower, force, counts_from=max(data.counts_from - late, 0.0))
+    before = data.begins * motion.sampling_time
+    return FitData(data.name, lower, force, counts_from=max(before + data.counts_from - late, 0.0))

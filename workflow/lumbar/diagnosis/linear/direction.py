@@ -15,7 +15,6 @@ import numpy as np
 from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.diagnosis.fitting.preparation import Experiment
-from lumbar.models.motion import Motion
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.signals.spectral_edge import spectral_edge
@@ -81,7 +80,10 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
     Finding or None
         Of kind ``direction`` or ``sign``; its sentence ends with the lines to put into the study's YAML.
     """
-    pairs = [_compared(record.motion, record.force) for record in _records(experiment)]
+    pairs = [
+        _compared(record.own(record.motion.position), record.own(record.force))
+        for record in _records(experiment)
+    ]
     layout = layout or TissueSettings().layout
     if all(pair.held and pair.jump > _BIG_JUMP and pair.follows < _FOLLOWS for pair in pairs):
         jump = float(np.median([pair.jump for pair in pairs]))
@@ -125,14 +127,12 @@ def _records(experiment: Experiment) -> list[FitData]:
     return [*(training.parts if isinstance(training, JointData) else (training,)), *experiment.tests]
 
 
-def _compared(motion: Motion, force: np.ndarray) -> _Pair:
-    steps = np.abs(np.diff(motion.position))
-    jump, follows = (
-        float(np.abs(np.diff(signal)).max() / np.ptp(signal)) for signal in (motion.position, force)
-    )
-    edges = [spectral_edge(signal - signal.mean(), _BAND_POWER) for signal in (motion.position, force)]
+def _compared(position: np.ndarray, force: np.ndarray) -> _Pair:
+    steps = np.abs(np.diff(position))
+    jump, follows = (float(np.abs(np.diff(signal)).max() / np.ptp(signal)) for signal in (position, force))
+    edges = [spectral_edge(signal - signal.mean(), _BAND_POWER) for signal in (position, force)]
     window = max(round(1 / (_PER_CYCLE * max(edges))), 1)
-    first, second = _smooth(motion.position, window), _smooth(force, window)
+    first, second = _smooth(position, window), _smooth(force, window)
     speed, rate = np.gradient(first), np.gradient(second)
     first, second = first - first.mean(), second - second.mean()
     return _Pair(

@@ -45,8 +45,10 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
         return None
     data = _record(experiment)
     folding = _folding(data, floor)
-    position, force = (folding.fold(signal).mean(axis=0) for signal in (data.motion.position, data.force))
-    error = folding.fold(data.force - fit.simulate(data.motion)).mean(axis=0)
+    error = data.force - fit.simulate(data.motion)
+    position, force, error = (
+        folding.fold(data.own(signal)).mean(axis=0) for signal in (data.motion.position, data.force, error)
+    )
     excited = excited_lines(position)
     if len(excited) < 2 * _WINDOW:
         return None
@@ -94,10 +96,10 @@ def _record(experiment: Experiment) -> FitData:
 
 def _folding(data: FitData, floor: NoiseFloor) -> Folding:
     channels = {
-        "input": Channel(data.motion.position, "position", ""),
-        "output": Channel(data.force, "force", ""),
+        "input": Channel(data.own(data.motion.position), "position", ""),
+        "output": Channel(data.own(data.force), "force", ""),
     }
-    return fold_periods(Record(data.name, data.motion.time, channels), floor.period)
+    return fold_periods(Record(data.name, data.own(data.motion.time), channels), floor.period)
 
 
 def _noise_power(floor: NoiseFloor, folding: Folding) -> np.ndarray:

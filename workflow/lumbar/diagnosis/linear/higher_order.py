@@ -215,8 +215,8 @@ def _on_all(data: FitData, fit: Callable[[FitData], LinearDynamics]) -> LinearDy
     """Search poles, on the beginning of what is still long at its lower rate, and solve for the rest on all of it."""
     if data.size <= _LONG:
         return fit(data)
-    settling = len(data.force) - data.size
-    found = fit(data.split((settling + _LONG) / len(data.force))[0])
+    settling = data.length - data.size
+    found = fit(data.split((settling + _LONG) / data.length)[0])
     return _solved(found.kind, data, found.poles, found.held)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.diagnosis.fitting.joint_fit import Fit
+from lumbar.diagnosis.fitting.session import in_session
 from lumbar.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.diagnosis.residuals.compare import Comparison, compare_record
 from lumbar.diagnosis.residuals.locate import Location, locate
@@ -43,6 +44,7 @@ def compare_and_locate(
     floor_from: str,
     seed: int,
     surface: float = 0.0,
+    session: bool = False,
 ) -> list[Simulated]:
     """Simulate a fit on every record, compare it, and see where it fails.
 
@@ -54,13 +56,17 @@ def compare_and_locate(
         As for `residual_reports`.
     surface : float
         Position that the fit counts positions from.
+    session : bool
+        Whether the records were cut from one session, in their order.
     """
     seen = [for_base(record, fit.structure.base) for record in records]
 
     def simulate(record: Record) -> np.ndarray:
         return fit.simulate(Motion.of(record, offset=surface))
 
-    return residual_reports(seen, simulate, floor, floor_from, seed)
+    return residual_reports(
+        seen, in_session(seen, simulate) if session else simulate, floor, floor_from, seed
+    )
 
 
 def residual_reports(

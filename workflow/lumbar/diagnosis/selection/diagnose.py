@@ -11,7 +11,7 @@ from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
 from lumbar.diagnosis.fitting.joint_fit import add
 from lumbar.diagnosis.fitting.joint_fit import fit as refit
-from lumbar.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import estimates
 from lumbar.diagnosis.linear.direction import direction_or_sign
 from lumbar.diagnosis.linear.frequency_response import nonlinear_share
@@ -77,7 +77,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     settings = replace(settings, catalogue=usable)
     if settings.system == "tissue":
         # As recorded: a command that jumps between levels would be taken for a coarse sensor, and smoothed.
-        as_recorded = prepare(records, settings.train, settings.periods) if experiment.faults else experiment
+        as_recorded = settings.prepared(records) if experiment.faults else experiment
         turned = direction_or_sign(as_recorded)
         if turned is not None:
             return replace(_turned(as_recorded, settings, turned), not_tried=not_tried)
@@ -322,8 +322,19 @@ class Selection:
             for item in best_by_effect([*self.tried, model])
             if set(item.effects) != set(model.effects)
             and len(item.effects) <= len(model.effects)
-            and item.score - model.score < TIED
+            and self.lead(model, item) < TIED
         ]
+
+    def lead(self, model: Candidate, other: Candidate) -> float:
+        """By how much a model is more likely than another one, in twice the log-likelihood.
+
+        Each parameter that the other one has more counts 2 (Akaike, IEEE Trans. Autom. Control 19 (1974) 716-723), not the
+        logarithm of the records' size: how often the sensors are read must not tell apart what explains all records alike.
+        """
+        experiment = self.experiment
+        size = experiment.training.size + sum(item.size for item in experiment.tests)
+        more = max(other.parameters - model.parameters, 0)
+        return other.score - model.score - more * (float(np.log(size)) - _AKAIKE)
 
     def share_removed(self, model: Candidate) -> float:
         """Share of the base's explainable variance on unseen records that the effects remove."""
@@ -392,6 +403,7 @@ class Selection:
         )
 
 
+_AKAIKE = 2.0
 _NONLINEAR = 0.1
 """Share of what the best linear model leaves that is surely not linear, from which on something nonlinear is missing."""
 _ZEROS_HELP = 0.9

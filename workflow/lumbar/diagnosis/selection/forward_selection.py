@@ -59,6 +59,11 @@ class Candidate:
         """Names of the effects, in the order added."""
         return self.fit.structure.effects
 
+    @property
+    def parameters(self) -> int:
+        """Number of parameters."""
+        return len(self.fit.linear) + len(self.fit.nonlinear)
+
 
 def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
     """Simulate a fitted model on all records."""

@@ -13,6 +13,7 @@ from lumbar.errors import NumericalError
 from lumbar.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 from lumbar.models.fitted_model import OUTPUT_ERROR, FittedModel, FittedParameter, Port, Scores
 from lumbar.models.models_file import models_document
+from lumbar.signals.motion_range import motion_range
 
 
 def model_name(fit: Fit) -> str:
@@ -59,6 +60,7 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         no_parameters_because=refused,
         scores=scores,
         remark="base and effects fitted together by free-run simulation error",
+        valid_for=motion_range(training.motion.position + experiment.surface, training.motion.sampling_time),
     )
 
 

@@ -16,6 +16,7 @@ from lumbar.diagnosis.sensors.position_noise import PositionNoise
 from lumbar.diagnosis.sensors.position_step import PositionStep, find_step
 from lumbar.diagnosis.sensors.roughness import is_motion, roughness_of
 from lumbar.diagnosis.sensors.sampling_jitter import SamplingJitter
+from lumbar.diagnosis.sensors.wild_samples import WildSamples, find_wild
 from lumbar.records.record import Record
 
 
@@ -42,7 +43,7 @@ def sensor_faults(record: Record) -> list[Finding]:
     Returns
     -------
     list of Finding
-        Of the kinds ``gap``, ``held_samples``, ``dropped_samples``, ``position_noise``, ``quantisation``,
+        Of the kinds ``gap``, ``wild_samples``, ``held_samples``, ``dropped_samples``, ``position_noise``, ``quantisation``,
         ``jitter`` and ``clock_skew``; empty where nothing is wrong. A position sensor that lags is not among them:
         its lag and a tissue's own delay look alike.
     """
@@ -84,6 +85,10 @@ def _gaps(record: Record) -> list[Fault]:
     return [fault for fault in (find_gaps(record),) if fault]
 
 
+def _wild(record: Record) -> list[Fault]:
+    return [fault for fault in (find_wild(record),) if fault]
+
+
 def _held(record: Record) -> list[Fault]:
     return [fault for role in ("input", "output") if (fault := find_held(record, role))]
 
@@ -111,6 +116,7 @@ def _skew(record: Record) -> list[Fault]:
 
 _FINDERS: dict[Callable[[Record], list[Fault]], set[str]] = {
     _gaps: {Gaps.kind},
+    _wild: {WildSamples.kind},
     _held: {HeldSamples.kind},
     _dropped: {DroppedSamples.kind},
     _rough: {PositionNoise.kind, PositionStep.kind, SamplingJitter.kind},

@@ -5,13 +5,18 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
+from lumbar import __version__
 from lumbar.fmu.build.export_model import ExportModel
+from lumbar.fmu.build.meaning import meaning, range_text, resisting_sign, sign_text
 from lumbar.fmu.build.sources import c_files, content_token
 
 FMI_VERSIONS = ("2.0", "3.0")
+AUTHOR = "The lumbar developers"
+ANNOTATION = "lumbar"
+"""Name of the annotation that holds `lumbar.fmu.build.meaning.meaning`."""
 
 # Exponents of the SI base units and factor, as FMI's BaseUnit wants them.
-_BASE_UNITS = {
+BASE_UNITS = {
     "m": {"m": 1},
     "mm": {"m": 1, "factor": 1e-3},
     "cm": {"m": 1, "factor": 1e-2},
@@ -57,12 +62,19 @@ def variables(model: ExportModel) -> list[Variable]:
     """Return the variables that a user sees, the same in both versions."""
     x, y, limit = model.input, model.output, model.output_limit
     return [
-        Variable(x.variable, 1, "input", f"Measured {x.quantity}, sampled by the model", x.unit, x.offset),
+        Variable(
+            x.variable,
+            1,
+            "input",
+            f"Measured {x.quantity}, sampled by the model; it grows into the model",
+            x.unit,
+            x.offset,
+        ),
         Variable(
             y.variable,
             2,
             "output",
-            f"{y.quantity.capitalize()} to display",
+            f"{y.quantity.capitalize()} of the model; {_resists(model)}",
             y.unit,
             None,
             -limit,
@@ -103,6 +115,12 @@ def variables(model: ExportModel) -> list[Variable]:
             x.offset,
         ),
     ]
+
+
+def _resists(model: ExportModel) -> str:
+    if resisting_sign(model) > 0:
+        return f"where positive it resists a growing {model.input.quantity}"
+    return f"INVERTED: where negative it answers a growing {model.input.quantity}"
 
 
 def description_text(model: ExportModel, data: str) -> str:
@@ -168,9 +186,9 @@ def _units(root: ElementTree.Element, names: list[str]) -> None:
     units = ElementTree.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(names):
         unit = ElementTree.SubElement(units, "Unit", name=name)
-        if name in _BASE_UNITS:
+        if name in BASE_UNITS:
             ElementTree.SubElement(
-                unit, "BaseUnit", {key: str(value) for key, value in _BASE_UNITS[name].items()}
+                unit, "BaseUnit", {key: str(value) for key, value in BASE_UNITS[name].items()}
             )
 
 
@@ -211,6 +229,11 @@ def model_description(model: ExportModel, version: str, data: str) -> str:
     return _text(_fmi2(model, data) if version == "2.0" else _fmi3(model, data))
 
 
+def model_version(model: ExportModel) -> str:
+    """Version of the tool and, behind a plus, of the model: another number anywhere makes another one."""
+    return f"{__version__}+{content_token(model)[:8]}"
+
+
 def _root(version: str, model: ExportModel, data: str, **token: str) -> ElementTree.Element:
     return ElementTree.Element(
         "fmiModelDescription",
@@ -218,8 +241,19 @@ def _root(version: str, model: ExportModel, data: str, **token: str) -> ElementT
             "fmiVersion": version,
             "modelName": model.name,
             **token,
-            "description": f"{description_text(model, data)} {feedthrough_text(model, version)}",
-            "generationTool": "lumbar",
+            "description": " ".join(
+                (
+                    description_text(model, data),
+                    sign_text(model),
+                    range_text(model),
+                    feedthrough_text(model, version),
+                )
+            ),
+            "author": AUTHOR,
+            "version": model_version(model),
+            "copyright": f"Copyright (c) 2026 {AUTHOR}; the numbers: see license",
+            "license": "MIT for the code; the numbers as the data: documentation/licenses/license.txt",
+            "generationTool": f"lumbar {__version__}",
             "variableNamingConvention": "flat",
         },
     )
@@ -245,6 +279,9 @@ def _fmi2(model: ExportModel, data: str) -> ElementTree.Element:
     _units(root, [variable.unit for variable in listed if variable.unit])
     _log_categories(root)
     _experiment(root, model)
+    tool = ElementTree.SubElement(ElementTree.SubElement(root, "VendorAnnotations"), "Tool", name=ANNOTATION)
+    # FMI 2.0 wants an element here where FMI 3.0 has text.
+    ElementTree.SubElement(tool, "Meaning").text = meaning(model)
     parent = ElementTree.SubElement(root, "ModelVariables")
     for variable in listed:
         scalar = ElementTree.SubElement(
@@ -317,6 +354,8 @@ def _fmi3(model: ExportModel, data: str) -> ElementTree.Element:
             valueReference=str(references[model.output.variable]),
             dependencies=_dependencies(model, references),
         )
+    annotations = ElementTree.SubElement(root, "Annotations")
+    ElementTree.SubElement(annotations, "Annotation", type=ANNOTATION).text = meaning(model)
     return root
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.fmu.build.description import feedthrough_text, variables
+from lumbar import __version__
+from lumbar.fmu.build.description import AUTHOR, feedthrough_text, model_version, variables
 from lumbar.fmu.build.effect_model import Term
 from lumbar.fmu.build.equation_svg import equation_svg
 from lumbar.fmu.build.export_model import ExportModel
 from lumbar.fmu.build.linear_model import LinearModel
+from lumbar.fmu.build.meaning import range_text, rate_text, sign_text
 from lumbar.fmu.build.reference_plot import reference_plot
 from lumbar.models.form import Place
 from lumbar.templates import template
@@ -52,6 +54,13 @@ def documentation_html(
         largest_pole=f"{model.dynamics.largest_pole:.6g}",
         sampling=f"{model.sampling_time:g}",
         feedthrough=feedthrough_text(model, version),
+        sign=sign_text(model),
+        valid=range_text(model),
+        rate=rate_text(model),
+        made_by=f"lumbar {__version__}",
+        model_version=model_version(model),
+        author=AUTHOR,
+        on_device=model.on_device,
         variables=[
             (
                 item.name,

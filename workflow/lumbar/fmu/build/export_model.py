@@ -12,7 +12,7 @@ from lumbar.fmu.build.effect_entry import effect_model
 from lumbar.fmu.build.effect_model import EffectModel
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.resampled_model import at_rate
-from lumbar.models.fitted_model import FittedModel, Port, identifier
+from lumbar.models.fitted_model import GIVEN, FittedModel, MotionRange, Port, identifier
 
 if TYPE_CHECKING:
     from lumbar.settings.runtime import RuntimeSettings
@@ -45,6 +45,12 @@ class ExportModel:
         Largest factor on the output that a user may set.
     fit : dict of str to str
         How the model was found, for the documentation: label and text.
+    prescribed : bool
+        Whether it was given, as IL is, not identified.
+    valid_for : MotionRange or None
+        Motion that the model was fitted to, where it is known.
+    on_device : tuple of str
+        What it does on the device of the study, for the documentation; empty where that was not asked.
     """
 
     name: str
@@ -56,6 +62,9 @@ class ExportModel:
     output_limit: float
     gain_limit: float
     fit: dict[str, str]
+    prescribed: bool = False
+    valid_for: MotionRange | None = None
+    on_device: tuple[str, ...] = ()
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
@@ -127,12 +136,17 @@ def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[
     NumericalError
         A model is unstable and ``unstable`` is ``"refuse"``.
     """
+    return export_models(find_models(fitted, settings), settings)
+
+
+def find_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[FittedModel]:
+    """Pick the identified models that the settings name; parameters and errors as of `select_models`."""
     problems = Problems("runtime.models")
     for text in _duplicate_identifiers(settings.models):
         problems.add("", text, "rename one: both would have the same name in C")
     found = [_find(fitted, name, settings, problems) for name in settings.models]
     problems.raise_if_any()
-    return export_models([model for model in found if model is not None], settings)
+    return [model for model in found if model is not None]
 
 
 def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
@@ -199,6 +213,8 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
         output_limit=float(settings.output_limit),
         gain_limit=float(settings.gain_limit),
         fit=_fit_texts(model),
+        prescribed=model.estimator == GIVEN,
+        valid_for=model.valid_for,
     )
 
 

@@ -10,10 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.fmu.build.export_model import ExportModel
+from lumbar.fmu.build.reference_response import reference_output
 
 _HERE = Path(__file__).parent
 REFERENCE = ("resources/reference_input.csv", "resources/reference_output.csv")
 """Signals to try an importer with."""
+WITHOUT_EVENT_MODE = "resources/reference_output_without_event_mode.csv"
+"""What an importer without event mode reads of an FMI 3.0 FMU: what one of FMI 2.0 reads."""
 
 
 def attachments(model: ExportModel, version: str) -> dict[str, bytes]:
@@ -30,20 +33,28 @@ def attachments(model: ExportModel, version: str) -> dict[str, bytes]:
     }
 
 
-def resources(model: ExportModel, push: tuple[np.ndarray, np.ndarray, np.ndarray]) -> dict[str, str]:
+def resources(
+    model: ExportModel, version: str, push: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> dict[str, str]:
     """Return the reference signals by their paths in the FMU: what to play and what should come out.
 
     Parameters
     ----------
     model : ExportModel
+    version : str
+        Of FMI; FMI 3.0 has a second output, for importers without event mode.
     push : tuple of numpy.ndarray
         Time, input and output, each of shape (samples,).
     """
     time, inputs, outputs = push
-    return {
+    signals = {
         REFERENCE[0]: _signal(time, inputs, model.input.variable),
         REFERENCE[1]: _signal(time, outputs, model.output.variable),
     }
+    if version == "3.0":
+        late = reference_output(model, inputs, "2.0")
+        signals[WITHOUT_EVENT_MODE] = _signal(time, late, model.output.variable)
+    return signals
 
 
 def _signal(time: np.ndarray, values: np.ndarray, name: str) -> str:

@@ -75,7 +75,7 @@ def fmu_contents(
     contents["documentation/index.html"] = documentation_html(model, version, data, push)
     if version == "3.0":
         contents["sources/buildDescription.xml"] = build_description(model)
-    contents.update(resources(model, push))
+    contents.update(resources(model, version, push))
     files = {path: text.encode("utf-8") for path, text in contents.items()}
     return {**files, **attachments(model, version), **_binaries(model, version, libraries)}
 

@@ -25,7 +25,8 @@ typedef struct {
 static void message(const instance *self, fmi2Status status, const char *text) {
     static const char *const CATEGORIES[] = {"logAll", "logStatusWarning", "logStatusDiscard", "logStatusError"};
     if (self && self->callbacks.logger) {
-        self->callbacks.logger(self->callbacks.componentEnvironment, self->name, status, CATEGORIES[status], "%s", text);
+        /* No text has a '%': importers that do not format, as those in C# cannot, show it too. */
+        self->callbacks.logger(self->callbacks.componentEnvironment, self->name, status, CATEGORIES[status], text);
     }
 }
 

@@ -10,7 +10,9 @@ import zlib
 from collections import Counter
 from pathlib import Path
 
-from lumbar.fmu.check.lint_files import lint_binaries, lint_names, lint_resources, lint_sources
+from lumbar.fmu.check.lint_files import lint_binaries, lint_names, lint_resources, lint_sources, ports
+from lumbar.fmu.check.lint_meaning import lint_meaning
+from lumbar.fmu.check.lint_numbers import lint_constants, lint_page, lint_units
 
 _C_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
@@ -22,9 +24,10 @@ def lint_fmu(path: Path) -> list[str]:
     that is no XML or has another version; a model identifier that C does not allow or that the binaries do not have;
     binaries of another platform than their folder's, without FMI's functions or without the token; source files or
     headers that are missing; variables that stand twice, have a start value outside min and max, numbers that are not
-    finite, a nominal value that is not positive, a unit that is not defined, or no place in the model structure; steps
-    and stop times that are not positive; terminals of variables that do not exist; no documentation, licence or
-    reference signals.
+    finite, a nominal value that is not positive, a variability that its kind does not have, a unit that is not defined
+    or not what its name says, or no place in the model structure; steps and stop times that are not positive;
+    capabilities that are not told; numbers that differ between description, sources and documentation; terminals
+    of variables that do not exist; no documentation, licence or reference signals.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -53,10 +56,14 @@ def lint_fmu(path: Path) -> list[str]:
         problems.append(f"modelIdentifier {identifier!r} is no C identifier")
     problems += lint_binaries(files, identifier, token, version)
     problems += lint_sources(files, simulation, identifier, version)
-    problems += _lint_steps(root, simulation)
+    steps, unsound = _steps(root, simulation)
     variables = list(_variables(root))
-    problems += _lint_variables(variables, root)
-    problems += lint_resources(files, variables)
+    problems += [*unsound, *_lint_capabilities(simulation, version), *_lint_variables(variables, root)]
+    problems += lint_units(root)
+    problems += lint_resources(files, variables, version, steps.get("stepSize"))
+    if not problems:
+        problems += [*lint_constants(files, variables, steps), *lint_page(files, root, variables)]
+        problems += lint_meaning(files, root, dict(variables)[ports(variables)["input"]].get("unit"))
     return problems
 
 
@@ -75,15 +82,44 @@ def _numbers(attributes: dict[str, str], keys: tuple[str, ...]) -> tuple[dict[st
     return given, problems
 
 
-def _lint_steps(root: ElementTree.Element, simulation: ElementTree.Element) -> list[str]:
+def _steps(root: ElementTree.Element, simulation: ElementTree.Element) -> tuple[dict[str, float], list[str]]:
+    """Return what the description says of the sampling time, and words on steps and times that cannot be."""
     experiment = root.find("DefaultExperiment")
     attributes = {**simulation.attrib, **(experiment.attrib if experiment is not None else {})}
-    steps = ("stepSize", "fixedInternalStepSize")
-    given, problems = _numbers(attributes, (*steps, "startTime", "stopTime"))
-    problems += [f"{key} is {given[key]:g}, not above 0" for key in steps if not given.get(key, 1.0) > 0]
+    names = ("stepSize", *(["fixedInternalStepSize"] if root.get("fmiVersion") == "3.0" else []))
+    given, problems = _numbers(attributes, (*names, "startTime", "stopTime"))
+    problems += [f"there is no {key}" for key in names if key not in attributes]
+    problems += [f"{key} is {given[key]:g}, not above 0" for key in names if not given.get(key, 1.0) > 0]
     if not given.get("startTime", 0.0) < given.get("stopTime", math.inf):
         problems.append(f"stopTime {given['stopTime']:g} is not after startTime")
-    return problems
+    return {key: given[key] for key in names if given.get(key, 0.0) > 0}, problems
+
+
+_CAPABILITIES = {
+    "2.0": (
+        "canHandleVariableCommunicationStepSize",
+        "canGetAndSetFMUstate",
+        "canSerializeFMUstate",
+        "providesDirectionalDerivative",
+    ),
+    "3.0": (
+        "canHandleVariableCommunicationStepSize",
+        "canGetAndSetFMUState",
+        "canSerializeFMUState",
+        "providesDirectionalDerivatives",
+        "mightReturnEarlyFromDoStep",
+        "hasEventMode",
+    ),
+}
+"""What every library here can do, by version of FMI."""
+
+
+def _lint_capabilities(simulation: ElementTree.Element, version: str) -> list[str]:
+    return [
+        f"{name} is {simulation.get(name, 'not there')}; the library can do it: true is needed"
+        for name in _CAPABILITIES.get(version, ())
+        if simulation.get(name) != "true"
+    ]
 
 
 def _variables(root: ElementTree.Element):
@@ -104,9 +140,10 @@ def _lint_variables(variables: list[tuple[str, dict]], root: ElementTree.Element
             f"{label} {value!r} stands twice" for value, count in Counter(values).items() if count > 1
         ]
     causalities = Counter(attributes.get("causality") for _, attributes in variables)
-    for causality in ("input", "output"):
-        if causalities[causality] != 1:
-            problems.append(f"there are {causalities[causality]} {causality}s; a force model has one")
+    if causalities["input"] != 1:
+        problems.append(f"there are {causalities['input']} inputs; a force model has one")
+    if not causalities["output"]:
+        problems.append("there is no output; a force model has one")
     units = {unit.get("name") for unit in root.iterfind("UnitDefinitions/Unit")}
     for name, attributes in variables:
         problems += _lint_variable(name, attributes)
@@ -135,16 +172,28 @@ def _lint_structure(variables: list[tuple[str, dict]], root: ElementTree.Element
     return problems + [f"the output {name} is not in the model structure" for name in sorted(missing)]
 
 
+_VARIABILITIES = {
+    "input": ("continuous", "discrete"),
+    "output": ("discrete",),
+    "parameter": ("tunable", "fixed"),
+    "independent": ("continuous",),
+}
+
+
 def _lint_variable(name: str, attributes: dict[str, str]) -> list[str]:
     given, unsound = _numbers(attributes, ("min", "max", "start", "nominal"))
     problems = [f"{name}: {text}" for text in unsound]
     low, high = given.get("min", -math.inf), given.get("max", math.inf)
     if not low <= high:
         problems.append(f"{name}: min {low:g} above max {high:g}")
-    if not low <= given.get("start", low) <= high:
+    elif "start" in given and not low <= given["start"] <= high:
         problems.append(f"{name}: start {given['start']:g} outside [{low:g}, {high:g}]")
     if "start" not in attributes and attributes.get("causality") in ("input", "parameter"):
         problems.append(f"{name}: no start value")
+    causality, variability = attributes.get("causality", ""), attributes.get("variability", "")
+    if causality in _VARIABILITIES and variability not in _VARIABILITIES[causality]:
+        allowed = " or ".join(_VARIABILITIES[causality])
+        problems.append(f"{name}: the {causality} has variability {variability!r}; {allowed} is needed")
     if not given.get("nominal", 1.0) > 0:
         problems.append(f"{name}: nominal {given['nominal']:g}, not above 0")
     return problems

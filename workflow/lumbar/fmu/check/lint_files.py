@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from pathlib import PurePosixPath
 
 from lumbar.fmu.build.compiler import TARGETS
-from lumbar.fmu.build.extras import REFERENCE
+from lumbar.fmu.build.extras import REFERENCE, WITHOUT_EVENT_MODE
 
 _UNIVERSAL = b"\xca\xfe\xba\xbe"
 _MACHINES = {
@@ -97,18 +98,31 @@ def lint_sources(
     return problems
 
 
-def lint_resources(files: Mapping[str, bytes], variables: list[tuple[str, dict]]) -> list[str]:
+def ports(variables: list[tuple[str, dict]]) -> dict[str, str]:
+    """Return the names of input and force: the first output; others tell more of the simulation."""
+    found: dict[str, str] = {}
+    for name, attributes in variables:
+        found.setdefault(attributes.get("causality", ""), name)
+    return found
+
+
+def lint_resources(
+    files: Mapping[str, bytes], variables: list[tuple[str, dict]], version: str, step: float | None
+) -> list[str]:
     """Return problems of terminals and reference signals: both name variables."""
-    names = {attributes.get("causality"): name for name, attributes in variables}
+    names = ports(variables)
     problems = []
-    for path, causality in zip(REFERENCE, ("input", "output"), strict=True):
+    signals = [*zip(REFERENCE, ("input", "output"), strict=True)]
+    if version == "3.0":
+        signals.append((WITHOUT_EVENT_MODE, "output"))
+    for path, causality in signals:
         expected = f"time,{names.get(causality)}"
         head = files.get(path, b"").split(b"\n", 1)[0].decode("utf-8", errors="replace")
         if path not in files:
             problems.append(f"there is no {path}")
         elif head != expected:
             problems.append(f"{path} begins with {head!r}, not {expected!r}")
-    problems += _lint_signals([files[path] for path in REFERENCE if path in files])
+    problems += _lint_signals({path: files[path] for path, _ in signals if path in files}, step)
     terminals = files.get("terminalsAndIcons/terminalsAndIcons.xml")
     if terminals is not None:
         known = {name for name, _ in variables}
@@ -118,13 +132,26 @@ def lint_resources(files: Mapping[str, bytes], variables: list[tuple[str, dict]]
     return problems
 
 
-def _lint_signals(signals: list[bytes]) -> list[str]:
-    """Both reference signals are rows of two numbers on the same clock."""
-    clocks = []
-    for signal in signals:
+def _lint_signals(signals: Mapping[str, bytes], step: float | None) -> list[str]:
+    """All reference signals are rows of two finite numbers, one row per step of the description."""
+    problems = []
+    for path, signal in signals.items():
         rows = [row.split(b",") for row in signal.splitlines()[1:]]
         try:
-            clocks.append([(float(time), float(value))[0] for time, value in rows])
+            numbers = [(float(time), float(value)) for time, value in rows]
         except ValueError:
-            return ["a reference signal holds a row that is not two numbers"]
-    return [] if all(clock == clocks[0] for clock in clocks) else ["the reference signals differ in time"]
+            problems.append(f"{path} holds a row that is not two numbers")
+            continue
+        if len(numbers) < 2 or not all(math.isfinite(value) for row in numbers for value in row):
+            problems.append(f"{path} holds less than two rows, or a number that is not finite")
+            continue
+        late = next(
+            (k for k, (time, _) in enumerate(numbers) if step and abs(time - k * step) > 1e-6 * step), None
+        )
+        if late is not None:
+            problems.append(
+                f"{path} has row {late} at {numbers[late][0]:g} s; with stepSize {step:g} it must be at {late * step:g} s"
+            )
+    if len({len(signal.splitlines()) for signal in signals.values()}) > 1:
+        problems.append("the reference signals differ in length")
+    return problems

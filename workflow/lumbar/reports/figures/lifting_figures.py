@@ -44,7 +44,7 @@ def events_figure(lift: dict):
     ----------
     lift : dict
         ``motion`` (data frame with ``time_s``, ``<box|wrists>_height_m``, ``<…>_speed_m_s``), ``events``
-        (per event ``time_s`` and ``method``) and ``summary`` (``lift``).
+        (per event as of `lumbar.lifting.events.Event.as_dict`) and ``summary`` (``lift``).
 
     Returns
     -------
@@ -85,7 +85,10 @@ def _lift_name(lift: dict) -> str:
 
 
 def _mark_events(axes, events: dict) -> None:
-    """Draw a line through all panels at every event, its name on top, and shade the deposit."""
+    """Draw a line through all panels at every event, its name on top, and shade the deposit.
+
+    Grey bands are the intervals of events; a dotted line is where the thesis's own rule puts one.
+    """
     for axis in axes:
         axis.axvspan(
             events["deposit_start"]["time_s"], events["release"]["time_s"], color="#eeeeee", zorder=0
@@ -96,7 +99,11 @@ def _mark_events(axes, events: dict) -> None:
             continue
         by_hand = event["method"] == "declared"
         for axis in axes:
-            axis.axvline(event["time_s"], color=MEASURED, linewidth=0.8, linestyle=":" if by_hand else "-")
+            axis.axvline(event["time_s"], color=MEASURED, linewidth=0.8, linestyle="--" if by_hand else "-")
+            if event["earliest_s"] is not None:
+                axis.axvspan(event["earliest_s"], event["latest_s"], color="#cccccc", zorder=0.5)
+            if event["thesis_s"] is not None:
+                axis.axvline(event["thesis_s"], color=_GREY, linewidth=1.2, linestyle=":")
         axes[0].annotate(
             f"{label}{' (set by hand)' if by_hand else ''}\n{event['time_s']:.2f} s",
             (event["time_s"], 1.0),
@@ -105,6 +112,19 @@ def _mark_events(axes, events: dict) -> None:
             textcoords="offset points",
             ha="center",
             fontsize=6.5,
+        )
+    if events["deposit_start"]["thesis_s"] is not None:
+        axes[1].annotate(
+            "thesis's rule",
+            (events["deposit_start"]["thesis_s"], 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(-2, -2),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            rotation=90,
+            fontsize=6.5,
+            color=_GREY,
         )
     if events["toe_off"]["time_s"] is None and len(axes[2].lines) > len(EVENT_LABELS) - 1:
         axes[2].set_title("no toe-off", loc="right", fontsize=7)

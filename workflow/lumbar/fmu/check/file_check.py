@@ -1,0 +1,194 @@
+"""Checking one FMU file by itself: what it says, what its library does, and what its sources give."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import xml.etree.ElementTree as ElementTree
+import zipfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from lumbar.errors import InputError, Problems
+from lumbar.fmu.build.compiler import TARGETS, compile_library, host_target
+from lumbar.fmu.check import behaviour
+from lumbar.fmu.check.lint import lint_fmu
+
+_SECONDS = 120
+"""A library that plays for longer hangs: it takes one second."""
+
+
+@dataclass(frozen=True)
+class FileCheck:
+    """What was found in one file.
+
+    Attributes
+    ----------
+    path : Path
+    problems : tuple of str
+        One sentence each: variable or file in the FMU, what was found, what is expected.
+    played : bool
+        Whether there was a library for this machine to play; only then was it built anew from the sources.
+    same_bytes : bool
+        Whether the library built from the sources is the shipped one to the byte; else its forces are.
+    """
+
+    path: Path
+    problems: tuple[str, ...]
+    played: bool = False
+    same_bytes: bool = False
+
+    def __str__(self) -> str:
+        """One line for a sound file."""
+        if not self.played:
+            return f"{self.path.name}: sound as a file; it has no library for this machine to play"
+        built = "the same library" if self.same_bytes else "a library of the same forces"
+        return f"{self.path.name}: sound; plays its reference, and its sources give {built}"
+
+
+def check_file(path: Path, cache: Path) -> FileCheck:
+    """Check an FMU: files and description first, then, where these are sound, library and sources.
+
+    Parameters
+    ----------
+    path : Path
+    cache : Path
+        Folder of the compiler's cache.
+
+    Returns
+    -------
+    FileCheck
+
+    Raises
+    ------
+    InputError
+        The file is not there, or there is no compiler.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    found = lint_fmu(path) or _validated(path)
+    if found:
+        return FileCheck(path, tuple(found))
+    with tempfile.TemporaryDirectory(prefix="lumbar-check-") as name:
+        shipped = Path(name) / "shipped"
+        with zipfile.ZipFile(path) as archive:
+            archive.extractall(shipped)
+        library = _library(shipped)
+        if library is None:
+            return FileCheck(path, ())
+        found = _played(Path(name), shipped)
+        if found:
+            return FileCheck(path, tuple(found), played=True)
+        try:
+            built = _built(shipped, library, Path(name) / "built", cache)
+        except InputError as error:
+            return FileCheck(path, (f"sources: {error}",), played=True)
+        same = built.read_bytes() == library.read_bytes()
+        if not same:
+            found = _played(Path(name), shipped, Path(name) / "built")
+        return FileCheck(path, tuple(found), played=True, same_bytes=same)
+
+
+def check_files(paths: Iterable[Path], cache: Path) -> list[FileCheck]:
+    """Check FMUs and raise one error with all problems of all of them; parameters as of `check_file`."""
+    checks = [check_file(path, cache) for path in paths]
+    wrong = [check for check in checks if check.problems]
+    problems = Problems(wrong[0].path.name if len(wrong) == 1 else "FMUs that must not be used")
+    for check in wrong:
+        for text in check.problems:
+            problems.add("" if len(wrong) == 1 else check.path.name, text)
+    problems.raise_if_any()
+    return checks
+
+
+def check_new_files(paths: list[Path], cache: Path) -> None:
+    """Check files that were just written, and remove them all where one has a problem; parameters as of `check_file`."""
+    try:
+        check_files(paths, cache)
+    except InputError:
+        for path in paths:
+            path.unlink()
+        raise
+
+
+def _validated(path: Path) -> list[str]:
+    """Problems that fmpy finds by the standard's schema; a file that it cannot read is one."""
+    from fmpy.validation import validate_fmu
+
+    try:
+        return [f"modelDescription.xml: {text}" for text in validate_fmu(str(path))]
+    except Exception as error:  # fmpy raises plain ones with the schema's words
+        return [f"modelDescription.xml: {error}"]
+
+
+def _library(folder: Path) -> Path | None:
+    """Library of this machine's platform."""
+    try:
+        target = TARGETS[host_target()]
+    except InputError:
+        return None  # a platform that FMUs are not built for
+    found = (folder / "binaries" / name for name in (target.fmi2, target.fmi3))
+    files = [file for place in found if place.is_dir() for file in place.glob(f"*{target.suffix}")]
+    return files[0] if files else None
+
+
+def _played(work: Path, *folders: Path) -> list[str]:
+    """Problems that the library shows in a process of its own, which may crash or hang."""
+    result = work / "problems.json"
+    result.unlink(missing_ok=True)
+    command = [sys.executable, "-m", behaviour.__name__, str(result), *map(str, folders)]
+    # The scripts of the workflow find this package by sys.path, which a new process does not inherit.
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=_SECONDS, env=environment
+        )
+    except subprocess.TimeoutExpired:
+        return [f"the library does not come back within {_SECONDS} s; it must play a push in a second"]
+    if done.returncode < 0:
+        return [f"the library crashes with signal {-done.returncode}; it must play"]
+    if done.returncode or not result.is_file():
+        raise InputError(f"the check itself failed:\n{done.stderr[-2000:]}")
+    return json.loads(result.read_text(encoding="utf-8"))
+
+
+def _built(shipped: Path, library: Path, folder: Path, cache: Path) -> Path:
+    """Build the library from the FMU's own sources into a copy of the FMU without them."""
+    shutil.copytree(shipped, folder, ignore=shutil.ignore_patterns("sources", "binaries", "documentation"))
+    built = folder / "binaries" / library.parent.name / library.name
+    built.parent.mkdir(parents=True)
+    # buildDescription.xml is FMI 3.0's alone and nothing to compile.
+    files = sorted(file for file in (shipped / "sources").iterdir() if file.suffix != ".xml")
+    sources = tuple((file.name, file.read_bytes()) for file in files)
+    built.write_bytes(_compiled(sources, _listed(shipped), library.name, cache))
+    return built
+
+
+@lru_cache(maxsize=1)
+def _compiled(
+    sources: tuple[tuple[str, bytes], ...], listed: tuple[str, ...], name: str, cache: Path
+) -> bytes:
+    """Library of these sources; the FMUs of one model for both versions of FMI have the same."""
+    with tempfile.TemporaryDirectory(prefix="lumbar-check-") as folder:
+        for file, content in sources:
+            (Path(folder) / file).write_bytes(content)
+        built = Path(folder) / name
+        compile_library([Path(folder) / file for file in listed], built, host_target(), cache)
+        return built.read_bytes()
+
+
+def _listed(folder: Path) -> tuple[str, ...]:
+    """C files that the FMU says it is built of, in its order."""
+    build = folder / "sources" / "buildDescription.xml"
+    if build.is_file():
+        names = [item.get("name", "") for item in ElementTree.parse(build).iter("SourceFile")]
+    else:
+        root = ElementTree.parse(folder / "modelDescription.xml").getroot()
+        names = [item.get("name", "") for item in root.iterfind("CoSimulation/SourceFiles/File")]
+    return tuple(names)

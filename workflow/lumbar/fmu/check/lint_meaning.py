@@ -1,0 +1,82 @@
+"""What an FMU says of itself: direction, valid range, who made it; the same in annotation, description and page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from html import unescape
+from xml.etree.ElementTree import Element
+
+from lumbar.fmu.build.description import ANNOTATION
+from lumbar.models.fitted_model import MotionRange
+
+_ROOT = ("description", "author", "version", "license", "generationTool")
+_NUMBERS = ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")
+
+
+def told_meaning(root: Element) -> dict | None:
+    """Return what the annotation of a model description holds; None where there is none that can be read."""
+    element = root.find(f"Annotations/Annotation[@type='{ANNOTATION}']")
+    if element is None:
+        element = root.find(f"VendorAnnotations/Tool[@name='{ANNOTATION}']/Meaning")
+    try:
+        told = json.loads((element.text if element is not None else None) or "")
+    except ValueError:
+        return None
+    return told if isinstance(told, dict) else None
+
+
+def lint_meaning(files: Mapping[str, bytes], root: Element, unit: str | None) -> list[str]:
+    """Return what is not said, or said in two ways.
+
+    Parameters
+    ----------
+    files : mapping of str to bytes
+    root : Element
+        Of the model description.
+    unit : str or None
+        Of the input.
+    """
+    problems = [f"modelDescription.xml has no {name}" for name in _ROOT if not root.get(name)]
+    told = told_meaning(root)
+    if told is None:
+        return [*problems, f"there is no annotation {ANNOTATION!r}: direction and valid range are not said"]
+    if told.get("resisting_sign") not in (1, -1):
+        problems.append(
+            f"resisting_sign is {told.get('resisting_sign')!r} in the annotation; 1 or -1 is needed"
+        )
+    texts = {
+        "modelDescription.xml": root.get("description", ""),
+        "documentation/index.html": unescape(
+            files.get("documentation/index.html", b"").decode("utf-8", errors="replace")
+        ),
+    }
+    for place, text in texts.items():
+        if ("INVERTED" in text) != (told.get("resisting_sign") == -1):
+            said = "calls the force inverted" if "INVERTED" in text else "does not call the force inverted"
+            problems.append(
+                f"{place} {said}; the annotation has resisting_sign {told.get('resisting_sign')!r}"
+            )
+    return problems + _lint_range(told.get("valid_for"), texts, unit)
+
+
+def _lint_range(covered, texts: Mapping[str, str], unit: str | None) -> list[str]:
+    if covered is None:
+        words = "Valid range: not known"
+    else:
+        numbers = [covered.get(name) for name in _NUMBERS] if isinstance(covered, dict) else [None]
+        if not all(isinstance(value, int | float) for value in numbers):
+            return [f"valid_for in the annotation is {covered!r}; it needs the numbers {', '.join(_NUMBERS)}"]
+        motion = MotionRange(*numbers)
+        if not (
+            motion.lowest <= motion.highest and motion.lowest_Hz <= motion.highest_Hz and motion.speed >= 0
+        ):
+            return [f"valid_for in the annotation is {motion.in_words(str(unit))}; no motion is"]
+        if covered.get("unit") != unit:
+            return [f"valid_for in the annotation is in {covered.get('unit')!r}; the input is in {unit!r}"]
+        words = motion.in_words(str(unit))
+    return [
+        f"{place} does not say {words!r}, as the annotation does"
+        for place, text in texts.items()
+        if words not in text
+    ]

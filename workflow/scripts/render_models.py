@@ -1,0 +1,40 @@
+"""Models in a person's hand: the table model × device, the Z-width, loops side by side, passive fits and what they cost."""
+
+from job import run, stem
+
+
+def main(input, output, params):
+    """Judge the exported models on the study's device, fit passive ones, write tables, figures and the passive models."""
+    from lumbar.files import write_json
+    from lumbar.fmu.build.export_model import find_models
+    from lumbar.haptics.passive_models import fit_passive_models
+    from lumbar.interface.device import load_models
+    from lumbar.interface.reading import read_listed
+    from lumbar.interface.rendering import rendering_of
+    from lumbar.models.models_file import models_document
+    from lumbar.reports.figures.haptic_figures import nothing_to_show
+    from lumbar.reports.figures.style import save
+    from lumbar.settings.plain import typed
+    from lumbar.settings.runtime import RuntimeSettings
+    from lumbar.settings.tissue import TissueSettings
+
+    settings, tissue, data = (
+        typed(RuntimeSettings, params.settings),
+        typed(TissueSettings, params.tissue),
+        params.data,
+    )
+    models = load_models(input.models, input.effects)
+    found = rendering_of(find_models(models, settings), settings, data)
+    found.table.write(stem(output.rendering))
+    loops = found.loop_figure() if len(found) else nothing_to_show(found.refused)
+    save(loops, stem(output.closed_loop), data)
+    width = found.z_width_figure() if found.linear else nothing_to_show(found.refused)
+    save(width, stem(output.z_width), data)
+    records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
+    tests = [record for record in records if record.name != settings.trained_on]
+    fits = fit_passive_models(models, records[settings.trained_on], tests, settings, tissue.settling_s)
+    fits.table(data).write(stem(output.passive_fits))
+    write_json(output.models, models_document(fits.passive, data))
+
+
+run(main, snakemake)
