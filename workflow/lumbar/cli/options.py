@@ -56,7 +56,7 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--base",
         metavar="MODEL",
-        help="base model: LE, Maxwell, KV, KB or pendulum (default: the settings'); the pendulum's records are "
+        help="base model: LE, Maxwell, KV, KB, KV-mass, KB-mass or pendulum (default: the settings'); the pendulum's records are "
         "time_s,angle_rad,moment_Nm",
     )
     parser.add_argument(
