@@ -17,6 +17,7 @@ from lumbar.diagnosis.forward.carried import response_of
 from lumbar.diagnosis.linear.direction import FORWARD
 from lumbar.effects.catalogue import catalogues_with
 from lumbar.errors import InputError
+from lumbar.fmu.build.effect_entry import effect_model
 from lumbar.models.bases import BASES
 from lumbar.models.fitted_model import FittedModel
 
@@ -68,6 +69,11 @@ def test_the_model_is_written_and_read_back(friction):
     again = FittedModel.from_json(entry, catalogues_with([]))
     for record in records:
         np.testing.assert_allclose(again.simulate(record), found.model.simulate(record), atol=1e-6)
+
+
+def test_a_model_from_force_to_motion_is_not_exported(friction):
+    with pytest.raises(InputError, match="it goes from force to motion"):
+        effect_model(friction[1].model, STEP)
 
 
 def test_compare_and_locate_are_in_the_unit_of_the_motion(friction):
