@@ -28,8 +28,8 @@ def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
     Raises
     ------
     InputError
-        A base with contact, a model from force to motion, or a form without C code or with code that cannot be used or keeps too much: all problems at
-        once.
+        A base with contact, a model from force to motion, or a form without C code or with code that cannot be used or keeps
+        too much: all problems at once.
     """
     problems = Problems(f"model {model.name!r}")
     base, forms = model.structure.base, model.structure.forms
