@@ -10,6 +10,7 @@ from scipy.signal import lsim
 from lumbar.effects.catalogue import TISSUE
 from lumbar.models.bases import BASES
 from lumbar.models.driven_motion import POINTS, ForceDrive
+from lumbar.models.fitted_model import FittedModel, FittedParameter, Port
 from lumbar.models.force_balance import ForceBalance, can_be_simulated
 from lumbar.models.form import Place
 from lumbar.models.forward_structure import ForwardStructure
@@ -203,3 +204,28 @@ def test_what_cannot_be_simulated_is_said():
     kept = {form.key for effect in TISSUE.values() for form in effect.forms} - FORMS.keys()
     assert {"backlash/play", "delay/pure", "saturation/sharp", "hysteresis/elastoplastic"} <= kept
     assert all(form.place is Place.PARALLEL for form in FORMS.values())
+
+
+def test_a_delay_is_one_of_the_force():
+    """The motion of a delayed force is the delayed motion."""
+    delay = TISSUE["delay"].forms[0]
+    motion = Motion(TIME, np.sin(2 * np.pi * 0.7 * TIME) ** 3, STEP)
+    linear, late = np.array([MASS, STIFFNESS, VISCOSITY]), 7 * STEP
+    plain = ForwardStructure(BASES["KV-mass"]).simulate(motion, linear, np.zeros(0))
+    found = ForwardStructure(BASES["KV-mass"], (delay,)).simulate(motion, linear, np.array([late]))
+    np.testing.assert_allclose(found[7:], plain[:-7], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["KV-mass", "KB-mass"])
+def test_bases_with_a_mass_as_transfer_functions(name):
+    linear, nonlinear, (above, below) = COMPLIANCES[name]
+    base = BASES[name]
+    values = [*zip(base.linear, linear, strict=True), *zip(base.nonlinear, nonlinear, strict=True)]
+    parameters = tuple(FittedParameter(item.name, "", "", value) for item, value in values)
+    model = FittedModel(
+        name, Structure(base), STEP, Port("position", "mm"), Port("force", "N"), name, parameters=parameters
+    )
+    s = 2j * np.pi * 1.3
+    assert complex(model.to_control()(s)) == pytest.approx(
+        np.polyval(below, s) / np.polyval(above, s), rel=1e-9
+    )

@@ -333,7 +333,7 @@ class FittedModel:
         system = FirstOrder.of_base(**values)
         above, below = [system.nu, system.k], [system.gamma, 1.0]
         if mass:
-            above = np.polyadd(np.polymul([mass, 0.0, 0.0], below), above)
+            above = np.polyadd(np.polymul([mass, 0.0, 0.0], below), above).tolist()
         return control.TransferFunction(above, below)
 
     def to_state_space(self) -> control.StateSpace:

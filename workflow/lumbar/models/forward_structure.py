@@ -152,12 +152,7 @@ class ForwardStructure(Structure):
         seen = motion
         for form in self.forms:
             if form.place is Place.INPUT:
-                given = parts[form.key]
-                seen = motion.remembered(
-                    form.remembered_as,
-                    given,
-                    lambda form=form, given=given: form.input_transform(motion, given),
-                )
+                seen = self._of(form.remembered_as, form.input_transform, seen, parts[form.key])
         step = motion.kept("parts of a step", lambda: _parts_of_step(motion))
         force = seen.kept("force at points", lambda: _at_points(seen, step))
         size = (
