@@ -36,7 +36,9 @@ def coupled_drives(folder: Path, number: int) -> Read:
     """Voltage to speed as the sensor gives it; one record, whose last part is the unseen one."""
     content = loadmat(folder / "coupled_drives" / "drive.mat", squeeze_me=True)
     voltage, speed = content[f"u{number}"].astype(float), content[f"z{number}"]
-    return RecordSet([_record("prbs", 0.02, (voltage, "voltage", "V"), (speed, "speed", "V"))]), {}
+    return RecordSet([_record("prbs", 0.02, (voltage, "voltage", "V"), (speed, "speed", "V"))]), {
+        "forward": True
+    }
 
 
 def bouc_wen(folder: Path, forward: bool) -> Read:
@@ -48,7 +50,7 @@ def bouc_wen(folder: Path, forward: bool) -> Read:
     ):
         channels = ((displacement * 1000.0, "displacement", "mm"), (force, "force", "N"))
         records.append(_record(name, 1 / 750.0, *(channels[::-1] if forward else channels)))
-    return RecordSet(records), {"train": "train"}
+    return RecordSet(records), {"train": "train", "forward": forward}
 
 
 def _bouc_wen_training(folder: Path) -> tuple[np.ndarray, np.ndarray]:

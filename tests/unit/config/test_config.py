@@ -97,7 +97,7 @@ def test_a_record_set_names_its_base_and_with_it_its_layout(config, folder):
     config["improvement"]["record_sets"][0]["base"] = "pendulum"
     assert "tissue has the base pendulum and no records" in message_of(config, folder)
     config["improvement"]["record_sets"][2]["base"] = "HO"
-    allowed = "auto, LE, Maxwell, KV, KB, LE-contact, KV-contact, KB-contact, pendulum"
+    allowed = "auto, LE, Maxwell, KV, KB, KV-mass, KB-mass, LE-contact, KV-contact, KB-contact, pendulum"
     assert f'improvement.record_sets.2.base: found "HO"; allowed: {allowed}' in message_of(config, folder)
 
 

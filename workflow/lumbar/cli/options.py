@@ -56,8 +56,14 @@ def add_fit(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--base",
         metavar="MODEL",
-        help="base model: LE, Maxwell, KV, KB or pendulum (default: the settings'); the pendulum's records are "
+        help="base model: LE, Maxwell, KV, KB, KV-mass, KB-mass or pendulum (default: the settings'); the pendulum's records are "
         "time_s,angle_rad,moment_Nm",
+    )
+    parser.add_argument(
+        "--forward",
+        action="store_true",
+        default=None,
+        help="the records have the force as input and the motion as output (default: the settings')",
     )
     parser.add_argument(
         "--train",

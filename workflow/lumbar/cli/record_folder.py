@@ -22,6 +22,7 @@ def read_folder(options) -> tuple[StudySettings, RecordSet, dict[str, Any]]:
     chosen = {
         "base": options.base,
         "train": options.train,
+        "forward": options.forward,
         "periods": dict(map(_period, options.period)),
         "session": options.session,
         "settings": settings.improvement,

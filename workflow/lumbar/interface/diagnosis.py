@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from lumbar.models.fitted_model import FittedModel
     from lumbar.models.form import Effect
 
+FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"
+
 
 def diagnose(
     records: Sequence[Record],
@@ -42,6 +44,7 @@ def diagnose(
     settings: ImprovementSettings | None = None,
     machine: MachineSettings | None = None,
     gravity_m_s2: float = GRAVITY,
+    forward: bool | None = None,
     seed: int = SEED,
     data: str = "",
 ) -> Diagnosis:
@@ -66,6 +69,8 @@ def diagnose(
         Limits of the machine that would play a separating excitation.
     gravity_m_s2 : float
         That acts on a pendulum.
+    forward : bool, optional
+        Whether the records have the force as input and the motion as output; default the settings'.
     seed : int
         Of the intervals.
     data : str
@@ -96,12 +101,13 @@ def diagnose(
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
     settings = settings or ImprovementSettings()
-    chosen = _chosen(settings, base, train, periods, gravity_m_s2, session)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward, session)
     data = label_of(data, records)
     used, changed = manageable(list(records), chosen.session)
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
-    proposal = law_beside(verdict) if settings.propose_law and chosen.system == "tissue" else None
+    proposing = settings.propose_law and chosen.system == "tissue" and not chosen.forward
+    proposal = law_beside(verdict) if proposing else None
     return Diagnosis(used, chosen, with_law(verdict, proposal), machine, seed, data, proposal)
 
 
@@ -115,6 +121,7 @@ def refine(
     session: bool | None = None,
     settings: ImprovementSettings | None = None,
     gravity_m_s2: float = GRAVITY,
+    forward: bool | None = None,
     seed: int = SEED,
     data: str = "",
 ) -> Refinement:
@@ -147,14 +154,14 @@ def refine(
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
-    chosen = _chosen(settings, base, train, periods, gravity_m_s2, session)
+    chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward, session)
     data = label_of(data, records)
     return _refined(list(records), list(effects), chosen, seed, data)
 
 
-def _chosen(settings, base, train, periods, gravity_m_s2, session) -> DiagnosisSettings:
+def _chosen(settings, base, train, periods, gravity_m_s2, forward, session) -> DiagnosisSettings:
     return DiagnosisSettings.from_improvement(
-        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2, session
+        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2, forward, session
     )
 
 
@@ -260,7 +267,7 @@ class Diagnosis:
         Raises
         ------
         InputError
-            For a pendulum: the library of terms is that of tissue.
+            For a pendulum: the library of terms is that of tissue. For records with the force as input.
         """
         from lumbar.diagnosis.law.proposal import propose
         from lumbar.interface.proposed_law import ProposedLaw
@@ -269,6 +276,8 @@ class Diagnosis:
             raise InputError(
                 f"base {self.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
             )
+        if self.settings.forward:
+            raise InputError(FORWARD)
         verdict = self.verdict
         proposal = self.proposal or propose(verdict.experiment, verdict.base, verdict.model)
         return ProposedLaw(proposal, self.candidates, self.data)

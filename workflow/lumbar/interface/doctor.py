@@ -38,6 +38,7 @@ def doctor(
     settings: ImprovementSettings | None = None,
     machine: MachineSettings | None = None,
     gravity_m_s2: float = GRAVITY,
+    forward: bool | None = None,
     seed: int = SEED,
     data: str = "",
 ) -> Examined:
@@ -59,7 +60,7 @@ def doctor(
         Every mathematical form of an effect, in place of its first.
     quick : bool
         The predicted smallest size and one diagnosis that confirms it, in place of a search; the largest mistakes only.
-    base, train, periods, session, settings, machine, gravity_m_s2
+    base, train, periods, session, settings, machine, gravity_m_s2, forward
         As of `diagnose`.
     seed : int
         Of the noise and of what is random in a mistake.
@@ -73,7 +74,8 @@ def doctor(
     Raises
     ------
     InputError
-        As `diagnose`; for an unknown effect; for records of which direction or sign is wrong.
+        As `diagnose`; for an unknown effect; for records of which direction or sign is wrong, and for those with the force
+        as input.
 
     Examples
     --------
@@ -90,6 +92,10 @@ def doctor(
     records = list(records)
     # What is asked is whether an effect of the catalogue would be named: no law is looked for in hundreds of records.
     settings = replace(settings or ImprovementSettings(), propose_law=False)
+    if settings.forward if forward is None else forward:
+        raise InputError(
+            "records with the force as input (improvement.forward): no effects are put into them"
+        )
 
     def verdict_on(seen: Sequence[Record], most_effects: int) -> Verdict:
         chosen = replace(settings, most_effects=most_effects)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lumbar.interface.diagnosis import diagnose
+from lumbar.errors import InputError
+from lumbar.interface.diagnosis import FORWARD, diagnose
 from lumbar.interface.proposed_law import ProposedLaw
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
@@ -19,6 +20,7 @@ def propose(
     periods: Mapping[str, float] | None = None,
     session: bool | None = None,
     settings: ImprovementSettings | None = None,
+    forward: bool | None = None,
     seed: int = SEED,
     data: str = "",
 ) -> ProposedLaw:
@@ -28,12 +30,19 @@ def propose(
     -------
     ProposedLaw
 
+    Raises
+    ------
+    InputError
+        For records with the force as input.
+
     Examples
     --------
     >>> import lumbar
     >>> law = lumbar.propose(lumbar.read("recordings/tissue"))  # doctest: +SKIP
     >>> law.save("proposed_law.yaml")                           # doctest: +SKIP
     """
+    if (settings or ImprovementSettings()).forward if forward is None else forward:
+        raise InputError(FORWARD)
     found = diagnose(
         records,
         base=base,

@@ -120,6 +120,19 @@ _FASTENED = (
     Base("KB", "k_e*z + k_b*q", (_SPRING, _BRANCH), (_RELAXATION,), MAXWELL_STATE, elongation),
 )
 
+_MASS = LinearParameter("mass", "{y} s^2/{x}", symbol="m")
+_WITH_MASS = (
+    Base("KV-mass", "m*a + k_e*z + b*v", (_MASS, *_FASTENED[2].linear)),
+    Base(
+        "KB-mass",
+        "m*a + k_e*z + k_b*q",
+        (_MASS, *_FASTENED[3].linear),
+        (_RELAXATION,),
+        MAXWELL_STATE,
+        elongation,
+    ),
+)
+
 
 def _branch_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ratio, time_constant = nonlinear
@@ -199,6 +212,7 @@ BASES = {
     base.name: base
     for base in (
         *_FASTENED,
+        *_WITH_MASS,
         *_TOUCHED,
         _PENDULUM,
     )

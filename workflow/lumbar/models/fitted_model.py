@@ -12,6 +12,8 @@ import numpy as np
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.bases import Base
 from lumbar.models.form import Effect, Form
+from lumbar.models.forward_structure import ForwardStructure
+from lumbar.models.measured_motion import with_measured_motion
 from lumbar.models.structure import Structure
 from lumbar.models.transfer_function import TransferFunction
 
@@ -288,6 +290,9 @@ class FittedModel:
 
         parts = [self.values_of(structure.base), *map(self.values_of, structure.forms)]
         linear, nonlinear = (np.concatenate([part[kind] for part in parts]) for kind in (0, 1))
+        if isinstance(structure, ForwardStructure):
+            seen = Motion.of(with_measured_motion(record), offset=self.input.offset)
+            return structure.simulate(seen, linear, nonlinear, self.output.offset)
         motion = Motion.of(for_base(record, structure.base), offset=self.input.offset)
         return structure.simulate(motion, linear, nonlinear)
 
@@ -307,6 +312,10 @@ class FittedModel:
             from lumbar.models.state_space import aligned
 
             return control.TransferFunction(*aligned(self.structure), self.sampling_time)
+        if isinstance(self.structure, ForwardStructure):
+            raise NumericalError(
+                f"{self.name}: it goes from force to motion; no transfer function of it is made"
+            )
         if self.structure.forms:
             effects = ", ".join(self.structure.effects)
             raise NumericalError(f"{self.name}: no transfer function holds its effects ({effects})")
@@ -320,8 +329,12 @@ class FittedModel:
             )
         from lumbar.models.first_order import FirstOrder
 
+        mass = values.pop("mass", 0.0)
         system = FirstOrder.of_base(**values)
-        return control.TransferFunction([system.nu, system.k], [system.gamma, 1.0])
+        above, below = [system.nu, system.k], [system.gamma, 1.0]
+        if mass:
+            above = np.polyadd(np.polymul([mass, 0.0, 0.0], below), above).tolist()
+        return control.TransferFunction(above, below)
 
     def to_state_space(self) -> control.StateSpace:
         """State space of python-control (Eqs 3.17 and 3.18 for a discrete model).

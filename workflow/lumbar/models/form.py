@@ -168,6 +168,12 @@ class Form:
         self.check()
         return self._unchecked
 
+    @property
+    def parsed(self) -> Equation:
+        """The equation, read and checked; a hand-written form has none."""
+        assert not self.hand_written
+        return self._equation
+
     @cached_property
     def _unchecked(self) -> Equation:
         transforms = self.place is Place.OUTPUT

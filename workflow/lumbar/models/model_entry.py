@@ -12,6 +12,7 @@ from lumbar.errors import Problems
 from lumbar.models.bases import BASES
 from lumbar.models.fitted_model import FittedModel, FittedParameter, MotionRange, Port, Scores
 from lumbar.models.form import Effect, Form
+from lumbar.models.forward_structure import ForwardStructure
 from lumbar.models.structure import Structure
 from lumbar.models.tissue_models import MODELS
 from lumbar.models.transfer_function import TransferFunction
@@ -33,11 +34,15 @@ class _Added:
 
 @dataclass(frozen=True)
 class _Written:
-    """A structure as it is written: the coefficients of a discrete model, or the effects of a continuous one."""
+    """A structure as it is written: the coefficients of a discrete model, or the effects of a continuous one.
+
+    ``forward`` stands with one that goes from force to motion.
+    """
 
     numerator: tuple[float, ...] | None = None
     denominator: tuple[float, ...] | None = None
     effects: tuple[_Added, ...] | None = None
+    forward: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -53,7 +58,8 @@ def entry_of(model: FittedModel) -> dict:
     if isinstance(model.structure, TransferFunction):
         written = _Written(model.structure.numerator, model.structure.denominator)
     else:
-        written = _Written(effects=tuple(map(_added, model.structure.forms)))
+        forward = isinstance(model.structure, ForwardStructure) or None
+        written = _Written(effects=tuple(map(_added, model.structure.forms)), forward=forward)
     plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
     plain["structure"] = _without_none(plain["structure"])
     return plain
@@ -102,7 +108,7 @@ def checked_entry(entry: dict, catalogues: Catalogues, problems: Problems) -> Fi
     if plain.structure.effects is None:
         structure = _transfer_function(plain.structure, problems)
     else:
-        structure = _structure(plain.base, plain.structure.effects, catalogues, problems)
+        structure = _structure(plain.base, plain.structure, catalogues, problems)
     if structure is not None:
         _check_parameters(plain.parameters, structure, plain.base, problems)
     _check_range(plain.valid_for, problems)
@@ -159,22 +165,21 @@ def _transfer_function(written: _Written, problems: Problems) -> TransferFunctio
     return None
 
 
-def _structure(
-    base: str, effects: tuple[_Added, ...], catalogues: Catalogues, problems: Problems
-) -> Structure | None:
+def _structure(base: str, written: _Written, catalogues: Catalogues, problems: Problems) -> Structure | None:
     before = len(problems.entries)
     if base not in BASES:
         problems.add("base", repr(base), f"bases are {', '.join(BASES)}")
         return None
     catalogue = catalogues.get(BASES[base].system, {})
     forms: list[Form] = []
-    for item in effects:
+    for item in written.effects or ():
         form = _form(item, catalogue, problems)
         if form is not None and form.effect in [earlier.effect for earlier in forms]:
             problems.add("structure.effects", f"{form.effect} is there twice", "once is allowed")
         elif form is not None:
             forms.append(form)
-    return None if len(problems.entries) > before else Structure(BASES[base], tuple(forms))
+    kind = ForwardStructure if written.forward else Structure
+    return None if len(problems.entries) > before else kind(BASES[base], tuple(forms))
 
 
 def _form(item: _Added, catalogue: Mapping[str, Effect], problems: Problems) -> Form | None:

@@ -7,7 +7,9 @@ from typing import Annotated, Literal
 from lumbar.settings.key import NAME, UNIQUE, key, required, settings
 from lumbar.settings.layout import RecordSettings
 
-TissueBase = Literal["auto", "LE", "Maxwell", "KV", "KB", "LE-contact", "KV-contact", "KB-contact"]
+TissueBase = Literal[
+    "auto", "LE", "Maxwell", "KV", "KB", "KV-mass", "KB-mass", "LE-contact", "KV-contact", "KB-contact"
+]
 """Bases of a tissue that a study may name."""
 
 
@@ -35,12 +37,17 @@ class ImprovementSettings:
     """Comparing, diagnosing and refining models of tissue tests."""
 
     base: TissueBase = key(
-        "Base model that effects are added to; auto takes the one that the data ask for. Those with -contact are for a "
-        "tool that is not fastened to the tissue.",
+        "Base model that effects are added to; auto takes the one that the data ask for. Those with -mass "
+        "move a mass; those with -contact are for a tool that is not fastened to the tissue.",
         default="auto",
     )
     train: str | Annotated[tuple[str, ...], UNIQUE] | None = key(
         "Record to fit on, or a list of records to fit on together; null takes the longest.", default=None
+    )
+    forward: bool = key(
+        "Whether the records of tissue tests have the force as input and the motion as output (load-controlled tests): models "
+        "are then simulated from force to motion, and errors are in the unit of the motion.",
+        default=False,
     )
     session: bool = key(
         "true: the records were cut from one session, in their order, and each begins in the state (path, time, relaxation, "

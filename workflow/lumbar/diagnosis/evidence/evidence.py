@@ -82,6 +82,12 @@ def gather_evidence(
     null = shipped(diagnosis.base.fit.structure.base.system)
     catalogue, _ = without_channels(settings.candidates, experiment.training.motion.channels)
     forms = sum(len(effect.forms) for effect in catalogue.values())
+    if settings.forward:
+        # What tells effects apart is worked out for motions that are prescribed.
+        remaining = compare_and_locate(
+            experiment.records, diagnosis.model.fit, experiment.floor, experiment.floor_from, seed
+        )
+        return Evidence(remaining, None, None, [], threshold_ratio(null, forms), null, [])
     return Evidence(
         remaining=compare_and_locate(
             experiment.records,

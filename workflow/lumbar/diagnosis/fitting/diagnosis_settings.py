@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from lumbar.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.diagnosis.sensors.sensor_faults import mended, sensor_faults
 from lumbar.effects.catalogue import catalogue_of, catalogue_with
+from lumbar.effects.motion_sensor import MOTION_SENSOR
 from lumbar.effects.pendulum_load import GRAVITY
 from lumbar.models.bases import BASES, CHOSEN_BY_DATA, system_of
 from lumbar.models.form import Effect
@@ -35,6 +36,8 @@ class DiagnosisSettings:
         Candidates; default those of the system that the base is a model of.
     most_effects : int
         Most effects to add.
+    forward : bool
+        Whether the records of a tissue test have the force as input and the motion as output.
     session : bool
         Whether the records were cut from one session, in their order.
     """
@@ -44,6 +47,7 @@ class DiagnosisSettings:
     periods: dict[str, float] = field(default_factory=dict)
     catalogue: dict[str, Effect] | None = None
     most_effects: int = 3
+    forward: bool = False
     session: bool = False
 
     @property
@@ -53,8 +57,9 @@ class DiagnosisSettings:
 
     @property
     def candidates(self) -> dict[str, Effect]:
-        """The catalogue that is given, or that of the base."""
-        return catalogue_of(self.base) if self.catalogue is None else self.catalogue
+        """The catalogue that is given, or that of the base; of forward records with the effects of the motion's sensor."""
+        found = catalogue_of(self.base) if self.catalogue is None else self.catalogue
+        return {**found, **MOTION_SENSOR} if self.forward else found
 
     @classmethod
     def from_improvement(
@@ -64,16 +69,19 @@ class DiagnosisSettings:
         train: str | Sequence[str] | None = None,
         periods: dict[str, float] | None = None,
         gravity_m_s2: float = GRAVITY,
+        forward: bool | None = None,
         session: bool | None = None,
     ) -> DiagnosisSettings:
         """Settings from a study's chapter improvement; what is given beside it comes first."""
         base = base or improvement.base
+        wanted = improvement.forward if forward is None else forward
         return cls(
             base=base,
             train=train or improvement.train,
             periods=periods or {},
             catalogue=catalogue_with(improvement.effect_files, base, gravity_m_s2),
             most_effects=improvement.most_effects,
+            forward=wanted and system_of(base) == "tissue",
             session=improvement.session if session is None else session,
         )
 

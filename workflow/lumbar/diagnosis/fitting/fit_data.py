@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -130,7 +131,7 @@ class JointData(FitData):
     parts: tuple[FitData, ...] = ()
 
     @classmethod
-    def of(cls, parts: list[FitData]) -> JointData:
+    def of(cls, parts: list[FitData]) -> Self:
         """Put records together; the name lists theirs."""
         return cls(
             "+".join(part.name for part in parts),
@@ -155,7 +156,7 @@ class JointData(FitData):
         return self._with_parts([part.counted_from(position) for part in self.parts])
 
     def _with_parts(self, parts: list[FitData]) -> JointData:
-        return replace(JointData.of(parts), own_zero=self.own_zero)
+        return replace(type(self).of(parts), own_zero=self.own_zero)
 
     @cached_property
     def zeros(self) -> np.ndarray:

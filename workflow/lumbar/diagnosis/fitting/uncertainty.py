@@ -7,6 +7,7 @@ import numpy as np
 from lumbar.diagnosis.fitting.dependent_errors import are_white, score_covariance
 from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit
+from lumbar.diagnosis.forward.forward_fit import ForwardFit
 from lumbar.models.fitted_model import FittedParameter, unit_of
 from lumbar.models.tissue_models import MODELS
 
@@ -124,12 +125,14 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
 def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
     """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the sensor's zeros.
 
-    By central differences; the zeros, where there are any, come last.
+    By central differences, of a model that a force drives from its equations; the zeros, where there are any, come last.
 
     Returns
     -------
     numpy.ndarray, shape (samples that count, parameters)
     """
+    if isinstance(fit, ForwardFit):
+        return fit.sensitivities(data)
     structure, motion = fit.structure, data.motion
 
     def simulated(linear, logarithms):

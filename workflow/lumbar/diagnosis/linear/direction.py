@@ -36,6 +36,8 @@ _BIG_JUMP = 0.5
 """Share of its range by which a designed command jumps from one sample to the next; no position does."""
 _FOLLOWS = 0.6
 """Largest step of the output in such a jump, as shares of their ranges, of a response that is moved by it."""
+FORWARD = "improvement: {forward: true}"
+"""Line of a study's YAML for records that were driven by the force."""
 _BAND_POWER = 0.95
 _PER_CYCLE = 8
 
@@ -178,8 +180,10 @@ def _standard_errors(stretches: list[np.ndarray]) -> float:
 
 def _direction(experiment: Experiment, layout: ColumnLayout, reason: str, value: float) -> Finding:
     sentence = (
-        f"Input and output seem to be exchanged: {reason}. A tissue's input is its motion and its output the force; if the "
-        "records are force in and motion out, put this into the study's YAML:\n"
+        f"Input and output seem to be exchanged: {reason}. A tissue's input is its motion and its output the force. If the "
+        "test was driven by the force (force in, motion out), say --forward, or put this into the study's YAML:\n"
+        f"{FORWARD}\n"
+        "If only the columns are the wrong way round, put this there instead:\n"
         + _yaml(input=layout.columns["output"], output=layout.columns["input"])
     )
     return Finding("direction", sentence, value, "")

@@ -23,7 +23,8 @@ from lumbar.diagnosis.fitting.joint_fit import solve_linear
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.linear.decimation import decimated
 from lumbar.diagnosis.linear.pole_relocation import relocated_poles
-from lumbar.diagnosis.linear.poles import Poles, forces, is_held, slope_forces
+from lumbar.diagnosis.linear.poles import Poles, forces, slope_forces
+from lumbar.models.held_input import is_held
 from lumbar.models.joined_motions import JoinedMotions
 from lumbar.models.motion import Motion
 
@@ -128,6 +129,22 @@ def linear_dynamics(experiment: Experiment) -> LinearDynamics:
         train_rms=best.rms(experiment.training),
         test_rms=best.rms(*experiment.tests),
     )
+
+
+def rational_of_order(data: FitData, order: int) -> LinearDynamics:
+    """Fit an output-error model of so many free poles and free residues to a record.
+
+    Parameters
+    ----------
+    data : FitData
+    order : int
+
+    Returns
+    -------
+    LinearDynamics
+    """
+    static = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), is_held(data.motion))
+    return _rational(data, order, static)
 
 
 def _chosen(candidates: list[LinearDynamics], data: FitData) -> LinearDynamics:

@@ -10,8 +10,6 @@ from lumbar.models.joined_motions import JoinedMotions
 from lumbar.models.motion import Motion
 from lumbar.models.operators import relaxation
 
-_JUMP = 0.1
-"""Share of its range by which an input that is held between jumps typically jumps."""
 _STEP = 1e-5
 """Relative step of derivatives by poles and delay."""
 _APART = 1e-3
@@ -76,14 +74,6 @@ class Poles:
             sections=values[late:paired].reshape(-1, 2),
             delay=float(values[0]) if late else 0.0,
         )
-
-
-def is_held(motion: Motion | JoinedMotions) -> bool:
-    """Whether an input is held between jumps, as a command of a few levels is; such an input has no derivatives."""
-    position = motion.position
-    steps = np.abs(np.diff(position))
-    moved = steps[steps > 0]
-    return moved.size < len(steps) / 2 and bool(np.median(moved) > _JUMP * np.ptp(position))
 
 
 def direct_forces(motion: Motion | JoinedMotions, delay: float, held: bool) -> list[np.ndarray]:

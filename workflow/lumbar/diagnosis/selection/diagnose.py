@@ -68,6 +68,10 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
         For an unknown base and for records that cannot be used (`prepare`).
     """
     settings = settings or DiagnosisSettings()
+    if settings.forward:
+        from lumbar.diagnosis.forward.forward_diagnosis import diagnose_forward
+
+        return diagnose_forward(records, settings)
     experiment = prepare_for(records, settings)
     usable, not_tried = without_channels(settings.candidates, experiment.training.motion.channels)
     settings = replace(settings, catalogue=usable)
@@ -152,31 +156,37 @@ def _searched(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
     """Choose the base and select effects; once they are known, choose the base again."""
     null = shipped(settings.system)
     experiment, base = choose_base(experiment, settings.base, settings.candidates)
-    found = _Selection(experiment, base, settings, null).diagnosis()
+    found = Selection(experiment, base, settings, null).diagnosis()
     if settings.base != CHOSEN_BY_DATA or found.model is found.base:
         return found
     other = base_beside(found.model, experiment)
     if other is None:
         return found
-    return _Selection(*choose_base(experiment, other, settings.candidates), settings, null).diagnosis()
+    return Selection(*choose_base(experiment, other, settings.candidates), settings, null).diagnosis()
 
 
-class _Selection:
+class Selection:
     """One diagnosis under way: the candidates tried so far and what was selected."""
 
     def __init__(
-        self, experiment: Experiment, base: Candidate, settings: DiagnosisSettings, null: NullDistribution
+        self,
+        experiment: Experiment,
+        base: Candidate,
+        settings: DiagnosisSettings,
+        null: NullDistribution,
+        singles: list[Candidate] | None = None,
     ):
         self.experiment = experiment
         self.base = base
         self.settings = settings
         self.null = null
         self.forms = sum(len(effect.forms) for effect in settings.catalogue.values())
-        self.singles = extend(base, settings.catalogue, experiment, most=None)
+        self.singles = extend(base, settings.catalogue, experiment) if singles is None else singles
         self.tried = list(self.singles)
         self.contradicting: dict[Candidate, bool] = {}
 
     def diagnosis(self) -> Verdict:
+        """Select effects and judge what was selected."""
         path = self.selected_path()
         model = path[-1]
         tied = self.tied(model)
@@ -196,6 +206,7 @@ class _Selection:
         )
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
+        """Probability that the best of all forms gains as much where nothing is missing."""
         return self.null.p_value(likelihood_ratio(before, after, self.experiment), self.forms)
 
     def passes(self, before: Candidate, after: Candidate) -> bool:
@@ -214,11 +225,13 @@ class _Selection:
         return accumulating and later_improvement(before, after, self.experiment) > UNSEEN
 
     def contradicts_itself(self, candidate: Candidate) -> bool:
+        """Whether a name does not agree with its own parameters."""
         if candidate not in self.contradicting:
             self.contradicting[candidate] = bool(contradictions(candidate.fit, self.experiment))
         return self.contradicting[candidate]
 
     def worthwhile(self, before: Candidate, after: Candidate) -> bool:
+        """Whether a further effect explains more than what the smaller model has being slightly wrong."""
         return is_worthwhile(self.base, before, after, self.experiment)
 
     def selected_path(self) -> list[Candidate]:
@@ -236,6 +249,7 @@ class _Selection:
         return self.further_path(pair)
 
     def any_passes(self, before: Candidate, candidates: list[Candidate]) -> bool:
+        """Whether any of several larger models may be selected."""
         return any(self.passes(before, item) for item in candidates)
 
     def best_pair(self, single: Candidate | None) -> Candidate | None:
@@ -323,6 +337,7 @@ class _Selection:
         return other.score - model.score - more * (float(np.log(size)) - _AKAIKE)
 
     def share_removed(self, model: Candidate) -> float:
+        """Share of the base's explainable variance on unseen records that the effects remove."""
         # Where the noise is unknown nothing better than the best model met is known to be possible.
         reached = min(item.test_rms for item in [*self.tried, model])
         floor = self.experiment.floor.rms if self.experiment.floor else reached
@@ -331,6 +346,7 @@ class _Selection:
         return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
 
     def verdict(self, model: Candidate, tied: list[Candidate], share: float) -> str:
+        """Verdict on the base (see `Verdict`)."""
         if model is self.base:
             floor = self.experiment.floor
             # Periods that differ by more than noise show that something is missing, even where it raises the floor.
@@ -356,6 +372,7 @@ class _Selection:
         return min(found, key=lambda item: item.score, default=None)
 
     def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
+        """Verdict on the refined model."""
         if further is not None:
             return "named"
         return "adequate" if self.leaves_noise(model) else "unexplained"
@@ -376,6 +393,7 @@ class _Selection:
         return [self.ranked(item) for item in [*chosen, *others][:_SHOWN]]
 
     def ranked(self, candidate: Candidate) -> Ranked:
+        """A set of effects with its evidence."""
         experiment = self.experiment
         units = experiment.input_unit, experiment.output_unit
         return Ranked(

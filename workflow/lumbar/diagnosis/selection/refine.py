@@ -43,6 +43,10 @@ def refine(
         If a fit does not converge, or an effect makes the model worse on the record it is fitted to.
     """
     chosen = {effect.name: effect for effect in choose(effects, settings.candidates)}
+    if settings.forward:
+        from lumbar.diagnosis.forward.forward_refine import refine_forward
+
+        return refine_forward(records, chosen, settings)
     experiment = prepare_for(records, settings)
     chosen = _with_channels(chosen, experiment)
     surfaced, path = _added_in_turn(experiment, chosen, settings.base)

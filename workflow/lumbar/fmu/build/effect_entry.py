@@ -9,6 +9,7 @@ from lumbar.fmu.build.effect_code import step_problems
 from lumbar.fmu.build.effect_model import EffectModel, form_numbers
 from lumbar.models.fitted_model import FittedModel
 from lumbar.models.form import Form
+from lumbar.models.forward_structure import ForwardStructure
 
 MAX_MEMORY = 256
 """Numbers that one form may keep from sample to sample, e.g. those of a delay of 255 samples."""
@@ -27,8 +28,8 @@ def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
     Raises
     ------
     InputError
-        A base with contact, or a form without C code or with code that cannot be used or keeps too much: all problems at
-        once.
+        A base with contact, a model from force to motion, or a form without C code or with code that cannot be used or keeps
+        too much: all problems at once.
     """
     problems = Problems(f"model {model.name!r}")
     base, forms = model.structure.base, model.structure.forms
@@ -38,6 +39,13 @@ def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
             "is one of a tool that leaves the tissue, which FMUs do not hold",
             "refine on records in which the tool stays on the tissue, with a base without contact (improvement.base: LE, "
             "Maxwell, KV or KB), and export that model",
+        )
+        problems.raise_if_any()
+    if isinstance(model.structure, ForwardStructure):
+        problems.add(
+            "structure",
+            "it goes from force to motion (improvement.forward), and a haptic device asks for a force",
+            "refine on records with the motion as input, and export that model",
         )
         problems.raise_if_any()
     base_numbers, *numbers = (model.values_of(part) for part in (base, *forms))
