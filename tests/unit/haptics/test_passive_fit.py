@@ -106,6 +106,11 @@ def test_which_models_of_the_thesis_take_energy(name, takes):
     assert (min(works) > -1e-6 * max(map(abs, works))) == takes
 
 
+def test_a_spring_that_pushes_gives_out_energy():
+    assert not takes_energy(Branches((-0.5, 3.0), (np.inf, 0.034)).transfer_function(PERIOD))
+    assert takes_energy(Branches((0.0, 3.0), (np.inf, 0.034)).transfer_function(PERIOD))
+
+
 def test_random_networks_take_energy():
     rng = np.random.default_rng(8)
     for _ in range(50):

@@ -136,6 +136,17 @@ def test_a_model_with_effects_is_linearised_and_its_fmu_simulated(zig_cache):
     assert found.run.samples.max() > 0
 
 
+@LINUX
+def test_the_bound_of_the_fmu_calms_a_loop_that_the_analysis_calls_unstable(zig_cache):
+    """Simulated with the library: half of the device's damping given to it, 30 N peak to peak become less than a step's."""
+    given = changed(SETTINGS, device_damping=2.75, compiler_cache=str(zig_cache))
+    bounded, free = (judge([fitted("KB")], settings)[0][0] for settings in (given, SETTINGS))
+    assert not bounded.analysis.stable
+    assert (free.run.peak_to_peak, free.run.oscillates) == (30.0, True)
+    assert bounded.run.peak_to_peak < 0.05
+    assert not bounded.run.oscillates
+
+
 def test_export_warns_and_the_page_says_the_numbers(capsys):
     model = selected(
         models_json(entry("KB", [4.638, -4.0663], [1.0, -0.4074])), changed(SETTINGS, models=["KB"])

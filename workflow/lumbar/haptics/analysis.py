@@ -10,7 +10,13 @@ import numpy as np
 from lumbar.haptics.closed_loop import largest_stable_gain
 from lumbar.haptics.passivity import required_damping
 from lumbar.haptics.rendered_model import RenderedModel
-from lumbar.haptics.simulation import LoopRun, difference_equation, encoder_ripple, simulate
+from lumbar.haptics.simulation import (
+    LoopRun,
+    difference_equation,
+    encoder_ripple,
+    one_step,
+    simulate,
+)
 from lumbar.settings.device import DeviceSettings
 
 
@@ -89,7 +95,9 @@ def run_loop(
         a linear one is simulated by its difference equation without it.
     """
     first = model.loops[0]
-    stable = analyse(model, device).stable
-    ripple = max(encoder_ripple(item, device) for item in model.loops) if stable else 0.0
+    ripple = max(
+        encoder_ripple(item, device) if largest_stable_gain(item, device)[0] > 1.0 else one_step(item, device)
+        for item in model.loops
+    )
     step = difference_equation(first) if force_of is None else model.in_loop(force_of)
     return simulate(step, first.sampling_time, device, model.limit, delay=first.delay, ripple=ripple)

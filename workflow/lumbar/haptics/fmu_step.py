@@ -37,9 +37,10 @@ class UnpackedFmu:
     def __init__(self, path: Path):
         self.path = path
         self.description = _description(path)
+        # Position and force come first; energies may follow.
         self.variables = {
             item.causality: item
-            for item in self.description.modelVariables
+            for item in reversed(self.description.modelVariables)
             if item.causality in ("input", "output")
         }
         self.sampling_time = float(self.description.coSimulation.fixedInternalStepSize)
@@ -127,8 +128,7 @@ def _description(path: Path) -> ModelDescription:
     simulation = description.coSimulation
     if simulation is None or not simulation.hasEventMode or not simulation.fixedInternalStepSize:
         raise InputError(f"{path}: no sampled model with event mode; FMUs of 'lumbar export' are")
-    for causality in ("input", "output"):
-        count = sum(item.causality == causality for item in description.modelVariables)
-        if count != 1:
-            raise InputError(f"{path}: it has {count} {causality}s; one position and one force are needed")
+    for causality, needed in (("input", "position"), ("output", "force")):
+        if not any(item.causality == causality for item in description.modelVariables):
+            raise InputError(f"{path}: it has no {causality}; a {needed} is needed")
     return description

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -35,38 +36,37 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
         To about a percent, from the rate of identification up to `FASTEST_HZ`; None where the model is not safe up to
         there, or has no counterpart at other rates and is not safe at its own.
     """
-    device = settings.device
-    passive = _lowest(
-        model, settings, lambda loop: required_damping(loop, _POINTS).damping <= device.damping_N_s_m
-    )
-    return passive, _lowest(model, settings, lambda loop: largest_stable_gain(loop, device)[0] > 1.0)
+    device, slowest = settings.device, 1.0 / model.sampling_time
 
-
-def _lowest(
-    model: FittedModel, settings: RuntimeSettings, safe: Callable[[SampledModel], bool]
-) -> float | None:
-    """Go down from the fastest rate to the first that is not safe, then halve the interval."""
-
-    def holds(rate: float) -> bool:
-        device = replace(settings.device, rate_Hz=rate)
+    @cache
+    def loop_at(rate: float) -> SampledModel | None:
+        """The model at a rate; None where it has no counterpart there."""
         try:
-            return safe(rendered(exported_at(model, settings, rate), device).loops[0])
+            return rendered(exported_at(model, settings, rate), replace(device, rate_Hz=rate)).loops[0]
         except (InputError, NumericalError):
-            return False  # no counterpart at this rate
+            return None
 
-    slowest = 1.0 / model.sampling_time
-    rates = np.geomspace(slowest, max(FASTEST_HZ, slowest), _SCANNED)
-    safe_from = None
-    for rate in rates[::-1]:
-        if not holds(float(rate)):
-            break
-        safe_from = float(rate)
-    if safe_from is None:
-        return slowest if holds(slowest) else None
-    if safe_from == slowest:
+    def passive(rate: float) -> bool:
+        loop = loop_at(rate)
+        return loop is not None and required_damping(loop, _POINTS).damping <= device.damping_N_s_m
+
+    def stable(rate: float) -> bool:
+        loop = loop_at(rate)
+        return loop is not None and largest_stable_gain(loop, device)[0] > 1.0
+
+    return _lowest(slowest, passive), _lowest(slowest, stable)
+
+
+def _lowest(slowest: float, safe: Callable[[float], bool]) -> float | None:
+    """Go down from the fastest rate to the first that is not safe, then halve the interval."""
+    rates = [float(rate) for rate in np.geomspace(slowest, max(FASTEST_HZ, slowest), _SCANNED)]
+    unsafe = next((rate for rate in reversed(rates) if not safe(rate)), None)
+    if unsafe is None:
         return slowest
-    low = float(rates[rates < safe_from].max())
+    if unsafe == rates[-1]:
+        return slowest if safe(slowest) else None
+    safe_from = rates[rates.index(unsafe) + 1]
     for _ in range(_HALVINGS):
-        middle = float(np.sqrt(low * safe_from))
-        low, safe_from = (low, middle) if holds(middle) else (middle, safe_from)
+        middle = float(np.sqrt(unsafe * safe_from))
+        unsafe, safe_from = (unsafe, middle) if safe(middle) else (middle, safe_from)
     return safe_from

@@ -19,6 +19,7 @@ from lumbar.models.fitted_model import ARX, OUTPUT_ERROR, FittedModel
 from lumbar.models.transfer_function import TransferFunction
 from lumbar.records.record import Record
 from lumbar.settings.runtime import RuntimeSettings
+from lumbar.signals.motion_range import motion_range
 from lumbar.tables import Table
 
 PASSIVE = "passive"
@@ -143,18 +144,22 @@ def _fitted(
         no_parameters_because=f"springs in parallel: {found}",
         scores=scores_of(structure, data, tests),
         remark=str(found),
+        valid_for=motion_range(training["input"], data.sampling_time),
     )
 
 
 def takes_energy(structure: TransferFunction) -> bool:
-    """Whether a discrete model takes energy at every frequency: Im H(exp(jωT)) ≥ 0 for 0 < ωT < π.
+    """Whether a discrete model takes energy at every frequency: H(1) ≥ 0, and Im H(exp(jωT)) ≥ 0 for 0 < ωT < π.
 
     With the work of a force on the motion between its samples as the mean of their forces times the way, a sine of amplitude
-    1 does the work π Im H in a cycle.
+    1 does the work π Im H in a cycle; a spring that pushes would give out energy without end.
     """
     model = SampledModel("", np.array(structure.numerator), np.array(structure.denominator), 1.0)
     response = model.response(all_angles())
-    return bool(structure.stable and (response.imag >= -_ROUNDING * np.abs(response).max()).all())
+    rounding = _ROUNDING * np.abs(response).max()
+    return bool(
+        structure.stable and structure.static_gain >= -rounding and (response.imag >= -rounding).all()
+    )
 
 
 def _on_device(model: FittedModel, settings: RuntimeSettings, rate: float) -> Analysis:
@@ -168,7 +173,7 @@ _DEFINITIONS = {
         "device: such that the device of the study is passive with the averaged and held force at that rate, too"
     ),
     "consists_of": "Stiffnesses in output unit per input unit, and relaxation times",
-    "takes_energy": "Whether the model takes energy at every frequency, Im H(exp(jωT)) ≥ 0 for 0 < ωT < π",
+    "takes_energy": "Whether the model takes energy at every frequency, H(1) ≥ 0 and Im H(exp(jωT)) ≥ 0 for 0 < ωT < π",
     "vaf_percent": "%VAF (Eq. 3.12) of the free run on the training record",
     "vaf_cost": "Points of %VAF less than the free output-error fit of the same model",
     "vaf_tests_percent": "Mean %VAF on the other records",

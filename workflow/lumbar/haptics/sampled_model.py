@@ -40,7 +40,9 @@ class SampledModel:
     def response(self, angles: np.ndarray) -> np.ndarray:
         """H(exp(jθ)) at angles θ = ωT in radians, without `delay`; shape of `angles`, complex."""
         back = np.exp(-1j * np.asarray(angles))
-        return np.polyval(self.numerator[::-1], back) / np.polyval(self.denominator[::-1], back)
+        late = int(np.argmax(self.numerator != 0))  # a delay may be hundreds of zeros long
+        numerator = np.polyval(self.numerator[late:][::-1], back) * back**late
+        return numerator / np.polyval(self.denominator[::-1], back)
 
     @property
     def stable(self) -> bool:

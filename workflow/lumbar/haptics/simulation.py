@@ -6,6 +6,7 @@ its limit. What the analysis leaves out, quantisation and saturation, is in here
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.haptics.closed_loop import period, propagation
-from lumbar.haptics.sampled_model import SampledModel
+from lumbar.haptics.sampled_model import SampledModel, all_angles
 from lumbar.settings.device import DeviceSettings
 
 PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0
@@ -43,7 +44,8 @@ class LoopRun:
     sampling_time : float
         Seconds.
     ripple : float
-        Peak to peak force in N that the encoder's steps alone may keep up.
+        Peak to peak force in N that the encoder's steps alone may keep up in a stable loop; in an unstable one, that bounds
+        of the FMU may calm, the largest force of one step.
     """
 
     time: np.ndarray
@@ -129,20 +131,26 @@ def simulate(
         for old, length in ((True, delay), (False, sampling_time - delay))
         for part in _split(length)
     ]
-    motions = {part: propagation(device, part) for _, part in parts}
+    motions = {
+        part: [*propagation(device, part)[0].ravel(), *propagation(device, part)[1]] for _, part in parts
+    }
     resolution = device.encoder_um * 1e-6
-    state, force, time = np.zeros(2), 0.0, 0.0
+    position = velocity = force = time = 0.0
     points, samples = [], []
     for _ in range(round(duration / sampling_time)):
-        read = round(state[0] / resolution) * resolution if resolution else float(state[0])
+        read = round(position / resolution) * resolution if resolution else position
         before, force = force, min(max(step(read), -limit), limit)
         samples.append(force)
         for old, part in parts:
             acting = before if old else force
-            points.append((time, state[0], acting))
-            transition, by_force = motions[part]
+            points.append((time, position, acting))
+            xx, xv, vx, vv, x_by_force, v_by_force = motions[part]
             # The hand moves slowly against a part of at most a millisecond: it is held over it.
-            state = transition @ state + by_force * (_hand_force(device, time + part / 2, push_mm) - acting)
+            net = _hand_force(device, time + part / 2, push_mm) - acting
+            position, velocity = (
+                xx * position + xv * velocity + x_by_force * net,
+                vx * position + vv * velocity + v_by_force * net,
+            )
             time += part
     return LoopRun(*np.array(points).T, np.array(samples), sampling_time, ripple)
 
@@ -154,9 +162,14 @@ def _split(length: float) -> list[float]:
 
 def _hand_force(device: DeviceSettings, time: float, push_mm: float) -> float:
     """What the moving rest position of the hand adds to the forces, in N."""
-    phase = np.pi * min(time / PUSH_S, 1.0)
-    position, velocity = (1.0 - np.cos(phase)) / 2.0, np.pi / PUSH_S * np.sin(phase) / 2.0
+    phase = math.pi * min(time / PUSH_S, 1.0)
+    position, velocity = (1.0 - math.cos(phase)) / 2.0, math.pi / PUSH_S * math.sin(phase) / 2.0
     return 1e-3 * push_mm * (device.hand_stiffness_N_m * position + device.hand_damping_N_s_m * velocity)
+
+
+def one_step(model: SampledModel, device: DeviceSettings) -> float:
+    """Largest force in N that a sine of one encoder's step gives."""
+    return float(np.abs(model.response(all_angles())).max() * device.encoder_um * 1e-6)
 
 
 def encoder_ripple(model: SampledModel, device: DeviceSettings) -> float:

@@ -21,7 +21,7 @@ from lumbar.settings.device import DeviceSettings
 from lumbar.settings.runtime import RuntimeSettings
 
 FASTEST_HZ = 10_000.0
-_RATES, _DAMPINGS, _POINTS = 13, 15, 400
+_RATES, _DAMPINGS, _POINTS = 9, 9, 400
 
 
 @dataclass(frozen=True)

@@ -43,28 +43,32 @@ def z_width_figure(found: ZWidth, device: DeviceSettings):
     needed.axhline(device.damping_N_s_m, color="#000000", linewidth=0.8)
     needed.annotate(
         f"the device: {device.damping_N_s_m:g} N·s/m",
-        (found.rates[-1], device.damping_N_s_m),
-        xytext=(0, 2),
+        (found.rates[0], device.damping_N_s_m),
+        xytext=(0, -3),
         textcoords="offset points",
-        ha="right",
+        va="top",
         fontsize=7,
     )
     needed.set(xlabel="Rate of the model (Hz)", ylabel="Damping needed (N·s/m)")
     needed.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.02))
     for colour, (rate, (passive, stable)) in zip(SERIES, found.stiffness.items(), strict=False):
-        width.loglog(found.damping, stable, color=colour, label=f"{rate:.4g} Hz, stable in the hand")
-        width.loglog(found.damping, passive, color=colour, linestyle="--", label=f"{rate:.4g} Hz, passive")
+        width.loglog(found.damping, stable, color=colour, label=f"stable, {rate:.4g} Hz")
+        width.loglog(found.damping, passive, color=colour, linestyle="--", label=f"passive, {rate:.4g} Hz")
     width.axvline(device.damping_N_s_m, color="#000000", linewidth=0.8)
     width.set(xlabel="Damping of the device (N·s/m)", ylabel="Largest stiffness (N/m)")
     width.annotate(
         "the device",
-        (device.damping_N_s_m, 0.0),
+        (device.damping_N_s_m, 1.0),
         xycoords=("data", "axes fraction"),
-        xytext=(3, 4),
+        xytext=(-3, -4),
         textcoords="offset points",
+        ha="right",
+        va="top",
         fontsize=7,
     )
-    width.legend(loc="upper left", frameon=True, facecolor="#ffffff", edgecolor="none", framealpha=1.0)
+    width.legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.02))
+    for axes in (needed, width):
+        axes.minorticks_off()  # their labels, all empty, would take most of the time of the figure
     label_panels((needed, width))
     return figure
 
