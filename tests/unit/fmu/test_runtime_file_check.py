@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -79,6 +80,25 @@ def of_another_machine(data: bytes) -> bytes:
 def attribute(name: str, before: str, after: str):
     """Return a defect of one attribute."""
     return edited(f'{name}="{before}"', f'{name}="{after}"')
+
+
+def told(name: str, before, after):
+    """Return a defect of the annotation: JSON in FMI 3.0, attributes in FMI 2.0."""
+
+    def change(files: dict[str, bytes], version: int) -> None:
+        words = [
+            f'{name}="{value}"' if version == 2 else json.dumps({name: value})[1:-1]
+            for value in (before, after)
+        ]
+        edited(*words)(files, version)
+
+    return change
+
+
+def in_metres(files: dict[str, bytes], version: int) -> None:
+    """The valid range in another unit than the input."""
+    before = 'unit="mm" lowest' if version == 2 else '"unit": "mm"'
+    edited(before, before.replace("mm", "m"))(files, version)
 
 
 def row(name: str, before: str, after: str):
@@ -183,23 +203,23 @@ WRITTEN = {
     ),
     "no word on the direction": (edited('="lumbar">', '="other">'), "direction and valid range are not said"),
     "inverted in the annotation alone": (
-        edited('"resisting_sign": 1', '"resisting_sign": -1'),
+        told("resisting_sign", 1, -1),
         "modelDescription.xml does not call the force inverted; the annotation has resisting_sign -1",
     ),
     "inverted wherever it is told": (
         both(
-            edited('"resisting_sign": 1', '"resisting_sign": -1'),
+            told("resisting_sign", 1, -1),
             edited("a positive force resists", "INVERTED"),
             edited("a positive force resists", "INVERTED", PAGE),
         ),
         "by modelDescription.xml the force that resists has the sign of -1",
     ),
     "a wider range in the annotation": (
-        edited('"highest": 2.5', '"highest": 25'),
+        told("highest", 2.5, 25),
         "does not say '-2.4 to 25 mm, to 41 mm/s, 0.1 to 5 Hz', as the annotation does",
     ),
-    "a range of no motion": (edited('"lowest": -2.4', '"lowest": 24'), "no motion is"),
-    "a range in metres": (edited('"unit": "mm"', '"unit": "m"'), "is in 'm'; the input is in 'mm'"),
+    "a range of no motion": (told("lowest", -2.4, 24), "no motion is"),
+    "a range in metres": (in_metres, "is in 'm'; the input is in 'mm'"),
     "sources that do not compile": (
         edited("return y;", "return z;", "sources/model_linear.c"),
         "sources: compiling for",

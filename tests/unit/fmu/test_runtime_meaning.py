@@ -67,8 +67,13 @@ def test_a_client_reads_who_made_it_and_what_it_holds_for(version, fmu_folder):
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
         page = archive.read("documentation/index.html").decode()
     told = told_meaning(root)
-    assert told["resisting_sign"] == 1
-    assert told["valid_for"] == {"unit": "mm", **RANGE}
+    assert told == {
+        "push": "growing position",
+        "resisting_sign": 1,
+        "prescribed": False,
+        "unit": "mm",
+        **RANGE,
+    }
     for words in ("-2.4 to 2.5 mm", "a positive force resists", "not one step per call", description.version):
         assert words in page
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
@@ -350,8 +351,9 @@ def _fmi2(model: ExportModel, data: str) -> ElementTree.Element:
     _log_categories(root)
     _experiment(root, model)
     tool = ElementTree.SubElement(ElementTree.SubElement(root, "VendorAnnotations"), "Tool", name=ANNOTATION)
-    # FMI 2.0 wants an element here where FMI 3.0 has text.
-    ElementTree.SubElement(tool, "Meaning").text = meaning(model)
+    # FMI 2.0 wants an element here where FMI 3.0 has text; VDMCheck2 takes neither text nor quotation marks in it.
+    told = {key: str(value).lower() for key, value in meaning(model).items()}
+    ElementTree.SubElement(tool, "Meaning", told)
     parent = ElementTree.SubElement(root, "ModelVariables")
     for variable in listed:
         scalar = ElementTree.SubElement(
@@ -422,7 +424,7 @@ def _fmi3(model: ExportModel, data: str) -> ElementTree.Element:
                 structure, name, valueReference=unknown["number"], dependencies=unknown["dependencies"]
             )
     annotations = ElementTree.SubElement(root, "Annotations")
-    ElementTree.SubElement(annotations, "Annotation", type=ANNOTATION).text = meaning(model)
+    ElementTree.SubElement(annotations, "Annotation", type=ANNOTATION).text = json.dumps(meaning(model))
     return root
 
 

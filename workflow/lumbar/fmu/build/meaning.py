@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import asdict
 
 import numpy as np
 
@@ -65,22 +65,15 @@ def rate_text(model: ExportModel) -> str:
     )
 
 
-def meaning(model: ExportModel) -> str:
-    """Return the same for programs, a JSON object that stands as an annotation in the model description."""
-    covered = model.valid_for
-    told = {
+def meaning(model: ExportModel) -> dict[str, str | int | float | bool]:
+    """Return the same for programs; it stands as an annotation in the model description.
+
+    Without ``unit`` and the numbers of `MotionRange` where the range is not known.
+    """
+    known = {} if model.valid_for is None else {"unit": model.input.unit, **asdict(model.valid_for)}
+    return {
         "push": f"growing {model.input.variable}",
         "resisting_sign": resisting_sign(model),
         "prescribed": model.prescribed,
-        "valid_for": None
-        if covered is None
-        else {
-            "unit": model.input.unit,
-            "lowest": covered.lowest,
-            "highest": covered.highest,
-            "speed": covered.speed,
-            "lowest_Hz": covered.lowest_Hz,
-            "highest_Hz": covered.highest_Hz,
-        },
+        **known,
     }
-    return json.dumps(told)

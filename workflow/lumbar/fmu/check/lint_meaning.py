@@ -16,14 +16,19 @@ _NUMBERS = ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")
 
 def told_meaning(root: Element) -> dict | None:
     """Return what the annotation of a model description holds; None where there is none that can be read."""
-    element = root.find(f"Annotations/Annotation[@type='{ANNOTATION}']")
-    if element is None:
-        element = root.find(f"VendorAnnotations/Tool[@name='{ANNOTATION}']/Meaning")
-    try:
-        told = json.loads((element.text if element is not None else None) or "")
-    except ValueError:
-        return None
+    element = root.find(f"VendorAnnotations/Tool[@name='{ANNOTATION}']/Meaning")
+    if element is not None:
+        return {key: _value(text) for key, text in element.attrib.items()}
+    told = _value(root.findtext(f"Annotations/Annotation[@type='{ANNOTATION}']", ""))
     return told if isinstance(told, dict) else None
+
+
+def _value(text: str):
+    """What is written, as JSON where it is."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
 
 
 def lint_meaning(files: Mapping[str, bytes], root: Element, unit: str | None) -> list[str]:
@@ -57,23 +62,24 @@ def lint_meaning(files: Mapping[str, bytes], root: Element, unit: str | None) ->
             problems.append(
                 f"{place} {said}; the annotation has resisting_sign {told.get('resisting_sign')!r}"
             )
-    return problems + _lint_range(told.get("valid_for"), texts, unit)
+    return problems + _lint_range(told, texts, unit)
 
 
-def _lint_range(covered, texts: Mapping[str, str], unit: str | None) -> list[str]:
-    if covered is None:
+def _lint_range(told: dict, texts: Mapping[str, str], unit: str | None) -> list[str]:
+    if not any(name in told for name in _NUMBERS):
         words = "Valid range: not known"
     else:
-        numbers = [covered.get(name) for name in _NUMBERS] if isinstance(covered, dict) else [None]
+        numbers = [told.get(name) for name in _NUMBERS]
         if not all(isinstance(value, int | float) for value in numbers):
-            return [f"valid_for in the annotation is {covered!r}; it needs the numbers {', '.join(_NUMBERS)}"]
+            found = ", ".join(f"{name} {told.get(name)!r}" for name in _NUMBERS)
+            return [f"the valid range in the annotation is {found}; numbers are needed"]
         motion = MotionRange(*numbers)
         if not (
             motion.lowest <= motion.highest and motion.lowest_Hz <= motion.highest_Hz and motion.speed >= 0
         ):
-            return [f"valid_for in the annotation is {motion.in_words(str(unit))}; no motion is"]
-        if covered.get("unit") != unit:
-            return [f"valid_for in the annotation is in {covered.get('unit')!r}; the input is in {unit!r}"]
+            return [f"the valid range in the annotation is {motion.in_words(str(unit))}; no motion is"]
+        if told.get("unit") != unit:
+            return [f"the valid range in the annotation is in {told.get('unit')!r}; the input is in {unit!r}"]
         words = motion.in_words(str(unit))
     return [
         f"{place} does not say {words!r}, as the annotation does"
