@@ -45,8 +45,8 @@ ACCURACY = {
     "softening/whole_force": 1e-3,
 }
 """Difference as a share of the largest force that the effect adds, at 1 kHz and up to 4 Hz; 1e-9 for other forms.
-A backward difference is half a sample late; relaxations, the delay, play and hysteresis see straight lines between samples, where the
-catalogue has a spline through all samples, later ones included; output forms see that difference in the base."""
+A backward difference is half a sample late; relaxations, the delay, play and hysteresis see straight lines between samples,
+where the catalogue has a spline through all samples, later ones included; output forms see that difference in the base."""
 
 
 def forms():
