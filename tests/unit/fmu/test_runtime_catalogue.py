@@ -32,6 +32,11 @@ ACCURACY = {
     "second_relaxation/maxwell_branch": 1e-3,
     "delay/pure": 1e-3,
     "backlash/play": 1e-3,
+    "hysteresis/dahl": 1e-4,
+    "hysteresis/bouc_wen": 1e-4,
+    "hysteresis/bouc_wen_general": 1e-4,
+    "hysteresis/elastoplastic": 1e-4,
+    "hysteresis/iwan": 1e-4,
     "contact_loss/sharp": 1e-3,
     "contact_loss/soft": 1e-3,
     "saturation/sharp": 1e-3,
@@ -40,8 +45,8 @@ ACCURACY = {
     "softening/whole_force": 1e-3,
 }
 """Difference as a share of the largest force that the effect adds, at 1 kHz and up to 4 Hz; 1e-9 for other forms.
-A backward difference is half a sample late; relaxations and the delay see straight lines between samples, where the
-catalogue has a spline through all samples, later ones included; output forms see that difference in the base."""
+A backward difference is half a sample late; relaxations, the delay, play and hysteresis see straight lines between samples,
+where the catalogue has a spline through all samples, later ones included; output forms see that difference in the base."""
 
 
 def forms():
