@@ -216,7 +216,7 @@ def test_p_values_of_the_null_table():
     [
         (1.05, "adequate", "What is left is noise as far as can be told"),
         (1.15, "adequate", "Diagnosed again, none of the most promising further effects passes"),
-        (1.30, "unexplained", "Diagnosed again, something is left and none of the most promising"),
+        (1.30, "unexplained", "Diagnosed again, something unexplained is left and none of the most"),
     ],
 )
 def test_completeness_and_the_verdict_on_the_refined_model_follow_from_one_rule(floors, after, said):

@@ -194,3 +194,10 @@ def test_what_a_terminal_shows_is_short_and_plain(records, diagnosis):
     assert "F = k_e*z + k_b*q, dq/dt = v - q/tau; coulomb_friction: " in text
     assert "*tanh(v/vs), position in mm to force in N" in text
     assert "\\" not in text and "$" not in text
+
+
+@pytest.mark.parametrize("verb", ["diagnose", "identify", "propose", "doctor"])
+@pytest.mark.parametrize("given", ["recordings", ["a.csv"]])
+def test_what_is_no_record_is_refused(verb, given):
+    with pytest.raises(InputError, match=r"give records, e\.g\. lumbar\.read"):
+        getattr(lumbar, verb)(given)

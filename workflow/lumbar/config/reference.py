@@ -81,6 +81,12 @@ def _rows(section: type, defaults: dict, prefix: str) -> list[str]:
     return ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in cells]
 
 
+def _defined(section: type) -> str:
+    """Where the keys of a section are defined; who reads one is found by its last part."""
+    file = section.__module__.replace(".", "/")
+    return f"Defined in `workflow/{file}.py` (`{section.__name__}`); code reads a key by the last part of its name."
+
+
 _HEAD = ["| key | allowed | default | meaning |", "|---|---|---|---|"]
 
 
@@ -96,7 +102,7 @@ def pages() -> dict[str, str]:
         meaning = " ".join((section.__doc__ or "").split())
         given = defaults.get(name)
         rows = _rows(section, given if isinstance(given, dict) else defaults_of(section), f"{name}.")
-        texts[f"{name}.md"] = "\n".join([f"# {name}", "", meaning, "", *_HEAD, *rows, ""])
+        texts[f"{name}.md"] = "\n".join([f"# {name}", "", meaning, _defined(section), "", *_HEAD, *rows, ""])
         index.append(f"- [{name}]({name}.md): {meaning}")
     top = [row for row in _rows(StudySettings, defaults, "") if row.split("`")[1].split(".")[0] in own]
     words = "What a study is; its chapters have pages of their own. `[]` stands for each entry of a list, `*` for a "

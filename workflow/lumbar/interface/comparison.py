@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from lumbar.errors import InputError
-from lumbar.interface.data_label import data_label
+from lumbar.interface.data_label import label_of
 from lumbar.models.fitted_model import FittedModel
 from lumbar.records.record import Record
 from lumbar.settings.seed import SEED
@@ -106,6 +106,7 @@ def _on_records(
     from lumbar.diagnosis.fitting.session import in_session
     from lumbar.diagnosis.residuals.residual_report import residual_reports
 
+    data = label_of(data, records)
     records, changed = manageable(list(records), session)
     if not isinstance(model, FittedModel):
         found = f"an object of class {type(model).__name__}"
@@ -115,7 +116,7 @@ def _on_records(
     experiment = prepare(records, train, dict(periods or {}))
     simulate = in_session(records, model.simulate) if session else model.simulate
     reports = residual_reports(records, simulate, experiment.floor, experiment.floor_from, seed)
-    return model, reports, data_label(data, (record.source for record in records)), changed
+    return model, reports, data, changed
 
 
 @dataclass(frozen=True, eq=False, repr=False)

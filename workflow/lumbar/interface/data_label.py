@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from lumbar.errors import InputError
+from lumbar.records.record import Record
+
 NOT_SAID = "source not said"
 
 
@@ -29,3 +32,17 @@ def data_label(given: str, sources: Iterable[str]) -> str:
     files = [Path(source).resolve() for source in dict.fromkeys(sources) if source]
     names = [file.name for file in files] if len(files) == 1 else [file.parent.name for file in files]
     return given or ", ".join(dict.fromkeys(names)) or NOT_SAID
+
+
+def label_of(given: str, records: Iterable[Record]) -> str:
+    """Return `data_label` of records.
+
+    Raises
+    ------
+    InputError
+        If these are no records.
+    """
+    found = records if isinstance(records, str | Path) else list(records)
+    if isinstance(found, str | Path) or not all(isinstance(item, Record) for item in found):
+        raise InputError(f"records is {found!r:.80}: give records, e.g. lumbar.read('recordings')")
+    return data_label(given, (record.source for record in found))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.effects.pendulum_load import GRAVITY
 from lumbar.errors import InputError
-from lumbar.interface.data_label import data_label
+from lumbar.interface.data_label import label_of
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
@@ -102,7 +102,7 @@ def diagnose(
 
     settings = settings or ImprovementSettings()
     chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward, session)
-    data = data_label(data, (record.source for record in records))
+    data = label_of(data, records)
     used, changed = manageable(list(records), chosen.session)
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
@@ -155,7 +155,7 @@ def refine(
     '0.40 N'
     """
     chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward, session)
-    data = data_label(data, (record.source for record in records))
+    data = label_of(data, records)
     return _refined(list(records), list(effects), chosen, seed, data)
 
 

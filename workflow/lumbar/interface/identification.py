@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
-from lumbar.interface.data_label import data_label
+from lumbar.interface.data_label import label_of
 from lumbar.models.fitted_model import ARX, FittedModel
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
@@ -79,8 +79,7 @@ def identify(
     from lumbar.models.bases import CHOSEN_BY_DATA
 
     settings, improvement = settings or TissueSettings(), improvement or ImprovementSettings()
-    records = list(records)
-    data = data_label(data, (record.source for record in records))
+    data, records = label_of(data, records), list(records)
     named = {record.name: record for record in records}
     chosen = _training(train or settings.training, records, named)
     models, grid = [], []

@@ -111,7 +111,8 @@ def page() -> str:
     lines = [
         "# The thesis's equations",
         "",
-        "Which object of the library computes which equation, made from the docstrings by `make docs`.",
+        "Which object of the library computes which equation, made from the docstrings by `make docs`. "
+        "`lumbar.a.b` is the file `workflow/lumbar/a/b.py`.",
         "",
         "| equation | module | object | what it says |",
         "|---|---|---|---|",

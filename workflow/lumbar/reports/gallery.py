@@ -35,7 +35,8 @@ _HEAD = """\
 <!-- Made by "make docs" from config/artefacts.tsv and workflow/report; change those. -->
 
 Every figure of the default study, in the order of the thesis's chapters. `snakemake --cores 2 NAME` makes one of them and what it
-needs; `make` makes all. All are written as SVG and PDF below `results/<study>/`.
+needs; `make` makes all. All are written as SVG and PDF below `results/<study>/`;
+the site (`make docs-site`) shows them here.
 """
 
 

@@ -127,10 +127,11 @@ def _diagnosed_again(diagnosis: Verdict) -> str:
             f"records falls to {diagnosis.further.test_rms:.3g} {unit}."
         )
     if floor is None:
-        return "Diagnosed again, none of the most promising further effects passes."
+        left = "something unexplained is left and " if diagnosis.verdict_after == "unexplained" else ""
+        return f"Diagnosed again, {left}none of the most promising further effects passes."
     if is_adequate(model, diagnosis.experiment):
         return "What is left is noise as far as can be told."
-    something = "" if diagnosis.complete else "something is left and "
+    something = "" if diagnosis.complete else "something unexplained is left and "
     return f"Diagnosed again, {something}none of the most promising further effects passes."
 
 

@@ -14,6 +14,7 @@ from lumbar.diagnosis.sensors.gaps import Gaps, find_gaps
 from lumbar.diagnosis.sensors.held_samples import HeldSamples, find_held
 from lumbar.diagnosis.sensors.position_noise import PositionNoise
 from lumbar.diagnosis.sensors.position_step import PositionStep, find_step
+from lumbar.diagnosis.sensors.rough_acceleration import RoughAcceleration, find_rough_acceleration
 from lumbar.diagnosis.sensors.roughness import is_motion, roughness_of
 from lumbar.diagnosis.sensors.sampling_jitter import SamplingJitter
 from lumbar.diagnosis.sensors.wild_samples import WildSamples, find_wild
@@ -44,8 +45,8 @@ def sensor_faults(record: Record) -> list[Finding]:
     -------
     list of Finding
         Of the kinds ``gap``, ``wild_samples``, ``held_samples``, ``dropped_samples``, ``position_noise``, ``quantisation``,
-        ``jitter`` and ``clock_skew``; empty where nothing is wrong. A position sensor that lags is not among them:
-        its lag and a tissue's own delay look alike.
+        ``jitter``, ``rough_acceleration`` and ``clock_skew``; empty where nothing is wrong. A position sensor that lags is
+        not among them: its lag and a tissue's own delay look alike.
     """
     return [fault.finding(at) for fault, at, _ in _faults(record)]
 
@@ -110,6 +111,10 @@ def _rough(record: Record) -> list[Fault]:
     return [*faults, SamplingJitter(found)] if found.jitter > 0 else faults
 
 
+def _rough_acceleration(record: Record) -> list[Fault]:
+    return [fault for fault in (find_rough_acceleration(record),) if fault]
+
+
 def _skew(record: Record) -> list[Fault]:
     return [fault for fault in (find_skew(record),) if fault]
 
@@ -120,6 +125,7 @@ _FINDERS: dict[Callable[[Record], list[Fault]], set[str]] = {
     _held: {HeldSamples.kind},
     _dropped: {DroppedSamples.kind},
     _rough: {PositionNoise.kind, PositionStep.kind, SamplingJitter.kind},
+    _rough_acceleration: {RoughAcceleration.kind},
     _skew: {ClockSkew.kind},
 }
 """What finds which kinds, in an order in which each finds them unspoilt: whole records before smooth ones."""
