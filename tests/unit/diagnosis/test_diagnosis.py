@@ -236,3 +236,11 @@ def test_completeness_and_the_verdict_on_the_refined_model_follow_from_one_rule(
     assert found.model.test_rms / found.experiment.floor.rms == pytest.approx(floors, abs=0.03)
     assert (found.verdict_after, found.complete, found.further) == (after, after == "adequate", None)
     assert any(line.startswith(said) for line in details(found, catalogue))
+
+
+def test_a_long_search_says_how_far_it_is(monkeypatch, capsys):
+    monkeypatch.setattr("lumbar.progress._EVERY_S", 0.0)
+    catalogue = {name: TISSUE[name] for name in ("hardening_stiffness", "drift")}
+    records = [synthetic("a", lambda time, position: 0.6 * position, 1)]
+    diagnose(records, DiagnosisSettings(base="LE", catalogue=catalogue))
+    assert "forms of effects fitted beside LE: 1 of " in capsys.readouterr().err

@@ -18,6 +18,7 @@ from lumbar.diagnosis.fitting.uncertainty import prediction_variance
 from lumbar.diagnosis.noise.noise_floor import prediction_error_filter
 from lumbar.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
 from lumbar.models.form import Effect, Form
+from lumbar.progress import track
 
 _MOST_LEFT = 0.5
 """Share of a response's variance that a model without a known noise floor may leave and still be adequate."""
@@ -248,7 +249,11 @@ def extend(
     forms = [form for form in every if not form.general]
     if most is not None:
         forms = _promising(model.fit, forms, experiment, most, all_forms)
-    found = [evaluate(add(model.fit, form, experiment.training), experiment) for form in forms]
+    tried = track(
+        forms,
+        f"forms of effects fitted beside {' and '.join([model.fit.structure.base.name, *model.effects])}",
+    )
+    found = [evaluate(add(model.fit, form, experiment.training), experiment) for form in tried]
     if all_forms:
         simpler = {item.effects[-1]: item for item in best_by_effect(found)[:LOOK_AHEAD]}
         for form in every:
