@@ -16,7 +16,7 @@ from runtime_models import RANGE, entry, exported, models_json
 import lumbar
 from lumbar.effects.catalogue import CATALOGUES
 from lumbar.errors import InputError
-from lumbar.fmu.build.meaning import range_text, resisting_sign, sign_text
+from lumbar.fmu.build.meaning import range_text, sign_text
 from lumbar.fmu.check.lint_meaning import told_meaning
 from lumbar.models.fitted_model import FittedModel, MotionRange
 from lumbar.models.models_file import models_document, read_models
@@ -28,7 +28,7 @@ IL = entry("IL", [-0.125], [1.0], trained_on=None, estimator="given", alpha=None
 
 def test_il_is_inverted_and_says_why():
     model = exported(IL)
-    assert resisting_sign(model) == -1
+    assert model.resisting_sign == -1
     assert "INVERTED on purpose" in sign_text(model)
     assert range_text(model) == "Valid range: not known, prescribed, not fitted to data."
 
@@ -38,7 +38,7 @@ def test_il_is_inverted_and_says_why():
 )
 def test_tissue_with_effects_resists_a_push(key):
     model = exported(effect_entry("KB", key, valid_for=RANGE))
-    assert resisting_sign(model) == 1
+    assert model.resisting_sign == 1
     assert "a positive force resists" in sign_text(model)
     assert "-2.4 to 2.5 mm, to 41 mm/s, 0.1 to 5 Hz" in range_text(model)
 

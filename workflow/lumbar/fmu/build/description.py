@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from lumbar import __version__
 from lumbar.fmu.build.export_model import ExportModel
 from lumbar.fmu.build.guards import LARGEST
-from lumbar.fmu.build.meaning import meaning, range_text, resisting_sign, sign_text
+from lumbar.fmu.build.meaning import meaning, range_text, sign_text
 from lumbar.fmu.build.sources import c_files, content_token
 from lumbar.fmu.build.units import base_unit
 
@@ -157,7 +157,7 @@ def _guards(model: ExportModel) -> list[Variable]:
 
 
 def _resists(model: ExportModel) -> str:
-    if resisting_sign(model) > 0:
+    if model.resisting_sign > 0:
         return f"where positive it resists a growing {model.input.quantity}"
     return f"INVERTED: where negative it answers a growing {model.input.quantity}"
 

@@ -169,19 +169,26 @@ class ExportModel:
 
     @cached_property
     def resistance(self) -> float:
-        """Sign of the output that resists a growing input, 1 or −1: that of the mean over a slow push.
+        """Sign of the output that resists where it is displayed, 1 or −1.
 
         A prescribed model is displayed like the others, whatever its sign: an inverted one is active, and draws the tool in.
         """
-        if self.prescribed:
-            return 1.0
-        push = np.linspace(0.0, 1.0, max(10, round(_PUSH / self.sampling_time)))
-        return -1.0 if self.dynamics.response(push).mean() < 0 else 1.0
+        return 1.0 if self.prescribed else float(self.resisting_sign)
+
+    @cached_property
+    def resisting_sign(self) -> int:
+        """Sign of the output that resists a growing input: 1, or −1 of an inverted model."""
+        return -1 if self.dynamics.response(slow_push(self.sampling_time)).mean() < 0 else 1
 
     @property
     def stable(self) -> bool:
         """Whether all poles lie strictly inside the unit circle."""
         return self.dynamics.largest_pole < 1.0
+
+
+def slow_push(sampling_time: float) -> np.ndarray:
+    """Positions (from 0 to 1) of a push whose mean answer tells which force resists: relaxation and friction do not decide."""
+    return np.linspace(0.0, 1.0, max(10, round(_PUSH / sampling_time)))
 
 
 def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:

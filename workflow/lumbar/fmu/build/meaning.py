@@ -4,28 +4,14 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-import numpy as np
-
 from lumbar.fmu.build.export_model import ExportModel
-
-_PUSH_S = 0.2
-"""Seconds of the push that tells which force resists."""
-
-
-def resisting_sign(model: ExportModel) -> int:
-    """Sign of the force that resists a growing position: 1, or −1 for an inverted model.
-
-    That of the mean over a slow push, in which relaxation and friction do not decide.
-    """
-    push = np.linspace(0.0, 1.0, max(10, round(_PUSH_S / model.sampling_time)))
-    return -1 if model.dynamics.response(push).mean() < 0 else 1
 
 
 def sign_text(model: ExportModel) -> str:
     """One or two sentences on the direction of position and force."""
     x, y = model.input, model.output
     push = f"A growing {x.variable} pushes into the model"
-    if resisting_sign(model) > 0:
+    if model.resisting_sign > 0:
         return (
             f"{push}; a positive {y.variable} resists: on the tool it acts against the direction in which "
             f"{x.variable} grows."
@@ -73,7 +59,7 @@ def meaning(model: ExportModel) -> dict[str, str | int | float | bool]:
     known = {} if model.valid_for is None else {"unit": model.input.unit, **asdict(model.valid_for)}
     return {
         "push": f"growing {model.input.variable}",
-        "resisting_sign": resisting_sign(model),
+        "resisting_sign": model.resisting_sign,
         "prescribed": model.prescribed,
         **known,
     }

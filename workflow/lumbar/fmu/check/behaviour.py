@@ -13,6 +13,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from lumbar.fmu.build.export_model import slow_push
 from lumbar.fmu.build.extras import REFERENCE, WITHOUT_EVENT_MODE
 from lumbar.fmu.check.instance import Instance, UnzippedFmu
 from lumbar.fmu.check.lint_meaning import told_meaning
@@ -119,7 +120,7 @@ def _inward(fmu: UnzippedFmu) -> list[float]:
 def check_sign(fmu: UnzippedFmu) -> Iterator[str]:
     """A push is answered by a force of the sign that the description calls resisting."""
     told = told_meaning(ElementTree.parse(fmu.folder / "modelDescription.xml").getroot()) or {}
-    inward = _inward(fmu)
+    inward = [Motion(fmu).rest + position for position in slow_push(fmu.sampling_time).tolist()]
     rest = fmu.numbered("start").get(f"{fmu.ports[1]}_offset", 0.0)
     mean = sum(force - rest for force in Instance(fmu, modes(fmu)[-1]).play(inward)) / len(inward)
     if mean * told.get("resisting_sign", 0) < 0:
