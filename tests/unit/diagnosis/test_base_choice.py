@@ -41,7 +41,9 @@ def test_a_base_that_is_named_is_taken_whatever_the_data_ask_for():
 
 
 def test_an_unknown_base_is_refused_with_those_that_there_are():
-    with pytest.raises(InputError, match="'KX'; known are auto, LE, Maxwell, KV, KB, LE-contact"):
+    with pytest.raises(
+        InputError, match="'KX'; known are auto, LE, Maxwell, KV, KB, KV-mass, KB-mass, LE-contact"
+    ):
         diagnose(experiment(TISSUES["LE"]), DiagnosisSettings(base="KX"))
 
 
