@@ -11,9 +11,9 @@ from lumbar.diagnosis.fitting.joint_fit import Fit
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.forward.forward_base import simulated
 from lumbar.diagnosis.forward.forward_fit import EVALUATIONS
-from lumbar.diagnosis.selection.diagnose import Selection
 from lumbar.diagnosis.selection.forward_selection import Candidate, is_adequate
 from lumbar.diagnosis.selection.null_distribution import shipped
+from lumbar.diagnosis.selection.selection import Selection
 from lumbar.models.forward_structure import ForwardStructure
 
 _RIVALS = 5

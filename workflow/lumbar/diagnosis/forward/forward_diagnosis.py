@@ -21,7 +21,6 @@ from lumbar.diagnosis.forward.forward_base import (
     simulated_base,
 )
 from lumbar.diagnosis.forward.sensor import sensor_candidates
-from lumbar.diagnosis.selection.diagnose import Selection
 from lumbar.diagnosis.selection.forward_selection import (
     Candidate,
     evaluate,
@@ -31,6 +30,7 @@ from lumbar.diagnosis.selection.forward_selection import (
 from lumbar.diagnosis.selection.linear_gate import linear_alternative, linear_finding
 from lumbar.diagnosis.selection.null_distribution import shipped
 from lumbar.diagnosis.selection.offsets import offsets
+from lumbar.diagnosis.selection.selection import Selection
 from lumbar.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.effects.motion_sensor import MOTION_SENSOR
