@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "unit"))
 
 from c_programs import loader_program  # noqa: E402
-from effect_entries import COMBINATIONS, effect_entry  # noqa: E402
+from effect_entries import COMBINATIONS, FIVE_EFFECTS, effect_entry  # noqa: E402
 from runtime_models import SETTINGS, models_json, selected  # noqa: E402
 
 from lumbar.fmu.build.compiler import TARGETS, cache_folder, host_target, warm_cache  # noqa: E402
@@ -75,14 +75,6 @@ print(statistics.median(taken))
 
 DEVICE = changed(SETTINGS, rate_Hz=1000.0, moving_average_ms=3.0, start="first_position")
 """What is exported by default."""
-FIVE_EFFECTS = effect_entry(
-    "KB",
-    "delay/pure",
-    "coulomb_friction/stribeck",
-    "hysteresis/bouc_wen",
-    "hardening_stiffness/exponential",
-    "softening/path",
-)
 DAMPING = 2.75
 """Of a passive model's device, N s/m."""
 LIMITS_NS = {"KB": 60, FIVE_EFFECTS["name"]: 150}

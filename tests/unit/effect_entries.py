@@ -107,3 +107,14 @@ COMBINATIONS = (
     ("LE", "hardening_stiffness/exponential", "periodic_disturbance/sine"),
 )
 """Base and forms."""
+
+
+FIVE_EFFECTS = effect_entry(
+    "KB",
+    "delay/pure",
+    "coulomb_friction/stribeck",
+    "hysteresis/bouc_wen",
+    "hardening_stiffness/exponential",
+    "softening/path",
+)
+"""As many effects as a model on a device is likely to have, each of another kind."""

@@ -14,7 +14,7 @@ import fmpy
 import numpy as np
 import pytest
 from c_programs import loader_program, write_sources
-from effect_entries import effect_entry
+from effect_entries import FIVE_EFFECTS, effect_entry
 from runtime_models import SETTINGS, entry, models_json, selected
 
 from lumbar.errors import InputError
@@ -42,15 +42,6 @@ with_qemu = pytest.mark.skipif(
 )
 NONLINEAR = effect_entry(
     "KB", "coulomb_friction/stribeck", "hysteresis/dahl", "softening/path", "periodic_disturbance/sine"
-)
-
-FIVE_EFFECTS = effect_entry(
-    "KB",
-    "delay/pure",
-    "coulomb_friction/stribeck",
-    "hysteresis/bouc_wen",
-    "hardening_stiffness/exponential",
-    "softening/path",
 )
 
 
