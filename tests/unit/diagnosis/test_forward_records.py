@@ -94,7 +94,7 @@ def test_effects_that_are_asked_for_are_added(friction):
         lumbar.refine(records, ["backlash"], base="KV-mass", train="train", forward=True)
 
 
-def test_a_sensor_that_gives_the_absolute_value():
+def test_a_sensor_that_gives_the_absolute_value(tmp_path):
     """Two poles on a random command of two levels; nothing tells the sign but the command."""
     records = []
     for name, seconds, seed in (("train", 16.0, 1), ("other", 8.0, 2)):
@@ -105,8 +105,13 @@ def test_a_sensor_that_gives_the_absolute_value():
         speed = lsim(([1.0], [0.02, 0.25, 1.0]), fine, STEP / 10 * np.arange(len(fine)))[1][::10]
         channels = measured(name, time, command, np.abs(speed) - ZERO, seed)
         records.append(channels)
-    found = lumbar.diagnose(records, train="train", forward=True).verdict
+    diagnosis = lumbar.diagnose(records, train="train", forward=True)
+    found = diagnosis.verdict
     assert (found.verdict, found.selected) == ("named", ("absolute_value",))
+    assert "Diagnosed again" not in str(diagnosis)
+    diagnosis.save(tmp_path, pictures=False)
+    with pytest.raises(InputError, match="linear dynamics behind a sensor"):
+        lumbar.load_models(tmp_path / "refined.json")
     assert found.model.test_rms < 0.03
     assert found.path[0].test_rms > 5 * found.model.test_rms
 

@@ -19,7 +19,8 @@ def add(commands) -> None:
     parser = new_command(
         commands,
         "check",
-        "read recordings and FMUs and describe them, or tell every problem of every file",
+        "read recordings and FMUs and describe them, or tell every problem of every file; the library in an FMU is a program "
+        "and is run, so check only files that you would run",
         "lumbar check recordings/tissue\n  lumbar check --chapter survey survey.csv\n  lumbar check fmu/KB_fmi3.fmu",
     )
     parser.add_argument("paths", type=Path, nargs="+", metavar="FILE|FOLDER")

@@ -42,7 +42,7 @@ def label_of(given: str, records: Iterable[Record]) -> str:
     InputError
         If these are no records.
     """
-    found = records if isinstance(records, str | Path) else list(records)
-    if isinstance(found, str | Path) or not all(isinstance(item, Record) for item in found):
-        raise InputError(f"records is {found!r:.80}: give records, e.g. lumbar.read('recordings')")
+    found: list = [records] if isinstance(records, str | Path) else list(records)
+    if not all(isinstance(item, Record) for item in found):
+        raise InputError(f"records is {records!r:.80}: give records, e.g. lumbar.read('recordings')")
     return data_label(given, (record.source for record in found))

@@ -18,6 +18,8 @@ def check_fmu(
 ) -> list[FileCheck]:
     """Check FMUs: description, library, reference signals and sources must say and do the same.
 
+    The library in an FMU is a program and is run, as every importer does: check only files that you would run.
+
     Parameters
     ----------
     path : path or iterable of path

@@ -48,7 +48,10 @@ def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = repr(content.get("schema")) if isinstance(content, dict) else type(content).__name__
         problems.add("schema", found, f"{SCHEMA!r} is needed; make the file anew with identify or refine")
-    elif not (isinstance(content.get("models"), list) and content["models"]):
+    elif content.get("models") == []:
+        found = "nothing to read: linear dynamics behind a sensor, the only such models, are in diagnosis.json alone"
+        problems.add("models", "none", found)
+    elif not isinstance(content.get("models"), list):
         problems.add("models", repr(content.get("models")), "a list of models is needed")
     problems.raise_if_any()
     models = []

@@ -71,7 +71,7 @@ def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> Verd
         found = _on_all(found, experiment, settings)
     found, linear = _beside_linear(_behind_sensor(found, settings))
     zeros = [replace(item, kind="motion_offset") for item in offsets(found)]
-    return replace(found, findings=(*zeros, *linear))
+    return replace(found, findings=(*zeros, *linear), diagnosed_again=False)
 
 
 def prepared_base(records: list[Record], settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:

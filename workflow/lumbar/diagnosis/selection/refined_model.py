@@ -11,6 +11,7 @@ from lumbar.diagnosis.fitting.uncertainty import derived_estimates, estimates
 from lumbar.diagnosis.selection.forward_selection import Candidate
 from lumbar.errors import NumericalError
 from lumbar.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
+from lumbar.models.bases import BASES
 from lumbar.models.fitted_model import OUTPUT_ERROR, FittedModel, FittedParameter, Port, Scores
 from lumbar.models.models_file import models_document
 from lumbar.signals.motion_range import motion_range
@@ -65,9 +66,10 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
 
 
 def refined_document(path: list[Candidate], experiment: Experiment, data: str) -> dict:
-    """Return the content of ``refined.json``: every model of the path."""
+    """Return the content of ``refined.json``: every model of the path whose base has a name by which it can be read back."""
     floor = None if experiment.floor is None else experiment.floor.rms
-    return models_document([fitted_model(item, experiment) for item in path], data, floor)
+    named = [item for item in path if item.fit.structure.base.name in BASES]
+    return models_document([fitted_model(item, experiment) for item in named], data, floor)
 
 
 def _free_run(fit: Fit, data: FitData) -> tuple[float, float, float]:

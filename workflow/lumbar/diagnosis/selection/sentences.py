@@ -108,10 +108,11 @@ def not_tried(diagnosis: Verdict) -> list[str]:
 
 def _removed_and_left(diagnosis: Verdict) -> str:
     """What is left, in noise floors, then what was removed: 99 % of a large error may leave many times the noise."""
-    removed = f"{100 * diagnosis.explainable_share_removed:.1f} % of the variance that a model could explain"
+    share = f"{100 * diagnosis.explainable_share_removed:.1f} % of the variance"
     floor, model = diagnosis.experiment.floor, diagnosis.model
     if floor is None:
-        return f"The selected effects remove {removed}."
+        return f"The selected effects remove {share} that the best of all models tried removes."
+    removed = f"{share} that a model could explain"
     rms = max(model.train_rms, model.test_rms)
     return (
         f"The error left is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} "
@@ -126,13 +127,12 @@ def _diagnosed_again(diagnosis: Verdict) -> str:
             f"Diagnosed again, {readable(diagnosis.further.effects[-1])} is missing too: with it the error on unseen "
             f"records falls to {diagnosis.further.test_rms:.3g} {unit}."
         )
-    if floor is None:
-        left = "something unexplained is left and " if diagnosis.verdict_after == "unexplained" else ""
-        return f"Diagnosed again, {left}none of the most promising further effects passes."
-    if is_adequate(model, diagnosis.experiment):
+    if floor is not None and is_adequate(model, diagnosis.experiment):
         return "What is left is noise as far as can be told."
-    something = "" if diagnosis.complete else "something unexplained is left and "
-    return f"Diagnosed again, {something}none of the most promising further effects passes."
+    left = "something unexplained is left and " if diagnosis.verdict_after == "unexplained" else ""
+    if not diagnosis.diagnosed_again:
+        return f"{left}no further effect was looked for.".capitalize()
+    return f"Diagnosed again, {left}none of the most promising further effects passes."
 
 
 def runner_up(diagnosis: Verdict) -> Ranked | None:

@@ -73,6 +73,8 @@ class Verdict:
         Forms that need channels which the records do not have, with these channels.
     findings : tuple of Finding
         What is true of the records and is no physical effect.
+    diagnosed_again : bool
+        Whether a further effect was looked for beside those selected.
     """
 
     experiment: Experiment
@@ -86,6 +88,7 @@ class Verdict:
     further: Candidate | None = None
     not_tried: list[tuple[Form, tuple[str, ...]]] = field(default_factory=list)
     findings: tuple[Finding, ...] = ()
+    diagnosed_again: bool = True
 
     @property
     def model(self) -> Candidate:
