@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lumbar.errors import InputError
-from lumbar.lifting.events import find_events, phases
+from lumbar.lifting.events import _lift_off, find_events, phases
 from lumbar.lifting.filtering import filter_markers
 from lumbar.lifting.gaps import fill_gaps
 from lumbar.records.markers import MarkerRecording, read_markers
@@ -267,6 +267,15 @@ def test_a_box_that_slides_first_is_lifted_when_it_rises(settings):
     assert event.time_s == pytest.approx(2.0, abs=0.1)
     assert "it moves from 1.2" in event.how
     assert event.earliest_s <= event.time_s < event.latest_s
+
+
+def test_a_box_that_creeps_up_and_rises_no_further_is_lifted(settings):
+    """It rises by just what makes a lift, most of it too slowly to be told from rest."""
+    recording = scene()
+    for name in ("BOX_1", "BOX_2"):
+        recording[name][:, 2] = 0.3 + 0.019 * ramp(2.0, 4.5) + 0.002 * ramp(4.6, 4.65)
+    event = _lift_off(recording, settings)
+    assert event.earliest_s <= event.time_s < event.latest_s <= 4.7
 
 
 def test_a_box_that_is_taken_down_leaves_when_it_moves(settings):

@@ -196,7 +196,8 @@ def _lift_off(recording: MarkerRecording, settings: EventSettings) -> Event:
     still = np.flatnonzero(climb[moved:high] <= settings.box_rest_m_s)
     onset = moved + int(still[-1]) if still.size else moved
     before = np.flatnonzero(climb[: onset + 1] <= 0)
-    latest = onset + int(np.flatnonzero(height[onset:] >= height[onset] + ONSET * settings.rise_m)[0])
+    rise = height[high] - height[onset]
+    latest = onset + int(np.flatnonzero(height[onset:] >= height[onset] + ONSET * rise)[0])
     slid = recording.time[onset] - recording.time[moved]
     how = (
         f"last instant at which the box rises no faster than {settings.box_rest_m_s:g} m/s before it is {settings.rise_m:g} m "
