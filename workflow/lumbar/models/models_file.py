@@ -49,7 +49,9 @@ def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list
         found = repr(content.get("schema")) if isinstance(content, dict) else type(content).__name__
         problems.add("schema", found, f"{SCHEMA!r} is needed; make the file anew with identify or refine")
     elif content.get("models") == []:
-        needed = "a list of at least one is needed; linear dynamics behind a sensor stand in diagnosis.json alone"
+        needed = (
+            "a list of at least one is needed; linear dynamics behind a sensor stand in diagnosis.json alone"
+        )
         problems.add("models", "no model", needed)
     elif not isinstance(content.get("models"), list):
         problems.add("models", repr(content.get("models")), "a list of models is needed")
