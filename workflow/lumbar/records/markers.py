@@ -142,7 +142,9 @@ def read_markers(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
             f"a trajectory needs at least {minimum_frames}"
         )
-    matrix = _metres_per_unit(file, layout.unit) * rotation_to_standard(layout.up, layout.forward)
+    matrix = metres_per_unit(file.source, file.unit, layout.unit) * rotation_to_standard(
+        layout.up, layout.forward
+    )
     points = {label: values @ matrix.T for label, values in file.positions.items()}
     model_points = {label: values @ matrix.T for label, values in file.model_points.items()}
     _check_spread(points, file)
@@ -181,20 +183,34 @@ def _read_file(path: Path) -> MarkerFile:
     )
 
 
-def _metres_per_unit(file: MarkerFile, declared: str) -> float:
-    """Factor to metres; a declared unit must not contradict the one the file states."""
-    stated = _UNIT_NAMES.get(file.unit.strip().lower())
+def metres_per_unit(source: str, unit: str, declared: str) -> float:
+    """Return the factor to metres; a declared unit must not contradict the one the file states.
+
+    Parameters
+    ----------
+    source : str
+        File, for messages.
+    unit : str
+        Unit of length that the file states; empty where it states none.
+    declared : str
+        ``markers.unit`` of the layout.
+
+    Raises
+    ------
+    InputError
+        No unit is known, or the two differ.
+    """
+    stated = _UNIT_NAMES.get(unit.strip().lower())
     if declared != "file" and declared not in METRES:
         raise InputError(f"markers.unit is {declared!r}; allowed are file, {', '.join(METRES)}")
     if declared == "file":
         if stated is None:
-            found = f"states the unit {file.unit!r}" if file.unit.strip() else "states no unit"
-            raise InputError(f"{file.source}: the file {found}; set markers.unit to {', '.join(METRES)}")
+            found = f"states the unit {unit!r}" if unit.strip() else "states no unit"
+            raise InputError(f"{source}: the file {found}; set markers.unit to {', '.join(METRES)}")
         return METRES[stated]
     if stated is not None and stated != declared:
         raise InputError(
-            f"{file.source}: the file states {file.unit!r} but markers.unit is {declared!r}; "
-            "set markers.unit to file"
+            f"{source}: the file states {unit!r} but markers.unit is {declared!r}; set markers.unit to file"
         )
     return METRES[declared]
 
