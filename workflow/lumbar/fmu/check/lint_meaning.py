@@ -8,7 +8,7 @@ from html import unescape
 from xml.etree.ElementTree import Element
 
 from lumbar.fmu.build.description import ANNOTATION
-from lumbar.models.fitted_model import MotionRange
+from lumbar.models.model_data import MotionRange
 
 _ROOT = ("description", "author", "version", "license", "generationTool")
 _NUMBERS = ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")
