@@ -12,7 +12,10 @@ from lumbar.errors import InputError, Problems
 
 LARGEST_SIZE, MOST_ENTRIES, DEEPEST = 1_000_000, 100_000, 40
 """Bytes, entries with every alias written out, and levels of nesting of a configuration file."""
+_MOST_DIGITS = 100
+"""Digits of a whole number; any more cannot be computed with."""
 _PLAIN = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+_INTEGER = "tag:yaml.org,2002:int"
 
 
 @dataclass(frozen=True)
@@ -80,10 +83,19 @@ class _YamlReader:
         self.seen.add(id(node))
         if isinstance(node, ScalarNode):
             try:
-                return self.loader.construct_object(node)
+                value = self.loader.construct_object(node)
             except ConstructorError as error:
                 self._problem(way, str(error.problem))
                 return None
+            except ValueError:
+                if node.tag != _INTEGER:
+                    raise
+                value = 10**_MOST_DIGITS  # more digits than Python reads
+            if isinstance(value, int) and abs(value) >= 10**_MOST_DIGITS:
+                found = f"a number of {len(node.value)} digits"
+                self._problem(way, found, f"numbers have at most {_MOST_DIGITS} digits")
+                return None
+            return value
         if node.tag not in _PLAIN:
             self._problem(way, f"tag {node.tag!r}", "tags are not read here")
             return None
