@@ -201,7 +201,8 @@ def _exchange_findings(
             usual = length(straight, exchange.first, mate, slice(None)) * 1e3
             there = length(points, exchange.first, mate, stretch) * 1e3
             mended = length(points, exchange.second, mate, stretch) * 1e3
-            evidence += f"; {exchange.first} is {usual:.0f} mm from {mate}, here {there:.0f} mm, with labels exchanged {mended:.0f} mm"
+            evidence += f"; {exchange.first} is {usual:.0f} mm from {mate}, here {there:.0f} mm"
+            evidence += f", with labels exchanged {mended:.0f} mm"
         findings.append(
             clock.finding(
                 "exchanged", PROPOSED, pair, evidence, "their labels are exchanged in these frames", stretch
