@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
-from lumbar.lifting.events import Event, box_centre
+from lumbar.errors import InputError
+from lumbar.lifting.events import Event, carried_object
 from lumbar.lifting.segments import COMS, MID_HIP, SegmentTable
 from lumbar.records.markers import MarkerRecording
 
@@ -62,28 +62,28 @@ def segment_centres(recording: MarkerRecording, table: SegmentTable) -> dict[str
     Returns
     -------
     dict of str to ndarray, shape (n, 3)
-        Metres, by segment; NaN where a landmark was not seen.
-
-    Raises
-    ------
-    InputError
-        Naming all landmarks that the recording lacks.
+        Metres, by segment; NaN where a landmark was not seen. Segments of `absent_segments` are left out.
     """
-    problems = Problems(recording.source or recording.name)
-    for name in table.landmarks:
-        if name not in recording:
-            problems.add(
-                f"marker {name}",
-                recording.absent.get(name, "not in the recording"),
-                f"segment table {table.name} needs it; name its label, or a rule for it, in "
-                "lifting.markers.aliases",
-            )
-    problems.raise_if_any()
-    centres = {}
+    absent, centres = absent_segments(recording, table), {}
     for segment in table.segments:
-        proximal, distal = landmark(recording, segment.proximal), landmark(recording, segment.distal)
-        centres[segment.name] = proximal + segment.com_share * (distal - proximal)
+        if segment.name not in absent:
+            proximal, distal = landmark(recording, segment.proximal), landmark(recording, segment.distal)
+            centres[segment.name] = proximal + segment.com_share * (distal - proximal)
     return centres
+
+
+def absent_segments(recording: MarkerRecording, table: SegmentTable) -> dict[str, str]:
+    """Segments of a table whose landmarks a recording lacks, each with what is missing and why."""
+    absent = {}
+    for segment in table.segments:
+        ends = replace(table, segments=(segment,)).landmarks
+        lacking = [name for name in ends if name not in recording]
+        if lacking:
+            reasons = [f"{name} ({recording.absent.get(name, 'not in the recording')})" for name in lacking]
+            absent[segment.name] = (
+                f"no marker {', '.join(reasons)}: name its label, or a rule for it, in lifting.markers.aliases"
+            )
+    return absent
 
 
 def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, float]:
@@ -116,7 +116,8 @@ def centres_of_mass(
 ) -> dict[str, CentreOfMass]:
     """Centres of mass of the trunk over the whole recording.
 
-    The box counts as a point mass at the centre of its markers, carried from lift-off to release.
+    The box counts as a point mass at the centre of its markers, or of the hands where it has none, carried from
+    lift-off to release.
 
     Parameters
     ----------
@@ -133,24 +134,31 @@ def centres_of_mass(
     Returns
     -------
     dict of str to CentreOfMass
-        By `lumbar.lifting.segments.COMS`.
+        By `lumbar.lifting.segments.COMS`, as far as the recording has their landmarks. Where neither box nor hands are
+        seen while it is held, it is not known where they are with the box: NaN.
     """
     segments = segment_centres(recording, table)
     carried = box_shares(table, box_mass, share)
-    held = (recording.time >= events["lift_off"].time_s) & (recording.time <= events["release"].time_s)
-    box = box_centre(recording) if box_mass > 0 else None
-    if box_mass > 0 and box is None:
-        raise InputError(
-            f"{recording.source}: no box markers (BOX_1, ...), so the centre of mass with a box of "
-            f"{box_mass:g} kg is "
-            "not known; name their labels in lifting.markers.aliases, or set box_mass_kg to 0"
-        )
+    held = held_frames(recording.time, events)
+    box, _ = carried_object(recording)
+    if box is None:
+        box = np.full((len(recording), 3), np.nan)
     result = {}
     for segment in table.segments:
+        if segment.name not in segments:
+            continue
         mass, position = segment.mass_share * body_mass, segments[segment.name]
         total = mass + carried[segment.name]
         with_box = position.copy()
-        if box is not None:
+        if box_mass > 0:
             with_box[held] = (mass * position[held] + carried[segment.name] * box[held]) / total
         result[segment.name] = CentreOfMass(segment.name, position, with_box, mass, total)
-    return {name: result[name] for name in COMS}
+    return {name: result[name] for name in COMS if name in result}
+
+
+def held_frames(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
+    """Whether the box is held, shape (n,): from lift-off to release, as far as there are such events."""
+    start, stop = (events[name].time_s for name in ("lift_off", "release"))
+    if start is None and stop is None:
+        return np.zeros(len(time), dtype=bool)
+    return (time >= (time[0] if start is None else start)) & (time <= (time[-1] if stop is None else stop))

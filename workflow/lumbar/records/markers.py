@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.records.marker_file import MarkerFile
+from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.settings.layout import MarkerLayout
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -65,6 +65,10 @@ class MarkerRecording:
         Aliases that are not required and were not found, with the reason.
     unused : tuple of str
         Markers of the file that no alias names.
+    events : tuple of RecordedEvent
+        Events that the file holds (C3D), in the order of time.
+    notes : tuple of str
+        What the file contradicts itself in without harm to a coordinate.
     """
 
     name: str
@@ -76,6 +80,8 @@ class MarkerRecording:
     derived: dict[str, str] = field(default_factory=dict)
     absent: dict[str, str] = field(default_factory=dict)
     unused: tuple[str, ...] = ()
+    events: tuple[RecordedEvent, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, marker: str) -> np.ndarray:
         """Positions of one marker, shape (n_frames, 3), in metres."""
@@ -155,6 +161,8 @@ def read_markers(
         derived=resolved.derived,
         absent=resolved.absent,
         unused=resolved.unused,
+        events=file.events,
+        notes=file.notes,
     )
 
 
