@@ -8,7 +8,9 @@ import numpy as np
 
 from lumbar.errors import InputError, Problems
 from lumbar.lifting.events import Event, box_centre
-from lumbar.lifting.segments import COMS, MID_HIP, SegmentTable
+from lumbar.lifting.joint_centres import unit
+from lumbar.lifting.segments import COMS, SegmentTable
+from lumbar.lifting.trunk_points import TrunkPoints
 from lumbar.records.markers import MarkerRecording
 
 SHARES = ("by_mass", "whole")
@@ -41,49 +43,52 @@ class CentreOfMass:
     mass_with_box_kg: float
 
 
-def landmark(recording: MarkerRecording, name: str) -> np.ndarray:
-    """Trajectory of a marker, or of the midpoint of the hips, shape (n, 3) in metres."""
-    if name == MID_HIP:
-        return (recording["L_HIP"] + recording["R_HIP"]) / 2
-    return recording[name]
-
-
-def segment_centres(recording: MarkerRecording, table: SegmentTable) -> dict[str, np.ndarray]:
+def segment_centres(points: TrunkPoints, table: SegmentTable, source: str = "") -> dict[str, np.ndarray]:
     """Centre of mass of each trunk segment.
 
-    It lies on the line from the segment's proximal to its distal landmark, at the table's share of the
-    distance.
+    It lies on the line from the segment's proximal to its distal end, at the table's share of the distance, or ahead
+    of that line by another share.
 
     Parameters
     ----------
-    recording : MarkerRecording
+    points : TrunkPoints
+        Ends of the segments.
     table : SegmentTable
+    source : str
+        File, for messages.
 
     Returns
     -------
     dict of str to ndarray, shape (n, 3)
-        Metres, by segment; NaN where a landmark was not seen.
+        Metres, by segment; NaN where a marker was not seen.
 
     Raises
     ------
     InputError
-        Naming all landmarks that the recording lacks.
+        Naming all ends that the recording lacks.
     """
-    problems = Problems(recording.source or recording.name)
-    for name in table.landmarks:
-        if name not in recording:
+    problems = Problems(source or "segments")
+    for name in table.ends:
+        if name not in points:
             problems.add(
-                f"marker {name}",
-                recording.absent.get(name, "not in the recording"),
-                f"segment table {table.name} needs it; name its label, or a rule for it, in "
+                name,
+                points.missing.get(name, "not in the recording"),
+                f"segment table {table.name} needs it; name its marker's label, or a rule for it, in "
                 "lifting.markers.aliases",
             )
     problems.raise_if_any()
     centres = {}
     for segment in table.segments:
-        proximal, distal = landmark(recording, segment.proximal), landmark(recording, segment.distal)
-        centres[segment.name] = proximal + segment.com_share * (distal - proximal)
+        proximal, line = points[segment.proximal], points[segment.distal] - points[segment.proximal]
+        forward = unit(np.cross(-line, points.right)) * np.linalg.norm(line, axis=1, keepdims=True)
+        centres[segment.name] = proximal + segment.com_share * line + segment.forward_share * forward
     return centres
+
+
+def trunk_centre(centres: dict[str, np.ndarray], table: SegmentTable) -> np.ndarray:
+    """Common centre of mass of the segments, shape (n, 3) in metres."""
+    mass = {segment.name: segment.mass_share for segment in table.segments}
+    return sum(mass[name] * centres[name] for name in centres) / sum(mass[name] for name in centres)
 
 
 def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, float]:
@@ -108,6 +113,7 @@ def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, fl
 
 def centres_of_mass(
     recording: MarkerRecording,
+    points: TrunkPoints,
     table: SegmentTable,
     body_mass: float,
     box_mass: float,
@@ -122,6 +128,8 @@ def centres_of_mass(
     ----------
     recording : MarkerRecording
         Filtered.
+    points : TrunkPoints
+        Ends of the segments.
     table : SegmentTable
     body_mass, box_mass : float
         Kilograms.
@@ -135,7 +143,7 @@ def centres_of_mass(
     dict of str to CentreOfMass
         By `lumbar.lifting.segments.COMS`.
     """
-    segments = segment_centres(recording, table)
+    segments = segment_centres(points, table, recording.source or recording.name)
     carried = box_shares(table, box_mass, share)
     held = (recording.time >= events["lift_off"].time_s) & (recording.time <= events["release"].time_s)
     box = box_centre(recording) if box_mass > 0 else None

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.lifting.centre_of_mass import CentreOfMass, centres_of_mass, landmark
+from lumbar.lifting.centre_of_mass import CentreOfMass, centres_of_mass
 from lumbar.lifting.events import EVENTS, TOES, Event, box_centre, find_events, phases, speed, wrist_centre
 from lumbar.lifting.filtering import filter_markers
 from lumbar.lifting.gaps import Gap, fill_gaps
 from lumbar.lifting.pendulum_states import PendulumStates, heading, pendulum_states, pivot_trajectory, turn
-from lumbar.lifting.segments import MID_HIP, SegmentTable, segment_table
+from lumbar.lifting.segments import SegmentTable, segment_table
+from lumbar.lifting.trunk_points import INNER, TrunkPoints, trunk_points
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.plain import plain
 
@@ -38,9 +39,13 @@ class AnalysedLift:
         E.g. ``"expert_23kg"``.
     recording : MarkerRecording
         Gaps filled, filtered, in the axes of the planes.
+    complete : MarkerRecording
+        Gaps filled, not filtered, in the same axes.
     gaps : list of Gap
     events : dict of str to Event
     table : SegmentTable
+    points : TrunkPoints
+        Ends of the segments.
     centres : dict of str to CentreOfMass
     pivot : ndarray, shape (n, 3)
         Metres.
@@ -52,9 +57,11 @@ class AnalysedLift:
 
     name: str
     recording: MarkerRecording
+    complete: MarkerRecording
     gaps: list[Gap]
     events: dict[str, Event]
     table: SegmentTable
+    points: TrunkPoints
     centres: dict[str, CentreOfMass]
     pivot: np.ndarray
     heading: float
@@ -96,11 +103,12 @@ def analyse_lift(
     start, stop = events["deposit_start"].time_s, events["release"].time_s
     angle = _frame_angle(smooth, settings.frame, start)
     if angle:
-        smooth = _turned(smooth, angle)
+        smooth, complete = _turned(smooth, angle), _turned(complete, angle)
     table = segment_table(settings.segments, subject.sex)
     box = settings.box
-    centres = centres_of_mass(smooth, table, subject.mass_kg, trial.box_mass_kg, box.share, events)
-    pivot = pivot_trajectory(smooth, settings.pivot)
+    points = trunk_points(smooth, settings.segment_ends, settings.hip_centres, subject.sex)
+    centres = centres_of_mass(smooth, points, table, subject.mass_kg, trial.box_mass_kg, box.share, events)
+    pivot = pivot_trajectory(smooth, points, settings.pivot)
     states = {}
     for com, centre in centres.items():
         position = centre.position_with_box if box.in_position else centre.position
@@ -108,7 +116,7 @@ def analyse_lift(
             smooth.time, position - pivot, start, stop, settings.points, f"{recording.source}, {com}"
         )
         states.update({(com, plane): values for plane, values in planar.items()})
-    return AnalysedLift(name, smooth, gaps, events, table, centres, pivot, angle, states)
+    return AnalysedLift(name, smooth, complete, gaps, events, table, points, centres, pivot, angle, states)
 
 
 def _frame_angle(recording: MarkerRecording, frame: str, time: float) -> float:
@@ -202,7 +210,7 @@ def landmarks_frame(lift: AnalysedLift) -> pd.DataFrame:
         points = dict(lift.recording.positions)
         points.update({f"COM_{com}": centre.position for com, centre in lift.centres.items()})
         points["PIVOT"] = lift.pivot
-        points[MID_HIP] = landmark(lift.recording, MID_HIP)
+        points.update({name: point.position for name, point in lift.points.points.items()})
         rows += [
             (event, float(lift.recording.time[at]), name, *positions[at])
             for name, positions in points.items()
@@ -246,9 +254,11 @@ def summary(
             "table": lift.table.name,
             "source": lift.table.source,
             "ends": {segment.name: [segment.proximal, segment.distal] for segment in lift.table.segments},
+            "points": {name: lift.points.points[name].rule for name in lift.table.ends},
+            "off_mm": {name: lift.points.points[name].off_mm for name in lift.table.ends},
         },
         "events": {name: event.method for name, event in lift.events.items()},
-        "assumptions": assumptions(lift, subject, trial),
+        "assumptions": assumptions(lift, subject, trial, settings),
     }
 
 
@@ -256,13 +266,17 @@ def _shown(value) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def assumptions(lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings) -> list[str]:
+def assumptions(
+    lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
+) -> list[str]:
     """Say in sentences what behind the result was not measured."""
     values = {**plain(subject), **plain(trial)}
     said = [
         f"{key} = {_shown(values[key])} is assumed" if key in values else f"{key} is assumed"
         for key in subject.assumed
     ]
+    if settings.segment_ends == INNER:
+        said += lift.points.on_skin(lift.table.ends)
     said += [f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())]
     said += [
         f"{name} is set by hand: {event.how}"
