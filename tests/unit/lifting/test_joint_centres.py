@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lumbar.errors import InputError
-from lumbar.lifting.centre_of_mass import segment_centres, trunk_centre
+from lumbar.lifting.centre_of_mass import absent_segments, segment_centres, trunk_centre
 from lumbar.lifting.joint_centres import (
     cervical_centre,
     hara_hips,
@@ -168,8 +168,11 @@ def test_the_sacrum_stands_for_both_psis_and_c7_for_t8_and_it_is_said():
 def test_a_point_without_any_of_its_markers_is_missing_with_both_reasons():
     points = trunk_points(body("C7", "MANUBRIUM"), "inner", "harrington", "male")
     assert points.missing["C7T1"] == "no marker C7, MANUBRIUM; no marker C7"
-    with pytest.raises(InputError, match="C7T1: no marker C7, MANUBRIUM"):
-        segment_centres(points, WINTER, "hand.c3d")
+    assert absent_segments(points, WINTER)["thorax"].startswith(
+        "no C7T1 (no marker C7, MANUBRIUM; no marker C7)"
+    )
+    with pytest.raises(InputError, match="no centre of mass of thorax"):
+        trunk_centre(segment_centres(points, WINTER), WINTER)
 
 
 def test_haras_hips_need_the_ankles():

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.records.marker_file import MarkerFile
+from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.settings.layout import MarkerLayout
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -65,6 +65,10 @@ class MarkerRecording:
         Aliases that are not required and were not found, with the reason.
     unused : tuple of str
         Markers of the file that no alias names.
+    events : tuple of RecordedEvent
+        Events that the file holds (C3D), in the order of time.
+    notes : tuple of str
+        What the file contradicts itself in without harm to a coordinate.
     """
 
     name: str
@@ -76,6 +80,8 @@ class MarkerRecording:
     derived: dict[str, str] = field(default_factory=dict)
     absent: dict[str, str] = field(default_factory=dict)
     unused: tuple[str, ...] = ()
+    events: tuple[RecordedEvent, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, marker: str) -> np.ndarray:
         """Positions of one marker, shape (n_frames, 3), in metres."""
@@ -136,7 +142,9 @@ def read_markers(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
             f"a trajectory needs at least {minimum_frames}"
         )
-    matrix = _metres_per_unit(file, layout.unit) * rotation_to_standard(layout.up, layout.forward)
+    matrix = metres_per_unit(file.source, file.unit, layout.unit) * rotation_to_standard(
+        layout.up, layout.forward
+    )
     points = {label: values @ matrix.T for label, values in file.positions.items()}
     model_points = {label: values @ matrix.T for label, values in file.model_points.items()}
     _check_spread(points, file)
@@ -155,6 +163,8 @@ def read_markers(
         derived=resolved.derived,
         absent=resolved.absent,
         unused=resolved.unused,
+        events=file.events,
+        notes=file.notes,
     )
 
 
@@ -173,20 +183,34 @@ def _read_file(path: Path) -> MarkerFile:
     )
 
 
-def _metres_per_unit(file: MarkerFile, declared: str) -> float:
-    """Factor to metres; a declared unit must not contradict the one the file states."""
-    stated = _UNIT_NAMES.get(file.unit.strip().lower())
+def metres_per_unit(source: str, unit: str, declared: str) -> float:
+    """Return the factor to metres; a declared unit must not contradict the one the file states.
+
+    Parameters
+    ----------
+    source : str
+        File, for messages.
+    unit : str
+        Unit of length that the file states; empty where it states none.
+    declared : str
+        ``markers.unit`` of the layout.
+
+    Raises
+    ------
+    InputError
+        No unit is known, or the two differ.
+    """
+    stated = _UNIT_NAMES.get(unit.strip().lower())
     if declared != "file" and declared not in METRES:
         raise InputError(f"markers.unit is {declared!r}; allowed are file, {', '.join(METRES)}")
     if declared == "file":
         if stated is None:
-            found = f"states the unit {file.unit!r}" if file.unit.strip() else "states no unit"
-            raise InputError(f"{file.source}: the file {found}; set markers.unit to {', '.join(METRES)}")
+            found = f"states the unit {unit!r}" if unit.strip() else "states no unit"
+            raise InputError(f"{source}: the file {found}; set markers.unit to {', '.join(METRES)}")
         return METRES[stated]
     if stated is not None and stated != declared:
         raise InputError(
-            f"{file.source}: the file states {file.unit!r} but markers.unit is {declared!r}; "
-            "set markers.unit to file"
+            f"{source}: the file states {unit!r} but markers.unit is {declared!r}; set markers.unit to file"
         )
     return METRES[declared]
 

@@ -59,9 +59,10 @@ class GapSettings:
         "Longest gap that a cubic spline bridges; 0 bridges none.", default=0.2, unit="s", ge=0, le=1
     )
     longer: Literal["error", "keep"] = key(
-        "What becomes of longer gaps and of those at the start or end: error refuses the recording, "
-        "keep leaves them open.",
-        default="error",
+        "What becomes of longer gaps and of those at the start or end: keep leaves them open, and what cannot be computed "
+        "for them is left out with its reason; error refuses a recording with such a gap between the first and the last "
+        "event in a marker that the pendulums need.",
+        default="keep",
     )
 
 
@@ -122,6 +123,13 @@ class EventSettings:
         unit="m",
         gt=0,
         le=1,
+    )
+    hands_rise_m: float = key(
+        "Rise of the hands that is a lift, where there are no markers on the box and the hands stand for it.",
+        default=0.25,
+        unit="m",
+        gt=0,
+        le=2,
     )
     stay_s: float = key(
         "How long the box must not go down for a stay: the deposit starts at the end of the last one, or of the last rise.",

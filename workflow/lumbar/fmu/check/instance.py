@@ -7,7 +7,7 @@ from functools import cached_property
 from itertools import count
 from pathlib import Path
 
-from lumbar.fmu.build.extras import REFERENCE
+from lumbar.fmu.agreed import REFERENCE
 
 _NUMBERS = count()
 
