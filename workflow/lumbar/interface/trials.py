@@ -38,11 +38,11 @@ def trial_of(
     if isinstance(trial, TrialSettings) or not subject.trials:
         if isinstance(trial, str):
             raise InputError(f"{subject.name} has no trials, so none is named {trial!r}")
-        if trial is None and box_mass_kg is None:
-            raise InputError(f"{subject.name} has no trials: give the mass of the box")
-        chosen = trial or TrialSettings(box_mass_kg=box_mass_kg, markers=markers.name)
-        if box_mass_kg is not None:
-            chosen = replace(chosen, box_mass_kg=box_mass_kg)
+        if trial is None:
+            if box_mass_kg is None:
+                raise InputError(f"{subject.name} has no trials: give the mass of the box")
+            trial = TrialSettings(box_mass_kg=box_mass_kg, markers=markers.name)
+        chosen = trial if box_mass_kg is None else replace(trial, box_mass_kg=box_mass_kg)
         return f"{subject.name}_{chosen.box_mass_kg:g}kg", chosen
     lifts = lift_names(subject)
     if trial is not None:
