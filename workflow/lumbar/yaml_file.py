@@ -165,8 +165,8 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
     if len(raw) > LARGEST_SIZE:
         problems.add(name, f"{len(raw)} bytes", f"at most {LARGEST_SIZE} are read")
         return YamlFile(name)
-    loader = yaml.SafeLoader(text)
     try:
+        loader = yaml.SafeLoader(text)
         reader = _YamlReader(loader, name, problems, anchors)
         node = loader.get_single_node()
         content = reader.read(node) if node is not None else {}
@@ -174,6 +174,9 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
         mark = error.problem_mark or error.context_mark
         said = " ".join(filter(None, (error.context, error.problem)))
         problems.add(f"{name}, line {mark.line + 1}" if mark else name, f"not valid YAML: {said}")
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        problems.add(f"{name}, line {line}", f"character #x{error.character:02x}", "files of text have none")
     except (yaml.YAMLError, ValueError) as error:
         problems.add(name, f"not valid YAML: {error}")
     except (_TooMuch, RecursionError):

@@ -133,7 +133,7 @@ _LONGEST_LINE = 1_000_000
 """Characters of one line."""
 
 
-def _opened(path: Path) -> io.BufferedIOBase:
+def _opened(path: Path) -> io.BytesIO | io.BufferedReader:
     """Bytes of a file, unpacked."""
     return io.BytesIO(unpack(path.read_bytes(), path)) if path.suffix == ".gz" else path.open("rb")
 
