@@ -346,7 +346,8 @@ def summary(
         "schema": "lumbar.pendulum/1",
         "lift": lift.name,
         "subject": subject.name,
-        "experience": subject.experience,
+        # A study's lifts have none: its tables label people, so that another label calls for no lift again.
+        **({"experience": subject.experience} if subject.experience else {}),
         "sex": subject.sex,
         "body_mass_kg": subject.mass_kg,
         "box_mass_kg": trial.box_mass_kg,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.errors import InputError, Problems
-from lumbar.records.force_plates import UNLOADED_N, ForcePlate
+from lumbar.records.force_plate import UNLOADED_N, ForcePlate
 from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.record import LARGEST
 from lumbar.settings.layout import MarkerLayout

@@ -79,7 +79,7 @@ MarkerName = Annotated[str, Each(pattern="^[A-Z][A-Z0-9_]*$")]
 
 @settings
 class MarkerLayout:
-    """How marker files (C3D, TRC) are read."""
+    """How marker files (C3D, TRC, CSV) are read."""
 
     unit: Literal["file", "m", "cm", "mm"] = key(
         "Unit of length: file takes the one the file states; any other one must not contradict it.",
@@ -98,6 +98,12 @@ class MarkerLayout:
         "Whether up, forward and left/right are compared with the body; false where the person turns round or lies "
         "down.",
         default=True,
+    )
+    rate_Hz: float | None = key(
+        "Frames per second of a CSV file that has no times; null takes them from the file.",
+        default=None,
+        unit="Hz",
+        gt=0,
     )
     aliases: dict[MarkerName, Alias | None] = key(
         "Standard name to what fills it: a label, alternatives, {mean}, {between, share} or {from, offset_m}; null takes "
