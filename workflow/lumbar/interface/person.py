@@ -241,10 +241,10 @@ def basins(
     >>> exact_alone = StabilitySettings(knots=51, proof=None, sum_of_squares=None, thesis_method=None)
     >>> basins = lumbar.basins(lift, settings=exact_alone)
     >>> print(basins)
-    thorax, lateral_bending, hanging: 0.2151 rad²/s on average, 0.3418 at first
-    thorax, flexion_extension, hanging: 0.2151 rad²/s on average, 0.3417 at first
-    thorax, lateral_bending, inverted: 0.4437 rad²/s on average, 0.6072 at first
-    thorax, flexion_extension, inverted: 0.44 rad²/s on average, 0.5818 at first
+    thorax, lateral_bending, hanging: 0.2194 rad²/s on average, 0.3508 at first
+    thorax, flexion_extension, hanging: 0.2186 rad²/s on average, 0.3491 at first
+    thorax, lateral_bending, inverted: 0.4545 rad²/s on average, 0.6201 at first
+    thorax, flexion_extension, inverted: 0.4301 rad²/s on average, 0.5512 at first
     """
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
