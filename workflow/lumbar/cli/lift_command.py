@@ -25,11 +25,12 @@ def add(commands) -> None:
 
 
 def run(options) -> None:
-    """Analyse the lift, write its pendulums, print its events."""
+    """Analyse the lift, write its pendulums, print its events and the checks of its centres of mass."""
     from lumbar.interface.person import lift
 
     settings, data = load_settings(*options.config).lifting, options.data or options.markers.name
     found = lift(options.markers, options.subject, options.box_mass, settings=settings, data=data)
     found.save(options.output)
     print(found)
+    print("\n".join(found.checks))
     print(f"pendulum.csv and pendulum.json are in {options.output}")
