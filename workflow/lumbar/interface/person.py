@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
 from lumbar.interface.data_label import NOT_SAID, data_label
-from lumbar.interface.trials import trial_of
+from lumbar.interface.trials import static_of, trial_of
 from lumbar.lifting import lift as lifting
+from lumbar.lifting.rigid_filling import BodyFilling
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
 from lumbar.settings.seed import SEED
@@ -20,8 +21,10 @@ from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
+    from lumbar.settings.layout import MarkerLayout
     from lumbar.stability.basins import LiftBasins
     from lumbar.stability.model.failures import Failure
     from lumbar.stability.model.trajectory import Trajectory
@@ -35,6 +38,7 @@ def lift(
     trial: TrialSettings | str | None = None,
     name: str | None = None,
     settings: LiftingSettings | None = None,
+    static: str | os.PathLike | None = None,
     data: str = "",
 ) -> Lift:
     """Find the events, centres of mass and pendulum states of one lift.
@@ -53,6 +57,8 @@ def lift(
     name : str, optional
         Name of the lift; default that of the trial, as in a study.
     settings : LiftingSettings, optional
+    static : path, optional
+        Marker file of a static trial; default the subject's, looked for below the folder that the trial's file lies below.
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
@@ -82,14 +88,24 @@ def lift(
     settings = settings or LiftingSettings()
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
     name = name or found
-    recording = read_markers(markers, settings.markers, name=name)
+    static = static or static_of(subject, trial, Path(markers))
+    bodies = BodyFilling(settings, None if static is None else labelled_markers(static, settings.markers))
+    recording = read_markers(markers, settings.markers, name=name, mend=bodies)
     return Lift(
-        lifting.analyse_lift(recording, name, subject, trial, settings),
+        lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps),
         subject,
         trial,
         settings,
         data_label(data, [recording.source]),
     )
+
+
+def labelled_markers(path: str | os.PathLike, layout: MarkerLayout) -> dict[str, np.ndarray]:
+    """Markers of a file by their own labels, in metres and standard axes; of one frame at least."""
+    from lumbar.records.markers import read_markers
+
+    bare = replace(layout, aliases={}, required=None, check_axes=False)
+    return read_markers(path, bare, minimum_frames=1).positions
 
 
 def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:

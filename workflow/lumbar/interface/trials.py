@@ -85,3 +85,25 @@ def _recorded_in(lifts: dict[str, TrialSettings], markers: Path) -> dict[str, Tr
     lengths = {name: shared(trial) for name, trial in lifts.items()}
     longest = max(lengths.values())
     return {name: lifts[name] for name, length in lengths.items() if length == longest > 0}
+
+
+def static_of(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> Path | None:
+    """Return the file of the subject's static trial, which lies below the same folder as the trial's; None without one.
+
+    Raises
+    ------
+    InputError
+        Naming the places where it was looked for.
+    """
+    if subject.static is None:
+        return None
+    path, parts = markers.resolve(), Path(trial.markers).parts
+    root = path.parents[len(parts) - 1] if path.parts[-len(parts) :] == parts else path.parent
+    places = [root / subject.static, path.parent / Path(subject.static).name]
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        raise InputError(
+            f"subject.static of {subject.name} is {subject.static}, and there is no file "
+            + " or ".join(map(str, dict.fromkeys(places)))
+        )
+    return found

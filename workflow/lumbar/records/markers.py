@@ -19,6 +19,7 @@ before them; BOX_1, BOX_2 and so on for markers on the box.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -105,6 +106,7 @@ def read_markers(
     layout: MarkerLayout | None = None,
     name: str | None = None,
     minimum_frames: int = 2,
+    mend: Callable[[dict[str, np.ndarray], np.ndarray], dict[str, np.ndarray]] | None = None,
 ) -> MarkerRecording:
     """Read a C3D or TRC file.
 
@@ -118,6 +120,9 @@ def read_markers(
         Name of the recording; default the file's stem.
     minimum_frames : int
         1 accepts a static pose of one frame; a trajectory needs at least 2.
+    mend : callable, optional
+        Takes all markers by their labels in the file (metres, standard axes) and the time, and returns them mended:
+        before rules derive further points from them.
 
     Returns
     -------
@@ -146,6 +151,8 @@ def read_markers(
     points = {label: values @ matrix.T for label, values in file.positions.items()}
     model_points = {label: values @ matrix.T for label, values in file.model_points.items()}
     _check_spread(points, file)
+    if mend is not None:
+        points = mend(points, file.time)
     resolved = resolve_aliases(
         layout.aliases, points, model_points, file.dropped, file.source, layout.required
     )
