@@ -8,6 +8,25 @@ from pathlib import Path
 from lumbar.errors import InputError
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
+MARKER_FILES = (".c3d", ".trc")
+"""Endings of marker files in a folder; a table may be anything, and is named by itself."""
+
+
+def marker_files(folder: Path) -> list[Path]:
+    """Marker files in a folder and the folders below it, in order of their paths.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    files = sorted(
+        path for path in folder.rglob("*") if path.suffix.lower() in MARKER_FILES and path.is_file()
+    )
+    if not files:
+        raise InputError(f"{folder}: no marker file ({', '.join(MARKER_FILES)}) in this folder")
+    return files
+
 
 def trial_of(
     subject: SubjectSettings,
