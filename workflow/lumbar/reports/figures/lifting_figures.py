@@ -305,7 +305,8 @@ def _without_deposit(lift: dict):
 
 
 def _end_name(end: str) -> str:
-    return "mid-hip" if end == "MID_HIP" else end
+    named = {"C7T1": "C7/T1", "T12L1": "T12/L1", "L4L5": "L4/L5", "L5S1": "L5/S1", "MID_HIP": "mid-hip"}
+    return named.get(end, "xiphoid's level")
 
 
 def _torso_marker(axis, marker: str, point, horizontal: int) -> None:
