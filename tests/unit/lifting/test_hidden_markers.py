@@ -55,7 +55,7 @@ def squat(shared):
 
 @pytest.fixture(scope="module")
 def settings():
-    return LiftingSettings(markers=SQUAT)
+    return LiftingSettings(markers=SQUAT, segment_ends="skin")
 
 
 @pytest.mark.parametrize("longer", ["keep", "error"])
