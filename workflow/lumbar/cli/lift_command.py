@@ -40,7 +40,7 @@ def add(commands) -> None:
 
 
 def run(options) -> None:
-    """Analyse the lifts, write their pendulums, print their events."""
+    """Analyse the lifts, write their pendulums, print their events and, of one, the checks of its centres of mass."""
     settings = load_settings(*options.config).lifting
     if len(options.markers) > 1 or options.markers[0].is_dir():
         _run_all(options, settings)
@@ -58,6 +58,7 @@ def run(options) -> None:
     )
     found.save(options.output)
     print(found)
+    print("\n".join(found.checks))
     print(f"pendulum.csv and pendulum.json are in {options.output}")
 
 

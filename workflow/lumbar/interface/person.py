@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
+    from lumbar.lifting.plate_check import PlateCheck
     from lumbar.settings.layout import MarkerLayout
     from lumbar.stability.basins import LiftBasins
     from lumbar.stability.model.failures import Failure
@@ -152,14 +153,39 @@ class Lift:
         """What the pendulums are made of: masses, lengths, pivot, rules, assumptions."""
         return lifting.summary(self.analysed, self.subject, self.trial, self.settings)
 
+    @cached_property
+    def spread(self) -> pd.DataFrame:
+        """How far other segment tables and ends, hip regressions and cut-offs move the trunk's centre of mass."""
+        from lumbar.lifting.model_spread import model_spread
+
+        return model_spread(self.analysed, self.subject, self.settings)
+
+    @cached_property
+    def plates(self) -> PlateCheck | None:
+        """What the recording's force plates say of the centre of mass; None without plates."""
+        from lumbar.lifting.plate_check import plate_check
+
+        return plate_check(self.analysed, self.subject, self.trial, self.settings)
+
+    @property
+    def checks(self) -> list[str]:
+        """Lines on ends that are the skin's, on other choices and on force plates."""
+        from lumbar.lifting.model_spread import spread_lines
+
+        points, ends = self.analysed.points, self.analysed.table.ends
+        inner = self.settings.segment_ends == "inner"
+        plates = str(self.plates).splitlines() if self.plates else ["force plates: none in the file"]
+        return [*(points.on_skin(ends) if inner else []), *spread_lines(self.spread), *plates]
+
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` (states and facts), ``com``, ``events``, ``gaps``, ``motion`` and ``landmarks``."""
+        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``motion``, ``landmarks``."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
         tables = {
             "pendulum": self.states,
             "com": lifting.centres_frame(self.analysed),
+            "spread": self.spread,
             "gaps": lifting.gaps_frame(self.analysed),
             "motion": lifting.motion_frame(self.analysed),
             "landmarks": lifting.landmarks_frame(self.analysed),
@@ -169,7 +195,8 @@ class Lift:
         events = {name: event.as_dict() for name, event in self.analysed.events.items()}
         rules = plain(self.settings.events)
         write_json(folder / "events.json", {"lift": self.name, "events": events, "rules": rules, **label})
-        write_json(folder / "pendulum.json", {**self.facts, **label})
+        checked = {"force_plates": self.plates.as_dict() if self.plates else None}
+        write_json(folder / "pendulum.json", {**self.facts, **checked, **label})
 
     def __str__(self) -> str:
         lines = [
@@ -230,10 +257,10 @@ def basins(
     >>> exact_alone = StabilitySettings(knots=51, proof=None, sum_of_squares=None, thesis_method=None)
     >>> basins = lumbar.basins(lift, settings=exact_alone)
     >>> print(basins)
-    thorax, lateral_bending, hanging: 0.2151 rad²/s on average, 0.3418 at first
-    thorax, flexion_extension, hanging: 0.2151 rad²/s on average, 0.3417 at first
-    thorax, lateral_bending, inverted: 0.4437 rad²/s on average, 0.6072 at first
-    thorax, flexion_extension, inverted: 0.44 rad²/s on average, 0.5818 at first
+    thorax, lateral_bending, hanging: 0.2194 rad²/s on average, 0.3508 at first
+    thorax, flexion_extension, hanging: 0.2186 rad²/s on average, 0.3491 at first
+    thorax, lateral_bending, inverted: 0.4545 rad²/s on average, 0.6201 at first
+    thorax, flexion_extension, inverted: 0.4301 rad²/s on average, 0.5512 at first
     """
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
