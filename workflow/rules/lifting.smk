@@ -15,6 +15,7 @@ rule lift:
         gaps="<results>/lifting/{lift}/gaps.csv",
         motion="<results>/lifting/{lift}/motion.csv",
         landmarks="<results>/lifting/{lift}/landmarks.csv",
+        quality="<results>/lifting/{lift}/quality.csv",
     log:
         "<logs>/lift/{lift}.log",
     benchmark:

@@ -22,6 +22,7 @@ from lumbar.settings.subject import SubjectSettings, TrialSettings
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.quality.finding import Finding
     from lumbar.stability.basins import LiftBasins
     from lumbar.stability.model.failures import Failure
     from lumbar.stability.model.trajectory import Trajectory
@@ -76,19 +77,20 @@ def lift(
     deposit_start: 5.820 s
     release: 7.070 s
     """
-    from lumbar.records.markers import read_markers
+    from lumbar.quality.screening import read_screened
 
     subject = subject_of(subject)
     settings = settings or LiftingSettings()
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
     name = name or found
-    recording = read_markers(markers, settings.markers, name=name)
+    recording, findings = read_screened(markers, settings.markers, name, subject.height_m)
     return Lift(
         lifting.analyse_lift(recording, name, subject, trial, settings),
         subject,
         trial,
         settings,
         data_label(data, [recording.source]),
+        tuple(findings),
     )
 
 
@@ -113,6 +115,8 @@ class Lift:
     trial : TrialSettings
     settings : LiftingSettings
     data : str
+    findings : tuple of lumbar.quality.finding.Finding
+        What in the recording cannot be a body; where they name a marker and a stretch, it was left out.
     """
 
     analysed: lifting.AnalysedLift
@@ -120,6 +124,7 @@ class Lift:
     trial: TrialSettings
     settings: LiftingSettings
     data: str
+    findings: tuple[Finding, ...] = ()
 
     @property
     def name(self) -> str:
@@ -137,8 +142,9 @@ class Lift:
         return lifting.summary(self.analysed, self.subject, self.trial, self.settings)
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` (states and facts), ``com``, ``events``, ``gaps``, ``motion`` and ``landmarks``."""
+        """Write ``pendulum`` (states and facts), ``com``, ``events``, ``gaps``, ``motion``, ``landmarks`` and ``quality``."""
         from lumbar.files import write_csv, write_json
+        from lumbar.quality.screening import findings_frame
 
         folder, label = Path(folder), {"data": self.data}
         tables = {
@@ -147,6 +153,7 @@ class Lift:
             "gaps": lifting.gaps_frame(self.analysed),
             "motion": lifting.motion_frame(self.analysed),
             "landmarks": lifting.landmarks_frame(self.analysed),
+            "quality": findings_frame(self.findings),
         }
         for name, frame in tables.items():
             write_csv(folder / f"{name}.csv", frame.assign(**label))
@@ -160,7 +167,8 @@ class Lift:
             f"{name}: {f'none ({event.how})' if event.time_s is None else f'{event.time_s:.3f} s'}"
             for name, event in self.analysed.events.items()
         ]
-        return "\n".join([*lines, *without_pendulum(self.analysed.missing)])
+        found = [f"{finding.outcome}: {finding}" for finding in self.findings]
+        return "\n".join([*lines, *without_pendulum(self.analysed.missing), *found])
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"

@@ -4,6 +4,8 @@ Axes are those of the thesis's chapter 4: x lateral (to the right), y forward, z
 is plain data from a study's YAML::
 
     unit: file                 # file, m, cm or mm
+    scale: 1.0                 # factor on the coordinates, where the unit that the file states is wrong
+    rate_Hz: null              # frames per second, where the rate that the file states is wrong
     up: "+z"                   # axis of the file that points up
     forward: "+y"              # axis of the file that points the way the person faces
     subject_prefix: strip      # strip, keep, or the subject's name
@@ -19,7 +21,8 @@ before them; BOX_1, BOX_2 and so on for markers on the box.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +31,7 @@ from lumbar.errors import InputError
 from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.settings.layout import MarkerLayout
 
+Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _UNIT_NAMES = {
     "m": "m",
@@ -105,6 +109,7 @@ def read_markers(
     layout: MarkerLayout | None = None,
     name: str | None = None,
     minimum_frames: int = 2,
+    screen: Screen | None = None,
 ) -> MarkerRecording:
     """Read a C3D or TRC file.
 
@@ -118,6 +123,9 @@ def read_markers(
         Name of the recording; default the file's stem.
     minimum_frames : int
         1 accepts a static pose of one frame; a trajectory needs at least 2.
+    screen : callable, optional
+        Given the measured markers of the file, by label, in metres and standard axes, with time and rate, returns those
+        to go on with, NaN where they are not to be used, and why: `lumbar.quality.screening` makes one.
 
     Returns
     -------
@@ -136,15 +144,21 @@ def read_markers(
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    file = select_subject(_read_file(path), layout.subject_prefix)
+    file = _at_rate(select_subject(_read_file(path), layout.subject_prefix), layout.rate_Hz)
     if len(file.time) < minimum_frames:
         raise InputError(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
             f"a trajectory needs at least {minimum_frames}"
         )
-    matrix = _metres_per_unit(file, layout.unit) * rotation_to_standard(layout.up, layout.forward)
+    matrix = (
+        layout.scale * _metres_per_unit(file, layout.unit) * rotation_to_standard(layout.up, layout.forward)
+    )
     points = {label: values @ matrix.T for label, values in file.positions.items()}
     model_points = {label: values @ matrix.T for label, values in file.model_points.items()}
+    if screen is not None:
+        points, left_out = screen(points, file.time, file.rate)
+        points = {label: values for label, values in points.items() if not np.isnan(values).all()}
+        file = replace(file, dropped=file.dropped | left_out)
     _check_spread(points, file)
     resolved = resolve_aliases(
         layout.aliases, points, model_points, file.dropped, file.source, layout.required
@@ -179,6 +193,14 @@ def _read_file(path: Path) -> MarkerFile:
     raise InputError(
         f"{path}: markers are read from .c3d and .trc files, not {suffix or 'a file without suffix'!r}"
     )
+
+
+def _at_rate(file: MarkerFile, rate: float | None) -> MarkerFile:
+    """Return the file with times as of another rate."""
+    if rate is None:
+        return file
+    events = tuple(replace(event, time=event.time * file.rate / rate) for event in file.events)
+    return replace(file, time=file.time * file.rate / rate, rate=rate, events=events)
 
 
 def _metres_per_unit(file: MarkerFile, declared: str) -> float:

@@ -85,6 +85,19 @@ class MarkerLayout:
         "Unit of length: file takes the one the file states; any other one must not contradict it.",
         default="file",
     )
+    scale: float = key(
+        "Factor on the coordinates where the unit that a file states is wrong, e.g. 0.1.",
+        default=1.0,
+        gt=0,
+        le=10000,
+    )
+    rate_Hz: float | None = key(
+        "Frames per second where the rate that a file states is wrong; null takes the file's.",
+        default=None,
+        unit="Hz",
+        gt=0,
+        le=10000,
+    )
     up: Axis = key("Axis of the file that points up.", default="+z")
     forward: Axis = key(
         "Axis of the file that points the way the person faces; perpendicular to up.", default="+y"
