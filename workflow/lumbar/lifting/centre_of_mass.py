@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from lumbar.errors import InputError
 from lumbar.lifting.events import Event, carried_object
-from lumbar.lifting.segments import COMS, MID_HIP, SegmentTable
+from lumbar.lifting.joint_centres import unit
+from lumbar.lifting.segments import COMS, SegmentTable
+from lumbar.lifting.trunk_points import TrunkPoints
 from lumbar.records.markers import MarkerRecording
 
 SHARES = ("by_mass", "whole")
@@ -41,49 +43,61 @@ class CentreOfMass:
     mass_with_box_kg: float
 
 
-def landmark(recording: MarkerRecording, name: str) -> np.ndarray:
-    """Trajectory of a marker, or of the midpoint of the hips, shape (n, 3) in metres."""
-    if name == MID_HIP:
-        return (recording["L_HIP"] + recording["R_HIP"]) / 2
-    return recording[name]
-
-
-def segment_centres(recording: MarkerRecording, table: SegmentTable) -> dict[str, np.ndarray]:
+def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.ndarray]:
     """Centre of mass of each trunk segment.
 
-    It lies on the line from the segment's proximal to its distal landmark, at the table's share of the
-    distance.
+    It lies on the line from the segment's proximal to its distal end, at the table's share of the distance, or ahead
+    of that line by another share.
 
     Parameters
     ----------
-    recording : MarkerRecording
+    points : TrunkPoints
+        Ends of the segments.
     table : SegmentTable
 
     Returns
     -------
     dict of str to ndarray, shape (n, 3)
-        Metres, by segment; NaN where a landmark was not seen. Segments of `absent_segments` are left out.
+        Metres, by segment; NaN where a marker was not seen. Segments of `absent_segments` are left out.
     """
-    absent, centres = absent_segments(recording, table), {}
+    absent, centres = absent_segments(points, table), {}
     for segment in table.segments:
         if segment.name not in absent:
-            proximal, distal = landmark(recording, segment.proximal), landmark(recording, segment.distal)
-            centres[segment.name] = proximal + segment.com_share * (distal - proximal)
+            proximal, line = points[segment.proximal], points[segment.distal] - points[segment.proximal]
+            forward = unit(np.cross(-line, points.right)) * np.linalg.norm(line, axis=1, keepdims=True)
+            centres[segment.name] = proximal + segment.com_share * line + segment.forward_share * forward
     return centres
 
 
-def absent_segments(recording: MarkerRecording, table: SegmentTable) -> dict[str, str]:
-    """Segments of a table whose landmarks a recording lacks, each with what is missing and why."""
+def absent_segments(points: TrunkPoints, table: SegmentTable) -> dict[str, str]:
+    """Segments of a table whose ends a recording lacks, each with what is missing and why."""
     absent = {}
     for segment in table.segments:
-        ends = replace(table, segments=(segment,)).landmarks
-        lacking = [name for name in ends if name not in recording]
+        lacking = [
+            f"{end} ({points.missing[end]})"
+            for end in (segment.proximal, segment.distal)
+            if end not in points
+        ]
         if lacking:
-            reasons = [f"{name} ({recording.absent.get(name, 'not in the recording')})" for name in lacking]
             absent[segment.name] = (
-                f"no marker {', '.join(reasons)}: name its label, or a rule for it, in lifting.markers.aliases"
+                f"no {', '.join(lacking)}: name the markers' labels, or a rule for them, in lifting.markers.aliases"
             )
     return absent
+
+
+def trunk_centre(centres: dict[str, np.ndarray], table: SegmentTable) -> np.ndarray:
+    """Common centre of mass of the table's segments, shape (n, 3) in metres.
+
+    Raises
+    ------
+    InputError
+        If a segment is not there.
+    """
+    lacking = [segment.name for segment in table.segments if segment.name not in centres]
+    if lacking:
+        raise InputError(f"no centre of mass of {', '.join(lacking)}, and so none of the trunk")
+    masses = [segment.mass_share for segment in table.segments]
+    return np.average([centres[segment.name] for segment in table.segments], axis=0, weights=masses)
 
 
 def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, float]:
@@ -108,6 +122,7 @@ def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, fl
 
 def centres_of_mass(
     recording: MarkerRecording,
+    points: TrunkPoints,
     table: SegmentTable,
     body_mass: float,
     box_mass: float,
@@ -123,6 +138,8 @@ def centres_of_mass(
     ----------
     recording : MarkerRecording
         Filtered.
+    points : TrunkPoints
+        Ends of the segments.
     table : SegmentTable
     body_mass, box_mass : float
         Kilograms.
@@ -137,7 +154,7 @@ def centres_of_mass(
         By `lumbar.lifting.segments.COMS`, as far as the recording has their landmarks. Where neither box nor hands are
         seen while it is held, it is not known where they are with the box: NaN.
     """
-    segments = segment_centres(recording, table)
+    segments = segment_centres(points, table)
     carried = box_shares(table, box_mass, share)
     held = held_frames(recording.time, events)
     box, _ = carried_object(recording)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import InputError, LumbarError, Problems
-from lumbar.lifting.centre_of_mass import CentreOfMass, absent_segments, centres_of_mass, landmark
+from lumbar.lifting.centre_of_mass import CentreOfMass, absent_segments, centres_of_mass
 from lumbar.lifting.events import (
     EVENTS,
     TOES,
@@ -30,7 +30,8 @@ from lumbar.lifting.pendulum_states import (
     pivot_trajectory,
     turn,
 )
-from lumbar.lifting.segments import COMS, MID_HIP, SegmentTable, segment_table
+from lumbar.lifting.segments import COMS, SegmentTable, segment_table
+from lumbar.lifting.trunk_points import INNER, TrunkPoints, trunk_points
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.plain import plain
 
@@ -55,9 +56,13 @@ class AnalysedLift:
         E.g. ``"expert_23kg"``.
     recording : MarkerRecording
         Gaps filled, filtered, in the axes of the planes.
+    complete : MarkerRecording
+        The whole file, gaps filled, not filtered, in the same axes.
     gaps : list of Gap
     events : dict of str to Event
     table : SegmentTable
+    points : TrunkPoints
+        Ends of the segments.
     centres : dict of str to CentreOfMass
     pivot : ndarray, shape (n, 3), or None
         Metres; None where the recording lacks its markers.
@@ -71,9 +76,11 @@ class AnalysedLift:
 
     name: str
     recording: MarkerRecording
+    complete: MarkerRecording
     gaps: list[Gap]
     events: dict[str, Event]
     table: SegmentTable
+    points: TrunkPoints
     centres: dict[str, CentreOfMass]
     pivot: np.ndarray | None
     heading: float
@@ -114,19 +121,21 @@ def analyse_lift(
         Naming the file and what is wrong with it: neither an event nor a centre of mass can be had from it, events set by
         hand contradict it, or with ``gaps.longer: error`` a gap that matters stays open.
     """
-    smooth, gaps = _cleaned(recording, trial, settings)
+    smooth, complete, gaps = _cleaned(recording, trial, settings)
     events = find_events(smooth, settings.events, trial.events)
     table = segment_table(settings.segments, subject.sex)
-    missing = absent_segments(smooth, table)
+    points = _points(smooth, subject, settings)
+    missing = absent_segments(points, table)
     _refuse_nothing(smooth, events, missing)
     if settings.gaps.longer == ERROR:
-        _refuse_gaps(smooth, gaps, table, settings, events)
+        _refuse_gaps(smooth, gaps, points, table, settings, events)
     angle, without_frame = _frame_angle(smooth, settings.frame, events)
     if angle:
-        smooth = _turned(smooth, angle)
+        smooth, complete = _turned(smooth, angle), _turned(complete, angle)
+        points = _points(smooth, subject, settings)
     box = settings.box
-    centres = centres_of_mass(smooth, table, subject.mass_kg, trial.box_mass_kg, box.share, events)
-    pivot, without_pivot = _pivot(smooth, settings.pivot)
+    centres = centres_of_mass(smooth, points, table, subject.mass_kg, trial.box_mass_kg, box.share, events)
+    pivot, without_pivot = _pivot(smooth, points, settings.pivot)
     states, reasons = {}, [no_deposit(events), without_pivot, without_frame]
     for com, centre in centres.items():
         position = centre.position_with_box if box.in_position else centre.position
@@ -141,13 +150,19 @@ def analyse_lift(
             missing[com] = str(error)
         else:
             states.update({(com, plane): values for plane, values in planar.items()})
-    return AnalysedLift(name, smooth, gaps, events, table, centres, pivot, angle, states, missing)
+    return AnalysedLift(
+        name, smooth, complete, gaps, events, table, points, centres, pivot, angle, states, missing
+    )
+
+
+def _points(recording: MarkerRecording, subject: SubjectSettings, settings: LiftingSettings) -> TrunkPoints:
+    return trunk_points(recording, settings.segment_ends, settings.hip_centres, subject.sex)
 
 
 def _cleaned(
     recording: MarkerRecording, trial: TrialSettings, settings: LiftingSettings
-) -> tuple[MarkerRecording, list[Gap]]:
-    """Fill gaps, filter, and cut the trial's window out."""
+) -> tuple[MarkerRecording, MarkerRecording, list[Gap]]:
+    """Fill gaps, filter, and cut the trial's window out; the whole file without the filter stands second."""
     smoothing = settings.filter
     complete, gaps = fill_gaps(recording, settings.gaps.maximum_s, KEEP)
     shortest = shortest_stretch(smoothing.cutoff_Hz, recording.rate)
@@ -155,7 +170,7 @@ def _cleaned(
     smooth = filter_markers(complete, smoothing.cutoff_Hz, smoothing.order)
     gaps += islands
     if trial.window_s is None:
-        return smooth, gaps
+        return smooth, complete, gaps
     start, stop = trial.window_s
     inside = (smooth.time >= start) & (smooth.time <= stop)
     if inside.sum() <= shortest:
@@ -165,7 +180,7 @@ def _cleaned(
         )
     positions = {name: points[inside] for name, points in smooth.positions.items()}
     kept = [gap for gap in gaps if gap.start_s <= stop and gap.start_s + gap.length_s > start]
-    return replace(smooth, time=smooth.time[inside], positions=positions), kept
+    return replace(smooth, time=smooth.time[inside], positions=positions), complete, kept
 
 
 def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missing: dict[str, str]) -> None:
@@ -183,12 +198,14 @@ def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missin
 def _refuse_gaps(
     recording: MarkerRecording,
     gaps: list[Gap],
+    points: TrunkPoints,
     table: SegmentTable,
     settings: LiftingSettings,
     events: dict[str, Event],
 ) -> None:
     times = [event.time_s for event in events.values() if event.time_s is not None]
-    needed = {*table.landmarks, *PIVOTS[settings.pivot]}
+    ends = [points.points[name] for name in (*table.ends, *PIVOTS[settings.pivot]) if name in points]
+    needed = {*PIVOTS[settings.pivot], *(marker for end in ends for marker in end.markers)}
     if times:
         refuse_open_gaps(recording, gaps, settings.gaps.maximum_s, needed, min(times), max(times))
 
@@ -201,10 +218,12 @@ def no_deposit(events: dict[str, Event]) -> str | None:
     return f"the deposit is not known: {'; '.join(lacking)}" if lacking else None
 
 
-def _pivot(recording: MarkerRecording, pivot: str) -> tuple[np.ndarray | None, str | None]:
+def _pivot(
+    recording: MarkerRecording, points: TrunkPoints, pivot: str
+) -> tuple[np.ndarray | None, str | None]:
     """The pivot's trajectory, or why there is none."""
     try:
-        return pivot_trajectory(recording, pivot), None
+        return pivot_trajectory(recording, points, pivot), None
     except InputError as error:
         return None, str(error)
 
@@ -306,8 +325,7 @@ def landmarks_frame(lift: AnalysedLift) -> pd.DataFrame:
         points.update({f"COM_{com}": centre.position for com, centre in lift.centres.items()})
         if lift.pivot is not None:
             points["PIVOT"] = lift.pivot
-        if "L_HIP" in lift.recording and "R_HIP" in lift.recording:
-            points[MID_HIP] = landmark(lift.recording, MID_HIP)
+        points.update({name: point.position for name, point in lift.points.points.items()})
         rows += [
             (event, float(lift.recording.time[at]), name, *positions[at])
             for name, positions in points.items()
@@ -328,7 +346,8 @@ def summary(
         "schema": "lumbar.pendulum/1",
         "lift": lift.name,
         "subject": subject.name,
-        "experience": subject.experience,
+        # A study's lifts have none: its tables label people, so that another label calls for no lift again.
+        **({"experience": subject.experience} if subject.experience else {}),
         "sex": subject.sex,
         "body_mass_kg": subject.mass_kg,
         "box_mass_kg": trial.box_mass_kg,
@@ -351,10 +370,16 @@ def summary(
             "table": lift.table.name,
             "source": lift.table.source,
             "ends": {segment.name: [segment.proximal, segment.distal] for segment in lift.table.segments},
+            "points": {
+                name: lift.points.points[name].rule for name in lift.table.ends if name in lift.points
+            },
+            "off_mm": {
+                name: lift.points.points[name].off_mm for name in lift.table.ends if name in lift.points
+            },
         },
         "events": {name: event.method for name, event in lift.events.items()},
         "missing": lift.missing,
-        "assumptions": assumptions(lift, subject, trial),
+        "assumptions": assumptions(lift, subject, trial, settings),
     }
 
 
@@ -362,13 +387,17 @@ def _shown(value) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def assumptions(lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings) -> list[str]:
+def assumptions(
+    lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
+) -> list[str]:
     """Say in sentences what behind the result was not measured."""
     values = {**plain(subject), **plain(trial)}
     said = [
         f"{key} = {_shown(values[key])} is assumed" if key in values else f"{key} is assumed"
         for key in subject.assumed
     ]
+    if settings.segment_ends == INNER:
+        said += lift.points.on_skin(lift.table.ends)
     if carried_object(lift.recording)[1] == "hands":
         said.append(
             "the box has no markers: the hands stand for it, in its events and in the centres of mass with it"

@@ -1,17 +1,17 @@
-"""Marker recordings: C3D and TRC files as positions in metres under standard names.
+"""Marker recordings: C3D, TRC and CSV files as positions in metres under standard names.
 
 Axes are those of the thesis's chapter 4: x lateral (to the right), y forward, z up; right-handed. The layout
 is plain data from a study's YAML::
 
     unit: file                 # file, m, cm or mm
     scale: 1.0                 # factor on the coordinates, where the unit that the file states is wrong
-    rate_Hz: null              # frames per second, where the rate that the file states is wrong
     up: "+z"                   # axis of the file that points up
     forward: "+y"              # axis of the file that points the way the person faces
     subject_prefix: strip      # strip, keep, or the subject's name
     aliases: {C7: [C7, CV7], L_WRIST: {mean: [LWRA, LWRB]}}
     required: null             # names that must be found; null: every alias
     check_axes: true           # compare the axes with head-to-feet, heel-to-toe and left-to-right
+    rate_Hz: null              # frames per second, of a CSV file without times or where the file's are wrong
 
 `lumbar.records.marker_aliases` explains the aliases. Standard names are C7, T12, L5 (the spine at L4/L5),
 MANUBRIUM, XIPHOID, SACRUM; SHOULDER, HIP (greater trochanter), WRIST, ANKLE, HEEL and TOE with L_ or R_
@@ -111,12 +111,12 @@ def read_markers(
     minimum_frames: int = 2,
     screen: Screen | None = None,
 ) -> MarkerRecording:
-    """Read a C3D or TRC file.
+    """Read a C3D, TRC or CSV file.
 
     Parameters
     ----------
     path : path
-        The suffix decides: ``.c3d`` or ``.trc``.
+        The suffix decides: ``.c3d``, ``.trc`` or ``.csv``.
     layout : MarkerLayout, optional
         See the module's description. Without aliases every marker keeps its label.
     name : str, optional
@@ -144,15 +144,14 @@ def read_markers(
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    file = _at_rate(select_subject(_read_file(path), layout.subject_prefix), layout.rate_Hz)
+    file = _at_rate(select_subject(_read_file(path, layout), layout.subject_prefix), layout.rate_Hz)
     if len(file.time) < minimum_frames:
         raise InputError(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
             f"a trajectory needs at least {minimum_frames}"
         )
-    matrix = (
-        layout.scale * _metres_per_unit(file, layout.unit) * rotation_to_standard(layout.up, layout.forward)
-    )
+    unit = layout.scale * metres_per_unit(file.source, file.unit, layout.unit)
+    matrix = unit * rotation_to_standard(layout.up, layout.forward)
     points = {label: values @ matrix.T for label, values in file.positions.items()}
     model_points = {label: values @ matrix.T for label, values in file.model_points.items()}
     if screen is not None:
@@ -180,7 +179,7 @@ def read_markers(
     )
 
 
-def _read_file(path: Path) -> MarkerFile:
+def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
     suffix = path.suffix.lower()
     if suffix == ".c3d":
         from lumbar.records.c3d_file import read_c3d
@@ -190,8 +189,12 @@ def _read_file(path: Path) -> MarkerFile:
         from lumbar.records.trc_file import read_trc
 
         return read_trc(path)
+    if suffix == ".csv":
+        from lumbar.records.marker_table import read_marker_table
+
+        return read_marker_table(path, layout.rate_Hz)
     raise InputError(
-        f"{path}: markers are read from .c3d and .trc files, not {suffix or 'a file without suffix'!r}"
+        f"{path}: markers are read from .c3d, .trc and .csv files, not {suffix or 'a file without suffix'!r}"
     )
 
 
@@ -203,20 +206,34 @@ def _at_rate(file: MarkerFile, rate: float | None) -> MarkerFile:
     return replace(file, time=file.time * file.rate / rate, rate=rate, events=events)
 
 
-def _metres_per_unit(file: MarkerFile, declared: str) -> float:
-    """Factor to metres; a declared unit must not contradict the one the file states."""
-    stated = _UNIT_NAMES.get(file.unit.strip().lower())
+def metres_per_unit(source: str, unit: str, declared: str) -> float:
+    """Return the factor to metres; a declared unit must not contradict the one the file states.
+
+    Parameters
+    ----------
+    source : str
+        File, for messages.
+    unit : str
+        Unit of length that the file states; empty where it states none.
+    declared : str
+        ``markers.unit`` of the layout.
+
+    Raises
+    ------
+    InputError
+        No unit is known, or the two differ.
+    """
+    stated = _UNIT_NAMES.get(unit.strip().lower())
     if declared != "file" and declared not in METRES:
         raise InputError(f"markers.unit is {declared!r}; allowed are file, {', '.join(METRES)}")
     if declared == "file":
         if stated is None:
-            found = f"states the unit {file.unit!r}" if file.unit.strip() else "states no unit"
-            raise InputError(f"{file.source}: the file {found}; set markers.unit to {', '.join(METRES)}")
+            found = f"states the unit {unit!r}" if unit.strip() else "states no unit"
+            raise InputError(f"{source}: the file {found}; set markers.unit to {', '.join(METRES)}")
         return METRES[stated]
     if stated is not None and stated != declared:
         raise InputError(
-            f"{file.source}: the file states {file.unit!r} but markers.unit is {declared!r}; "
-            "set markers.unit to file"
+            f"{source}: the file states {unit!r} but markers.unit is {declared!r}; set markers.unit to file"
         )
     return METRES[declared]
 

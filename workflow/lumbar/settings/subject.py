@@ -48,7 +48,10 @@ class SubjectSettings:
     )
     mass_kg: float = required("Body mass.", unit="kg", gt=0, le=400)
     height_m: float = required("Stature.", unit="m", ge=0.5, le=2.6)
-    experience: str = required("E.g. expert or novice.")
+    experience: str = required(
+        "Label of the group that Table 4.1 (stability.compare) counts the person to, e.g. expert or novice.",
+        min_length=1,
+    )
     trials: tuple[TrialSettings, ...] = key(
         "One entry per recorded lift; several with the same box are repeated trials. A study needs one at least.",
         default=(),
