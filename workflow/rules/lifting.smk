@@ -15,7 +15,7 @@ rule lift:
         gaps="<results>/lifting/{lift}/gaps.csv",
         motion="<results>/lifting/{lift}/motion.csv",
         landmarks="<results>/lifting/{lift}/landmarks.csv",
-        quality="<results>/lifting/{lift}/quality.csv",
+        quality="<results>/lifting/{lift}/quality.json",
     log:
         "<logs>/lift/{lift}.log",
     benchmark:

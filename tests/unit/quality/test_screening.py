@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from quality_corruptions import changed, exchanged
@@ -50,7 +52,7 @@ def test_a_wrong_unit_stops_the_trial_and_the_key_named_mends_it(points, lift_of
     ):
         lift_of(tenfold)
     mended, untouched = lift_of(tenfold, scale=0.1), lift_of(points)
-    assert mended.findings == untouched.findings == ()
+    assert mended.quality.findings == untouched.quality.findings == ()
     np.testing.assert_allclose(mended.states["length_m"], untouched.states["length_m"], rtol=1e-5)
 
 
@@ -65,28 +67,28 @@ def test_a_short_freeze_becomes_a_gap_that_is_filled_and_reported(points, lift_o
     start = int(0.3 * len(points["C7"]))
     frames = slice(start, start + 16)
     found = lift_of(changed(points, "C7", frames, points["C7"][start]))
-    (finding,) = found.findings
+    (finding,) = found.quality.findings
     assert (finding.kind, finding.markers, finding.frames) == ("frozen", ("C7",), frames)
     assert [gap.outcome for gap in found.analysed.gaps if (gap.marker, gap.first_frame) == ("C7", start)] == [
         "filled"
     ]
     assert "left out: frozen: C7, " in str(found)
     found.save(tmp_path / "out")
-    header, row = (tmp_path / "out" / "quality.csv").read_text().splitlines()
-    assert header.startswith("kind,outcome,markers,start_s,length_s")
-    assert row.startswith("frozen,left out,C7,")
+    sheet = json.loads((tmp_path / "out" / "quality.json").read_text())
+    assert [(entry["kind"], entry["markers"]) for entry in sheet["findings"]] == [("frozen", ["C7"])]
+    assert (sheet["n_frames"], sheet["rate_Hz"], len(sheet["markers"])) == (950, 100.0, len(points))
 
 
 def test_labels_exchanged_throughout_are_proposed_and_an_alias_mends_them(points, lift_of):
     swapped = exchanged(points, "C7", "T12", slice(None))
     unmended = lift_of(swapped)
-    (finding,) = unmended.findings
+    (finding,) = unmended.quality.findings
     assert (finding.outcome, set(finding.markers)) == ("proposed", {"C7", "T12"})
     assert "change places in markers.aliases" in finding.cause
     assert set(unmended.analysed.missing) == {"thorax", "abdomen"}
     aliases = study_settings().lifting.markers.aliases
     mended = lift_of(swapped, aliases=aliases | {"C7": "T12", "T12": "C7"})
-    assert mended.findings == ()
+    assert mended.quality.findings == ()
     assert mended.states.equals(lift_of(points).states)
 
 

@@ -22,7 +22,7 @@ from lumbar.settings.subject import SubjectSettings, TrialSettings
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.quality.finding import Finding
+    from lumbar.quality.sheet import QualitySheet
     from lumbar.stability.basins import LiftBasins
     from lumbar.stability.model.failures import Failure
     from lumbar.stability.model.trajectory import Trajectory
@@ -83,14 +83,14 @@ def lift(
     settings = settings or LiftingSettings()
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
     name = name or found
-    recording, findings = read_screened(markers, settings.markers, name, subject.height_m)
+    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m)
     return Lift(
         lifting.analyse_lift(recording, name, subject, trial, settings),
         subject,
         trial,
         settings,
         data_label(data, [recording.source]),
-        tuple(findings),
+        sheet,
     )
 
 
@@ -115,8 +115,8 @@ class Lift:
     trial : TrialSettings
     settings : LiftingSettings
     data : str
-    findings : tuple of lumbar.quality.finding.Finding
-        What in the recording cannot be a body; where they name a marker and a stretch, it was left out.
+    quality : lumbar.quality.sheet.QualitySheet
+        What is in the recording and what in it cannot be a body: such stretches were left out.
     """
 
     analysed: lifting.AnalysedLift
@@ -124,7 +124,7 @@ class Lift:
     trial: TrialSettings
     settings: LiftingSettings
     data: str
-    findings: tuple[Finding, ...] = ()
+    quality: QualitySheet
 
     @property
     def name(self) -> str:
@@ -144,7 +144,6 @@ class Lift:
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``pendulum`` (states and facts), ``com``, ``events``, ``gaps``, ``motion``, ``landmarks`` and ``quality``."""
         from lumbar.files import write_csv, write_json
-        from lumbar.quality.screening import findings_frame
 
         folder, label = Path(folder), {"data": self.data}
         tables = {
@@ -153,13 +152,13 @@ class Lift:
             "gaps": lifting.gaps_frame(self.analysed),
             "motion": lifting.motion_frame(self.analysed),
             "landmarks": lifting.landmarks_frame(self.analysed),
-            "quality": findings_frame(self.findings),
         }
         for name, frame in tables.items():
             write_csv(folder / f"{name}.csv", frame.assign(**label))
         events = {name: event.as_dict() for name, event in self.analysed.events.items()}
         rules = plain(self.settings.events)
         write_json(folder / "events.json", {"lift": self.name, "events": events, "rules": rules, **label})
+        write_json(folder / "quality.json", {"lift": self.name, **self.quality.as_dict(), **label})
         write_json(folder / "pendulum.json", {**self.facts, **label})
 
     def __str__(self) -> str:
@@ -167,7 +166,7 @@ class Lift:
             f"{name}: {f'none ({event.how})' if event.time_s is None else f'{event.time_s:.3f} s'}"
             for name, event in self.analysed.events.items()
         ]
-        found = [f"{finding.outcome}: {finding}" for finding in self.findings]
+        found = [f"{finding.outcome}: {finding}" for finding in self.quality.findings]
         return "\n".join([*lines, *without_pendulum(self.analysed.missing), *found])
 
     def __repr__(self) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from lumbar.errors import InputError
 from lumbar.quality.finding import ERROR, Finding
 from lumbar.quality.gate import examine, hidden
+from lumbar.quality.sheet import QualitySheet, quality_sheet
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import Alias, MarkerLayout
 
@@ -76,7 +77,7 @@ def read_screened(
     layout: MarkerLayout | None = None,
     name: str | None = None,
     height_m: float | None = None,
-) -> tuple[MarkerRecording, list[Finding]]:
+) -> tuple[MarkerRecording, QualitySheet]:
     """Read a marker file, leaving out what cannot be a body.
 
     Parameters
@@ -91,7 +92,7 @@ def read_screened(
     -------
     recording : MarkerRecording
         Gaps where a marker was left out; one left out altogether is among `MarkerRecording.dropped`.
-    findings : list of Finding
+    sheet : QualitySheet
 
     Raises
     ------
@@ -104,24 +105,4 @@ def read_screened(
     except InputError as error:
         text = str(error)
         raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error
-    return recording, screening.findings
-
-
-def findings_frame(findings: list[Finding]):
-    """Return the findings as a table, one row each."""
-    import pandas as pd
-
-    columns = (
-        "kind",
-        "outcome",
-        "markers",
-        "start_s",
-        "length_s",
-        "first_frame",
-        "n_frames",
-        "evidence",
-        "cause",
-    )
-    rows = [[*(getattr(finding, column) for column in columns)] for finding in findings]
-    frame = pd.DataFrame(rows, columns=list(columns))
-    return frame.assign(markers=[" ".join(finding.markers) for finding in findings])
+    return recording, quality_sheet(recording, screening.points, screening.findings)
