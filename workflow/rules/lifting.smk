@@ -19,6 +19,7 @@ rule lift:
         spread="<results>/lifting/{lift}/spread.csv",
         motion="<results>/lifting/{lift}/motion.csv",
         landmarks="<results>/lifting/{lift}/landmarks.csv",
+        quality="<results>/lifting/{lift}/quality.json",
     log:
         "<logs>/lift/{lift}.log",
     benchmark:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.lifting.plate_check import PlateCheck
+    from lumbar.quality.sheet import QualitySheet
     from lumbar.settings.layout import MarkerLayout
     from lumbar.stability.basins import LiftBasins
     from lumbar.stability.model.failures import Failure
@@ -83,7 +84,7 @@ def lift(
     deposit_start: 5.820 s
     release: 7.070 s
     """
-    from lumbar.records.markers import read_markers
+    from lumbar.quality.screening import read_screened
 
     subject = subject_of(subject)
     settings = settings or LiftingSettings()
@@ -91,13 +92,14 @@ def lift(
     name = name or found
     static = static or static_of(subject, trial, Path(markers))
     bodies = BodyFilling(settings, None if static is None else labelled_markers(static, settings.markers))
-    recording = read_markers(markers, settings.markers, name=name, mend=bodies)
+    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     return Lift(
         lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps),
         subject,
         trial,
         settings,
         data_label(data, [recording.source]),
+        sheet,
     )
 
 
@@ -130,6 +132,8 @@ class Lift:
     trial : TrialSettings
     settings : LiftingSettings
     data : str
+    quality : lumbar.quality.sheet.QualitySheet
+        What is in the recording and what in it cannot be a body: such stretches were left out.
     """
 
     analysed: lifting.AnalysedLift
@@ -137,6 +141,7 @@ class Lift:
     trial: TrialSettings
     settings: LiftingSettings
     data: str
+    quality: QualitySheet
 
     @property
     def name(self) -> str:
@@ -178,7 +183,7 @@ class Lift:
         return [*(points.on_skin(ends) if inner else []), *spread_lines(self.spread), *plates]
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``motion``, ``landmarks``."""
+        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``motion``, ``landmarks``, ``quality``."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
@@ -196,6 +201,7 @@ class Lift:
         rules = plain(self.settings.events)
         write_json(folder / "events.json", {"lift": self.name, "events": events, "rules": rules, **label})
         checked = {"force_plates": self.plates.as_dict() if self.plates else None}
+        write_json(folder / "quality.json", {"lift": self.name, **self.quality.as_dict(), **label})
         write_json(folder / "pendulum.json", {**self.facts, **checked, **label})
 
     def __str__(self) -> str:
@@ -203,7 +209,8 @@ class Lift:
             f"{name}: {f'none ({event.how})' if event.time_s is None else f'{event.time_s:.3f} s'}"
             for name, event in self.analysed.events.items()
         ]
-        return "\n".join([*lines, *without_pendulum(self.analysed.missing)])
+        found = [f"{finding.outcome}: {finding}" for finding in self.quality.findings]
+        return "\n".join([*lines, *without_pendulum(self.analysed.missing), *found])
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"
