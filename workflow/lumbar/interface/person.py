@@ -183,7 +183,7 @@ class Lift:
         return [*(points.on_skin(ends) if inner else []), *spread_lines(self.spread), *plates]
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``motion``, ``landmarks``, ``quality``."""
+        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``quality`` and what figures need."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
