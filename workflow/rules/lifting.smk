@@ -5,6 +5,9 @@
 rule lift:
     input:
         markers=lambda wildcards: recording(study.lifts[wildcards.lift].trial.markers),
+        static=lambda wildcards: [
+            recording(path) for path in [study.lifts[wildcards.lift].static] if path is not None
+        ],
         checked="<results>/checked/lifting.json",
         sources=library_sources("lift.py"),
     output:
@@ -16,6 +19,7 @@ rule lift:
         spread="<results>/lifting/{lift}/spread.csv",
         motion="<results>/lifting/{lift}/motion.csv",
         landmarks="<results>/lifting/{lift}/landmarks.csv",
+        quality="<results>/lifting/{lift}/quality.json",
     log:
         "<logs>/lift/{lift}.log",
     benchmark:
