@@ -44,9 +44,10 @@ if study.has("lifting"):
             events=[f"<results>/lifting/{lift}/events.json" for lift in study.lifts],
             motion=[f"<results>/lifting/{lift}/motion.csv" for lift in study.lifts],
             landmarks=[f"<results>/lifting/{lift}/landmarks.csv" for lift in study.lifts],
+            quality=[f"<results>/lifting/{lift}/quality.json" for lift in study.lifts],
             sources=library_sources("lifting_figures.py"),
         output:
-            **published("lifting_events", "figure_4_1", "figure_4_2"),
+            **published("quality", "lifting_events", "figure_4_1", "figure_4_2"),
         log:
             "<logs>/lifting_figures.log",
         benchmark:
@@ -56,6 +57,6 @@ if study.has("lifting"):
         params:
             data=DATA,
         message:
-            "Figures 4.1 and 4.2, events of every lift"
+            "Quality of the recordings, Figures 4.1 and 4.2, events of every lift"
         script:
             "../scripts/lifting_figures.py"

@@ -17,9 +17,9 @@ import numpy as np
 
 from lumbar.errors import Problems
 from lumbar.lifting.filtering import derivative
-from lumbar.lifting.gaps import runs
 from lumbar.lifting.hands import hands_lifted, hands_lowered
 from lumbar.records.markers import MarkerRecording
+from lumbar.records.stretches import runs
 
 if TYPE_CHECKING:
     from lumbar.settings.lifting import EventSettings

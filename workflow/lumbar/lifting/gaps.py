@@ -7,13 +7,14 @@ stays.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lumbar.errors import InputError, Problems
 from lumbar.records.markers import MarkerRecording
+from lumbar.records.stretches import runs
 
 ERROR, KEEP = "error", "keep"
 FILLED, TOO_LONG, AT_START, AT_END, ALONE, ISLAND = (
@@ -57,13 +58,6 @@ class Gap:
     def filled(self) -> bool:
         """Whether the gap was bridged."""
         return self.outcome == FILLED
-
-
-def runs(flags: np.ndarray) -> Iterator[slice]:
-    """Yield the contiguous stretches in which `flags`, shape (n,), is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(flags, dtype=np.int8), [0]))))
-    for start, stop in edges.reshape(-1, 2):
-        yield slice(int(start), int(stop))
 
 
 def fill_gaps(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.lifting.gaps import runs
+from lumbar.records.stretches import runs
 
 SMALLEST_M = 0.02
 """Leaps below are not told from the unrest of real markers: untouched recordings have up to 14 mm."""

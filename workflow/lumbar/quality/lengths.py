@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.lifting.gaps import runs
+from lumbar.records.stretches import runs
 
 _SAMPLES = 300
 _RIGID_M = 0.008

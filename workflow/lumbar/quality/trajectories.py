@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.lifting.gaps import runs
 from lumbar.quality.finding import LEFT_OUT, Clock, Finding
 from lumbar.quality.landmarks import level
+from lumbar.records.stretches import runs
 
 LABORATORY_M = 100.0
 """Coordinates beyond this distance from the origin lie in no laboratory."""

@@ -1,4 +1,4 @@
-"""Force plates of a recording, whatever file holds them, in metres and newtons in the axes of the markers: x to the right, y forward, z up."""
+"""Force plates of a recording, whatever file holds them: metres and newtons in the axes of the markers."""
 
 from __future__ import annotations
 

@@ -292,6 +292,7 @@ def segments_figure(lift: dict):
     return figure
 
 
+@house_style
 def _without_deposit(lift: dict):
     """A figure that says why there is nothing to draw."""
     import textwrap
