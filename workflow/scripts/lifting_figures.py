@@ -32,8 +32,9 @@ def main(input, output, params):
     ]
     for lift, svg in zip(lifts, output.lifting_events[::2], strict=True):
         save(events_figure(lift), stem([svg]), params.data)
-    save(pendulum_figure(lifts[0]), stem(output.figure_4_1), params.data)
-    save(segments_figure(lifts[0]), stem(output.figure_4_2), params.data)
+    shown = next((lift for lift in lifts if len(lift["states"])), lifts[0])
+    save(pendulum_figure(shown), stem(output.figure_4_1), params.data)
+    save(segments_figure(shown), stem(output.figure_4_2), params.data)
 
 
 run(main, snakemake)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
 from lumbar.interface.data_label import NOT_SAID, data_label
+from lumbar.interface.trials import trial_of
 from lumbar.lifting import lift as lifting
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
@@ -29,9 +30,9 @@ if TYPE_CHECKING:
 def lift(
     markers: str | os.PathLike,
     subject: SubjectSettings | str | os.PathLike,
-    box_mass_kg: float,
+    box_mass_kg: float | None = None,
     *,
-    trial: TrialSettings | None = None,
+    trial: TrialSettings | str | None = None,
     name: str | None = None,
     settings: LiftingSettings | None = None,
     data: str = "",
@@ -44,13 +45,13 @@ def lift(
         C3D or TRC file.
     subject : SubjectSettings or path
         The person: settings, or a file as in ``config/subjects``.
-    box_mass_kg : float
-        Mass of the box.
-    trial : TrialSettings, optional
-        Trial with events declared by hand; default the subject's trial whose marker file has the same name, if there
-        is one with this box.
+    box_mass_kg : float, optional
+        Mass of the box; default that of the trial.
+    trial : TrialSettings or str, optional
+        The trial, or the name of its lift, as ``ann_15kg_2``; default the one among the subject's trials whose marker
+        file this is. A subject without trials needs none.
     name : str, optional
-        Name of the lift; default subject and box.
+        Name of the lift; default that of the trial, as in a study.
     settings : LiftingSettings, optional
     data : str
         Words for the source of the data; default the folder or file they were read from.
@@ -77,15 +78,10 @@ def lift(
     """
     from lumbar.records.markers import read_markers
 
-    if not 0 <= box_mass_kg <= 100:
-        raise InputError(f"mass of the box is {box_mass_kg:g} kg; allowed: 0 to 100")
-    if not isinstance(subject, SubjectSettings):
-        from lumbar.config.settings_files import load_subject
-
-        subject = load_subject(Path(subject))
+    subject = subject_of(subject)
     settings = settings or LiftingSettings()
-    trial = trial or _trial_of(subject, Path(markers), box_mass_kg)
-    name = name or f"{subject.name}_{box_mass_kg:g}kg"
+    found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
+    name = name or found
     recording = read_markers(markers, settings.markers, name=name)
     return Lift(
         lifting.analyse_lift(recording, name, subject, trial, settings),
@@ -96,12 +92,13 @@ def lift(
     )
 
 
-def _trial_of(subject: SubjectSettings, markers: Path, box_mass_kg: float) -> TrialSettings:
-    """The trial that a file is the recording of; events declared for another file are another lift's."""
-    for trial in subject.trials:
-        if trial.box_mass_kg == box_mass_kg and Path(trial.markers).name == markers.name:
-            return trial
-    return TrialSettings(box_mass_kg=box_mass_kg, markers=markers.name)
+def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
+    """Return the person, read from a file where one is given."""
+    if isinstance(subject, SubjectSettings):
+        return subject
+    from lumbar.config.settings_files import load_subject
+
+    return load_subject(Path(subject))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -159,10 +156,11 @@ class Lift:
         write_json(folder / "pendulum.json", {**self.facts, **label})
 
     def __str__(self) -> str:
-        times = {name: event.as_dict()["time_s"] for name, event in self.analysed.events.items()}
-        return "\n".join(
-            f"{name}: {'none' if time is None else f'{time:.3f} s'}" for name, time in times.items()
-        )
+        lines = [
+            f"{name}: {f'none ({event.how})' if event.time_s is None else f'{event.time_s:.3f} s'}"
+            for name, event in self.analysed.events.items()
+        ]
+        return "\n".join([*lines, *without_pendulum(self.analysed.missing)])
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"
@@ -171,6 +169,14 @@ class Lift:
         import pandas as pd
 
         return pd.DataFrame([event.as_dict() for event in self.analysed.events.values()]).to_html(index=False)
+
+
+def without_pendulum(missing: Mapping[str, str]) -> list[str]:
+    """Say once which centres of mass have no pendulum for the same reason."""
+    coms: dict[str, list[str]] = {}
+    for com, reason in missing.items():
+        coms.setdefault(reason, []).append(com)
+    return [f"no pendulum of {', '.join(names)}: {reason}" for reason, names in coms.items()]
 
 
 def basins(

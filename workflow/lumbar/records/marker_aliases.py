@@ -97,7 +97,7 @@ def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
 
 
 def resolve_aliases(
-    aliases: dict[str, Alias],
+    aliases: dict[str, Alias | None],
     points: dict[str, np.ndarray],
     model_points: dict[str, np.ndarray],
     dropped: dict[str, str],
@@ -109,7 +109,7 @@ def resolve_aliases(
     Parameters
     ----------
     aliases : dict of str to Alias
-        Standard name to alias; see the module's description. Empty: every marker keeps its label.
+        Standard name to alias, or None for none; see the module's description. Empty: every marker keeps its label.
     points, model_points : dict of str to ndarray, shape (n_frames, 3)
         Markers and computed points by label; metres, standard axes.
     dropped : dict of str to str
@@ -125,6 +125,7 @@ def resolve_aliases(
         All required names that cannot be filled, each with labels that look alike, and the labels of the
         file.
     """
+    aliases = {name: alias for name, alias in aliases.items() if alias is not None}
     required = list(aliases or points) if required is None else required
     if not aliases:
         missing = [name for name in required if name not in points]

@@ -16,7 +16,8 @@ from lumbar.fmu.build.guards import UNGUARDED, Guards
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.resampled_model import at_rate
 from lumbar.fmu.build.units import work_units
-from lumbar.models.fitted_model import GIVEN, FittedModel, MotionRange, Port, identifier
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import GIVEN, MotionRange, Port, identifier
 
 if TYPE_CHECKING:
     from lumbar.settings.runtime import RuntimeSettings

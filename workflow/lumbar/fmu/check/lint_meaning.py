@@ -7,7 +7,7 @@ from html import unescape
 from xml.etree.ElementTree import Element
 
 from lumbar.fmu.agreed import ANNOTATION, told_meaning
-from lumbar.models.fitted_model import MotionRange
+from lumbar.models.model_data import MotionRange
 
 _ROOT = ("description", "author", "version", "license", "generationTool")
 _NUMBERS = ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")

@@ -1,0 +1,77 @@
+"""Groups of people in a study: another label calls for no basin, and labels that nobody has end it before it starts."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from running import FORKING, copy_project, snakemake
+
+STUDY = """
+study: groups
+chapters: [lifting, stability]
+lifting: {points: 200}
+stability:
+  knots: 101
+  attack: {starts: 2}
+  proof: null
+  sum_of_squares: null
+  thesis_method: null
+  lyapunov_shares: [1.0]
+  limits: {knots: 84}
+"""
+NAMED = "  compare: {groups: [trained, untrained]}\n"
+
+
+def relabel(folder: Path, name: str, label: str) -> None:
+    path = folder / "config" / "subjects" / f"{name}.yaml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(re.sub(r"experience: \w+", f"experience: {label}", text), encoding="utf-8")
+
+
+def plan(folder: Path, *arguments: str):
+    return snakemake(
+        folder, "--cores", "1", *arguments, "--configfile", "config/groups.yaml", program=FORKING
+    )
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A study that has run, and whose people have other labels since."""
+    folder = copy_project(tmp_path_factory.mktemp("groups"))
+    (folder / "config" / "groups.yaml").write_text(STUDY, encoding="utf-8")
+    run = plan(folder, "stability")
+    assert run.status == 0, run.text[-6000:]
+    relabel(folder, "expert", "trained")
+    relabel(folder, "novice", "untrained")
+    return folder
+
+
+def test_labels_that_are_not_compared_end_the_run_before_anything_runs(study):
+    run = plan(study, "stability")
+    assert run.status != 0
+    assert "stability.compare.groups: nobody is labelled 'expert' or 'novice'" in run.text
+    assert "trained, untrained" in run.text
+
+
+def test_another_label_recomputes_no_basin(study):
+    (study / "config" / "groups.yaml").write_text(STUDY + NAMED, encoding="utf-8")
+    planned = set(plan(study, "--dry-run", "stability").jobs)
+    assert planned == {"stability", "stability_tables", "stability_figures"}
+    run = plan(study, "stability")
+    assert run.status == 0, run.text[-6000:]
+    table = pd.read_csv(study / "results" / "groups" / "tables" / "table_4_1.csv")
+    assert table["comparison"].unique().tolist() == [
+        "trained_vs_untrained",
+        "decrease_in_mass_trained",
+        "decrease_in_mass_untrained",
+    ]
+    assert set(table["status"]) == {"computed"}
+    areas = pd.read_csv(study / "results" / "groups" / "stability" / "boa.csv")
+    assert dict(zip(areas["subject"], areas["experience"], strict=True)) == {
+        "expert": "trained",
+        "novice": "untrained",
+    }
