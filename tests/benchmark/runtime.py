@@ -18,7 +18,7 @@ import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "unit"))
+sys.path[:0] = [str(HERE.parent / "unit"), str(HERE.parent)]
 
 from c_programs import loader_program  # noqa: E402
 from effect_entries import COMBINATIONS, FIVE_EFFECTS, effect_entry  # noqa: E402
