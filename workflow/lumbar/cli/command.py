@@ -27,6 +27,7 @@ COMMANDS = (
     "render",
     "export",
     "survey",
+    "inspect",
     "lift",
     "basin",
 )
