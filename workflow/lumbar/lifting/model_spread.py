@@ -124,7 +124,8 @@ def _choices(
     needed |= {"L_ANKLE", "R_ANKLE"} & set(lift.complete.positions)
     for cutoff in CUTOFFS_HZ:
         if cutoff < lift.complete.rate / 2:
-            smooth = _filtered(lift, needed, cutoff, settings.filter.order)
+            same = cutoff == settings.filter.cutoff_Hz
+            smooth = own.recording if same else _filtered(lift, needed, cutoff, settings.filter.order)
             yield _Choice(f"cut-off {cutoff:g} Hz", smooth, own.table, own.ends, own.hips)
 
 
