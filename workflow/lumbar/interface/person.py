@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
 from lumbar.interface.data_label import NOT_SAID, data_label
-from lumbar.interface.trials import trial_of
+from lumbar.interface.trials import static_of, trial_of
 from lumbar.lifting import lift as lifting
+from lumbar.lifting.rigid_filling import BodyFilling
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
 from lumbar.settings.seed import SEED
@@ -20,9 +21,12 @@ from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
     from lumbar.lifting.plate_check import PlateCheck
+    from lumbar.quality.sheet import QualitySheet
+    from lumbar.settings.layout import MarkerLayout
     from lumbar.stability.basins import LiftBasins
     from lumbar.stability.model.failures import Failure
     from lumbar.stability.model.trajectory import Trajectory
@@ -36,6 +40,7 @@ def lift(
     trial: TrialSettings | str | None = None,
     name: str | None = None,
     settings: LiftingSettings | None = None,
+    static: str | os.PathLike | None = None,
     data: str = "",
 ) -> Lift:
     """Find the events, centres of mass and pendulum states of one lift.
@@ -54,6 +59,8 @@ def lift(
     name : str, optional
         Name of the lift; default that of the trial, as in a study.
     settings : LiftingSettings, optional
+    static : path, optional
+        Marker file of a static trial; default the subject's, looked for below the folder that the trial's file lies below.
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
@@ -77,20 +84,31 @@ def lift(
     deposit_start: 5.820 s
     release: 7.070 s
     """
-    from lumbar.records.markers import read_markers
+    from lumbar.quality.screening import read_screened
 
     subject = subject_of(subject)
     settings = settings or LiftingSettings()
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
     name = name or found
-    recording = read_markers(markers, settings.markers, name=name)
+    static = static or static_of(subject, trial, Path(markers))
+    bodies = BodyFilling(settings, None if static is None else labelled_markers(static, settings.markers))
+    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     return Lift(
-        lifting.analyse_lift(recording, name, subject, trial, settings),
+        lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps),
         subject,
         trial,
         settings,
         data_label(data, [recording.source]),
+        sheet,
     )
+
+
+def labelled_markers(path: str | os.PathLike, layout: MarkerLayout) -> dict[str, np.ndarray]:
+    """Markers of a file by their own labels, in metres and standard axes; of one frame at least."""
+    from lumbar.records.markers import read_markers
+
+    bare = replace(layout, aliases={}, required=None, check_axes=False)
+    return read_markers(path, bare, minimum_frames=1).positions
 
 
 def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
@@ -114,6 +132,8 @@ class Lift:
     trial : TrialSettings
     settings : LiftingSettings
     data : str
+    quality : lumbar.quality.sheet.QualitySheet
+        What is in the recording and what in it cannot be a body: such stretches were left out.
     """
 
     analysed: lifting.AnalysedLift
@@ -121,6 +141,7 @@ class Lift:
     trial: TrialSettings
     settings: LiftingSettings
     data: str
+    quality: QualitySheet
 
     @property
     def name(self) -> str:
@@ -162,7 +183,7 @@ class Lift:
         return [*(points.on_skin(ends) if inner else []), *spread_lines(self.spread), *plates]
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``motion``, ``landmarks``."""
+        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``quality`` and what figures need."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
@@ -180,6 +201,7 @@ class Lift:
         rules = plain(self.settings.events)
         write_json(folder / "events.json", {"lift": self.name, "events": events, "rules": rules, **label})
         checked = {"force_plates": self.plates.as_dict() if self.plates else None}
+        write_json(folder / "quality.json", {"lift": self.name, **self.quality.as_dict(), **label})
         write_json(folder / "pendulum.json", {**self.facts, **checked, **label})
 
     def __str__(self) -> str:
@@ -187,7 +209,8 @@ class Lift:
             f"{name}: {f'none ({event.how})' if event.time_s is None else f'{event.time_s:.3f} s'}"
             for name, event in self.analysed.events.items()
         ]
-        return "\n".join([*lines, *without_pendulum(self.analysed.missing)])
+        found = [f"{finding.outcome}: {finding}" for finding in self.quality.findings]
+        return "\n".join([*lines, *without_pendulum(self.analysed.missing), *found])
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"

@@ -1,4 +1,7 @@
-"""Labels against the body: order along the trunk, left and right, front and back, size against stature."""
+"""Labels against the body: order along the trunk, left and right, front and back, size against stature.
+
+`points` are positions in metres by label, shape (n_frames, 3), NaN where not seen; `named` says which landmarks labels mean.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from lumbar.quality.landmarks import LENGTHS, landmarks, level, side_pairs
+from lumbar.quality.landmarks import LENGTHS, level, side_pairs
 
 TRUNK_SHARE = 0.265
 """Length of the trunk, from the middle of the pelvis's markers to that of the shoulders', as a share of stature."""
@@ -27,11 +30,6 @@ def _part(landmark: str) -> str:
     return landmark[2:] if landmark[:2] in ("L_", "R_") else landmark
 
 
-def _named(points: dict[str, np.ndarray]) -> dict[str, str]:
-    """Label to landmark, for the labels whose meaning is known."""
-    return {label: landmark for landmark, label in landmarks(points).items()}
-
-
 def _centre(points, named, parts: Collection[str], without: Collection[str] = ()) -> np.ndarray | None:
     chosen = [
         points[label]
@@ -50,13 +48,12 @@ def _mean(chosen: list[np.ndarray]) -> np.ndarray:
 
 
 def trunk_axis(
-    points: dict[str, np.ndarray], without: Collection[str] = ()
+    points: dict[str, np.ndarray], named: dict[str, str], without: Collection[str] = ()
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
     """Middle of the pelvis, unit vector from it to the shoulders, both shape (n_frames, 3), and their median distance.
 
     None where the labels name no marker of one of them.
     """
-    named = _named(points)
     pelvis = _centre(points, named, _PELVIS, without)
     top = _centre(points, named, _TOP, without)
     if pelvis is None or top is None:
@@ -67,14 +64,16 @@ def trunk_axis(
         return pelvis, axis / length, float(np.nanmedian(length)) if np.isfinite(length).any() else np.nan
 
 
-def levels_found(points: dict[str, np.ndarray], without: Collection[str] = ()) -> dict[str, float]:
+def levels_found(
+    points: dict[str, np.ndarray], named: dict[str, str], without: Collection[str] = ()
+) -> dict[str, float]:
     """Median height along the trunk of every label whose level is known: 0 pelvis, 1 shoulders."""
-    trunk = trunk_axis(points, without)
+    trunk = trunk_axis(points, named, without)
     if trunk is None or not trunk[2] > 0:
         return {}
     pelvis, axis, length = trunk
     found = {}
-    for label, landmark in _named(points).items():
+    for label, landmark in named.items():
         if level(landmark) is None:
             continue
         height = ((points[label] - pelvis) * axis).sum(axis=1) / length
@@ -83,16 +82,15 @@ def levels_found(points: dict[str, np.ndarray], without: Collection[str] = ()) -
     return found
 
 
-def order_exchanges(points: dict[str, np.ndarray]) -> list[tuple[str, str, str]]:
+def order_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> list[tuple[str, str, str]]:
     """Pairs of labels on the trunk that stand in the wrong order, with what was seen.
 
     Heights along the trunk are compared with nominal ones. The pair whose exchange brings the labels nearest to them goes
     first; then the rest is looked at as if exchanged. Neighbours on the spine are compared by their order alone.
     """
-    named = _named(points)
     pairs: list[tuple[str, str, str]] = []
     while len(pairs) < _MOST_EXCHANGES:
-        found, trunk = levels_found(points), trunk_axis(points)
+        found, trunk = levels_found(points, named), trunk_axis(points, named)
         inverted = _inverted(found, named, trunk[2]) if trunk else []
         mended = {pair: _off_levels(_exchanged(points, pair), named) for pair in inverted}
         best = min(mended, key=mended.__getitem__, default=None)
@@ -110,7 +108,7 @@ def order_exchanges(points: dict[str, np.ndarray]) -> list[tuple[str, str, str]]
 
 def _off_levels(points: dict[str, np.ndarray], named: dict[str, str]) -> float:
     """Sum of the squared differences between heights along the trunk and nominal ones."""
-    return sum((height - level(named[label])) ** 2 for label, height in levels_found(points).items())
+    return sum((height - level(named[label])) ** 2 for label, height in levels_found(points, named).items())
 
 
 def _inverted(found: dict[str, float], named: dict[str, str], length_m: float) -> list[tuple[str, str]]:
@@ -131,7 +129,9 @@ def _on_spine(landmark: str) -> bool:
     return landmark in ("C7", "SACRUM") or landmark[1:].isdigit()
 
 
-def side_exchanges(points: dict[str, np.ndarray]) -> tuple[list[tuple[str, str, str]], str]:
+def side_exchanges(
+    points: dict[str, np.ndarray], named: dict[str, str]
+) -> tuple[list[tuple[str, str, str]], str]:
     """Pairs left/right and front/back that lie the wrong way round, and whether all of left and right do.
 
     Every pair of a left and a right marker, of a front and a back one and of toe and heel says where the right side is. One
@@ -147,7 +147,7 @@ def side_exchanges(points: dict[str, np.ndarray]) -> tuple[list[tuple[str, str, 
     points = dict(points)
     pairs: list[tuple[str, str, str]] = []
     for _ in range(_MOST_EXCHANGES):
-        sides, depths = _rightward(points)
+        sides, depths = _rightward(points, named)
         if len(sides) > 1 and len(depths) > 1 and _mirrored(sides, depths):
             return [], (
                 f"{len(sides)} pairs of left and right markers lie the wrong way round for a body that faces where "
@@ -156,7 +156,10 @@ def side_exchanges(points: dict[str, np.ndarray]) -> tuple[list[tuple[str, str, 
         reversed_pairs = _contradicted({**sides, **depths})
         if not reversed_pairs:
             break
-        left = {pair: len(_contradicted(_all_rightward(_exchanged(points, pair)))) for pair in reversed_pairs}
+        left = {
+            pair: len(_contradicted(_all_rightward(_exchanged(points, pair), named)))
+            for pair in reversed_pairs
+        }
         pair = min(left, key=lambda one: (left[one], -reversed_pairs[one]))
         kind = "left and right" if pair in sides else "front and back"
         share = reversed_pairs[pair]
@@ -171,8 +174,8 @@ def _exchanged(points: dict[str, np.ndarray], pair: tuple[str, str]) -> dict[str
     return {**points, pair[0]: points[pair[1]], pair[1]: points[pair[0]]}
 
 
-def _all_rightward(points: dict[str, np.ndarray]) -> dict[tuple[str, str], np.ndarray]:
-    sides, depths = _rightward(points)
+def _all_rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> dict[tuple[str, str], np.ndarray]:
+    sides, depths = _rightward(points, named)
     return {**sides, **depths}
 
 
@@ -198,10 +201,9 @@ def _mirrored(sides: dict, depths: dict) -> bool:
     return bool(np.mean(against) > 0.7 and np.nanmedian(np.linalg.norm(given, axis=1)) > _AGREEING)
 
 
-def _rightward(points: dict[str, np.ndarray]) -> tuple[dict, dict]:
+def _rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
     """Unit vectors to the right by every pair left/right, and by every pair front/back, shape (n_frames, 3) each."""
-    named = _named(points)
-    trunk = trunk_axis(points)
+    trunk = trunk_axis(points, named)
     shape = next(iter(points.values())).shape
     vertical = np.broadcast_to([0.0, 0.0, 1.0], shape)
 
@@ -210,7 +212,7 @@ def _rightward(points: dict[str, np.ndarray]) -> tuple[dict, dict]:
         return trunk[1] if trunk is not None and on_trunk else vertical
 
     sides, depths = {}, {}
-    for pair in side_pairs(points):
+    for pair in side_pairs(points, named):
         across = points[pair[1]] - points[pair[0]]
         sides[pair] = across - _along(across, up(*pair))
     for pair in _front_and_back(named):
@@ -251,9 +253,9 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
         return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def stature_found(points: dict[str, np.ndarray]) -> tuple[float, int]:
+def stature_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[float, int]:
     """Stature in metres by the median over the known lengths of the body, and how many there are; NaN without one."""
-    found = landmarks(points)
+    found = {landmark: label for label, landmark in named.items()}
     statures = []
     for ends, share in LENGTHS.items():
         for side in ("L_", "R_"):
@@ -261,7 +263,7 @@ def stature_found(points: dict[str, np.ndarray]) -> tuple[float, int]:
             if all(name in found for name in names):
                 between = points[found[names[0]]] - points[found[names[1]]]
                 statures.append(_median_length(between) / share)
-    trunk = trunk_axis(points)
+    trunk = trunk_axis(points, named)
     if trunk is not None:
         statures.append(trunk[2] / TRUNK_SHARE)
     statures = [value for value in statures if np.isfinite(value)]

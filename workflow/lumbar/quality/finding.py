@@ -52,8 +52,8 @@ class Finding:
 
     def __str__(self) -> str:
         who = ", ".join(self.markers) or "all markers"
-        stop = self.start_s + self.length_s
-        when = f"{self.start_s:.2f} to {stop:.2f} s (frames {self.first_frame} to {self.frames.stop - 1})"
+        when = f"{self.start_s:.2f} to {self.start_s + self.length_s:.2f} s"
+        when += f" (frames {self.first_frame} to {self.frames.stop - 1})"
         return f"{self.kind}: {who}, {when}: {self.evidence}" + (f"; {self.cause}" if self.cause else "")
 
 

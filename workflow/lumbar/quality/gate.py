@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from lumbar.quality.body import order_exchanges, side_exchanges, stature_found
 from lumbar.quality.exchanges import Exchange, lands_on, take_exchanges
 from lumbar.quality.finding import ERROR, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
+from lumbar.quality.landmarks import landmarks
 from lumbar.quality.leaps import Leap, displaced, find_leaps, step_sizes
 from lumbar.quality.lengths import length, off_its_part, rigid_mates
 from lumbar.quality.tempo import HIGHEST_HZ, LOWEST_HZ, USUAL_HZ, frequency_scale
@@ -26,7 +29,11 @@ _IMPOSSIBLE_TEMPO = 3.0
 
 
 def examine(
-    points: dict[str, np.ndarray], time: np.ndarray, rate: float, height_m: float | None = None
+    points: dict[str, np.ndarray],
+    time: np.ndarray,
+    rate: float,
+    height_m: float | None = None,
+    meant: dict[str, str] | None = None,
 ) -> list[Finding]:
     """Find what in a recording cannot be a body that moves, by marker and time.
 
@@ -43,6 +50,8 @@ def examine(
         Frames per second.
     height_m : float, optional
         Stature of the person; without it any from 0.6 to 2.6 m is accepted.
+    meant : dict of str to str, optional
+        Landmark to label, where labels mean something else than usual.
 
     Returns
     -------
@@ -52,18 +61,19 @@ def examine(
     clock = Clock(time, rate)
     if not points:
         return []
-    wrong = _unit(points, clock, height_m)
+    named = {label: landmark for landmark, label in landmarks(points, meant).items()}
+    wrong = _unit(points, named, clock, height_m)
     if wrong:
         return wrong
     findings: list[Finding] = []
-    for check in (beyond_laboratory, frozen, copied):
+    for check in (beyond_laboratory, frozen, partial(copied, named=named)):
         found = check(points, clock)
         findings += found
         points = hidden(points, found)
-    found, points = _leaps(points, clock)
+    found, points = _leaps(points, named, clock)
     findings += found
     findings += _rigid_parts(points, clock)
-    findings += _stature(points, clock, height_m) + _tempo(points, clock) + _jitter(points, clock)
+    findings += _stature(points, named, clock, height_m) + _tempo(points, clock) + _jitter(points, clock)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
 
@@ -85,14 +95,20 @@ def _sampled(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {label: positions[::every] for label, positions in points.items()}
 
 
-def _unit(points: dict[str, np.ndarray], clock: Clock, height_m: float | None) -> list[Finding]:
+def _unit(
+    points: dict[str, np.ndarray], named: dict[str, str], clock: Clock, height_m: float | None
+) -> list[Finding]:
     """An error where the body is far too large or too small for a person."""
     sampled = _sampled(points)
     far = [np.abs(positions[np.isfinite(positions)]).ravel() for positions in sampled.values()]
-    stature, count = stature_found(sampled)
+    stature, count = stature_found(sampled, named)
     if np.median(np.concatenate(far)) > LABORATORY_M and not 0 < stature < LABORATORY_M:
         evidence = f"coordinates of {np.median(np.concatenate(far)):.3g} m"
-        return [clock.finding("unit", ERROR, (), evidence, "no laboratory is so large: set markers.unit")]
+        return [
+            clock.finding(
+                "unit", ERROR, (), evidence, "no laboratory is so large: set markers.scale or markers.unit"
+            )
+        ]
     if count >= 2:
         low, high = (height_m / _WRONG_UNIT, height_m * _WRONG_UNIT) if height_m else _STATURES_M
         size, expected = stature, height_m or _PERSON_M
@@ -122,15 +138,17 @@ def _extent(frame: np.ndarray) -> float:
 
 def _which_unit(factor: float) -> str:
     if not 0 < factor < np.inf:
-        return "set markers.unit to the one the numbers are in"
+        return "set markers.scale or markers.unit"
     for candidate in _FACTORS:
         for times in (candidate, 1 / candidate):
             if abs(np.log(factor / times)) < np.log(1.35):
-                return f"the unit is wrong by a factor of {times:.4g}: set markers.unit to the one the numbers are in"
-    return f"{factor:.2g} times a person's size: set markers.unit, or the subject's height_m"
+                return f"the unit is wrong by a factor of {times:.4g}: set markers.scale to {1 / times:.4g}, or markers.unit"
+    return f"{factor:.2g} times a person's size: set markers.scale, or the subject's height_m"
 
 
-def _leaps(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Finding], dict[str, np.ndarray]]:
+def _leaps(
+    points: dict[str, np.ndarray], named: dict[str, str], clock: Clock
+) -> tuple[list[Finding], dict[str, np.ndarray]]:
     """Exchanged labels, leaps and spikes; the points with exchanges undone and leaps left out, for the checks that follow."""
     found = {label: find_leaps(positions, clock.rate) for label, positions in points.items()}
     exchanges, remaining = take_exchanges({label: leaps for label, (leaps, _) in found.items()})
@@ -141,7 +159,7 @@ def _leaps(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Finding], 
         straight = _exchanged(straight, (exchange.first, exchange.second), stretches)
     findings = _displaced(straight, remaining, {label: spikes for label, (_, spikes) in found.items()}, clock)
     straight = hidden(straight, findings)
-    whole, mirrored = _whole_exchanges(straight)
+    whole, mirrored = _whole_exchanges(straight, named)
     for pair, _ in whole:
         straight = _exchanged(straight, pair, [slice(0, n_frames)])
     for exchange, stretches in chosen.items():
@@ -156,7 +174,9 @@ def _leaps(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Finding], 
             )
         findings += _exchange_findings(points, straight, exchange, stretches, clock)
     for pair, evidence in whole:
-        cause = "their labels are exchanged: set markers.aliases so that each takes the other's label, if the pictures agree"
+        cause = (
+            f"their labels are exchanged: if so, let {pair[0]} and {pair[1]} change places in markers.aliases"
+        )
         findings.append(clock.finding("exchanged", PROPOSED, pair, evidence, cause))
     if mirrored:
         cause = "the labels of both sides are exchanged, or an axis of the file is mirrored"
@@ -164,13 +184,15 @@ def _leaps(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Finding], 
     return findings, straight
 
 
-def _whole_exchanges(points: dict[str, np.ndarray]) -> tuple[list[tuple[tuple[str, str], str]], str]:
+def _whole_exchanges(
+    points: dict[str, np.ndarray], named: dict[str, str]
+) -> tuple[list[tuple[tuple[str, str], str]], str]:
     """Labels exchanged over the whole recording."""
     sampled = _sampled(points)
-    ordered = order_exchanges(sampled)
+    ordered = order_exchanges(sampled, named)
     for low, high, _ in ordered:
         sampled[low], sampled[high] = sampled[high], sampled[low]
-    sided, mirrored = side_exchanges(sampled)
+    sided, mirrored = side_exchanges(sampled, named)
     return [((low, high), evidence) for low, high, evidence in (*ordered, *sided)], mirrored
 
 
@@ -263,8 +285,10 @@ def _rigid_parts(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
     ]
 
 
-def _stature(points: dict[str, np.ndarray], clock: Clock, height_m: float | None) -> list[Finding]:
-    stature, count = stature_found(_sampled(points))
+def _stature(
+    points: dict[str, np.ndarray], named: dict[str, str], clock: Clock, height_m: float | None
+) -> list[Finding]:
+    stature, count = stature_found(_sampled(points), named)
     if not height_m or count < 2 or 1 / _OTHER_STATURE < stature / height_m < _OTHER_STATURE:
         return []
     evidence = (
@@ -280,8 +304,8 @@ def _tempo(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
     evidence = f"accelerations and velocities give {found:.2g} Hz; people who lift, squat, walk or stand up have 0.4 to 0.8 Hz"
     seconds = len(clock.time) / clock.rate
     cause = (
-        f"the rate of {clock.rate:g} Hz may be wrong, by a factor of about {found / USUAL_HZ:.2g}: did the recording last "
-        f"{seconds:.3g} s?"
+        f"the rate of {clock.rate:g} Hz may be wrong, by a factor of about {found / USUAL_HZ:.2g}: where the recording "
+        f"did not last {seconds:.3g} s, set markers.rate_Hz"
     )
     outcome = ERROR if max(found / HIGHEST_HZ, LOWEST_HZ / found) > _IMPOSSIBLE_TEMPO else NOTED
     return [clock.finding("rate", outcome, (), evidence, cause)]

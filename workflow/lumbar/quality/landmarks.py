@@ -55,13 +55,15 @@ LENGTHS = {
 _VERTEBRA = re.compile(r"^([TL])V?(\d{1,2})$")
 
 
-def landmarks(labels: Iterable[str]) -> dict[str, str]:
+def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dict[str, str]:
     """Landmark to label, for the labels whose meaning is known.
 
     Parameters
     ----------
     labels : iterable of str
         Without subject prefixes.
+    meant : dict of str to str, optional
+        Landmark to label, by a laboratory's own aliases: they go before the usual meaning.
 
     Examples
     --------
@@ -80,7 +82,9 @@ def landmarks(labels: Iterable[str]) -> dict[str, str]:
         match = _VERTEBRA.match(name)
         if match and 1 <= int(match[2]) <= {"T": 12, "L": 5}[match[1]]:
             found.setdefault(f"{match[1]}{int(match[2])}", label)
-    return found
+    meant = meant or {}
+    own = set(meant.values())
+    return {**{name: label for name, label in found.items() if label not in own}, **meant}
 
 
 def _take(found: dict[str, str], landmark: str, names: Iterable[str], bare: dict[str, str]) -> None:
@@ -94,8 +98,8 @@ def _bare(label: str) -> str:
     return re.sub(r"[^A-Z0-9]", "", label.rpartition(":")[2].upper())
 
 
-def side_pairs(labels: Iterable[str]) -> list[tuple[str, str]]:
-    """Return the labels that differ in their side alone, left one first.
+def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> list[tuple[str, str]]:
+    """Return the labels that differ in their side alone, left one first; `named` says where a label means the other side.
 
     Examples
     --------
@@ -112,7 +116,8 @@ def side_pairs(labels: Iterable[str]) -> list[tuple[str, str]]:
         if label[-1:] == "l" or label[-2:] == "_L":
             others.append(label[:-1] + {"l": "r", "L": "R"}[label[-1]])
         pairs += [(label, other) for other in others if other in present]
-    return pairs
+    meant_right = {label for label, landmark in (named or {}).items() if landmark.startswith("R_")}
+    return [(right, left) if left in meant_right else (left, right) for left, right in pairs]
 
 
 def level(landmark: str) -> float | None:

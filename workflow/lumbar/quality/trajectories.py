@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.quality.finding import LEFT_OUT, Clock, Finding
-from lumbar.quality.landmarks import landmarks, level
+from lumbar.quality.landmarks import level
 from lumbar.records.stretches import runs
 
 LABORATORY_M = 100.0
@@ -83,7 +83,7 @@ def _nearest(points: dict[str, np.ndarray], index: int, run: slice) -> list[int]
     return order[:_NEIGHBOURS]
 
 
-def copied(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+def copied(points: dict[str, np.ndarray], clock: Clock, named: dict[str, str]) -> list[Finding]:
     """Stretches in which two markers are closer than two markers can be: one is a copy of the other.
 
     Which of the two is the copy is told by what lies nearer to its nominal level along the trunk, or by which of them leapt
@@ -97,7 +97,7 @@ def copied(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
             near = np.linalg.norm(a - b, axis=1) < _TOUCHING_M
         for stretch in runs(near):
             if stretch.stop - stretch.start >= min(_SHORTEST_COPY, len(near)):
-                findings.append(_copy(points, labels[first], labels[second], stretch, clock))
+                findings.append(_copy(points, named, (labels[first], labels[second]), stretch, clock))
     return findings
 
 
@@ -119,12 +119,13 @@ def _touching_pairs(points: dict[str, np.ndarray]) -> list[tuple[int, int]]:
     return sorted(pairs)
 
 
-def _copy(points: dict[str, np.ndarray], first: str, second: str, stretch: slice, clock: Clock) -> Finding:
+def _copy(
+    points: dict[str, np.ndarray], named: dict[str, str], pair: tuple[str, str], stretch: slice, clock: Clock
+) -> Finding:
+    first, second = pair
     distance = np.linalg.norm(points[first][stretch] - points[second][stretch], axis=1).max() * 1e3
     evidence = f"{first} and {second} are at most {distance:.2g} mm apart, closer than two markers can be"
-    copies = _which_leapt(points, (first, second), stretch) or _which_is_off_level(
-        points, (first, second), stretch
-    )
+    copies = _which_leapt(points, pair, stretch) or _which_is_off_level(points, named, pair, stretch)
     cause = (
         f"{copies[0]} is a copy of {second if copies[0] == first else first}"
         if copies
@@ -144,14 +145,15 @@ def _which_leapt(points, pair: tuple[str, str], stretch: slice) -> tuple[str, ..
     return (pair[int(np.argmax(leaps))],) if larger > 0.02 and larger > 3 * smaller else ()
 
 
-def _which_is_off_level(points, pair: tuple[str, str], stretch: slice) -> tuple[str, ...]:
+def _which_is_off_level(
+    points, named: dict[str, str], pair: tuple[str, str], stretch: slice
+) -> tuple[str, ...]:
     """Return the marker of a pair that lies farther from its level along the trunk."""
     from lumbar.quality.body import levels_found
 
-    named = {label: landmark for landmark, label in landmarks(points).items()}
     if not all(label in named and level(named[label]) is not None for label in pair):
         return ()
-    found = levels_found({label: positions[stretch] for label, positions in points.items()}, without=pair)
+    found = levels_found({label: positions[stretch] for label, positions in points.items()}, named, pair)
     if not set(pair) <= set(found):
         return ()
     off = [abs(found[label] - level(named[label])) for label in pair]

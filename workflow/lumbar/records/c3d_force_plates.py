@@ -77,10 +77,13 @@ def read_c3d_plates(path: Path, layout: MarkerLayout) -> list[ForcePlate]:
     if not unit and not structure.n_points and layout.unit == "file":
         unit = "mm"  # the user guide's own; no marker of this file could have another
         notes.append("the file states no unit of length; millimetres were taken")
-    metres = metres_per_unit(str(path), unit, layout.unit)
+    metres = layout.scale * metres_per_unit(str(path), unit, layout.unit)
     rotation = rotation_to_standard(layout.up, layout.forward)
-    start = (structure.first_frame - 1) / structure.rate
-    time = start + np.arange(structure.n_frames * channels.per_frame) / channels.rate
+    frames_per_s = layout.rate_Hz or structure.rate
+    rate = channels.rate * frames_per_s / structure.rate
+    time = (structure.first_frame - 1) / frames_per_s + np.arange(
+        structure.n_frames * channels.per_frame
+    ) / rate
     plates = []
     for number in range(used):
         plate = _plate(path, structure.parameters, number, used, metres)
@@ -89,9 +92,7 @@ def read_c3d_plates(path: Path, layout: MarkerLayout) -> list[ForcePlate]:
         wrench = _WRENCHES[plate.kind](signals, plate)
         turned = _turned(plate, wrench, rotation, own)
         plates.append(
-            ForcePlate(
-                f"plate {number + 1}", time, *turned, channels.rate, plate.corners @ rotation.T, tuple(own)
-            )
+            ForcePlate(f"plate {number + 1}", time, *turned, rate, plate.corners @ rotation.T, tuple(own))
         )
     return plates
 

@@ -4,13 +4,14 @@ Axes are those of the thesis's chapter 4: x lateral (to the right), y forward, z
 is plain data from a study's YAML::
 
     unit: file                 # file, m, cm or mm
+    scale: 1.0                 # factor on the coordinates, where the unit that the file states is wrong
     up: "+z"                   # axis of the file that points up
     forward: "+y"              # axis of the file that points the way the person faces
     subject_prefix: strip      # strip, keep, or the subject's name
     aliases: {C7: [C7, CV7], L_WRIST: {mean: [LWRA, LWRB]}}
     required: null             # names that must be found; null: every alias
     check_axes: true           # compare the axes with head-to-feet, heel-to-toe and left-to-right
-    rate_Hz: null              # frames per second, of a CSV file without times
+    rate_Hz: null              # frames per second, of a CSV file without times or where the file's are wrong
 
 `lumbar.records.marker_aliases` explains the aliases. Standard names are C7, T12, L5 (the spine at L4/L5),
 MANUBRIUM, XIPHOID, SACRUM; SHOULDER, HIP (greater trochanter), WRIST, ANKLE, HEEL and TOE with L_ or R_
@@ -20,7 +21,8 @@ before them; BOX_1, BOX_2 and so on for markers on the box.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,8 @@ from lumbar.errors import InputError
 from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.settings.layout import MarkerLayout
 
+Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
+Mend = Callable[[dict[str, np.ndarray], np.ndarray], dict[str, np.ndarray]]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _UNIT_NAMES = {
     "m": "m",
@@ -106,6 +110,8 @@ def read_markers(
     layout: MarkerLayout | None = None,
     name: str | None = None,
     minimum_frames: int = 2,
+    screen: Screen | None = None,
+    mend: Mend | None = None,
 ) -> MarkerRecording:
     """Read a C3D, TRC or CSV file.
 
@@ -119,6 +125,12 @@ def read_markers(
         Name of the recording; default the file's stem.
     minimum_frames : int
         1 accepts a static pose of one frame; a trajectory needs at least 2.
+    mend : callable, optional
+        Takes all markers by their labels in the file (metres, standard axes) and the time, and returns them mended:
+        before rules derive further points from them.
+    screen : callable, optional
+        Given the measured markers of the file, by label, in metres and standard axes, with time and rate, returns those
+        to go on with, NaN where they are not to be used, and why: `lumbar.quality.screening` makes one.
 
     Returns
     -------
@@ -137,18 +149,23 @@ def read_markers(
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    file = select_subject(_read_file(path, layout), layout.subject_prefix)
+    file = _at_rate(select_subject(_read_file(path, layout), layout.subject_prefix), layout.rate_Hz)
     if len(file.time) < minimum_frames:
         raise InputError(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
             f"a trajectory needs at least {minimum_frames}"
         )
-    matrix = metres_per_unit(file.source, file.unit, layout.unit) * rotation_to_standard(
-        layout.up, layout.forward
-    )
+    unit = layout.scale * metres_per_unit(file.source, file.unit, layout.unit)
+    matrix = unit * rotation_to_standard(layout.up, layout.forward)
     points = {label: values @ matrix.T for label, values in file.positions.items()}
     model_points = {label: values @ matrix.T for label, values in file.model_points.items()}
+    if screen is not None:
+        points, left_out = screen(points, file.time, file.rate)
+        points = {label: values for label, values in points.items() if not np.isnan(values).all()}
+        file = replace(file, dropped=file.dropped | left_out)
     _check_spread(points, file)
+    if mend is not None:
+        points = mend(points, file.time)
     resolved = resolve_aliases(
         layout.aliases, points, model_points, file.dropped, file.source, layout.required
     )
@@ -186,6 +203,14 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
     raise InputError(
         f"{path}: markers are read from .c3d, .trc and .csv files, not {suffix or 'a file without suffix'!r}"
     )
+
+
+def _at_rate(file: MarkerFile, rate: float | None) -> MarkerFile:
+    """Return the file with times as of another rate."""
+    if rate is None:
+        return file
+    events = tuple(replace(event, time=event.time * file.rate / rate) for event in file.events)
+    return replace(file, time=file.time * file.rate / rate, rate=rate, events=events)
 
 
 def metres_per_unit(source: str, unit: str, declared: str) -> float:

@@ -85,6 +85,12 @@ class MarkerLayout:
         "Unit of length: file takes the one the file states; any other one must not contradict it.",
         default="file",
     )
+    scale: float = key(
+        "Factor on the coordinates where the unit that a file states is wrong, e.g. 0.1.",
+        default=1.0,
+        gt=0,
+        le=10000,
+    )
     up: Axis = key("Axis of the file that points up.", default="+z")
     forward: Axis = key(
         "Axis of the file that points the way the person faces; perpendicular to up.", default="+y"
@@ -100,7 +106,8 @@ class MarkerLayout:
         default=True,
     )
     rate_Hz: float | None = key(
-        "Frames per second of a CSV file that has no times; null takes them from the file.",
+        "Frames per second of a CSV file that has no times, or where the rate that a C3D or TRC file states is wrong; null "
+        "takes them from the file.",
         default=None,
         unit="Hz",
         gt=0,
