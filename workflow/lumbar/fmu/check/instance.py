@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import count
 from pathlib import Path
 
@@ -66,6 +67,19 @@ class UnzippedFmu:
         ]
 
 
+@cache
+def _slave(version: int) -> type:
+    """Fmpy's class for a version of FMI; it asks for its functions' signatures at every instance, so they are kept on them."""
+    from fmpy.fmi2 import FMU2Slave
+    from fmpy.fmi3 import FMU3Slave
+
+    slave = FMU2Slave if version == 2 else FMU3Slave
+    for name, function in inspect.getmembers(slave, inspect.isfunction):
+        if name.startswith("fmi"):
+            function.__signature__ = inspect.signature(function)
+    return slave
+
+
 class Instance:
     """An instance in initialization mode, then one sample after the other.
 
@@ -79,11 +93,8 @@ class Instance:
     """
 
     def __init__(self, fmu: UnzippedFmu, event_mode: bool = False, token: str | None = None):
-        from fmpy.fmi2 import FMU2Slave
-        from fmpy.fmi3 import FMU3Slave
-
         self.fmu, self.event_mode = fmu, event_mode
-        self.slave = (FMU2Slave if fmu.version == 2 else FMU3Slave)(
+        self.slave = _slave(fmu.version)(
             guid=fmu.description.guid if token is None else token,
             unzipDirectory=str(fmu.folder),
             modelIdentifier=fmu.description.coSimulation.modelIdentifier,
