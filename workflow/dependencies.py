@@ -7,12 +7,14 @@ declares the files returned here as inputs.
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 WORKFLOW = Path(__file__).resolve().parent
 PACKAGE = "lumbar"
+_IMPORT = re.compile(r"^[ \t]*(?:import|from)[ \t][^(#\n]*(?:\([^)]*\))?", flags=re.M)
 _DATA_ENDINGS = {".c", ".h", ".json", ".csv", ".yaml", ".in", ".txt", ".png", ".jinja"}
 
 
@@ -24,24 +26,20 @@ def _module_file(name: str) -> Path | None:
     return path.with_suffix(".py") if path.with_suffix(".py").is_file() else None
 
 
-def _import_statements(source: str, name: str) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Import statements of a source at any depth; expressions hold none and are not entered, which saves a second."""
-    pending: list[ast.AST] = [ast.parse(source, filename=name)]
-    while pending:
-        node = pending.pop()
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            yield node
-        for block in ("body", "orelse", "handlers", "finalbody", "cases"):
-            inside = getattr(node, block, ())
-            if isinstance(inside, list):  # the body of a lambda is an expression
-                pending.extend(inside)
+def _import_statements(source: str) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Import statements of a source at any depth, each on lines of its own: the rest is not parsed, which saves a second."""
+    for found in _IMPORT.finditer(source):
+        try:
+            yield from ast.parse(found[0].strip()).body
+        except SyntaxError:
+            continue  # a line of prose
 
 
 @cache
 def _imported(path: Path) -> frozenset[Path]:
     """Library files that one source file imports, at any depth of its functions, with their packages."""
     names = set()
-    for node in _import_statements(path.read_text(encoding="utf-8"), str(path)):
+    for node in _import_statements(path.read_text(encoding="utf-8")):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:

@@ -42,7 +42,7 @@ from lumbar.diagnosis.selection.refine import refined_fit
 from lumbar.effects.catalogue import TISSUE as CATALOGUE
 from lumbar.errors import LumbarError
 from lumbar.files import write_csv, write_text
-from lumbar.models.fitted_model import FittedParameter
+from lumbar.models.model_data import FittedParameter
 from lumbar.progress import track
 from lumbar.reports.figures.style import save
 

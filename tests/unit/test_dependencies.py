@@ -51,3 +51,15 @@ def test_every_script_can_be_followed(dependencies, project):
         sources = dependencies.library_sources(script.name)
         assert sources == sorted(set(sources))
         assert all(Path(source).is_file() for source in sources)
+
+
+def test_no_import_statement_is_overlooked(dependencies, project):
+    """Compare with the whole syntax tree of every file; a line of prose like an import may count too."""
+    import ast
+
+    for path in sorted((project / "workflow").rglob("*.py")):
+        source = path.read_text(encoding="utf-8")
+        nodes = ast.walk(ast.parse(source))
+        statements = {ast.dump(node) for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)}
+        found = {ast.dump(node) for node in dependencies._import_statements(source)}
+        assert statements <= found, path

@@ -17,8 +17,6 @@ PACKAGES = (
     "clarabel",
     "matplotlib",
     "fmpy",
-    "ezc3d",
-    "c3d",
     "ziglang",
 )
 

@@ -86,6 +86,7 @@ rule examine_claims:
     params:
         names=list(EVIDENCE),
         synthetic=study.synthetic,
+        groups=list(settings.stability.compare.groups),
         data=DATA,
     message:
         "Claims: the thesis's values against this run's"

@@ -18,7 +18,7 @@ rule basins_of_lift:
     conda:
         CONDA
     params:
-        settings=plain(settings.stability),
+        settings=without(settings.stability, "compare"),
         seed=settings.seed,
     message:
         "{wildcards.lift}: basins of attraction"
@@ -49,6 +49,7 @@ if study.has("stability"):
         params:
             settings=plain(settings.stability),
             seed=settings.seed,
+            labels=study.labels,
             data=DATA,
         message:
             "Table 4.1 and the areas of all basins"
@@ -71,6 +72,7 @@ if study.has("stability"):
             CONDA
         params:
             settings=plain(settings.stability),
+            labels=study.labels,
             data=DATA,
         message:
             "Figures 4.3 and 4.4: basins of attraction"

@@ -18,7 +18,8 @@ def main(input, output, params):
         name: read_json(path) if path.endswith(".json") else pd.read_csv(path)
         for name, path in zip(params.names, input.results, strict=True)
     }
-    claims = examine_claims(all_claims(published, params.synthetic), results, params.synthetic, params.data)
+    claims = all_claims(published, params.synthetic, tuple(params.groups))
+    claims = examine_claims(claims, results, params.synthetic, params.data)
     write_csv(output.claims, claims)
     summary_table(claims, params.data).write(stem(output.claims_table))
 

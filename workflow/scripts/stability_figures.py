@@ -16,7 +16,8 @@ def main(input, output, params):
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
     settings = typed(StabilitySettings, params.settings)
-    chosen = shown_lift([read_json(path) for path in input.facts])
+    facts = [read_json(path) for path in input.facts]
+    chosen = shown_lift(facts, params.labels, settings.compare.groups[0])
     funnels = pd.read_csv(input.funnels[chosen])
     save(
         figure_4_3(funnels, settings.goal_level),
@@ -24,8 +25,8 @@ def main(input, output, params):
         params.data,
     )
     save(figure_4_4(funnels), stem(output.figure_4_4), params.data)
-    states, facts = pd.read_csv(input.states[chosen]), read_json(input.facts[chosen])
-    trajectories, _ = trajectories_of_lift(states, facts, settings.pendulum.mass)
+    states = pd.read_csv(input.states[chosen])
+    trajectories, _ = trajectories_of_lift(states, facts[chosen], settings.pendulum.mass)
     comparison = comparison_figure(trajectories, settings)
     save(comparison, stem(output.basin_comparison), params.data)
 

@@ -21,9 +21,13 @@ def main(input, output, params):
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
     settings = typed(StabilitySettings, params.settings)
-    mass = settings.pendulum.mass
+    mass, labels = settings.pendulum.mass, params.labels
+
+    def labelled(facts):
+        return {**facts, "experience": labels[facts["subject"]]}
+
     lifts = [
-        (pd.read_csv(states), read_json(facts))
+        (pd.read_csv(states), labelled(read_json(facts)))
         for states, facts in zip(input.states, input.facts, strict=True)
     ]
     trajectories, other_mass = (
@@ -32,6 +36,7 @@ def main(input, output, params):
     )
     boa = joined([pd.read_csv(path, dtype=DTYPES) for path in input.boa])
     failures = joined([pd.read_csv(path) for path in input.failures])
+    boa, failures = (frame.assign(experience=frame["subject"].map(labels)) for frame in (boa, failures))
     boa, disagreements = cross_checked(boa, trajectories, settings)
     failures = joined([failures, failures_frame(disagreements)])
     table, failures = table_4_1(boa, trajectories, settings, params.data, other_mass, params.seed, failures)

@@ -150,7 +150,9 @@ def test_aliases_of_markers(config, folder, alias, allowed):
         return
     assert "lifting.markers.aliases.C7: found" in message_of(
         config, folder
-    ) and "allowed: text, {mean}, {between, share}, {from, offset_m}, or list" in message_of(config, folder)
+    ) and "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text" in message_of(
+        config, folder
+    )
 
 
 def test_names_of_markers_are_in_capitals(config, folder):

@@ -6,7 +6,7 @@ import pytest
 from runtime_models import SETTINGS, about, entry, models_json, selected
 
 from lumbar.errors import InputError, NumericalError
-from lumbar.models.fitted_model import identifier
+from lumbar.models.model_data import identifier
 from study_settings import changed
 
 

@@ -12,8 +12,8 @@ from test_runtime_defects import BINARY, DESCRIPTION, binary, contents, edited
 
 import lumbar
 from lumbar.errors import InputError
+from lumbar.fmu.agreed import REFERENCE, WITHOUT_EVENT_MODE
 from lumbar.fmu.build.compiler import compile_library
-from lumbar.fmu.build.extras import REFERENCE, WITHOUT_EVENT_MODE
 from lumbar.fmu.build.package import write_fmu
 from lumbar.fmu.build.sources import c_files, content_token, source_files
 from lumbar.fmu.check.file_check import check_file, check_files

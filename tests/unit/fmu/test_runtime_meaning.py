@@ -16,9 +16,10 @@ from runtime_models import RANGE, entry, exported, models_json
 import lumbar
 from lumbar.effects.catalogue import CATALOGUES
 from lumbar.errors import InputError
+from lumbar.fmu.agreed import told_meaning
 from lumbar.fmu.build.meaning import range_text, sign_text
-from lumbar.fmu.check.lint_meaning import told_meaning
-from lumbar.models.fitted_model import FittedModel, MotionRange
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import MotionRange
 from lumbar.models.models_file import models_document, read_models
 from lumbar.signals.motion_range import motion_range
 from lumbar.synthetic.examples import example_records

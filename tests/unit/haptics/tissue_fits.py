@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from lumbar.models.fitted_model import FittedModel, Port
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import Port
 from lumbar.models.transfer_function import TransferFunction
 
 COEFFICIENTS = {

@@ -16,7 +16,7 @@ from lumbar.identification.ridge import ReducedRegression
 from lumbar.identification.table_2_1 import physical_parameters_table, table_2_1
 from lumbar.identification.table_3_1 import table_3_1, unit_slug
 from lumbar.models.arx_structure import ArxStructure
-from lumbar.models.fitted_model import Port
+from lumbar.models.model_data import Port
 from lumbar.models.models_file import models_document, read_models
 from lumbar.models.tissue_models import HO, KB
 from lumbar.records.record import Channel, Record

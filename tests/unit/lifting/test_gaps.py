@@ -5,8 +5,9 @@ import pytest
 from marker_gaps import missing_share
 
 from lumbar.errors import InputError
-from lumbar.lifting.gaps import ALONE, AT_END, AT_START, FILLED, TOO_LONG, fill_gaps, runs
+from lumbar.lifting.gaps import ALONE, AT_END, AT_START, FILLED, TOO_LONG, fill_gaps
 from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.records.stretches import runs
 from lumbar.settings.layout import MarkerLayout
 
 RATE = 100.0

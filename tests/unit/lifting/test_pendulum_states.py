@@ -8,6 +8,7 @@ import pytest
 from lumbar.errors import InputError, NumericalError
 from lumbar.lifting.lift import analyse_lift, states_frame, summary
 from lumbar.lifting.pendulum_states import heading, pendulum_states, pivot_trajectory, turn
+from lumbar.lifting.trunk_points import trunk_points
 from lumbar.records.markers import MarkerRecording, read_markers
 from study_settings import changed, study_settings, subject_settings
 
@@ -110,10 +111,11 @@ def test_heading_and_turning_undo_each_other():
 
 def test_unknown_pivots_and_missing_markers_are_refused():
     recording = MarkerRecording("x", np.arange(5) / 100, 100.0, {"L5": np.ones((5, 3))}, source="x.c3d")
+    points = trunk_points(recording, "inner", "harrington", "male")
     with pytest.raises(InputError, match="allowed: mid_ankle, hip, L5"):
-        pivot_trajectory(recording, "knee")
+        pivot_trajectory(recording, points, "knee")
     with pytest.raises(InputError, match=r"2 problems(.|\n)*pivots possible with this recording: L5"):
-        pivot_trajectory(recording, "mid_ankle")
+        pivot_trajectory(recording, points, "mid_ankle")
 
 
 @pytest.fixture(scope="module")
@@ -136,6 +138,7 @@ def test_the_whole_chain_recovers_the_twins_true_pendulum(study, recording):
     from lumbar.synthetic.lifter import simulate
 
     settings, twin, subject, trial = study
+    settings = changed(settings, segment_ends="skin")  # points whose truth is known to the last digit
     lift = analyse_lift(recording, "novice_23kg", subject, trial, settings)
     states = lift.states[("thorax", "flexion_extension")]
     fine = np.arange(states.time[0] - 0.01, states.time[-1] + 0.01, 1e-4)
@@ -152,6 +155,35 @@ def test_the_whole_chain_recovers_the_twins_true_pendulum(study, recording):
     assert facts["length_m"]["thorax"]["flexion_extension"] == pytest.approx(at(length).mean(), abs=1e-3)
     # Of a movement that starts and ends as smoothly, speeds below 20 mm/s are not seen.
     assert facts["duration_s"] == pytest.approx(7.75 - 6.15, abs=0.1)
+
+
+def errors_mm(study, recording, ends):
+    """Largest distance from the true centres of mass, by segment, and largest error of the thorax's angle."""
+    from lumbar.synthetic.lifting_recordings import true_movement
+
+    settings, twin, subject, trial = study
+    movement = true_movement(twin, "novice_23kg")
+    lift = analyse_lift(recording, "novice_23kg", subject, trial, changed(settings, segment_ends=ends))
+    distance = {
+        name: 1e3 * np.linalg.norm(lift.centres[name].position - true, axis=1)
+        for name, true in movement.centres_of_mass.items()
+    }
+    relative = movement.centres_of_mass["thorax"] - lift.pivot
+    angle = np.arctan2(relative[:, 1], relative[:, 2])
+    states = lift.states[("thorax", "flexion_extension")]
+    return distance, np.abs(states.angle - np.interp(states.time, movement.time, angle)).max()
+
+
+def test_joint_centres_recover_the_true_centres_of_mass_and_the_skin_does_not(study, recording):
+    """The lifter wears its markers on a skin of its own anatomy, not that of the regressions."""
+    inner, inner_angle = errors_mm(study, recording, "inner")
+    skin, skin_angle = errors_mm(study, recording, "skin")
+    for name, distance in inner.items():
+        assert distance.mean() < 12, name
+        assert distance.max() < 20, name
+        assert skin[name].min() > 60, name
+    assert inner_angle < 0.015
+    assert skin_angle > 0.05
 
 
 def test_states_do_not_depend_on_place_nor_on_the_laboratorys_heading(study, recording):

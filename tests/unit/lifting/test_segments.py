@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lumbar.errors import InputError
-from lumbar.lifting.segments import COMS, DE_LEVA, WINTER, segment_table
+from lumbar.lifting.segments import COMS, DE_LEVA, DUMAS, WINTER, all_tables, segment_table
 
 
 def shares(table):
@@ -25,24 +25,40 @@ def test_de_leva_agrees_with_the_row_for_the_trunk(sex, trunk):
     assert sum(shares(DE_LEVA[sex]).values()) == pytest.approx(trunk, abs=1e-12)
 
 
-@pytest.mark.parametrize("table", [WINTER, *DE_LEVA.values()])
+@pytest.mark.parametrize("table", [WINTER, *DE_LEVA.values(), *DUMAS.values()])
 def test_segments_form_a_chain_from_neck_to_hips(table):
     assert tuple(segment.name for segment in table.segments) == COMS
     for upper, lower in zip(table.segments[:-1], table.segments[1:], strict=True):
         assert upper.distal == lower.proximal
     assert all(0 < segment.com_share < 1 for segment in table.segments)
-    assert {"L_HIP", "R_HIP", "C7", "L5"} <= set(table.landmarks)
+    assert (table.ends[0], table.ends[-1]) == ("C7T1", "MID_HIP")
     assert table.source
 
 
 def test_the_table_is_picked_by_name_and_sex():
     assert segment_table("winter", "unknown") is WINTER
     assert segment_table("de_leva", "female") is DE_LEVA["female"]
+    assert segment_table("dumas", "male") is DUMAS["male"]
+
+
+def test_all_tables_are_those_of_the_sex_and_of_both_where_it_is_not_known():
+    assert all_tables("male") == (WINTER, DE_LEVA["male"], DUMAS["male"])
+    assert len(all_tables("unknown")) == 5
+
+
+@pytest.mark.parametrize(("sex", "torso"), [("male", 0.333), ("female", 0.304)])
+def test_dumas_thorax_and_abdomen_are_the_torso_of_the_earlier_table(sex, torso):
+    # Dumas, Cheze and Verriest, J. Biomech. 40 (2007) 543-553, Table 2.
+    mass = shares(DUMAS[sex])
+    assert mass["thorax"] + mass["abdomen"] == pytest.approx(torso, abs=1e-12)
 
 
 @pytest.mark.parametrize(
     ("name", "sex", "words"),
-    [("dempster", "male", "allowed: winter, de_leva"), ("de_leva", "unknown", "subject.sex is 'unknown'")],
+    [
+        ("dempster", "male", "allowed: winter, de_leva, dumas"),
+        ("de_leva", "unknown", "subject.sex is 'unknown'"),
+    ],
 )
 def test_what_does_not_exist_is_refused(name, sex, words):
     with pytest.raises(InputError, match=words):

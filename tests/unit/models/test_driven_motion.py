@@ -10,11 +10,12 @@ from scipy.signal import lsim
 from lumbar.effects.catalogue import TISSUE
 from lumbar.models.bases import BASES
 from lumbar.models.driven_motion import POINTS, ForceDrive
-from lumbar.models.fitted_model import FittedModel, FittedParameter, Port
+from lumbar.models.fitted_model import FittedModel
 from lumbar.models.force_balance import ForceBalance, can_be_simulated
 from lumbar.models.form import Place
 from lumbar.models.forward_structure import ForwardStructure
 from lumbar.models.measured_motion import MEASURED
+from lumbar.models.model_data import FittedParameter, Port
 from lumbar.models.motion import Motion
 from lumbar.models.structure import Structure
 

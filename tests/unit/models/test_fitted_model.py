@@ -21,7 +21,8 @@ from lumbar.effects.catalogue import CATALOGUES
 from lumbar.effects.signature import standard_motion
 from lumbar.errors import InputError, NumericalError
 from lumbar.models.first_order import FirstOrder
-from lumbar.models.fitted_model import FittedModel, FittedParameter, Port, Scores
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import FittedParameter, Port, Scores
 from lumbar.models.models_file import models_document, read_models
 from lumbar.models.tissue_models import KB
 from lumbar.models.transfer_function import TransferFunction

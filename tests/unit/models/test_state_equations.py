@@ -14,8 +14,9 @@ from lumbar.effects.catalogue import TISSUE
 from lumbar.fmu.build.export_model import export_models
 from lumbar.models.bases import BASES
 from lumbar.models.expression import expanded
-from lumbar.models.fitted_model import FittedModel, FittedParameter, Port
+from lumbar.models.fitted_model import FittedModel
 from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
+from lumbar.models.model_data import FittedParameter, Port
 from lumbar.models.motion import Motion
 from lumbar.models.parsing import parse
 from lumbar.models.state_equation import STEP_FUNCTIONS, STEP_SYMBOL, StateEquation, _matrix_phi1, _stretches

@@ -267,9 +267,9 @@ def test_centres_of_mass_of_two_subjects_are_not_mixed(tmp_path):
 def test_other_files(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_markers(tmp_path / "absent.c3d")
-    (tmp_path / "trial.csv").write_text("time_s\n0\n")
-    with pytest.raises(InputError, match=r"read from \.c3d and \.trc files, not '\.csv'"):
-        read_markers(tmp_path / "trial.csv")
+    (tmp_path / "trial.xyz").write_text("time_s\n0\n")
+    with pytest.raises(InputError, match=r"read from \.c3d, \.trc, \.csv and \.bvh files, not '\.xyz'"):
+        read_markers(tmp_path / "trial.xyz")
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,8 @@ def test_values_clock_and_unit(tmp_path):
     "irregular",
     [
         {"names": "C7\t\tSACR"},
+        {"names": "C7\t\t\t\t\t\tSACR\t\t\t\t\t\t"},
+        {"first": "Frame#\t\tTime\t\t"},
         {"names": "\tC7\t\tSACR\t\t"},
         {"first": "Frame#\tTimes\t"},
         {"axes": False},
@@ -61,6 +63,74 @@ def test_irregular_files_read_alike(tmp_path, irregular):
     assert list(file.positions) == ["C7", "SACR"]
     for label, values in expected.positions.items():
         np.testing.assert_array_equal(file.positions[label], values)
+
+
+def test_commas_instead_of_tabs(tmp_path):
+    expected = read_trc(trc(tmp_path))
+    path = tmp_path / "commas.trc"
+    path.write_text((tmp_path / "lift.trc").read_text().replace("\t", ","))
+    file = read_trc(path)
+    np.testing.assert_array_equal(file.positions["SACR"], expected.positions["SACR"])
+
+
+def test_doubled_tabs_between_the_keys(tmp_path):
+    path = trc(tmp_path)
+    lines = path.read_text().splitlines()
+    lines[1] = lines[1].replace("\t", "\t\t")
+    path.write_text("\n".join(lines))
+    assert read_trc(path).rate == 100
+
+
+@pytest.mark.parametrize("names", ["C7\t\t\tSACR\t\t\t", "C7\t\t\tSACR", "C7\t\t\t\t\t\tSACR\t\t\t"])
+def test_trajectories_without_a_name(tmp_path, names):
+    """Cortex counts them in NumMarkers and leaves their names out."""
+    rows = [row + "\t7\t8\t9" for row in regular_rows(12)]
+    file = read_trc(trc(tmp_path, rows, names=names, header={"NumMarkers": "3"}))
+    gap = names.count("\t") == 9
+    assert list(file.positions) == ["C7", "SACR"]
+    np.testing.assert_array_equal(file.positions["SACR"][0], [7, 8, 9] if gap else [4, 0, 1000])
+    assert list(file.dropped.values()) == ["trajectory without a label"]
+
+
+@pytest.mark.parametrize("end", ["", "\t", "\t\t"])
+@pytest.mark.parametrize("lost", [0, 1, 3, 6])
+def test_a_lost_cell_does_not_shift_a_row(tmp_path, end, lost):
+    """Rows that end in a tab have a spare empty cell, which must not stand in for the one that was lost."""
+    rows = [row + end for row in regular_rows(12)]
+    cells = rows[4].split("\t")
+    rows[4] = "\t".join(cells[:lost] + cells[lost + 1 :])
+    with pytest.raises(
+        InputError, match=r"line 11: \d+ cells; \d+ are needed, as in the other rows: a cell was lost"
+    ):
+        read_trc(trc(tmp_path, rows))
+
+
+def test_a_lost_column_does_not_shift_all_rows(tmp_path):
+    rows = ["\t".join([*row.split("\t")[:3], *row.split("\t")[4:], ""]) for row in regular_rows(12)]
+    with pytest.raises(
+        InputError, match="marker 2 has one or two coordinates and never three; a column is missing"
+    ):
+        read_trc(trc(tmp_path, rows))
+
+
+def test_a_lost_cell_in_real_files(shared, tmp_path):
+    """Anywhere in the row: never another coordinate without a word."""
+    generator = np.random.default_rng(8)
+    for path in sorted((shared / "real" / "lifting").glob("*/*.trc")):
+        lines = path.read_text(encoding="cp1252").splitlines()
+        expected = read_trc(path)
+        for _ in range(4):
+            cells = lines[40].split("\t")
+            del cells[int(generator.integers(len(cells) - 1))]
+            broken = tmp_path / path.name
+            broken.write_text("\n".join([*lines[:40], "\t".join(cells), *lines[41:]]), encoding="cp1252")
+            try:
+                found = read_trc(broken)
+            except InputError as error:
+                assert "line 41: " in str(error)
+                continue
+            for label, points in found.positions.items():
+                np.testing.assert_array_equal(points, expected.positions[label])
 
 
 def test_clock_printed_with_two_digits(tmp_path):
@@ -90,12 +160,28 @@ def changed(row, text):
     ("options", "said"),
     [
         ({"header": {"NumFrames": "40"}}, "NumFrames: 40; the file holds 12 frames; it may be cut short"),
-        ({"header": {"NumMarkers": "3"}}, "NumMarkers: 3; line 4 names 2 markers"),
+        (
+            {"header": {"NumMarkers": "3"}},
+            "8 cells, as in most rows; 11 are needed for 3 markers (NumMarkers)",
+        ),
+        ({"header": {"NumMarkers": "1"}}, "NumMarkers: 1; line 4 names 2 markers"),
+        ({"header": {"NumMarkers": "4"}, "names": "\tC7\t\tSACR"}, "NumMarkers: 4; line 4 names 2 markers"),
         ({"header": {"DataRate": "60"}}, "the clock and the rate disagree, or frames are missing"),
         ({"header": {"DataRate": "0"}}, "DataRate: 0; a positive number is needed"),
+        ({"header": {"DataRate": "inf"}}, "DataRate: inf; a positive number is needed, 0.001 to 1e+06"),
+        ({"header": {"NumFrames": "1e999"}}, "NumFrames: 1e999; a positive number is needed"),
+        ({"rows": changed(4, "6120\t17.54\t1_000\t2\t1450\t4\t-4\t1000")}, "line 11: could not convert"),
         ({"header": {"DataRate": "fast"}}, "DataRate: 'fast'; a number is needed"),
         ({"header": {"DataRate": "nan"}}, "DataRate: nan; a positive number is needed"),
-        ({"rows": changed(4, "6120\t17.54\t4\t2\t1450\t4")}, "line 11: 6 cells; 8 are needed for 2 markers"),
+        (
+            {"rows": changed(4, "6120\t17.54\t4\t2\t1450\t4")},
+            "line 11: 6 cells; 8 are needed, as in the other rows",
+        ),
+        (
+            {"rows": [row + "\t3" for row in regular_rows(12)]},
+            "line 7: 9 cells, as in most rows; 8 are needed",
+        ),
+        ({"names": "C7 SACR", "first": "Frame# Time "}, "separated by neither tabs nor commas"),
         ({"rows": changed(4, "6120\t17.54\t4\tx\t1450\t4\t-4\t1000")}, "line 11: could not convert"),
         ({"rows": changed(4, "6120\t\t4\t2\t1450\t4\t-4\t1000")}, "line 11: no time"),
         ({"rows": changed(4, "6120\t17.54\t4\t1e308\t1450\t4\t-4\t1000")}, "line 11: 1e+308 in column 4"),

@@ -20,6 +20,7 @@ from lumbar.reports.reproduction.claim import (
 )
 from lumbar.reports.reproduction.claims_summary import summary_table
 from lumbar.reports.reproduction.register import all_claims, examine_claims
+from lumbar.stability.comparison.percent_differences import comparison_names
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +72,23 @@ def test_the_thesis_bears_out_its_own_sentences(published, thesis_as_results):
     lifters = judged(basins.sentences(synthetic=False), thesis_as_results)
     for name in ("expert_larger", "lateral_largest", "expert_unchanged", "novice_susceptible"):
         assert lifters.at[name, "verdict"] == HOLDS, name
+
+
+def test_other_groups_take_the_place_of_expert_and_novice(published, thesis_as_results):
+    groups = ("trained", "untrained")
+    table = thesis_as_results["table_4_1"]
+    results = {
+        **thesis_as_results,
+        "table_4_1": table.assign(comparison=table["comparison"].map(comparison_names(groups))),
+    }
+    claims = all_claims(published, False, groups)
+    assert [claim.id for claim in claims] == [claim.id for claim in all_claims(published, False)]
+    frame = judged(claims, results)
+    assert set(frame[frame.index.str.startswith("table_4_1")].verdict) == {HOLDS}
+    for name in ("expert_larger", "lateral_largest", "expert_unchanged", "novice_susceptible"):
+        assert frame.at[name, "verdict"] == HOLDS, name
+    assert frame.at["expert_larger", "statement"].startswith("The trained's basins")
+    assert judged(claims, thesis_as_results).at["expert_larger", "verdict"] == CANNOT_BE_TESTED
 
 
 def test_a_changed_number_no_longer_holds(published, thesis_as_results):

@@ -80,7 +80,7 @@ def test_figure_4_2_draws_the_segments_between_their_landmarks(drawn):
     at_start = drawn["landmarks"].query("event == 'deposit_start'").set_index("point")
     for axis, horizontal in zip(figure.axes, ("x_m", "y_m"), strict=True):
         bands = [line.get_xydata() for line in axis.lines if line.get_linewidth() == 7]
-        ends = [("C7", "T12"), ("T12", "L5"), ("L5", "MID_HIP")]
+        ends = [("C7T1", "T12L1"), ("T12L1", "L4L5"), ("L4L5", "MID_HIP")]
         for band, pair in zip(bands, ends, strict=True):
             assert np.allclose(band, at_start.loc[list(pair), [horizontal, "z_m"]].to_numpy(float))
     assert figure.axes[0].xaxis_inverted()

@@ -12,10 +12,14 @@ from stability_cases import minimum_jerk
 from lumbar.errors import InputError
 from lumbar.reports.figures.stability_figures import ellipses, shown_lift
 from lumbar.settings.plain import typed
-from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.stability import CompareSettings, StabilitySettings
 from lumbar.stability.basins import COLUMNS, basins_of_lift, close_loops
 from lumbar.stability.comparison.basin_areas import areas_table
-from lumbar.stability.comparison.percent_differences import percent_differences, varied_areas
+from lumbar.stability.comparison.percent_differences import (
+    comparison_names,
+    percent_differences,
+    varied_areas,
+)
 from lumbar.stability.comparison.table_4_1 import table_4_1
 from lumbar.stability.funnel.funnel import exact_funnels
 from lumbar.stability.model.lift_trajectories import trajectories_of_lift
@@ -273,11 +277,38 @@ def test_figure_ellipses_lie_on_the_level(basins):
     assert value == pytest.approx(np.broadcast_to(rows[["rho"]].to_numpy(), value.shape))
 
 
-def test_shown_lift_is_the_experts_heaviest():
+def test_shown_lift_is_the_groups_heaviest_that_has_a_deposit():
     facts = [
-        {"experience": "novice", "box_mass_kg": 30},
-        {"experience": "expert", "box_mass_kg": 15},
-        {"experience": "expert", "box_mass_kg": 23},
+        {"subject": "ann", "box_mass_kg": 30, "duration_s": 1.0},
+        {"subject": "bob", "box_mass_kg": 15, "duration_s": 1.0},
+        {"subject": "bob", "box_mass_kg": 23, "duration_s": 1.0},
+        {"subject": "bob", "box_mass_kg": 40, "duration_s": None},
     ]
-    assert shown_lift(facts) == 2
-    assert shown_lift(facts[:1]) == 0
+    labels = {"ann": "untrained", "bob": "trained"}
+    assert shown_lift(facts, labels, "trained") == 2
+    assert shown_lift(facts, labels, "untrained") == 0
+    assert shown_lift(facts[:1], labels, "trained") == 0
+    assert shown_lift(facts[3:], labels, "trained") == 0
+
+
+def test_table_4_1_compares_the_groups_that_are_named(basins):
+    """The lifters' names are changed, so the numbers stay; the thesis's names are nowhere."""
+    light = basins_of_lift(lift(box=15.0, mass=28.0), SETTINGS, seed=1).summary
+    names = {"expert": "trained", "novice": "untrained"}
+    boa = pd.concat([basins.summary, light])
+    boa = pd.concat([boa, boa.assign(subject="b", experience="novice", mean_area=1.1 * boa["mean_area"])])
+    items = [*lift(), *lift(box=15.0, mass=28.0)]
+    items += [replace(item, subject="b", experience="novice") for item in items]
+    settings = replace(SETTINGS, compare=CompareSettings(groups=("trained", "untrained")))
+    thesis = table_4_1(boa, items, SETTINGS, "test", items, 1)[0]
+    renamed = [replace(item, experience=names[item.experience]) for item in items]
+    boa = boa.assign(experience=boa["experience"].map(names))
+    named = table_4_1(boa, renamed, settings, "test", renamed, 1)[0]
+    assert named.frame["comparison"].tolist() == [
+        comparison_names(("trained", "untrained"))[name] for name in thesis.frame["comparison"]
+    ]
+    for plane in PLANES:
+        column = f"{plane}_percent"
+        assert named.frame[column].tolist() == thesis.frame[column].tolist()
+    assert named.frame["lateral_bending_percent"].iloc[0] == pytest.approx(100 * (1 / 1.1 - 1))
+    assert "expert" not in named.to_html() and "novice" not in named.to_html()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from lumbar.config.study import Study
 from lumbar.config.study_recordings import record_layout, record_set, recordings_of
 from lumbar.errors import LumbarError, Problems
+from lumbar.settings.stability import GROUPS
 from lumbar.yaml_file import way_of
 
 if TYPE_CHECKING:
@@ -81,6 +82,18 @@ def _check_gravity(settings: StudySettings, add: Add) -> None:
         add("stability.pendulum.gravity_m_s2", "0", words)
 
 
+def _check_groups(study: Study, add: Add) -> None:
+    """Check that the groups compared are labels of people; one person, or one label, has nothing to compare."""
+    if study.settings.subject:
+        return
+    labels = sorted(set(study.labels.values()))
+    groups = study.settings.stability.compare.groups
+    unknown = [group for group in groups if group not in labels]
+    if unknown and (len(labels) > 1 or groups != GROUPS):
+        words = f"labels of the people (experience in config/subjects): {', '.join(labels)}"
+        add("stability.compare.groups", f"nobody is labelled {' or '.join(map(repr, unknown))}", words)
+
+
 def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> None:
     """Check that the effects which a study adds are known, its own files of effects among them.
 
@@ -140,6 +153,11 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
         _check_survey(settings.survey, add)
     if study.has("lifting") and not study.lifts:
         add("lifting.subjects", "none", "the chapter needs a file of config/subjects at least")
+    for name, subject in study.subjects.items():
+        if not subject.trials:
+            add("lifting.subjects", f"{name} has no trials", "list its recordings in config/subjects")
+    if study.has("stability"):
+        _check_groups(study, add)
     if study.has("stability") or study.has("perturbations"):
         from lumbar.stability.model.riccati import weight_problems
 

@@ -19,6 +19,7 @@ class RecordedLift:
 
     subject: str
     trial: TrialSettings
+    static: str | None = None
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,13 @@ class Study:
         return str(self.data_root / path)
 
     def subject_of(self, lift: str) -> SubjectSettings:
-        """The subject of a lift without trials: another trial of the person does not change this lift."""
-        return replace(self.subjects[self.lifts[lift].subject], trials=())
+        """The subject of a lift by itself: another trial, another label or the static trial's name do not change this lift."""
+        return replace(self.subjects[self.lifts[lift].subject], trials=(), experience="", static=None)
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Label of every subject by which Table 4.1 compares people."""
+        return {name: subject.experience for name, subject in self.subjects.items()}
 
     def has(self, chapter: str) -> bool:
         """Whether the study includes a chapter."""

@@ -13,7 +13,7 @@ import numpy as np
 from lumbar.errors import InputError
 from lumbar.haptics.rendered_model import RenderedModel, in_units, linearisations, scale_of
 from lumbar.haptics.simulation import Step
-from lumbar.models.fitted_model import Port
+from lumbar.models.model_data import Port
 
 if TYPE_CHECKING:
     from fmpy.model_description import ModelDescription

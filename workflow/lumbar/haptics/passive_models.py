@@ -15,7 +15,8 @@ from lumbar.haptics.rendered_model import exported_at, renderable, rendered, sca
 from lumbar.haptics.sampled_model import SampledModel, all_angles
 from lumbar.identification.arx_search import IdentificationData
 from lumbar.identification.identify_tissue import ports_of, scores_of
-from lumbar.models.fitted_model import ARX, OUTPUT_ERROR, FittedModel
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import ARX, OUTPUT_ERROR
 from lumbar.models.transfer_function import TransferFunction
 from lumbar.records.record import Record
 from lumbar.settings.runtime import RuntimeSettings

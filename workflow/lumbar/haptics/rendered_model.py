@@ -13,7 +13,8 @@ from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.units import work_units
 from lumbar.haptics.sampled_model import SampledModel
 from lumbar.haptics.simulation import Step
-from lumbar.models.fitted_model import FittedModel, Port
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import Port
 from lumbar.settings.device import DeviceSettings
 from lumbar.settings.runtime import RuntimeSettings
 

@@ -24,16 +24,8 @@ from lumbar.identification.metrics import relative_uncertainties
 from lumbar.identification.output_error import fit_output_error, relaxation_starts
 from lumbar.identification.ridge import ReducedRegression, RidgePath, ridge_grid
 from lumbar.models.arx_structure import ArxStructure, full_regressors
-from lumbar.models.fitted_model import (
-    ARX,
-    GIVEN,
-    OUTPUT_ERROR,
-    FittedModel,
-    FittedParameter,
-    Port,
-    Scores,
-    unit_of,
-)
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import ARX, GIVEN, OUTPUT_ERROR, FittedParameter, Port, Scores, unit_of
 from lumbar.models.tissue_models import (
     FIXED_STRUCTURE,
     HO,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from lumbar.models.fitted_model import ARX, GIVEN, OUTPUT_ERROR, FittedModel
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import ARX, GIVEN, OUTPUT_ERROR
 from lumbar.models.tissue_models import HO, IL, KB, LE, MAXWELL, MW
 from lumbar.tables import Table
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
 from lumbar.interface.data_label import label_of
-from lumbar.models.fitted_model import ARX, FittedModel
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import ARX
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
 from lumbar.interface.data_label import NOT_SAID, data_label
+from lumbar.interface.trials import static_of, trial_of
 from lumbar.lifting import lift as lifting
+from lumbar.lifting.rigid_filling import BodyFilling
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
 from lumbar.settings.seed import SEED
@@ -19,8 +21,12 @@ from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
+    from lumbar.lifting.plate_check import PlateCheck
+    from lumbar.quality.sheet import QualitySheet
+    from lumbar.settings.layout import MarkerLayout
     from lumbar.stability.basins import LiftBasins
     from lumbar.stability.model.failures import Failure
     from lumbar.stability.model.trajectory import Trajectory
@@ -29,11 +35,12 @@ if TYPE_CHECKING:
 def lift(
     markers: str | os.PathLike,
     subject: SubjectSettings | str | os.PathLike,
-    box_mass_kg: float,
+    box_mass_kg: float | None = None,
     *,
-    trial: TrialSettings | None = None,
+    trial: TrialSettings | str | None = None,
     name: str | None = None,
     settings: LiftingSettings | None = None,
+    static: str | os.PathLike | None = None,
     data: str = "",
 ) -> Lift:
     """Find the events, centres of mass and pendulum states of one lift.
@@ -44,14 +51,16 @@ def lift(
         C3D or TRC file.
     subject : SubjectSettings or path
         The person: settings, or a file as in ``config/subjects``.
-    box_mass_kg : float
-        Mass of the box.
-    trial : TrialSettings, optional
-        Trial with events declared by hand; default the subject's trial whose marker file has the same name, if there
-        is one with this box.
+    box_mass_kg : float, optional
+        Mass of the box; default that of the trial.
+    trial : TrialSettings or str, optional
+        The trial, or the name of its lift, as ``ann_15kg_2``; default the one among the subject's trials whose marker
+        file this is. A subject without trials needs none.
     name : str, optional
-        Name of the lift; default subject and box.
+        Name of the lift; default that of the trial, as in a study.
     settings : LiftingSettings, optional
+    static : path, optional
+        Marker file of a static trial; default the subject's, looked for below the folder that the trial's file lies below.
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
@@ -75,33 +84,40 @@ def lift(
     deposit_start: 5.820 s
     release: 7.070 s
     """
-    from lumbar.records.markers import read_markers
+    from lumbar.quality.screening import read_screened
 
-    if not 0 <= box_mass_kg <= 100:
-        raise InputError(f"mass of the box is {box_mass_kg:g} kg; allowed: 0 to 100")
-    if not isinstance(subject, SubjectSettings):
-        from lumbar.config.settings_files import load_subject
-
-        subject = load_subject(Path(subject))
+    subject = subject_of(subject)
     settings = settings or LiftingSettings()
-    trial = trial or _trial_of(subject, Path(markers), box_mass_kg)
-    name = name or f"{subject.name}_{box_mass_kg:g}kg"
-    recording = read_markers(markers, settings.markers, name=name)
+    found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
+    name = name or found
+    static = static or static_of(subject, trial, Path(markers))
+    bodies = BodyFilling(settings, None if static is None else labelled_markers(static, settings.markers))
+    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     return Lift(
-        lifting.analyse_lift(recording, name, subject, trial, settings),
+        lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps),
         subject,
         trial,
         settings,
         data_label(data, [recording.source]),
+        sheet,
     )
 
 
-def _trial_of(subject: SubjectSettings, markers: Path, box_mass_kg: float) -> TrialSettings:
-    """The trial that a file is the recording of; events declared for another file are another lift's."""
-    for trial in subject.trials:
-        if trial.box_mass_kg == box_mass_kg and Path(trial.markers).name == markers.name:
-            return trial
-    return TrialSettings(box_mass_kg=box_mass_kg, markers=markers.name)
+def labelled_markers(path: str | os.PathLike, layout: MarkerLayout) -> dict[str, np.ndarray]:
+    """Markers of a file by their own labels, in metres and standard axes; of one frame at least."""
+    from lumbar.records.markers import read_markers
+
+    bare = replace(layout, aliases={}, required=None, check_axes=False)
+    return read_markers(path, bare, minimum_frames=1).positions
+
+
+def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
+    """Return the person, read from a file where one is given."""
+    if isinstance(subject, SubjectSettings):
+        return subject
+    from lumbar.config.settings_files import load_subject
+
+    return load_subject(Path(subject))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,6 +132,8 @@ class Lift:
     trial : TrialSettings
     settings : LiftingSettings
     data : str
+    quality : lumbar.quality.sheet.QualitySheet
+        What is in the recording and what in it cannot be a body: such stretches were left out.
     """
 
     analysed: lifting.AnalysedLift
@@ -123,6 +141,7 @@ class Lift:
     trial: TrialSettings
     settings: LiftingSettings
     data: str
+    quality: QualitySheet
 
     @property
     def name(self) -> str:
@@ -139,14 +158,39 @@ class Lift:
         """What the pendulums are made of: masses, lengths, pivot, rules, assumptions."""
         return lifting.summary(self.analysed, self.subject, self.trial, self.settings)
 
+    @cached_property
+    def spread(self) -> pd.DataFrame:
+        """How far other segment tables and ends, hip regressions and cut-offs move the trunk's centre of mass."""
+        from lumbar.lifting.model_spread import model_spread
+
+        return model_spread(self.analysed, self.subject, self.settings)
+
+    @cached_property
+    def plates(self) -> PlateCheck | None:
+        """What the recording's force plates say of the centre of mass; None without plates."""
+        from lumbar.lifting.plate_check import plate_check
+
+        return plate_check(self.analysed, self.subject, self.trial, self.settings)
+
+    @property
+    def checks(self) -> list[str]:
+        """Lines on ends that are the skin's, on other choices and on force plates."""
+        from lumbar.lifting.model_spread import spread_lines
+
+        points, ends = self.analysed.points, self.analysed.table.ends
+        inner = self.settings.segment_ends == "inner"
+        plates = str(self.plates).splitlines() if self.plates else ["force plates: none in the file"]
+        return [*(points.on_skin(ends) if inner else []), *spread_lines(self.spread), *plates]
+
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` (states and facts), ``com``, ``events``, ``gaps``, ``motion`` and ``landmarks``."""
+        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``quality`` and what figures need."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
         tables = {
             "pendulum": self.states,
             "com": lifting.centres_frame(self.analysed),
+            "spread": self.spread,
             "gaps": lifting.gaps_frame(self.analysed),
             "motion": lifting.motion_frame(self.analysed),
             "landmarks": lifting.landmarks_frame(self.analysed),
@@ -156,13 +200,17 @@ class Lift:
         events = {name: event.as_dict() for name, event in self.analysed.events.items()}
         rules = plain(self.settings.events)
         write_json(folder / "events.json", {"lift": self.name, "events": events, "rules": rules, **label})
-        write_json(folder / "pendulum.json", {**self.facts, **label})
+        checked = {"force_plates": self.plates.as_dict() if self.plates else None}
+        write_json(folder / "quality.json", {"lift": self.name, **self.quality.as_dict(), **label})
+        write_json(folder / "pendulum.json", {**self.facts, **checked, **label})
 
     def __str__(self) -> str:
-        times = {name: event.as_dict()["time_s"] for name, event in self.analysed.events.items()}
-        return "\n".join(
-            f"{name}: {'none' if time is None else f'{time:.3f} s'}" for name, time in times.items()
-        )
+        lines = [
+            f"{name}: {f'none ({event.how})' if event.time_s is None else f'{event.time_s:.3f} s'}"
+            for name, event in self.analysed.events.items()
+        ]
+        found = [f"{finding.outcome}: {finding}" for finding in self.quality.findings]
+        return "\n".join([*lines, *without_pendulum(self.analysed.missing), *found])
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"
@@ -171,6 +219,14 @@ class Lift:
         import pandas as pd
 
         return pd.DataFrame([event.as_dict() for event in self.analysed.events.values()]).to_html(index=False)
+
+
+def without_pendulum(missing: Mapping[str, str]) -> list[str]:
+    """Say once which centres of mass have no pendulum for the same reason."""
+    coms: dict[str, list[str]] = {}
+    for com, reason in missing.items():
+        coms.setdefault(reason, []).append(com)
+    return [f"no pendulum of {', '.join(names)}: {reason}" for reason, names in coms.items()]
 
 
 def basins(
@@ -208,10 +264,10 @@ def basins(
     >>> exact_alone = StabilitySettings(knots=51, proof=None, sum_of_squares=None, thesis_method=None)
     >>> basins = lumbar.basins(lift, settings=exact_alone)
     >>> print(basins)
-    thorax, lateral_bending, hanging: 0.2151 rad²/s on average, 0.3418 at first
-    thorax, flexion_extension, hanging: 0.2151 rad²/s on average, 0.3417 at first
-    thorax, lateral_bending, inverted: 0.4437 rad²/s on average, 0.6072 at first
-    thorax, flexion_extension, inverted: 0.44 rad²/s on average, 0.5818 at first
+    thorax, lateral_bending, hanging: 0.2194 rad²/s on average, 0.3508 at first
+    thorax, flexion_extension, hanging: 0.2186 rad²/s on average, 0.3491 at first
+    thorax, lateral_bending, inverted: 0.4545 rad²/s on average, 0.6201 at first
+    thorax, flexion_extension, inverted: 0.4301 rad²/s on average, 0.5512 at first
     """
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
-from lumbar.lifting.events import Event, box_centre
-from lumbar.lifting.segments import COMS, MID_HIP, SegmentTable
+from lumbar.errors import InputError
+from lumbar.lifting.events import Event, carried_object
+from lumbar.lifting.joint_centres import unit
+from lumbar.lifting.segments import COMS, SegmentTable
+from lumbar.lifting.trunk_points import TrunkPoints
 from lumbar.records.markers import MarkerRecording
 
 SHARES = ("by_mass", "whole")
@@ -41,49 +43,64 @@ class CentreOfMass:
     mass_with_box_kg: float
 
 
-def landmark(recording: MarkerRecording, name: str) -> np.ndarray:
-    """Trajectory of a marker, or of the midpoint of the hips, shape (n, 3) in metres."""
-    if name == MID_HIP:
-        return (recording["L_HIP"] + recording["R_HIP"]) / 2
-    return recording[name]
-
-
-def segment_centres(recording: MarkerRecording, table: SegmentTable) -> dict[str, np.ndarray]:
+def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.ndarray]:
     """Centre of mass of each trunk segment.
 
-    It lies on the line from the segment's proximal to its distal landmark, at the table's share of the
-    distance.
+    It lies on the line from the segment's proximal to its distal end, at the table's share of the distance, or ahead
+    of that line by another share.
 
     Parameters
     ----------
-    recording : MarkerRecording
+    points : TrunkPoints
+        Ends of the segments.
     table : SegmentTable
 
     Returns
     -------
     dict of str to ndarray, shape (n, 3)
-        Metres, by segment; NaN where a landmark was not seen.
+        Metres, by segment; NaN where a marker was not seen. Segments of `absent_segments` are left out.
+    """
+    absent, centres = absent_segments(points, table), {}
+    for segment in table.segments:
+        if segment.name not in absent:
+            proximal, line = points[segment.proximal], points[segment.distal] - points[segment.proximal]
+            centres[segment.name] = proximal + segment.com_share * line
+            # Where the person's right is not seen, only a centre ahead of its line is not known.
+            if segment.forward_share:
+                forward = unit(np.cross(-line, points.right)) * np.linalg.norm(line, axis=1, keepdims=True)
+                centres[segment.name] += segment.forward_share * forward
+    return centres
+
+
+def absent_segments(points: TrunkPoints, table: SegmentTable) -> dict[str, str]:
+    """Segments of a table whose ends a recording lacks, each with what is missing and why."""
+    absent = {}
+    for segment in table.segments:
+        lacking = [
+            f"{end} ({points.missing[end]})"
+            for end in (segment.proximal, segment.distal)
+            if end not in points
+        ]
+        if lacking:
+            absent[segment.name] = (
+                f"no {', '.join(lacking)}: name the markers' labels, or a rule for them, in lifting.markers.aliases"
+            )
+    return absent
+
+
+def trunk_centre(centres: dict[str, np.ndarray], table: SegmentTable) -> np.ndarray:
+    """Common centre of mass of the table's segments, shape (n, 3) in metres.
 
     Raises
     ------
     InputError
-        Naming all landmarks that the recording lacks.
+        If a segment is not there.
     """
-    problems = Problems(recording.source or recording.name)
-    for name in table.landmarks:
-        if name not in recording:
-            problems.add(
-                f"marker {name}",
-                recording.absent.get(name, "not in the recording"),
-                f"segment table {table.name} needs it; name its label, or a rule for it, in "
-                "lifting.markers.aliases",
-            )
-    problems.raise_if_any()
-    centres = {}
-    for segment in table.segments:
-        proximal, distal = landmark(recording, segment.proximal), landmark(recording, segment.distal)
-        centres[segment.name] = proximal + segment.com_share * (distal - proximal)
-    return centres
+    lacking = [segment.name for segment in table.segments if segment.name not in centres]
+    if lacking:
+        raise InputError(f"no centre of mass of {', '.join(lacking)}, and so none of the trunk")
+    masses = [segment.mass_share for segment in table.segments]
+    return np.average([centres[segment.name] for segment in table.segments], axis=0, weights=masses)
 
 
 def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, float]:
@@ -108,6 +125,7 @@ def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, fl
 
 def centres_of_mass(
     recording: MarkerRecording,
+    points: TrunkPoints,
     table: SegmentTable,
     body_mass: float,
     box_mass: float,
@@ -116,12 +134,15 @@ def centres_of_mass(
 ) -> dict[str, CentreOfMass]:
     """Centres of mass of the trunk over the whole recording.
 
-    The box counts as a point mass at the centre of its markers, carried from lift-off to release.
+    The box counts as a point mass at the centre of its markers, or of the hands where it has none, carried from
+    lift-off to release.
 
     Parameters
     ----------
     recording : MarkerRecording
         Filtered.
+    points : TrunkPoints
+        Ends of the segments.
     table : SegmentTable
     body_mass, box_mass : float
         Kilograms.
@@ -133,24 +154,31 @@ def centres_of_mass(
     Returns
     -------
     dict of str to CentreOfMass
-        By `lumbar.lifting.segments.COMS`.
+        By `lumbar.lifting.segments.COMS`, as far as the recording has their landmarks. Where neither box nor hands are
+        seen while it is held, it is not known where they are with the box: NaN.
     """
-    segments = segment_centres(recording, table)
+    segments = segment_centres(points, table)
     carried = box_shares(table, box_mass, share)
-    held = (recording.time >= events["lift_off"].time_s) & (recording.time <= events["release"].time_s)
-    box = box_centre(recording) if box_mass > 0 else None
-    if box_mass > 0 and box is None:
-        raise InputError(
-            f"{recording.source}: no box markers (BOX_1, ...), so the centre of mass with a box of "
-            f"{box_mass:g} kg is "
-            "not known; name their labels in lifting.markers.aliases, or set box_mass_kg to 0"
-        )
+    held = held_frames(recording.time, events)
+    box, _ = carried_object(recording)
+    if box is None:
+        box = np.full((len(recording), 3), np.nan)
     result = {}
     for segment in table.segments:
+        if segment.name not in segments:
+            continue
         mass, position = segment.mass_share * body_mass, segments[segment.name]
         total = mass + carried[segment.name]
         with_box = position.copy()
-        if box is not None:
+        if box_mass > 0:
             with_box[held] = (mass * position[held] + carried[segment.name] * box[held]) / total
         result[segment.name] = CentreOfMass(segment.name, position, with_box, mass, total)
-    return {name: result[name] for name in COMS}
+    return {name: result[name] for name in COMS if name in result}
+
+
+def held_frames(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
+    """Whether the box is held, shape (n,): from lift-off to release, as far as there are such events."""
+    start, stop = (events[name].time_s for name in ("lift_off", "release"))
+    if start is None and stop is None:
+        return np.zeros(len(time), dtype=bool)
+    return (time >= (time[0] if start is None else start)) & (time <= (time[-1] if stop is None else stop))

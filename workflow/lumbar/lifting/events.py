@@ -2,28 +2,32 @@
 
 The box is lifted when it rises for good: before, it may slide on its support. The lift ends with the first toe-off. The
 deposit starts at the last instant before the box goes down for good. The thesis (section 4.2.3.1) takes a minimum of the
-wrists' speed; while a box is swung over a shelf that is found on the way up, so its time stands beside the other.
+wrists' speed; while a box is swung over a shelf that is found on the way up, so its time stands beside the other. Where
+there are no markers on the box, the hands stand for it. An event that a recording does not hold is a result, with its reason.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.errors import Problems
 from lumbar.lifting.filtering import derivative
-from lumbar.lifting.gaps import runs
+from lumbar.lifting.hands import hands_lifted, hands_lowered
 from lumbar.records.markers import MarkerRecording
+from lumbar.records.stretches import runs
 
 if TYPE_CHECKING:
     from lumbar.settings.lifting import EventSettings
     from lumbar.settings.subject import DeclaredEvents
 
 EVENTS = ("lift_off", "toe_off", "deposit_start", "release")
-"""In the order in which they happen. There may be no toe-off: the lifter deposits without a step."""
+"""In the order in which they happen. Any of them may be absent: a lifter deposits without a step, or not at all."""
+DETECTED, DECLARED, ABSENT = "detected", "declared", "absent"
 WRISTS = ("L_WRIST", "R_WRIST")
 TOES = ("L_TOE", "R_TOE")
 ONSET = 0.1
@@ -37,10 +41,10 @@ class Event:
     Attributes
     ----------
     time_s : float or None
-        On the recording's clock; None for a toe-off that does not happen.
+        On the recording's clock; None for an event that does not happen or cannot be told.
     method : {"detected", "declared", "absent"}
     how : str
-        The rule and the numbers behind it, for the reader.
+        The rule and the numbers behind it, or why there is no such event, for the reader.
     detected_s : float or None
         What detection says where the event is declared by hand; None where it finds nothing.
     earliest_s, latest_s : float or None
@@ -68,32 +72,43 @@ def speed(points: np.ndarray, rate: float) -> np.ndarray:
     return np.linalg.norm(derivative(points, rate), axis=1)
 
 
-def box_centre(recording: MarkerRecording) -> np.ndarray | None:
-    """Centre of the box markers that were seen throughout, shape (n, 3) in metres; None without box markers.
+class NotFound(Exception):
+    """An event that the recording does not hold; the text says why."""
 
-    A marker that is missing for a while is left out altogether: it would shift the centre when it comes and
-    goes.
 
-    Raises
-    ------
-    InputError
-        If there are box markers, but none was seen throughout.
+def mean_of_best_seen(recording: MarkerRecording, names: Iterable[str]) -> np.ndarray | None:
+    """Mean of those markers that are seen whenever the longest seen one is, shape (n, 3); None without markers.
+
+    A marker that is missing for a while is left out altogether: it would shift the mean when it comes and goes.
     """
-    names = [name for name in recording.positions if name.startswith("BOX_")]
-    complete = [recording[name] for name in names if np.isfinite(recording[name]).all()]
-    if names and not complete:
-        raise InputError(
-            f"{recording.source}: every box marker ({', '.join(names)}) has gaps longer than "
-            "lifting.gaps.maximum_s; "
-            "raise it, or leave out of lifting.markers.aliases what cannot be used"
-        )
-    return np.mean(complete, axis=0) if complete else None
+    seen = {name: np.isfinite(recording[name]).all(axis=1) for name in names if name in recording}
+    if not seen:
+        return None
+    best = max(seen.values(), key=np.count_nonzero)
+    return np.mean([recording[name] for name, when in seen.items() if when[best].all()], axis=0)
+
+
+def box_centre(recording: MarkerRecording) -> np.ndarray | None:
+    """Centre of the box markers, shape (n, 3) in metres; None without box markers, NaN where they are not seen."""
+    return mean_of_best_seen(recording, [name for name in recording.positions if name.startswith("BOX_")])
 
 
 def wrist_centre(recording: MarkerRecording) -> np.ndarray | None:
     """Mean of the wrists in the recording, shape (n, 3) in metres; None without wrists."""
-    present = [recording[name] for name in WRISTS if name in recording]
-    return np.mean(present, axis=0) if present else None
+    return mean_of_best_seen(recording, WRISTS)
+
+
+def carried_object(recording: MarkerRecording) -> tuple[np.ndarray | None, str]:
+    """What is lifted: the box, or the hands where there are no markers on it, and which of the two it is."""
+    box = box_centre(recording)
+    return (wrist_centre(recording), "hands") if box is None else (box, "box")
+
+
+def _longest_seen(recording: MarkerRecording, points: np.ndarray) -> MarkerRecording:
+    """The longest part of a recording throughout which `points` are seen."""
+    stretch = max(runs(np.isfinite(points).all(axis=1)), key=lambda run: run.stop - run.start)
+    positions = {name: values[stretch] for name, values in recording.positions.items()}
+    return replace(recording, time=recording.time[stretch], positions=positions)
 
 
 def find_events(
@@ -113,40 +128,99 @@ def find_events(
     Returns
     -------
     dict of str to Event
-        By the names in `EVENTS`.
+        By the names in `EVENTS`; one that the recording does not hold is absent, with its reason.
 
     Raises
     ------
     InputError
-        If an event can neither be detected nor is declared, or if events are out of order.
+        If declared events are out of order with the others or lie outside the recording.
     """
     times = {name: getattr(declared, f"{name}_s", None) for name in EVENTS}
     given = {name: time for name, time in times.items() if time is not None}
     _check_order(recording, given)
-    found: dict[str, Event] = {}
-    finders = {
-        "lift_off": lambda: _lift_off(recording, settings),
-        "release": lambda: _release(recording, settings, found["lift_off"].time_s),
-        "toe_off": lambda: _toe_off(recording, settings, found["lift_off"].time_s, found["release"].time_s),
-        "deposit_start": lambda: _deposit_start(
-            recording, settings, found["toe_off"].time_s or found["lift_off"].time_s, found["release"].time_s
-        ),
-    }
-    for name, finder in finders.items():
-        found[name] = _declared(given[name], declared.reason, finder) if name in given else finder()
-    _check_order(recording, {name: found[name].time_s for name in EVENTS if found[name].time_s is not None})
-    return {name: found[name] for name in EVENTS}
+    search = _Search(recording, settings)
+    for name in ("lift_off", "release", "toe_off", "deposit_start"):
+        found = search.event(name)
+        if name in given:
+            says = "detection finds none" if found.time_s is None else f"detection says {found.time_s:.2f} s"
+            how = f"set in the subject's file ({declared.reason or 'no reason given'}); {says}"
+            found = Event(given[name], DECLARED, how, found.time_s)
+        search.found[name] = found
+    times = {name: search.found[name].time_s for name in EVENTS}
+    _check_order(recording, {name: time for name, time in times.items() if time is not None})
+    return {name: search.found[name] for name in EVENTS}
 
 
-def _declared(time: float, reason: str | None, finder) -> Event:
-    try:
-        detected = finder().time_s
-    except InputError:
-        detected = None
-    says = "detection finds none" if detected is None else f"detection says {detected:.2f} s"
-    return Event(
-        time, "declared", f"set in the subject's file ({reason or 'no reason given'}); {says}", detected
-    )
+class _Search:
+    """Finds events one after the other: each is searched between those found before."""
+
+    def __init__(self, recording: MarkerRecording, settings: EventSettings):
+        points, self.what = carried_object(recording)
+        self.whole, self.settings, self.found = recording, settings, {}
+        self.part = self.points = None
+        if points is not None and np.isfinite(points).any():
+            self.part = _longest_seen(recording, points)
+            self.points = carried_object(self.part)[0]
+
+    def event(self, name: str) -> Event:
+        """One event by its name in `EVENTS`."""
+        try:
+            if name in ("toe_off", "deposit_start") and not self._anything_is_lifted():
+                raise NotFound("neither a lift-off nor a release")
+            if name == "toe_off":
+                return _toe_off(self.whole, self.settings, self.begin, self.end)
+            if self.part is None:
+                raise NotFound("no box markers and no wrist markers: what is lifted is not seen")
+            found = getattr(self, f"_{name}")()
+        except NotFound as reason:
+            return Event(None, ABSENT, str(reason))
+        words = [] if self.what == "box" else ["hands taken for the box, which has no markers"]
+        if len(self.part) < len(self.whole):
+            first, last = self.part.time[[0, -1]]
+            words.append(f"the {self.what} is seen without a gap from {first:.2f} to {last:.2f} s")
+        return replace(found, how="; ".join([*words, found.how]))
+
+    def _anything_is_lifted(self) -> bool:
+        return any(self.found[name].time_s is not None for name in ("lift_off", "release"))
+
+    @property
+    def begin(self) -> float:
+        """Lift-off, or the start of a recording without one."""
+        time = self.found["lift_off"].time_s
+        return float(self.whole.time[0]) if time is None else time
+
+    @property
+    def end(self) -> float:
+        """Release, or the end of a recording without one."""
+        time = self.found["release"].time_s
+        return float(self.whole.time[-1]) if time is None else time
+
+    def _lift_off(self) -> Event:
+        if self.what == "box":
+            return _lift_off(self.part, self.points, self.settings)
+        low, _ = self._hands()
+        return _rise(self.part, self.points, low, self.settings)
+
+    def _hands(self) -> tuple[int, int]:
+        lifted = hands_lifted(self.points[:, 2], self.settings)
+        if lifted is None:
+            raise NotFound(
+                f"the hands never rise by {self.settings.hands_rise_m:g} m (lifting.events.hands_rise_m)"
+            )
+        return lifted
+
+    def _release(self) -> Event:
+        if self.what == "box":
+            return _release(self.part, self.points, self.settings, self.begin)
+        if self.found["lift_off"].method == ABSENT:
+            self._hands()
+        parted = _hands_part(self.part, self.settings, self.begin)
+        return _hands_release(self.part, self.points, self.settings, self.begin, parted)
+
+    def _deposit_start(self) -> Event:
+        toe_off = self.found["toe_off"].time_s
+        start = self.begin if toe_off is None else toe_off
+        return _deposit_start(self.part, self.points, self.what, self.settings, start, self.end)
 
 
 def _check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
@@ -171,28 +245,22 @@ def _first_run(flags: np.ndarray, samples: int) -> int | None:
     return next((run.start for run in runs(flags) if run.stop - run.start >= samples), None)
 
 
-def _needed(recording: MarkerRecording, points: np.ndarray | None, what: str, event: str) -> np.ndarray:
-    if points is None:
-        raise InputError(
-            f"{recording.source}: no {what} markers, so {event} cannot be detected; set {event}_s in the "
-            "subject's file"
-        )
-    return points
-
-
-def _lift_off(recording: MarkerRecording, settings: EventSettings) -> Event:
+def _lift_off(recording: MarkerRecording, box: np.ndarray, settings: EventSettings) -> Event:
     """Last instant before the box rises for good; of a box that is only taken down, the first movement."""
-    box = _needed(recording, box_centre(recording), "box", "lift_off")
     moved = _first_movement(recording, box, settings)
-    height, climb = box[:, 2], derivative(box, recording.rate)[:, 2]
-    lifted = np.flatnonzero(height[moved:] >= height[moved] + settings.rise_m)
-    if not lifted.size:
-        how = (
-            f"last rest of the box (slower than {settings.box_rest_m_s:g} m/s) before it first moves faster than "
-            f"{settings.box_speed_m_s:g} m/s for at least {settings.box_sustained_s:g} s; it never rises by {settings.rise_m:g} m"
-        )
-        return Event(float(recording.time[moved]), "detected", how)
-    high = moved + int(lifted[0])
+    if (box[moved:, 2] >= box[moved, 2] + settings.rise_m).any():
+        return _rise(recording, box, moved, settings)
+    how = (
+        f"last rest of the box (slower than {settings.box_rest_m_s:g} m/s) before it first moves faster than "
+        f"{settings.box_speed_m_s:g} m/s for at least {settings.box_sustained_s:g} s; it never rises by {settings.rise_m:g} m"
+    )
+    return Event(float(recording.time[moved]), DETECTED, how)
+
+
+def _rise(recording: MarkerRecording, points: np.ndarray, moved: int, settings: EventSettings) -> Event:
+    """Last instant before what moves from the frame `moved` on rises by `rise_m`, which it does."""
+    height, climb = points[:, 2], derivative(points, recording.rate)[:, 2]
+    high = moved + int(np.flatnonzero(height[moved:] >= height[moved] + settings.rise_m)[0])
     still = np.flatnonzero(climb[moved:high] <= settings.box_rest_m_s)
     onset = moved + int(still[-1]) if still.size else moved
     before = np.flatnonzero(climb[: onset + 1] <= 0)
@@ -200,12 +268,12 @@ def _lift_off(recording: MarkerRecording, settings: EventSettings) -> Event:
     latest = onset + int(np.flatnonzero(height[onset:] >= height[onset] + ONSET * rise)[0])
     slid = recording.time[onset] - recording.time[moved]
     how = (
-        f"last instant at which the box rises no faster than {settings.box_rest_m_s:g} m/s before it is {settings.rise_m:g} m "
+        f"last instant at which it rises no faster than {settings.box_rest_m_s:g} m/s before it is {settings.rise_m:g} m "
         f"higher; it moves from {recording.time[moved]:.2f} s on"
         + (", sliding at first" if slid > 0.1 else "")
     )
     times = recording.time[[onset, before[-1] if before.size else 0, latest]]
-    return Event(float(times[0]), "detected", how, earliest_s=float(times[1]), latest_s=float(times[2]))
+    return Event(float(times[0]), DETECTED, how, earliest_s=float(times[1]), latest_s=float(times[2]))
 
 
 def _first_movement(recording: MarkerRecording, box: np.ndarray, settings: EventSettings) -> int:
@@ -213,44 +281,34 @@ def _first_movement(recording: MarkerRecording, box: np.ndarray, settings: Event
     threshold, lasting = settings.box_speed_m_s, settings.box_sustained_s
     moving = speed(box, recording.rate)
     first = _first_run(moving > threshold, max(1, round(lasting * recording.rate)))
-    advice = "set lift_off_s in the subject's file"
     if first is None:
-        raise InputError(
-            f"{recording.source}: the box never moves faster than {threshold:g} m/s for {lasting:g} s; "
-            + advice
-        )
+        raise NotFound(f"the box never moves faster than {threshold:g} m/s for {lasting:g} s")
     if first == 0:
-        raise InputError(
-            f"{recording.source}: the box moves from the first frame, its lift-off is not there; {advice}"
-        )
+        raise NotFound("the box moves from the first frame: its lift-off is not there")
     rest = np.flatnonzero(moving[:first] <= settings.box_rest_m_s)
     return int(rest[-1]) + 1 if rest.size else first
 
 
-def _release(recording: MarkerRecording, settings: EventSettings, lift_off: float) -> Event:
+def _release(recording: MarkerRecording, box: np.ndarray, settings: EventSettings, lift_off: float) -> Event:
     time, threshold = recording.time, settings.box_speed_m_s
-    box = _needed(recording, box_centre(recording), "box", "release")
     separation = _separation(recording, box, settings, lift_off)
     end = len(time) - 1 if separation is None else separation
     pace = speed(box, recording.rate)
     moving = np.flatnonzero((pace > threshold) & (time >= lift_off) & (np.arange(len(time)) <= end))
     if moving.size == 0:
-        raise InputError(f"{recording.source}: the box does not move after {lift_off:g} s; check lift_off_s")
+        raise NotFound(f"the box does not move after {lift_off:.2f} s")
     parted = "" if separation is None else f"; the wrists part from it at {time[separation]:.2f} s"
     if moving[-1] < end:
         # Slow placing goes on below the threshold of movement; it ends at rest, or when the hands leave.
         rest = np.flatnonzero(pace[moving[-1] : end + 1] <= settings.box_rest_m_s)
         stop = int(moving[-1] + rest[0]) if rest.size else end
         how = f"the box comes to rest (slower than {settings.box_rest_m_s:g} m/s){parted}"
-        return Event(float(time[stop]), "detected", how)
+        return Event(float(time[stop]), DETECTED, how)
     if separation is None:
-        raise InputError(
-            f"{recording.source}: the box still moves when the recording ends; set release_s in the "
-            "subject's file"
-        )
+        raise NotFound(f"the box still moves when it is seen last, at {time[-1]:.2f} s")
     return Event(
         float(time[separation]),
-        "detected",
+        DETECTED,
         f"the wrists part from the moving box by more than {settings.separation_m:g} m",
     )
 
@@ -258,7 +316,7 @@ def _release(recording: MarkerRecording, settings: EventSettings, lift_off: floa
 def _separation(
     recording: MarkerRecording, box: np.ndarray, settings: EventSettings, lift_off: float
 ) -> int | None:
-    """Index at which the wrists leave the box; None without wrists or if they stay."""
+    """Index at which the wrists leave the box; None if they stay, or are not seen where they grip it."""
     wrists = wrist_centre(recording)
     if wrists is None:
         return None
@@ -266,19 +324,63 @@ def _separation(
     after = recording.time >= lift_off
     grip = distance[after & (recording.time <= lift_off + settings.grip_s)]
     if not np.isfinite(grip).any():
-        raise InputError(
-            f"{recording.source}: the wrists are not seen within {settings.grip_s:g} s of the lift-off, "
-            "so it is not known when they leave the box; set release_s in the subject's file"
-        )
+        return None
     held = np.nanmedian(grip)
     apart = after & (distance > held + settings.separation_m)
     return _first_run(apart, max(1, round(settings.box_sustained_s * recording.rate)))
 
 
+def _hands_part(recording: MarkerRecording, settings: EventSettings, lift_off: float) -> int | None:
+    """Index at which the hands leave what they hold together: their distance is no longer that of the grip."""
+    if not all(name in recording for name in WRISTS):
+        return None
+    distance = np.linalg.norm(recording["L_WRIST"] - recording["R_WRIST"], axis=1)
+    after = recording.time >= lift_off
+    grip = distance[after & (recording.time <= lift_off + settings.grip_s)]
+    if not np.isfinite(grip).any():
+        return None
+    changed = after & (np.abs(distance - np.nanmedian(grip)) > settings.separation_m)
+    return _first_run(changed, max(1, round(settings.box_sustained_s * recording.rate)))
+
+
+def _hands_release(
+    recording: MarkerRecording,
+    hands: np.ndarray,
+    settings: EventSettings,
+    lift_off: float,
+    parted: int | None,
+) -> Event:
+    """End of the last descent of the hands before they part; of the last great one where it is not seen that they do."""
+    time, climb = recording.time, derivative(hands, recording.rate)[:, 2]
+    first = int(np.searchsorted(time, lift_off))
+    held = None if parted is None else hands_lowered(hands[first : parted + 1, 2], settings, greatest=False)
+    # Hands that part before they have gone down were not holding yet, or never together.
+    lowered = held or hands_lowered(hands[first:, 2], settings, greatest=True)
+    if lowered is None:
+        raise NotFound(
+            f"no deposit: the hands do not go down by {settings.descent_m:g} m after {lift_off:.2f} s"
+        )
+    top, bottom = (first + index for index in lowered)
+    falling = np.flatnonzero(climb[top : bottom + 1] < -settings.box_rest_m_s)
+    stop = min(top + int(falling[-1]) + 1, bottom) if falling.size else bottom
+    if stop >= len(time) - 1:
+        raise NotFound(f"the hands still go down when they are seen last, at {time[-1]:.2f} s")
+    parting = (
+        "the last great descent: whether they hold anything is not seen"
+        if held is None
+        else f"they part, or close, by more than {settings.separation_m:g} m at {time[parted]:.2f} s"
+    )
+    how = (
+        f"the hands go down no more (slower than {settings.box_rest_m_s:g} m/s) after "
+        f"{hands[top, 2] - hands[bottom, 2]:.2f} m; {parting}"
+    )
+    return Event(float(time[stop]), DETECTED, how)
+
+
 def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: float, release: float) -> Event:
     toes = [name for name in TOES if name in recording]
     if not toes:
-        return Event(None, "absent", "no toe markers: the end of the lift is not known")
+        return Event(None, ABSENT, "no toe markers: the end of the lift is not known")
     threshold, lasting = settings.toe_speed_m_s, settings.toe_sustained_s
     searched = (recording.time > lift_off) & (recording.time < release)
     # 65 ms are 13 frames at 200 Hz, whatever the rounding of the product.
@@ -294,41 +396,36 @@ def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: floa
     rule = f"toe faster than {threshold:g} m/s for at least {lasting:g} s between lift-off and release"
     gaps = f"; not seen all the time: {', '.join(unseen)}" if unseen else ""
     if not starts:
-        return Event(None, "absent", f"no toe-off: no {rule} ({', '.join(toes)}){gaps}")
+        return Event(None, ABSENT, f"no toe-off: no {rule} ({', '.join(toes)}){gaps}")
     first_toe = min(starts, key=starts.__getitem__)
-    return Event(starts[first_toe], "detected", f"{first_toe} first: {rule}{gaps}")
+    return Event(starts[first_toe], DETECTED, f"{first_toe} first: {rule}{gaps}")
 
 
 def _deposit_start(
-    recording: MarkerRecording, settings: EventSettings, start: float, release: float
+    recording: MarkerRecording,
+    carried: np.ndarray,
+    what: str,
+    settings: EventSettings,
+    start: float,
+    release: float,
 ) -> Event:
-    """Last instant before the box goes down for good; the wrists where there is no box."""
-    box = box_centre(recording)
-    what, goes = ("box", "goes") if box is not None else ("wrists", "go")
-    carried = wrist_centre(recording) if box is None else box
-    carried = _needed(recording, carried, "box or wrist", "deposit_start")
-    advice = "set deposit_start_s in the subject's file"
+    """Last instant before what is carried goes down for good."""
+    goes = "goes" if what == "box" else "go"
     searched = np.flatnonzero((recording.time > start) & (recording.time <= release))
     if searched.size < 3:
-        raise InputError(
-            f"{recording.source}: no time between {start:g} s and the release at {release:g} s; {advice}"
+        raise NotFound(
+            f"the {what} {'is' if what == 'box' else 'are'} not seen from {start:.2f} to {release:.2f} s"
         )
     height, climb = carried[searched, 2], derivative(carried, recording.rate)[searched, 2]
-    if not np.isfinite(climb).all():
-        raise InputError(
-            f"{recording.source}: {what} not seen all the time between {start:g} and {release:g} s; {advice}"
-        )
     descent = float(height.max() - height[-1])
     if descent < settings.descent_m:
-        raise InputError(
-            f"{recording.source}: the {what} {goes} down by {descent:.3f} m before the release at "
-            f"{release:.2f} s, a deposit needs {settings.descent_m:g} m (lifting.events.descent_m); " + advice
+        raise NotFound(
+            f"no deposit: the {what} {goes} down by {descent:.3f} m before {recording.time[searched[-1]]:.2f} s, a deposit "
+            f"needs {settings.descent_m:g} m (lifting.events.descent_m)"
         )
     onset = _last_stop(height, climb, settings, recording.rate)
     if onset is None:
-        raise InputError(
-            f"{recording.source}: the {what} {goes} down all the time from {start:.2f} to {release:.2f} s; {advice}"
-        )
+        raise NotFound(f"the {what} {goes} down all the time from {start:.2f} to {release:.2f} s")
     left = float(height[onset] - height[-1])
     not_down = np.flatnonzero(climb[: onset + 1] >= 0)
     latest = onset + int(np.flatnonzero(height[onset:] <= height[onset] - ONSET * left)[0])
@@ -339,7 +436,7 @@ def _deposit_start(
     time = recording.time[searched]
     return Event(
         float(time[onset]),
-        "detected",
+        DETECTED,
         how,
         earliest_s=float(time[not_down[-1] if not_down.size else 0]),
         latest_s=float(time[latest]),

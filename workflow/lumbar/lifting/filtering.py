@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from lumbar.errors import InputError, Problems
-from lumbar.lifting.gaps import runs
 from lumbar.records.markers import MarkerRecording
+from lumbar.records.stretches import runs
 
 PASSES = 2
 EXTENSION_PERIODS = 3

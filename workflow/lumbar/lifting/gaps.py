@@ -7,22 +7,25 @@ stays.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lumbar.errors import InputError, Problems
 from lumbar.records.markers import MarkerRecording
+from lumbar.records.stretches import runs
 
 ERROR, KEEP = "error", "keep"
-FILLED, TOO_LONG, AT_START, AT_END, ALONE = (
+FILLED, TOO_LONG, AT_START, AT_END, ALONE, ISLAND = (
     "filled",
     "longer than allowed",
     "at the start",
     "at the end",
     "too few frames beside it",
+    "seen too briefly to be filtered: left out",
 )
+SPLINE = "cubic spline"
 _BESIDE = 2
 """Seen frames needed on each side of a gap: position and direction there."""
 
@@ -42,7 +45,9 @@ class Gap:
         Missing frames divided by the rate.
     outcome : str
         ``"filled"``, or why it was not: ``"longer than allowed"``, ``"at the start"``, ``"at the end"``,
-        ``"too few frames beside it"``.
+        ``"too few frames beside it"``; of frames that were seen, ``"seen too briefly to be filtered: left out"``.
+    method : str
+        How it was filled; empty where it was not.
     """
 
     marker: str
@@ -51,18 +56,12 @@ class Gap:
     start_s: float
     length_s: float
     outcome: str
+    method: str = ""
 
     @property
     def filled(self) -> bool:
         """Whether the gap was bridged."""
         return self.outcome == FILLED
-
-
-def runs(flags: np.ndarray) -> Iterator[slice]:
-    """Yield the contiguous stretches in which `flags`, shape (n,), is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(flags, dtype=np.int8), [0]))))
-    for start, stop in edges.reshape(-1, 2):
-        yield slice(int(start), int(stop))
 
 
 def fill_gaps(
@@ -103,7 +102,7 @@ def fill_gaps(
         positions[marker], found = _fill(marker, points, recording, maximum_s)
         gaps.extend(found)
     if longer == ERROR:
-        _refuse_open_gaps(recording, gaps, maximum_s)
+        refuse_open_gaps(recording, gaps, maximum_s)
     return replace(recording, positions=positions), gaps
 
 
@@ -127,9 +126,8 @@ def _fill(
             support = np.concatenate((before, after))
             spline = CubicSpline(recording.time[support], points[support])
             filled[gap] = spline(recording.time[gap])
-        gaps.append(
-            Gap(marker, gap.start, gap.stop - gap.start, float(recording.time[gap.start]), length_s, outcome)
-        )
+        start_s, method = float(recording.time[gap.start]), SPLINE if outcome == FILLED else ""
+        gaps.append(Gap(marker, gap.start, gap.stop - gap.start, start_s, length_s, outcome, method))
     return filled, gaps
 
 
@@ -143,10 +141,62 @@ def _outcome(gap: slice, n_frames: int, length_s: float, maximum_s: float, besid
     return FILLED if beside >= _BESIDE else ALONE
 
 
-def _refuse_open_gaps(recording: MarkerRecording, gaps: list[Gap], maximum_s: float) -> None:
+def without_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRecording, list[Gap]]:
+    """Leave out frames between gaps that are too few to be filtered.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Short gaps filled.
+    shortest : int
+        A stretch must have more frames than this.
+
+    Returns
+    -------
+    cleaned : MarkerRecording
+    islands : list of Gap
+        What was left out, with the outcome ``"seen too briefly to be filtered: left out"``.
+
+    Raises
+    ------
+    InputError
+        If the recording itself has no more frames.
+    """
+    if len(recording) <= shortest:
+        raise InputError(
+            f"{recording.source or recording.name}: {len(recording)} frames; the filter needs more than {shortest}"
+        )
+    positions, islands = {}, []
+    for marker, points in recording.positions.items():
+        short = [run for run in runs(np.isfinite(points).all(axis=1)) if run.stop - run.start <= shortest]
+        positions[marker] = points.copy() if short else points
+        for run in short:
+            positions[marker][run] = np.nan
+            frames, start_s = run.stop - run.start, float(recording.time[run.start])
+            islands.append(Gap(marker, run.start, frames, start_s, frames / recording.rate, ISLAND))
+    return replace(recording, positions=positions), islands
+
+
+def refuse_open_gaps(
+    recording: MarkerRecording,
+    gaps: list[Gap],
+    maximum_s: float,
+    markers: Collection[str] | None = None,
+    start_s: float = -np.inf,
+    stop_s: float = np.inf,
+) -> None:
+    """Raise an error that lists the gaps left open in `markers` (default all) between two times.
+
+    Raises
+    ------
+    InputError
+    """
     problems = Problems(recording.source or recording.name)
     for gap in gaps:
-        if not gap.filled:
+        concerns = (markers is None or gap.marker in markers) and (
+            gap.start_s <= stop_s and gap.start_s + gap.length_s >= start_s
+        )
+        if concerns and not gap.filled:
             problems.add(
                 gap.marker, f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
             )
@@ -154,6 +204,6 @@ def _refuse_open_gaps(recording: MarkerRecording, gaps: list[Gap], maximum_s: fl
         problems.add(
             "",
             f"gaps up to {maximum_s:g} s between seen frames are filled",
-            "cut the recording, give the marker an alias of others, or set gaps.longer: keep",
+            "cut the recording (window_s of the trial), give the marker an alias of others, or set gaps.longer: keep",
         )
     problems.raise_if_any()

@@ -2,18 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.errors import InputError
-from lumbar.lifting.centre_of_mass import CentreOfMass, centres_of_mass, landmark
-from lumbar.lifting.events import EVENTS, TOES, Event, box_centre, find_events, phases, speed, wrist_centre
-from lumbar.lifting.filtering import filter_markers
-from lumbar.lifting.gaps import Gap, fill_gaps
-from lumbar.lifting.pendulum_states import PendulumStates, heading, pendulum_states, pivot_trajectory, turn
-from lumbar.lifting.segments import MID_HIP, SegmentTable, segment_table
+from lumbar.errors import InputError, LumbarError, Problems
+from lumbar.lifting.centre_of_mass import CentreOfMass, absent_segments, centres_of_mass
+from lumbar.lifting.events import (
+    EVENTS,
+    TOES,
+    Event,
+    box_centre,
+    carried_object,
+    find_events,
+    phases,
+    speed,
+    wrist_centre,
+)
+from lumbar.lifting.filtering import filter_markers, shortest_stretch
+from lumbar.lifting.gaps import ERROR, KEEP, Gap, fill_gaps, refuse_open_gaps, without_islands
+from lumbar.lifting.pendulum_states import (
+    PIVOTS,
+    PendulumStates,
+    heading,
+    pendulum_states,
+    pivot_trajectory,
+    turn,
+)
+from lumbar.lifting.segments import COMS, SegmentTable, segment_table
+from lumbar.lifting.trunk_points import INNER, TrunkPoints, trunk_points
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.plain import plain
 
@@ -38,27 +57,36 @@ class AnalysedLift:
         E.g. ``"expert_23kg"``.
     recording : MarkerRecording
         Gaps filled, filtered, in the axes of the planes.
+    complete : MarkerRecording
+        The whole file, gaps filled, not filtered, in the same axes.
     gaps : list of Gap
     events : dict of str to Event
     table : SegmentTable
+    points : TrunkPoints
+        Ends of the segments.
     centres : dict of str to CentreOfMass
-    pivot : ndarray, shape (n, 3)
-        Metres.
+    pivot : ndarray, shape (n, 3), or None
+        Metres; None where the recording lacks its markers.
     heading : float
         Radians by which the axes were turned.
     states : dict of (str, str) to PendulumStates
         By centre of mass and plane.
+    missing : dict of str to str
+        Centres of mass that have no pendulum, with the reason.
     """
 
     name: str
     recording: MarkerRecording
+    complete: MarkerRecording
     gaps: list[Gap]
     events: dict[str, Event]
     table: SegmentTable
+    points: TrunkPoints
     centres: dict[str, CentreOfMass]
-    pivot: np.ndarray
+    pivot: np.ndarray | None
     heading: float
     states: dict[tuple[str, str], PendulumStates]
+    missing: dict[str, str]
 
 
 def analyse_lift(
@@ -67,8 +95,12 @@ def analyse_lift(
     subject: SubjectSettings,
     trial: TrialSettings,
     settings: LiftingSettings,
+    filled: Sequence[Gap] = (),
 ) -> AnalysedLift:
     """Fill gaps, filter, find the events, the centres of mass and the pendulum's states during the deposit.
+
+    What a recording does not hold is left out, with its reason: events in `AnalysedLift.events`, pendulums in
+    `AnalysedLift.missing`.
 
     Parameters
     ----------
@@ -80,49 +112,156 @@ def analyse_lift(
     trial : TrialSettings
         Of the subject.
     settings : LiftingSettings
+    filled : sequence of Gap
+        What was filled when the recording was read, for the report.
 
     Returns
     -------
-    Lift
+    AnalysedLift
 
     Raises
     ------
-    InputError, NumericalError
-        Naming the file and what is wrong with it.
+    InputError
+        Naming the file and what is wrong with it: neither an event nor a centre of mass can be had from it, events set by
+        hand contradict it, or with ``gaps.longer: error`` a gap that matters stays open.
     """
-    complete, gaps = fill_gaps(recording, settings.gaps.maximum_s, settings.gaps.longer)
-    smooth = filter_markers(complete, settings.filter.cutoff_Hz, settings.filter.order)
+    smooth, complete, gaps = _cleaned(recording, trial, settings)
+    gaps = [*filled, *gaps]
     events = find_events(smooth, settings.events, trial.events)
-    start, stop = events["deposit_start"].time_s, events["release"].time_s
-    angle = _frame_angle(smooth, settings.frame, start)
-    if angle:
-        smooth = _turned(smooth, angle)
     table = segment_table(settings.segments, subject.sex)
+    points = _points(smooth, subject, settings)
+    missing = absent_segments(points, table)
+    _refuse_nothing(smooth, events, missing)
+    if settings.gaps.longer == ERROR:
+        _refuse_gaps(smooth, gaps, points, table, settings, events)
+    angle, without_frame = _frame_angle(smooth, settings.frame, events)
+    if angle:
+        smooth, complete = _turned(smooth, angle), _turned(complete, angle)
+        points = _points(smooth, subject, settings)
     box = settings.box
-    centres = centres_of_mass(smooth, table, subject.mass_kg, trial.box_mass_kg, box.share, events)
-    pivot = pivot_trajectory(smooth, settings.pivot)
-    states = {}
+    centres = centres_of_mass(smooth, points, table, subject.mass_kg, trial.box_mass_kg, box.share, events)
+    pivot, without_pivot = _pivot(smooth, points, settings.pivot)
+    states, reasons = {}, [no_deposit(events), without_pivot, without_frame]
     for com, centre in centres.items():
         position = centre.position_with_box if box.in_position else centre.position
-        planar = pendulum_states(
-            smooth.time, position - pivot, start, stop, settings.points, f"{recording.source}, {com}"
+        try:
+            if any(reasons):
+                raise InputError("; ".join(filter(None, reasons)))
+            start, stop = events["deposit_start"].time_s, events["release"].time_s
+            planar = pendulum_states(
+                smooth.time, position - pivot, start, stop, settings.points, f"{recording.source}, {com}"
+            )
+        except LumbarError as error:
+            missing[com] = str(error)
+        else:
+            states.update({(com, plane): values for plane, values in planar.items()})
+    return AnalysedLift(
+        name, smooth, complete, gaps, events, table, points, centres, pivot, angle, states, missing
+    )
+
+
+def _points(recording: MarkerRecording, subject: SubjectSettings, settings: LiftingSettings) -> TrunkPoints:
+    return trunk_points(recording, settings.segment_ends, settings.hip_centres, subject.sex)
+
+
+def _cleaned(
+    recording: MarkerRecording, trial: TrialSettings, settings: LiftingSettings
+) -> tuple[MarkerRecording, MarkerRecording, list[Gap]]:
+    """Fill gaps, filter, and cut the trial's window out; the whole file without the filter stands second."""
+    smoothing = settings.filter
+    complete, gaps = fill_gaps(recording, settings.gaps.maximum_s, KEEP)
+    shortest = shortest_stretch(smoothing.cutoff_Hz, recording.rate)
+    complete, islands = without_islands(complete, shortest)
+    smooth = filter_markers(complete, smoothing.cutoff_Hz, smoothing.order)
+    gaps += islands
+    if trial.window_s is None:
+        return smooth, complete, gaps
+    start, stop = trial.window_s
+    inside = (smooth.time >= start) & (smooth.time <= stop)
+    if inside.sum() <= shortest:
+        raise InputError(
+            f"{recording.source}: window_s {start:g} to {stop:g} s holds {inside.sum()} frames of the recording, which runs "
+            f"from {smooth.time[0]:g} to {smooth.time[-1]:g} s; more than {shortest} are needed"
         )
-        states.update({(com, plane): values for plane, values in planar.items()})
-    return AnalysedLift(name, smooth, gaps, events, table, centres, pivot, angle, states)
+    positions = {name: points[inside] for name, points in smooth.positions.items()}
+    kept = [gap for gap in gaps if gap.start_s <= stop and gap.start_s + gap.length_s > start]
+    return replace(smooth, time=smooth.time[inside], positions=positions), complete, kept
 
 
-def _frame_angle(recording: MarkerRecording, frame: str, time: float) -> float:
+def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missing: dict[str, str]) -> None:
+    """Raise an error for a recording that holds neither an event of a lift nor a centre of mass."""
+    if len(missing) < len(COMS) or any(event.time_s is not None for event in events.values()):
+        return
+    problems = Problems(f"{recording.source}: neither an event of a lift nor a centre of mass")
+    for name, reason in {**missing, "lift_off": events["lift_off"].how}.items():
+        problems.add(name, reason)
+    unused = recording.unused[:60]
+    problems.add("", f"markers of the file that no alias names: {', '.join(unused) or 'none'}")
+    problems.raise_if_any()
+
+
+def _refuse_gaps(
+    recording: MarkerRecording,
+    gaps: list[Gap],
+    points: TrunkPoints,
+    table: SegmentTable,
+    settings: LiftingSettings,
+    events: dict[str, Event],
+) -> None:
+    times = [event.time_s for event in events.values() if event.time_s is not None]
+    ends = [points.points[name] for name in (*table.ends, *PIVOTS[settings.pivot]) if name in points]
+    needed = {*PIVOTS[settings.pivot], *(marker for end in ends for marker in end.markers)}
+    if times:
+        refuse_open_gaps(recording, gaps, settings.gaps.maximum_s, needed, min(times), max(times))
+
+
+def no_deposit(events: dict[str, Event]) -> str | None:
+    """Why there is no deposit to take pendulums from; None where there is one."""
+    lacking = [
+        f"{name}: {events[name].how}" for name in ("deposit_start", "release") if events[name].time_s is None
+    ]
+    return f"the deposit is not known: {'; '.join(lacking)}" if lacking else None
+
+
+def _pivot(
+    recording: MarkerRecording, points: TrunkPoints, pivot: str
+) -> tuple[np.ndarray | None, str | None]:
+    """The pivot's trajectory, or why there is none."""
+    try:
+        return pivot_trajectory(recording, points, pivot), None
+    except InputError as error:
+        return None, str(error)
+
+
+def _frame_angle(
+    recording: MarkerRecording, frame: str, events: dict[str, Event]
+) -> tuple[float, str | None]:
+    """Angle by which the axes are turned, and why it is not known where it is not."""
     if frame not in FRAMES:
         raise InputError(f"lifting.frame is {frame!r}; allowed: {', '.join(FRAMES)}")
-    return heading(recording, time) if frame == "pelvis" else 0.0
+    time = events["deposit_start"].time_s
+    if frame == "laboratory" or time is None:
+        return 0.0, None
+    try:
+        return heading(recording, time), None
+    except InputError as error:
+        return 0.0, str(error)
 
 
 def _turned(recording: MarkerRecording, angle: float) -> MarkerRecording:
-    from dataclasses import replace
-
     return replace(
         recording, positions={name: turn(points, angle) for name, points in recording.positions.items()}
     )
+
+
+CENTRES_COLUMNS = (
+    *("com", "time_s", "phase", "x_m", "y_m", "z_m", "x_with_box_m", "y_with_box_m", "z_with_box_m"),
+    *("pivot_x_m", "pivot_y_m", "pivot_z_m"),
+)
+STATES_COLUMNS = (
+    *("com", "plane", "time_s", "angle_rad", "angular_velocity_rad_s", "angular_acceleration_rad_s2"),
+    *("length_m", "length_rate_m_s"),
+)
 
 
 def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
@@ -130,46 +269,36 @@ def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
     import pandas as pd
 
     phase = phases(lift.recording.time, lift.events)
-    frames = []
+    nowhere = np.full((len(lift.recording), 3), np.nan)
+    pivot = nowhere if lift.pivot is None else lift.pivot
+    frames = [pd.DataFrame(columns=list(CENTRES_COLUMNS))]
     for com, centre in lift.centres.items():
-        columns = {"com": com, "time_s": lift.recording.time, "phase": phase}
-        columns.update(zip(("x_m", "y_m", "z_m"), centre.position.T, strict=True))
-        columns.update(
-            zip(("x_with_box_m", "y_with_box_m", "z_with_box_m"), centre.position_with_box.T, strict=True)
-        )
-        columns.update(zip(("pivot_x_m", "pivot_y_m", "pivot_z_m"), lift.pivot.T, strict=True))
-        frames.append(pd.DataFrame(columns))
-    return pd.concat(frames, ignore_index=True)
+        values = [*centre.position.T, *centre.position_with_box.T, *pivot.T]
+        columns = [com, lift.recording.time, phase, *values]
+        frames.append(pd.DataFrame(dict(zip(CENTRES_COLUMNS, columns, strict=True))))
+    return pd.concat(frames[1:] or frames, ignore_index=True)
 
 
 def states_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Pendulum states of the deposit, one row per centre of mass, plane and instant."""
     import pandas as pd
 
-    frames = [
-        pd.DataFrame(
-            {
-                "com": com,
-                "plane": plane,
-                "time_s": states.time,
-                "angle_rad": states.angle,
-                "angular_velocity_rad_s": states.angular_velocity,
-                "angular_acceleration_rad_s2": states.angular_acceleration,
-                "length_m": states.length,
-                "length_rate_m_s": states.length_rate,
-            }
-        )
-        for (com, plane), states in lift.states.items()
-    ]
-    return pd.concat(frames, ignore_index=True)
+    frames = [pd.DataFrame(columns=list(STATES_COLUMNS))]
+    for (com, plane), states in lift.states.items():
+        values = (states.time, states.angle, states.angular_velocity, states.angular_acceleration)
+        columns = [com, plane, *values, states.length, states.length_rate]
+        frames.append(pd.DataFrame(dict(zip(STATES_COLUMNS, columns, strict=True))))
+    return pd.concat(frames[1:] or frames, ignore_index=True)
 
 
 def gaps_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Gaps of the recording and what became of them."""
     import pandas as pd
 
-    columns = ("marker", "start_s", "length_s", "frames", "outcome")
-    rows = [(gap.marker, gap.start_s, gap.length_s, gap.n_frames, gap.outcome) for gap in lift.gaps]
+    columns = ("marker", "start_s", "length_s", "frames", "outcome", "method")
+    rows = [
+        (gap.marker, gap.start_s, gap.length_s, gap.n_frames, gap.outcome, gap.method) for gap in lift.gaps
+    ]
     return pd.DataFrame(rows, columns=columns)
 
 
@@ -201,8 +330,9 @@ def landmarks_frame(lift: AnalysedLift) -> pd.DataFrame:
         at = int(np.abs(lift.recording.time - time).argmin())
         points = dict(lift.recording.positions)
         points.update({f"COM_{com}": centre.position for com, centre in lift.centres.items()})
-        points["PIVOT"] = lift.pivot
-        points[MID_HIP] = landmark(lift.recording, MID_HIP)
+        if lift.pivot is not None:
+            points["PIVOT"] = lift.pivot
+        points.update({name: point.position for name, point in lift.points.points.items()})
         rows += [
             (event, float(lift.recording.time[at]), name, *positions[at])
             for name, positions in points.items()
@@ -223,7 +353,8 @@ def summary(
         "schema": "lumbar.pendulum/1",
         "lift": lift.name,
         "subject": subject.name,
-        "experience": subject.experience,
+        # A study's lifts have none: its tables label people, so that another label calls for no lift again.
+        **({"experience": subject.experience} if subject.experience else {}),
         "sex": subject.sex,
         "body_mass_kg": subject.mass_kg,
         "box_mass_kg": trial.box_mass_kg,
@@ -233,7 +364,7 @@ def summary(
         "angle": "from straight up, to the right (lateral bending) or forward (flexion/extension)",
         "start_s": start,
         "stop_s": stop,
-        "duration_s": stop - start,
+        "duration_s": None if start is None or stop is None else stop - start,
         "points": settings.points,
         "filter_cutoff_Hz": settings.filter.cutoff_Hz,
         "mass_kg": {
@@ -246,9 +377,16 @@ def summary(
             "table": lift.table.name,
             "source": lift.table.source,
             "ends": {segment.name: [segment.proximal, segment.distal] for segment in lift.table.segments},
+            "points": {
+                name: lift.points.points[name].rule for name in lift.table.ends if name in lift.points
+            },
+            "off_mm": {
+                name: lift.points.points[name].off_mm for name in lift.table.ends if name in lift.points
+            },
         },
         "events": {name: event.method for name, event in lift.events.items()},
-        "assumptions": assumptions(lift, subject, trial),
+        "missing": lift.missing,
+        "assumptions": assumptions(lift, subject, trial, settings),
     }
 
 
@@ -256,13 +394,21 @@ def _shown(value) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def assumptions(lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings) -> list[str]:
+def assumptions(
+    lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
+) -> list[str]:
     """Say in sentences what behind the result was not measured."""
     values = {**plain(subject), **plain(trial)}
     said = [
         f"{key} = {_shown(values[key])} is assumed" if key in values else f"{key} is assumed"
         for key in subject.assumed
     ]
+    if settings.segment_ends == INNER:
+        said += lift.points.on_skin(lift.table.ends)
+    if carried_object(lift.recording)[1] == "hands":
+        said.append(
+            "the box has no markers: the hands stand for it, in its events and in the centres of mass with it"
+        )
     said += [f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())]
     said += [
         f"{name} is set by hand: {event.how}"

@@ -13,16 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.errors import InputError, NumericalError, Problems
+from lumbar.lifting.trunk_points import MID_HIP, TrunkPoints
 from lumbar.records.markers import MarkerRecording
 
 PLANES = {"lateral_bending": 0, "flexion_extension": 1}
 """Horizontal axis of each plane: x (to the right) or y (forward)."""
 PIVOTS = {
     "mid_ankle": ("L_ANKLE", "R_ANKLE"),
-    "hip": ("L_HIP", "R_HIP"),
-    "L5": ("L5",),
+    "hip": (MID_HIP,),
+    "L5": ("L5S1",),
 }
-"""Markers whose mean is the pivot; it moves with them."""
+"""Markers, or ends of the trunk's segments, whose mean is the pivot; it moves with them."""
 SHORTEST = 0.01
 """A centre of mass nearer to its pivot than this (metres) has no angle worth the name."""
 
@@ -55,13 +56,15 @@ class PendulumStates:
     length_rate: np.ndarray
 
 
-def pivot_trajectory(recording: MarkerRecording, pivot: str) -> np.ndarray:
+def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str) -> np.ndarray:
     """Trajectory of the pivot, shape (n, 3) in metres.
 
     Parameters
     ----------
     recording : MarkerRecording
         Filtered.
+    points : TrunkPoints
+        Ends of the trunk's segments: hips and L5 are taken from them.
     pivot : {"mid_ankle", "hip", "L5"}
 
     Raises
@@ -71,17 +74,21 @@ def pivot_trajectory(recording: MarkerRecording, pivot: str) -> np.ndarray:
     """
     if pivot not in PIVOTS:
         raise InputError(f"lifting.pivot is {pivot!r}; allowed: {', '.join(PIVOTS)}")
+
+    def there(name: str) -> bool:
+        return name in points or name in recording
+
     problems = Problems(recording.source or recording.name)
     for name in PIVOTS[pivot]:
-        if name not in recording:
-            others = ", ".join(other for other in PIVOTS if all(part in recording for part in PIVOTS[other]))
+        if not there(name):
+            others = ", ".join(other for other, parts in PIVOTS.items() if all(map(there, parts)))
             problems.add(
                 f"marker {name}",
-                recording.absent.get(name, "not in the recording"),
+                points.missing.get(name, recording.absent.get(name, "not in the recording")),
                 f"lifting.pivot {pivot} needs it; pivots possible with this recording: {others or 'none'}",
             )
     problems.raise_if_any()
-    return np.mean([recording[name] for name in PIVOTS[pivot]], axis=0)
+    return np.mean([points[name] if name in points else recording[name] for name in PIVOTS[pivot]], axis=0)
 
 
 def heading(recording: MarkerRecording, time: float) -> float:
@@ -90,12 +97,13 @@ def heading(recording: MarkerRecording, time: float) -> float:
     Parameters
     ----------
     recording : MarkerRecording
-        With `L_HIP` and `R_HIP`.
+        With `L_HIP` and `R_HIP`, or both ASIS in their place.
     time : float
         Seconds.
     """
     at = int(np.abs(recording.time - time).argmin())
-    across = recording["R_HIP"][at] - recording["L_HIP"][at]
+    part = "ASIS" if "L_ASIS" in recording and "L_HIP" not in recording else "HIP"
+    across = recording[f"R_{part}"][at] - recording[f"L_{part}"][at]
     if not np.isfinite(across).all():
         raise InputError(
             f"{recording.source}: a hip is not seen at {time:.2f} s, so lifting.frame pelvis is unknown"
@@ -166,7 +174,7 @@ def _unbroken(time: np.ndarray, relative: np.ndarray, start: float, stop: float,
         gone = time[within][~seen[within]]
         raise InputError(
             f"{what}: {len(gone)} samples missing within the deposit, the first at {gone[0]:.2f} s; raise "
-            "lifting.gaps.maximum_s or use another pivot"
+            "lifting.gaps.maximum_s, use another pivot, or set lifting.segment_ends: skin where ASIS or PSIS are hidden"
         )
     if within.sum() < 4:
         raise InputError(

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from lumbar.errors import Problems
 from lumbar.models.bases import BASES
-from lumbar.models.fitted_model import FittedModel, FittedParameter, MotionRange, Port, Scores
 from lumbar.models.form import Effect, Form
 from lumbar.models.forward_structure import ForwardStructure
+from lumbar.models.model_data import FittedParameter, ModelData, MotionRange, Port, Scores
 from lumbar.models.structure import Structure
 from lumbar.models.tissue_models import MODELS
 from lumbar.models.transfer_function import TransferFunction
@@ -46,14 +46,14 @@ class _Written:
 
 
 @dataclass(frozen=True)
-class _Entry(FittedModel):
+class _Entry(ModelData):
     """A model as it is written: its fields are the schema of the file."""
 
     structure: _Written  # type: ignore[assignment]  # what is written stands for what it means
     __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012
 
 
-def entry_of(model: FittedModel) -> dict:
+def entry_of(model: ModelData) -> dict:
     """Return a model as plain data: its fields, with the structure as coefficients or as names of effects and forms."""
     if isinstance(model.structure, TransferFunction):
         written = _Written(model.structure.numerator, model.structure.denominator)
@@ -77,7 +77,7 @@ def _without_none(written):
     return [_without_none(item) for item in written] if isinstance(written, list) else written
 
 
-def _fields(model: FittedModel) -> dict:
+def _fields(model: ModelData) -> dict:
     return {item.name: getattr(model, item.name) for item in fields(model)}
 
 
@@ -88,18 +88,18 @@ def _schema() -> TypeAdapter:
     return TypeAdapter(_Entry)
 
 
-def read_entry(entry: dict, catalogues: Catalogues) -> FittedModel:
-    """Return the model of an entry; see `FittedModel.from_json`."""
+def read_entry(entry: dict, catalogues: Catalogues) -> dict:
+    """Return the fields of the model of an entry; see `lumbar.models.fitted_model.FittedModel.from_json`."""
     name = entry.get("name") if isinstance(entry, dict) else None
     problems = Problems(f"model {name!r}")
-    model = checked_entry(entry, catalogues, problems)
+    found = checked_entry(entry, catalogues, problems)
     problems.raise_if_any()
-    assert model is not None  # else there were problems
-    return model
+    assert found is not None  # else there were problems
+    return found
 
 
-def checked_entry(entry: dict, catalogues: Catalogues, problems: Problems) -> FittedModel | None:
-    """Return the model of an entry, or None where something was added to `problems`."""
+def checked_entry(entry: dict, catalogues: Catalogues, problems: Problems) -> dict | None:
+    """Return the fields of the model of an entry, or None where something was added to `problems`."""
     plain = _typed(entry, problems)
     if plain is None:
         return None
@@ -116,7 +116,7 @@ def checked_entry(entry: dict, catalogues: Catalogues, problems: Problems) -> Fi
         problems.add("sampling_time", f"{plain.sampling_time}", "seconds above 0 are needed")
     if len(problems.entries) > before:
         return None
-    return FittedModel(**{**_fields(plain), "structure": structure})
+    return {**_fields(plain), "structure": structure}
 
 
 def _typed(entry, problems: Problems) -> _Entry | None:
@@ -140,7 +140,7 @@ def _typed(entry, problems: Problems) -> _Entry | None:
 
 
 _KINDS = {
-    "": FittedModel,
+    "": ModelData,
     "input": Port,
     "output": Port,
     "scores": Scores,

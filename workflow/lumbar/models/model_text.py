@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import html
 
-from lumbar.models.fitted_model import FittedModel, FittedParameter
+from lumbar.models.model_data import FittedParameter, ModelData
 from lumbar.models.transfer_function import TransferFunction
 
 
-def headline(model: FittedModel) -> str:
+def headline(model: ModelData) -> str:
     """Name, estimator, training record and VAF."""
     trained = f" on {model.trained_on}" if model.trained_on else ""
     vaf = model.scores.vaf_percent
     return f"{model.name}, {model.estimator}{trained}" + ("" if vaf is None else f", VAF {vaf:.2f} %")
 
 
-def in_text(model: FittedModel) -> str:
+def in_text(model: ModelData) -> str:
     """Return equation, parameters with intervals and scores as lines of plain text."""
     signals = (
         f"{model.input.quantity} in {model.input.unit} to {model.output.quantity} in {model.output.unit}"
@@ -31,7 +31,7 @@ def in_text(model: FittedModel) -> str:
     return "\n".join([headline(model), f"{equation}, {signals}", *rows, *filter(None, notes)])
 
 
-def in_html(model: FittedModel) -> str:
+def in_html(model: ModelData) -> str:
     """Return the same as HTML with the equations in LaTeX, as notebooks set them."""
     rows = "".join(
         f"<tr><td>{html.escape(item.key)}</td><td>${html.escape(item.symbol)}$</td>"
@@ -45,7 +45,7 @@ def in_html(model: FittedModel) -> str:
     return "".join([*shown, *(f"<p>{html.escape(note)}</p>" for note in notes if note)])
 
 
-def _latex(model: FittedModel) -> list[str]:
+def _latex(model: ModelData) -> list[str]:
     """Transfer function of a discrete model; equation of the base and of every effect of a continuous one."""
     if isinstance(model.structure, TransferFunction):
         return ["H(z) = " + _ratio(model.structure, r"\frac{{{}}}{{{}}}", "z^{{-{}}}")]
@@ -68,7 +68,7 @@ _SCORES = {
 }
 
 
-def _scores(model: FittedModel) -> str:
+def _scores(model: ModelData) -> str:
     found = {name: getattr(model.scores, name) for name in _SCORES}
     return ", ".join(
         _SCORES[name].format(value, model.output.unit) for name, value in found.items() if value is not None

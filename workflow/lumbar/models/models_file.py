@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from lumbar.errors import Problems
 from lumbar.models.fitted_model import FittedModel
 from lumbar.models.form import Effect
+from lumbar.models.model_entry import checked_entry
 
 SCHEMA = "lumbar.models/2"
 
@@ -42,8 +43,6 @@ def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list
     InputError
         With the place of everything that is missing, unknown or not allowed in any model.
     """
-    from lumbar.models.model_entry import checked_entry
-
     problems = Problems("models.json")
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = repr(content.get("schema")) if isinstance(content, dict) else type(content).__name__
@@ -59,8 +58,8 @@ def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list
     models = []
     for index, entry in enumerate(content["models"]):
         own = Problems(f"models.{entry.get('name', index) if isinstance(entry, dict) else index}")
-        model = checked_entry(entry, catalogues, own)
-        models += [model] if model else []
+        fields = checked_entry(entry, catalogues, own)
+        models += [FittedModel(**fields)] if fields else []
         problems.extend(own)
     problems.raise_if_any()
     return models

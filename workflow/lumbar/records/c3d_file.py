@@ -1,26 +1,18 @@
-"""C3D marker files, through the c3d package after `lumbar.records.c3d_structure` has found them sound.
-
-The c3d package reads Intel, DEC and MIPS files and recordings of any length, and being Python it cannot end
-the process. Its last frame is compared with the bytes of the file: a reader that miscounts frames or analog
-samples is off there most.
-"""
+"""C3D marker files: points, events and what the file says of itself, after `lumbar.records.c3d_structure` has found it sound."""
 
 from __future__ import annotations
 
 import itertools
 import os
-import warnings
 from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import InputError
-from lumbar.records.c3d_structure import C3dStructure, check_structure, last_frame
-from lumbar.records.marker_file import MarkerFile, mark_missing
+from lumbar.records.c3d_data import parameter_list, read_coordinates
+from lumbar.records.c3d_structure import C3dStructure, check_structure
+from lumbar.records.marker_file import MarkerFile, RecordedEvent, mark_missing
 from lumbar.records.point_kinds import split_points
 
-_AGREEMENT = 1e-5
-"""Largest difference to the bytes of the file, relative to the coordinate: single precision."""
 _KINDS = {
     "ANGLES": "joint angle, not a position",
     "FORCES": "force, not a position",
@@ -46,58 +38,37 @@ def read_c3d(path: str | os.PathLike) -> MarkerFile:
     Raises
     ------
     InputError
-        The file is broken, cut short or contradicts itself, or what is read is not what its bytes hold.
+        The file is broken, cut short or contradicts itself.
     """
     path = Path(path)
     structure = check_structure(path)
-    points = _coordinates(path, structure)
-    labels = _labels(structure)
+    labels = list(map(str, parameter_list(structure.parameters, "POINT:LABELS")))[: structure.n_points]
     return split_points(
         source=str(path),
         time=(structure.first_frame - 1 + np.arange(structure.n_frames)) / structure.rate,
         rate=structure.rate,
         unit=(structure.parameters.get("POINT:UNITS") or [""])[0],
-        labels=labels,
-        points=mark_missing(points),
+        labels=labels + [""] * (structure.n_points - len(labels)),
+        points=mark_missing(read_coordinates(path, structure)),
         listed=_listed_kinds(structure),
+        events=_events(structure.parameters),
+        notes=structure.notes,
     )
 
 
-def _coordinates(path: Path, structure: C3dStructure) -> np.ndarray:
-    """Coordinates in the file's unit, shape (n_frames, n_points, 3); NaN where the residual is negative."""
-    import c3d
-
-    try:
-        with warnings.catch_warnings(), path.open("rb") as stream:
-            # The package warns of labels and of analog parameters that the points do not need.
-            warnings.simplefilter("ignore")
-            values = np.array(
-                [points for _, points, _ in c3d.Reader(stream).read_frames(copy=True)], dtype=float
-            )
-    except Exception as error:
-        # The package raises whatever its parser stumbles over.
-        raise InputError(
-            f"{path}: the c3d package cannot read the file ({error}); export it again"
-        ) from error
-    announced = (structure.n_frames, structure.n_points)
-    if values.shape[:2] != announced:
-        raise InputError(f"{path}: {values.shape[:2]} frames and points were read; {announced} are announced")
-    points, valid = values[..., :3], values[..., 3] >= 0
-    from_bytes = last_frame(path, structure)
-    if not np.allclose(points[-1, valid[-1]], from_bytes[valid[-1]], rtol=_AGREEMENT, atol=0):
-        raise InputError(
-            f"{path}: the c3d package reads other coordinates than the file holds; export it again"
-        )
-    return np.where(valid[..., None], points, np.nan)
-
-
-def _labels(structure: C3dStructure) -> list[str]:
-    """One label per point; lists of more than 255 continue in LABELS2, LABELS3 and so on."""
-    parameters = structure.parameters
-    names = ["POINT:LABELS", *(f"POINT:LABELS{number}" for number in range(2, 256))]
-    lists = [parameters[name] for name in itertools.takewhile(parameters.__contains__, names)]
-    labels = list(itertools.chain.from_iterable(lists))[: structure.n_points]
-    return labels + [""] * (structure.n_points - len(labels))
+def _events(parameters: dict[str, list]) -> tuple[RecordedEvent, ...]:
+    """Events of the EVENT group; their times are stored as minutes and seconds."""
+    times = parameter_list(parameters, "EVENT:TIMES")
+    labels, contexts = (parameter_list(parameters, f"EVENT:{name}") for name in ("LABELS", "CONTEXTS"))
+    used = int((parameters.get("EVENT:USED") or [len(labels)])[0]) % 65536
+    pairs = zip(times[::2], times[1::2], strict=False)
+    rows = itertools.zip_longest(pairs, labels, contexts)
+    events = [
+        RecordedEvent(str(label), str(context or ""), float(60 * at[0] + at[1]))
+        for at, label, context in itertools.islice(rows, used)
+        if at is not None and label is not None and not isinstance(at[0], str) and np.isfinite(at).all()
+    ]
+    return tuple(sorted(events, key=lambda event: event.time))
 
 
 def _listed_kinds(structure: C3dStructure) -> dict[str, str]:
@@ -108,7 +79,7 @@ def _listed_kinds(structure: C3dStructure) -> dict[str, str]:
         kinds.setdefault(group.upper(), f"listed under POINT:{group}, not a position")
     listed = {}
     for group, reason in kinds.items():
-        names = [f"POINT:{group}", *(f"POINT:{group}{number}" for number in range(2, 10))]
-        for name in itertools.takewhile(parameters.__contains__, names):
-            listed.update(dict.fromkeys(filter(None, map(str, parameters[name])), reason))
+        listed.update(
+            dict.fromkeys(filter(None, map(str, parameter_list(parameters, f"POINT:{group}"))), reason)
+        )
     return listed

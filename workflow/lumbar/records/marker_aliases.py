@@ -96,8 +96,33 @@ def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
     )
 
 
+def labels_of(name: str, aliases: dict[str, Alias | None]) -> tuple[str, ...]:
+    """Labels that a name may be filled from: its own, and all those in its alias.
+
+    Examples
+    --------
+    >>> labels_of("SACRUM", {"SACRUM": ("SACR", MeanOfMarkers(("LPSI", "RPSI")))})
+    ('SACRUM', 'SACR', 'LPSI', 'RPSI')
+    """
+    found: list[str] = []
+
+    def visit(term) -> None:
+        if isinstance(term, str):
+            if term not in found:
+                found.append(term)
+                visit(aliases.get(term))
+        elif isinstance(term, tuple):
+            for part in term:
+                visit(part)
+        elif isinstance(term, MeanOfMarkers):
+            visit(term.mean)
+
+    visit(name)
+    return tuple(found)
+
+
 def resolve_aliases(
-    aliases: dict[str, Alias],
+    aliases: dict[str, Alias | None],
     points: dict[str, np.ndarray],
     model_points: dict[str, np.ndarray],
     dropped: dict[str, str],
@@ -109,7 +134,7 @@ def resolve_aliases(
     Parameters
     ----------
     aliases : dict of str to Alias
-        Standard name to alias; see the module's description. Empty: every marker keeps its label.
+        Standard name to alias, or None for none; see the module's description. Empty: every marker keeps its label.
     points, model_points : dict of str to ndarray, shape (n_frames, 3)
         Markers and computed points by label; metres, standard axes.
     dropped : dict of str to str
@@ -125,6 +150,7 @@ def resolve_aliases(
         All required names that cannot be filled, each with labels that look alike, and the labels of the
         file.
     """
+    aliases = {name: alias for name, alias in aliases.items() if alias is not None}
     required = list(aliases or points) if required is None else required
     if not aliases:
         missing = [name for name in required if name not in points]

@@ -8,6 +8,25 @@ import numpy as np
 
 
 @dataclass(frozen=True)
+class RecordedEvent:
+    """An event that somebody, or a program, marked in the recording.
+
+    Attributes
+    ----------
+    label : str
+        As the file has it, e.g. ``"Foot Off"``.
+    context : str
+        Side, e.g. ``"Left"``; empty where none is stated.
+    time : float
+        Seconds on the recording's own clock.
+    """
+
+    label: str
+    context: str
+    time: float
+
+
+@dataclass(frozen=True)
 class MarkerFile:
     """Trajectories as a file states them: its own labels, unit and axes.
 
@@ -28,6 +47,10 @@ class MarkerFile:
         only read where an alias names them.
     dropped : dict of str to str
         Labels that are not measured markers, with the reason. Holds the labels of `model_points` too.
+    events : tuple of RecordedEvent
+        In the order of time.
+    notes : tuple of str
+        What the file contradicts itself in without harm to a coordinate.
     """
 
     source: str
@@ -37,6 +60,8 @@ class MarkerFile:
     positions: dict[str, np.ndarray]
     model_points: dict[str, np.ndarray] = field(default_factory=dict)
     dropped: dict[str, str] = field(default_factory=dict)
+    events: tuple[RecordedEvent, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def mark_missing(points: np.ndarray) -> np.ndarray:

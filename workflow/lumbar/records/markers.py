@@ -1,15 +1,17 @@
-"""Marker recordings: C3D and TRC files as positions in metres under standard names.
+"""Marker recordings: C3D, TRC, CSV and BVH files as positions in metres under standard names.
 
 Axes are those of the thesis's chapter 4: x lateral (to the right), y forward, z up; right-handed. The layout
 is plain data from a study's YAML::
 
     unit: file                 # file, m, cm or mm
+    scale: 1.0                 # factor on the coordinates, where the unit that the file states is wrong
     up: "+z"                   # axis of the file that points up
     forward: "+y"              # axis of the file that points the way the person faces
     subject_prefix: strip      # strip, keep, or the subject's name
     aliases: {C7: [C7, CV7], L_WRIST: {mean: [LWRA, LWRB]}}
     required: null             # names that must be found; null: every alias
     check_axes: true           # compare the axes with head-to-feet, heel-to-toe and left-to-right
+    rate_Hz: null              # frames per second, of a CSV file without times or where the file's are wrong
 
 `lumbar.records.marker_aliases` explains the aliases. Standard names are C7, T12, L5 (the spine at L4/L5),
 MANUBRIUM, XIPHOID, SACRUM; SHOULDER, HIP (greater trochanter), WRIST, ANKLE, HEEL and TOE with L_ or R_
@@ -19,15 +21,18 @@ before them; BOX_1, BOX_2 and so on for markers on the box.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.records.marker_file import MarkerFile
+from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.settings.layout import MarkerLayout
 
+Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
+Mend = Callable[[dict[str, np.ndarray], np.ndarray], dict[str, np.ndarray]]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _UNIT_NAMES = {
     "m": "m",
@@ -65,6 +70,10 @@ class MarkerRecording:
         Aliases that are not required and were not found, with the reason.
     unused : tuple of str
         Markers of the file that no alias names.
+    events : tuple of RecordedEvent
+        Events that the file holds (C3D), in the order of time.
+    notes : tuple of str
+        What the file contradicts itself in without harm to a coordinate.
     """
 
     name: str
@@ -76,6 +85,8 @@ class MarkerRecording:
     derived: dict[str, str] = field(default_factory=dict)
     absent: dict[str, str] = field(default_factory=dict)
     unused: tuple[str, ...] = ()
+    events: tuple[RecordedEvent, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, marker: str) -> np.ndarray:
         """Positions of one marker, shape (n_frames, 3), in metres."""
@@ -99,19 +110,27 @@ def read_markers(
     layout: MarkerLayout | None = None,
     name: str | None = None,
     minimum_frames: int = 2,
+    screen: Screen | None = None,
+    mend: Mend | None = None,
 ) -> MarkerRecording:
-    """Read a C3D or TRC file.
+    """Read a C3D, TRC, CSV or BVH file.
 
     Parameters
     ----------
     path : path
-        The suffix decides: ``.c3d`` or ``.trc``.
+        The suffix decides: ``.c3d``, ``.trc``, ``.csv`` or ``.bvh``.
     layout : MarkerLayout, optional
         See the module's description. Without aliases every marker keeps its label.
     name : str, optional
         Name of the recording; default the file's stem.
     minimum_frames : int
         1 accepts a static pose of one frame; a trajectory needs at least 2.
+    mend : callable, optional
+        Takes all markers by their labels in the file (metres, standard axes) and the time, and returns them mended:
+        before rules derive further points from them.
+    screen : callable, optional
+        Given the measured markers of the file, by label, in metres and standard axes, with time and rate, returns those
+        to go on with, NaN where they are not to be used, and why: `lumbar.quality.screening` makes one.
 
     Returns
     -------
@@ -130,16 +149,23 @@ def read_markers(
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    file = select_subject(_read_file(path), layout.subject_prefix)
+    file = _at_rate(select_subject(_read_file(path, layout), layout.subject_prefix), layout.rate_Hz)
     if len(file.time) < minimum_frames:
         raise InputError(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
             f"a trajectory needs at least {minimum_frames}"
         )
-    matrix = _metres_per_unit(file, layout.unit) * rotation_to_standard(layout.up, layout.forward)
+    unit = layout.scale * metres_per_unit(file.source, file.unit, layout.unit)
+    matrix = unit * rotation_to_standard(layout.up, layout.forward)
     points = {label: values @ matrix.T for label, values in file.positions.items()}
     model_points = {label: values @ matrix.T for label, values in file.model_points.items()}
+    if screen is not None:
+        points, left_out = screen(points, file.time, file.rate)
+        points = {label: values for label, values in points.items() if not np.isnan(values).all()}
+        file = replace(file, dropped=file.dropped | left_out)
     _check_spread(points, file)
+    if mend is not None:
+        points = mend(points, file.time)
     resolved = resolve_aliases(
         layout.aliases, points, model_points, file.dropped, file.source, layout.required
     )
@@ -155,10 +181,12 @@ def read_markers(
         derived=resolved.derived,
         absent=resolved.absent,
         unused=resolved.unused,
+        events=file.events,
+        notes=file.notes,
     )
 
 
-def _read_file(path: Path) -> MarkerFile:
+def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
     suffix = path.suffix.lower()
     if suffix == ".c3d":
         from lumbar.records.c3d_file import read_c3d
@@ -168,25 +196,55 @@ def _read_file(path: Path) -> MarkerFile:
         from lumbar.records.trc_file import read_trc
 
         return read_trc(path)
+    if suffix == ".csv":
+        from lumbar.records.marker_table import read_marker_table
+
+        return read_marker_table(path, layout.rate_Hz)
+    if suffix == ".bvh":
+        from lumbar.records.bvh_file import read_bvh
+
+        return read_bvh(path)
     raise InputError(
-        f"{path}: markers are read from .c3d and .trc files, not {suffix or 'a file without suffix'!r}"
+        f"{path}: markers are read from .c3d, .trc, .csv and .bvh files, not {suffix or 'a file without suffix'!r}"
     )
 
 
-def _metres_per_unit(file: MarkerFile, declared: str) -> float:
-    """Factor to metres; a declared unit must not contradict the one the file states."""
-    stated = _UNIT_NAMES.get(file.unit.strip().lower())
+def _at_rate(file: MarkerFile, rate: float | None) -> MarkerFile:
+    """Return the file with times as of another rate."""
+    if rate is None:
+        return file
+    events = tuple(replace(event, time=event.time * file.rate / rate) for event in file.events)
+    return replace(file, time=file.time * file.rate / rate, rate=rate, events=events)
+
+
+def metres_per_unit(source: str, unit: str, declared: str) -> float:
+    """Return the factor to metres; a declared unit must not contradict the one the file states.
+
+    Parameters
+    ----------
+    source : str
+        File, for messages.
+    unit : str
+        Unit of length that the file states; empty where it states none.
+    declared : str
+        ``markers.unit`` of the layout.
+
+    Raises
+    ------
+    InputError
+        No unit is known, or the two differ.
+    """
+    stated = _UNIT_NAMES.get(unit.strip().lower())
     if declared != "file" and declared not in METRES:
         raise InputError(f"markers.unit is {declared!r}; allowed are file, {', '.join(METRES)}")
     if declared == "file":
         if stated is None:
-            found = f"states the unit {file.unit!r}" if file.unit.strip() else "states no unit"
-            raise InputError(f"{file.source}: the file {found}; set markers.unit to {', '.join(METRES)}")
+            found = f"states the unit {unit!r}" if unit.strip() else "states no unit"
+            raise InputError(f"{source}: the file {found}; set markers.unit to {', '.join(METRES)}")
         return METRES[stated]
     if stated is not None and stated != declared:
         raise InputError(
-            f"{file.source}: the file states {file.unit!r} but markers.unit is {declared!r}; "
-            "set markers.unit to file"
+            f"{source}: the file states {unit!r} but markers.unit is {declared!r}; set markers.unit to file"
         )
     return METRES[declared]
 

@@ -12,7 +12,7 @@ from collections import Counter
 
 import numpy as np
 
-from lumbar.records.marker_file import MarkerFile
+from lumbar.records.marker_file import MarkerFile, RecordedEvent
 
 _ENDINGS = (
     (re.compile(r"Angles?(\W.*)?$"), "joint angle, not a position"),
@@ -34,12 +34,14 @@ def split_points(
     labels: list[str],
     points: np.ndarray,
     listed: dict[str, str] | None = None,
+    events: tuple[RecordedEvent, ...] = (),
+    notes: tuple[str, ...] = (),
 ) -> MarkerFile:
     """Sort the points of a file into measured markers, computed points and what is left out.
 
     Parameters
     ----------
-    source, time, rate, unit
+    source, time, rate, unit, events, notes
         As in `MarkerFile`.
     labels : list of str
         One per point.
@@ -74,7 +76,7 @@ def split_points(
             dropped[label] = "never seen"
         else:
             positions[label] = values
-    return MarkerFile(source, time, rate, unit, positions, model_points, dropped)
+    return MarkerFile(source, time, rate, unit, positions, model_points, dropped, events, notes)
 
 
 def _segment_axes(labels: list[str]) -> set[str]:

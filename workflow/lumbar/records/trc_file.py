@@ -1,25 +1,29 @@
-"""TRC marker files (OpenSim, Cortex): tab-separated text with five header lines.
+"""TRC marker files (OpenSim, Cortex): text with five header lines, its cells separated by tabs or commas.
 
-Files in the field are irregular: ``Times`` for ``Time``, one to three tabs between names, an extra leading
-tab on data rows, a clock that does not start at 0. What must hold is checked: every row has three values per
-marker, the counts of the header are those of the file, and the clock runs evenly at the rate stated.
+Files in the field are irregular: ``Times`` for ``Time``, one to three tabs between names, doubled tabs in the header, an
+extra tab before or after every row, trajectories without a name, a clock that does not start at 0. What must hold
+is checked: every row has as many cells as all others and three per marker, the counts of the header are those of the
+file, and the clock runs evenly at the rate stated.
 """
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
 from lumbar.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile, mark_missing
+from lumbar.records.numbers import number
 from lumbar.records.point_kinds import split_points
 from lumbar.records.record import LARGEST
 
 _CLOCK_TOLERANCE = 0.05
 """How far a frame may lie from an even clock, in frames, beyond the rounding of what is printed."""
 _RATE_TOLERANCE = 1e-4
+_RATES_HZ = (1e-3, 1e6)
 _MOST_PROBLEMS = 20
 
 
@@ -37,7 +41,8 @@ def read_trc(path: str | os.PathLike) -> MarkerFile:
     Raises
     ------
     InputError
-        Not a TRC file, a header that contradicts the data, a row that is cut short, a clock that is not even.
+        Not a TRC file, a header that contradicts the data, a row that is cut short or has lost a cell, a clock that is
+        not even.
     """
     path = Path(path)
     try:
@@ -45,95 +50,163 @@ def read_trc(path: str | os.PathLike) -> MarkerFile:
     except UnicodeDecodeError:
         # Windows programs write the path in the first line in the system's own code page.
         lines = path.read_text(encoding="cp1252", errors="replace").splitlines()
-    header, labels = _header(path, lines)
-    printed, values, resolution = _rows(path, lines, len(labels))
-    _check_header(path, header, labels, len(printed))
-    rate = float(header["DataRate"])
-    time = _even_clock(path, printed, rate, resolution)
+    header, names, separator = _header(path, lines)
+    labels = _labels(path, names, int(header["NumMarkers"]))
+    printed, values, resolution = _rows(path, lines, separator, len(labels))
+    if header["NumFrames"] != len(printed):
+        raise InputError(
+            f"{path}: NumFrames: {header['NumFrames']:g}; the file holds {len(printed)} frames; it may be cut short"
+        )
     return split_points(
         source=str(path),
-        time=time,
-        rate=rate,
-        unit=header.get("Units", ""),
+        time=_even_clock(path, printed, header["DataRate"], resolution),
+        rate=header["DataRate"],
+        unit=str(header.get("Units", "")),
         labels=labels,
         points=mark_missing(values),
     )
 
 
-def _header(path: Path, lines: list[str]) -> tuple[dict[str, str], list[str]]:
-    """Keys of lines 2 and 3, and the marker names of line 4."""
+def _header(path: Path, lines: list[str]) -> tuple[dict, list[str], str]:
+    """Keys of lines 2 and 3 (those that count as numbers), the cells of line 4 after the time, and the separator."""
     if len(lines) < 4 or not lines[0].startswith("PathFileType"):
         raise InputError(
             f"{path}: not a TRC file; it must start with PathFileType and have four header lines or more"
         )
-    keys, entries = lines[1].split("\t"), lines[2].split("\t")
-    header = {key.strip(): entry.strip() for key, entry in zip(keys, entries, strict=False) if key.strip()}
+    separator = next((sign for sign in "\t," if sign in lines[3]), None)
+    if separator is None:
+        raise InputError(
+            f"{path}, line 4: its cells are separated by neither tabs nor commas; export it with tabs"
+        )
+    keys, entries = ([cell.strip() for cell in line.split(separator)] for line in lines[1:3])
+    if keys.count("") != entries.count("") or len(keys) != len(entries):
+        # Doubled separators in one of the two lines.
+        keys, entries = [key for key in keys if key], [entry for entry in entries if entry]
+    header: dict = dict(zip(keys, entries, strict=False))
     problems = Problems(f"{path}, lines 2 and 3")
-    for key in ("DataRate", "NumFrames", "NumMarkers"):
-        try:
-            if not float(header[key]) > 0:
-                problems.add(key, header[key], "a positive number is needed")
-        except KeyError:
+    for key, (low, high) in {"DataRate": _RATES_HZ, "NumFrames": (1, 1e9), "NumMarkers": (1, 1e5)}.items():
+        if key not in header:
             problems.add("", f"no {key}")
+            continue
+        try:
+            value = number(header[key])
         except ValueError:
             problems.add(key, repr(header[key]), "a number is needed")
+            continue
+        if not low <= value <= high:
+            problems.add(key, header[key], f"a positive number is needed, {low:g} to {high:g}")
+        header[key] = value
     problems.raise_if_any()
-    names = [name.strip() for name in lines[3].split("\t")]
+    names = [name.strip() for name in lines[3].split(separator)]
+    if names[1:2] == [""]:
+        names.pop(1)  # doubled
     if not names[0].startswith("Frame") or len(names) < 3 or not names[1].startswith("Time"):
         raise InputError(f"{path}, line 4: starts with {names[:2]}; Frame# and Time are needed")
-    labels = [name for name in names[2:] if name]
-    if not labels:
+    return header, names[2:], separator
+
+
+def _labels(path: Path, cells: list[str], n_markers: int) -> list[str]:
+    """One label per marker; empty for a trajectory without a name, which is known by a gap above its three columns."""
+    named = [cell for cell in cells if cell]
+    if not named:
         raise InputError(f"{path}, line 4: no marker names after Frame# and Time")
-    return header, labels
+    if len(named) == n_markers:
+        return named
+    above = cells[: 3 * n_markers : 3]
+    if len(named) < n_markers and [cell for cell in above if cell] == named:
+        return above + [""] * (n_markers - len(above))
+    raise InputError(
+        f"{path}: NumMarkers: {n_markers}; line 4 names {len(named)} markers; trajectories without a name are read "
+        "where each name stands above the first of its three columns"
+    )
 
 
-def _rows(path: Path, lines: list[str], n_markers: int) -> tuple[np.ndarray, np.ndarray, float]:
+def _rows(
+    path: Path, lines: list[str], separator: str, n_markers: int
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Time, shape (n_frames,), values, shape (n_frames, n_markers, 3), and resolution of the time.
 
     Empty cells are missing values.
     """
-    width = 2 + 3 * n_markers
-    problems = Problems(str(path))
-    rows, places = [], []
-    decimals = 0
-    for number, line in enumerate(lines[4:], start=5):
-        cells = [cell.strip() for cell in line.split("\t")]
-        if not any(cells) or _is_axis_line(cells):
-            continue
-        # A leading or trailing tab adds an empty cell; a missing marker in between leaves three.
-        if len(cells) > width and not cells[0]:
-            cells = cells[1:]
-        while len(cells) > width and not cells[-1]:
-            cells.pop()
-        if len(cells) != width:
-            problems.add(
-                f"line {number}", f"{len(cells)} cells", f"{width} are needed for {n_markers} markers"
-            )
-        else:
-            try:
-                rows.append([float(cell) if cell else np.nan for cell in cells])
-                places.append(number)
-                decimals = max(decimals, len(cells[1].partition(".")[2]))
-            except ValueError as error:
-                problems.add(f"line {number}", str(error), "numbers are needed")
-        if len(problems.entries) >= _MOST_PROBLEMS:
-            problems.add("", f"reading stopped after {_MOST_PROBLEMS} problems")
-            break
-    problems.raise_if_any()
+    rows = [
+        (number, [cell.strip() for cell in line.split(separator)])
+        for number, line in enumerate(lines[4:], start=5)
+    ]
+    rows = [(place, cells) for place, cells in rows if any(cells) and not _is_axis_line(cells)]
     if not rows:
         raise InputError(f"{path}: no data rows")
-    table = np.array(rows)
+    columns = _columns(path, rows, 2 + 3 * n_markers, n_markers)
+    problems = Problems(str(path))
+    values, decimals = [], 0
+    for place, cells in rows:
+        try:
+            values.append([number(cell) if cell else np.nan for cell in cells[columns]])
+        except ValueError as error:
+            problems.add(f"line {place}", str(error), "numbers are needed")
+        decimals = max(decimals, len(cells[columns][1].partition(".")[2]))
+        _stop_at_many(problems)
+    problems.raise_if_any()
+    table = np.array(values)
     if not np.isfinite(table[:, :2]).all():
         untimed = int((~np.isfinite(table[:, :2])).any(axis=1).argmax())
-        raise InputError(f"{path}: line {places[untimed]}: no time")
+        raise InputError(f"{path}: line {rows[untimed][0]}: no time")
     large = np.argwhere(np.abs(table) > LARGEST)
     if len(large):
         row, column = large[0]
         raise InputError(
-            f"{path}: line {places[row]}: {table[row, column]:g} in column {column + 1}; numbers of at most "
+            f"{path}: line {rows[row][0]}: {table[row, column]:g} in column {column + 1}; numbers of at most "
             f"{LARGEST:g} in size are needed"
         )
-    return table[:, 1], table[:, 2:].reshape(len(table), n_markers, 3), 10.0**-decimals
+    points = table[:, 2:].reshape(len(table), n_markers, 3)
+    _check_whole_markers(path, points)
+    return table[:, 1], points, 10.0 ** -min(decimals, 300)
+
+
+def _columns(path: Path, rows: list[tuple[int, list[str]]], width: int, n_markers: int) -> slice:
+    """Cells of a row that hold the frame's number, its time and the markers.
+
+    An extra separator before or after the numbers adds an empty cell to every row. A row that differs from the
+    others lost or won a cell, and from there on its numbers belong to other markers.
+    """
+    usual = Counter(len(cells) for _, cells in rows).most_common(1)[0][0]
+    first, last = 0, usual
+    if usual > width and not any(cells[0] for _, cells in rows):
+        first = 1
+    while last - first > width and not any(cells[last - 1] for _, cells in rows if len(cells) == usual):
+        last -= 1
+    if last - first != width:
+        raise InputError(
+            f"{path}: line {rows[0][0]}: {last - first} cells, as in most rows; {width} are needed for {n_markers} "
+            "markers (NumMarkers)"
+        )
+    problems = Problems(str(path))
+    for place, cells in rows:
+        if len(cells) != usual:
+            problems.add(
+                f"line {place}",
+                f"{len(cells)} cells",
+                f"{usual} are needed, as in the other rows: a cell was lost or added, and the numbers after it stand "
+                "under other markers",
+            )
+        _stop_at_many(problems)
+    problems.raise_if_any()
+    return slice(first, last)
+
+
+def _check_whole_markers(path: Path, points: np.ndarray) -> None:
+    """Raise where a marker is never there with all three coordinates: the columns are shifted."""
+    seen = np.isfinite(points)
+    torn = seen.any(axis=(0, 2)) & ~seen.all(axis=2).any(axis=0)
+    if torn.any():
+        raise InputError(
+            f"{path}: marker {int(torn.argmax()) + 1} has one or two coordinates and never three; a column is missing"
+        )
+
+
+def _stop_at_many(problems: Problems) -> None:
+    if len(problems.entries) >= _MOST_PROBLEMS:
+        problems.add("", f"reading stopped after {_MOST_PROBLEMS} problems")
+        problems.raise_if_any()
 
 
 def _even_clock(path: Path, printed: np.ndarray, rate: float, resolution: float) -> np.ndarray:
@@ -154,14 +227,3 @@ def _even_clock(path: Path, printed: np.ndarray, rate: float, resolution: float)
 def _is_axis_line(cells: list[str]) -> bool:
     """Whether this is header line 5: X1, Y1, Z1 and so on."""
     return next(cell for cell in cells if cell).upper() in ("X1", "X")
-
-
-def _check_header(path: Path, header: dict[str, str], labels: list[str], n_frames: int) -> None:
-    problems = Problems(str(path))
-    if int(float(header["NumMarkers"])) != len(labels):
-        problems.add("NumMarkers", header["NumMarkers"], f"line 4 names {len(labels)} markers")
-    if int(float(header["NumFrames"])) != n_frames:
-        problems.add(
-            "NumFrames", header["NumFrames"], f"the file holds {n_frames} frames; it may be cut short"
-        )
-    problems.raise_if_any()

@@ -79,11 +79,17 @@ MarkerName = Annotated[str, Each(pattern="^[A-Z][A-Z0-9_]*$")]
 
 @settings
 class MarkerLayout:
-    """How marker files (C3D, TRC) are read."""
+    """How marker files (C3D, TRC, CSV, BVH) are read."""
 
     unit: Literal["file", "m", "cm", "mm"] = key(
         "Unit of length: file takes the one the file states; any other one must not contradict it.",
         default="file",
+    )
+    scale: float = key(
+        "Factor on the coordinates where the unit that a file states is wrong, e.g. 0.1.",
+        default=1.0,
+        gt=0,
+        le=10000,
     )
     up: Axis = key("Axis of the file that points up.", default="+z")
     forward: Axis = key(
@@ -99,10 +105,18 @@ class MarkerLayout:
         "down.",
         default=True,
     )
-    aliases: dict[MarkerName, Alias] = key(
-        "Standard name to what fills it: a label, alternatives, {mean}, {between, share} or {from, offset_m}. Standard "
-        "names are C7, T12, L5 (spine at L4/L5), MANUBRIUM, XIPHOID, SACRUM, L_/R_ SHOULDER, HIP (greater trochanter), "
-        "WRIST, ANKLE, HEEL, TOE, and BOX_1, BOX_2, … on the box.",
+    rate_Hz: float | None = key(
+        "Frames per second of a CSV file that has no times, or where the rate that a C3D or TRC file states is wrong; null "
+        "takes them from the file.",
+        default=None,
+        unit="Hz",
+        gt=0,
+    )
+    aliases: dict[MarkerName, Alias | None] = key(
+        "Standard name to what fills it: a label, alternatives, {mean}, {between, share} or {from, offset_m}; null takes "
+        "an alias of the defaults away. Standard "
+        "names are C7, T8, T12, L5 (spine at L4/L5), MANUBRIUM, XIPHOID, SACRUM, L_/R_ ASIS, PSIS, SHOULDER, ELBOW, WRIST, HIP "
+        "(greater trochanter), KNEE, ANKLE, HEEL, TOE, and BOX_1, BOX_2, … on the box.",
         default={},
     )
     required: Annotated[tuple[str, ...], UNIQUE] | None = key(

@@ -11,15 +11,24 @@ ALIASES: dict[str, Alias] = {
     "C7": ("C7", "CV7"),
     "T12": ("T12", "TV12"),
     "L5": ("L5", "LV5"),
-    "MANUBRIUM": ("MANUBRIUM", "SJN", "CLAV"),
+    "MANUBRIUM": ("MANUBRIUM", "SJN", "SNJ", "CLAV"),
     "XIPHOID": ("XIPHOID", "SXS", "STRN"),
     "SACRUM": ("SACRUM", "SACR"),
+    "T8": ("T8", "TV8"),
+    "L_ASIS": ("L_ASIS", "LASI", "L_IAS", "LASIS"),
+    "R_ASIS": ("R_ASIS", "RASI", "R_IAS", "RASIS"),
+    "L_PSIS": ("L_PSIS", "LPSI", "L_IPS", "LPSIS"),
+    "R_PSIS": ("R_PSIS", "RPSI", "R_IPS", "RPSIS"),
     "L_SHOULDER": ("L_SHOULDER", "L_SAJ", "LSHO"),
     "R_SHOULDER": ("R_SHOULDER", "R_SAJ", "RSHO"),
     "L_HIP": ("L_HIP", "L_FTC"),
     "R_HIP": ("R_HIP", "R_FTC"),
     "L_WRIST": ("L_WRIST", MeanOfMarkers(("LWRA", "LWRB"))),
     "R_WRIST": ("R_WRIST", MeanOfMarkers(("RWRA", "RWRB"))),
+    "L_ELBOW": ("L_ELBOW", "LELB", "L_HLE"),
+    "R_ELBOW": ("R_ELBOW", "RELB", "R_HLE"),
+    "L_KNEE": ("L_KNEE", "LKNE", "L_FLE"),
+    "R_KNEE": ("R_KNEE", "RKNE", "R_FLE"),
     "L_ANKLE": ("L_ANKLE", "L_FAL", "LANK"),
     "R_ANKLE": ("R_ANKLE", "R_FAL", "RANK"),
     "L_HEEL": ("L_HEEL", "L_FCC", "LHEE"),
@@ -29,6 +38,10 @@ ALIASES: dict[str, Alias] = {
     **{f"BOX_{number}": f"BOX_{number}" for number in range(1, 9)},
 }
 """Labels of usual marker sets under the standard names."""
+RIGID_BODIES = {
+    "box": tuple(f"BOX_{number}" for number in range(1, 9)),
+    "pelvis": ("SACRUM", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS"),
+}
 MOMENT_COLUMNS = columns(
     time=("time_s", "s", "time"),
     input=("angle_rad", "rad", "angle"),  # from the vertical
@@ -54,9 +67,23 @@ class GapSettings:
         "Longest gap that a cubic spline bridges; 0 bridges none.", default=0.2, unit="s", ge=0, le=1
     )
     longer: Literal["error", "keep"] = key(
-        "What becomes of longer gaps and of those at the start or end: error refuses the recording, "
-        "keep leaves them open.",
-        default="error",
+        "What becomes of longer gaps and of those at the start or end: keep leaves them open, and what cannot be computed "
+        "for them is left out with its reason; error refuses a recording with such a gap between the first and the last "
+        "event in a marker that the pendulums need.",
+        default="keep",
+    )
+    rigid: dict[str, tuple[str, ...]] = key(
+        "Rigid bodies by name, each with its markers (standard names, or labels of the file): gaps that a spline does not "
+        "bridge are filled from three or more others of the same body, with its shape in the static trial or in the frames "
+        "that show all of them.",
+        default=RIGID_BODIES,
+    )
+    rigid_tolerance_m: float = key(
+        "A body whose markers differ from its shape by more than this (root mean square) is not rigid: it fills nothing.",
+        default=0.02,
+        unit="m",
+        gt=0,
+        le=0.1,
     )
 
 
@@ -118,6 +145,13 @@ class EventSettings:
         gt=0,
         le=1,
     )
+    hands_rise_m: float = key(
+        "Rise of the hands that is a lift, where there are no markers on the box and the hands stand for it.",
+        default=0.25,
+        unit="m",
+        gt=0,
+        le=2,
+    )
     stay_s: float = key(
         "How long the box must not go down for a stay: the deposit starts at the end of the last one, or of the last rise.",
         default=0.3,
@@ -165,20 +199,29 @@ class LiftingSettings:
     subjects: Annotated[tuple[str, ...], UNIQUE] = key(
         "People of the study, in order: files of config/subjects.", default=()
     )
-    markers: MarkerLayout = section(default_factory=MarkerLayout, aliases=ALIASES)
+    markers: MarkerLayout = section(default_factory=MarkerLayout, aliases=ALIASES, required=())
     moment_layout: ColumnLayout = section(default_factory=ColumnLayout, columns=MOMENT_COLUMNS)
     gaps: GapSettings = section(default_factory=GapSettings)
     filter: FilterSettings = section(default_factory=FilterSettings)
     events: EventSettings = section(default_factory=EventSettings)
-    segments: Literal["winter", "de_leva"] = key(
-        "Table of trunk segments: winter (Winter after Dempster, the thesis's) or de_leva (1996; "
-        "sensitivity run, needs the subject's sex).",
+    segments: Literal["winter", "de_leva", "dumas"] = key(
+        "Table of trunk segments: winter (Winter after Dempster, the thesis's), de_leva (1996) or dumas (Dumas and "
+        "Wojtusch 2018); the last two need the subject's sex. The others stand beside the result.",
         default="winter",
+    )
+    segment_ends: Literal["inner", "skin"] = key(
+        "Ends of the trunk's segments: inner (joint centres, estimated from the markers; where markers for that lack, "
+        "the skin's, and the result says so) or skin (the markers C7, T12, L5 and the trochanters, as in the thesis).",
+        default="inner",
+    )
+    hip_centres: Literal["harrington", "hara", "reed"] = key(
+        "Regression of the hip joint centres: harrington (2007), hara (2016; leg from ASIS to ankle) or reed (1999).",
+        default="harrington",
     )
     box: BoxSettings = section(default_factory=BoxSettings)
     pivot: Literal["mid_ankle", "hip", "L5"] = key(
-        "Pivot of the pendulum: midpoint of the ankles, midpoint of the greater trochanters, or the "
-        "L4/L5 marker. It moves with its markers.",
+        "Pivot of the pendulum: midpoint of the ankles, midpoint of the hips, or L5/S1; with segment_ends: skin the "
+        "trochanters and the marker L5. It moves with its markers.",
         default="mid_ankle",
     )
     frame: Literal["laboratory", "pelvis"] = key(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from lumbar.settings.key import Each, key, section, settings
+from lumbar.settings.key import UNIQUE, Each, Word, key, section, settings
 
+GROUPS = ("expert", "novice")
+"""Whom the thesis compares."""
 Share = Annotated[float, Each(ge=0, le=10)]
 
 
@@ -146,6 +148,17 @@ class LimitSettings:
 
 
 @settings
+class CompareSettings:
+    """What Table 4.1 compares."""
+
+    groups: Annotated[tuple[Word, Word], UNIQUE] = key(
+        "Two labels of people (experience in their files): the table compares the first with the second, "
+        "100(A_first − A_second)/A_second.",
+        default=GROUPS,
+    )
+
+
+@settings
 class StabilitySettings:
     """From pendulum states to basins of attraction."""
 
@@ -160,6 +173,7 @@ class StabilitySettings:
     thesis_method: ThesisMethodSettings | None = section(default_factory=ThesisMethodSettings)
     attack: AttackSettings = section(default_factory=AttackSettings)
     limits: LimitSettings = section(default_factory=LimitSettings)
+    compare: CompareSettings = section(default_factory=CompareSettings)
     lyapunov_shares: tuple[Share, ...] = key(
         "Shares λ of the decay Q + KᵀRK among which the best Lyapunov function is searched; 1 is the "
         "Riccati solution.",

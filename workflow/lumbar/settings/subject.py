@@ -25,7 +25,17 @@ class TrialSettings:
     box_mass_kg: float = required("Mass of the box.", unit="kg", ge=0, le=100)
     markers: str = required("Marker file (C3D, TRC).")
     hip_moment: str | None = key("Hip moment beside it (time_s, angle_rad, moment_Nm).", default=None)
+    window_s: tuple[float, float] | None = key(
+        "Start and end of the part of the recording that is this lift, on the file's own clock; null takes all of it. It "
+        "is cut after filtering, so that its ends are no ends of the filter.",
+        default=None,
+        unit="s",
+    )
     events: DeclaredEvents | None = key("Times set by hand; they replace the detected ones.", default=None)
+
+    def __post_init__(self):
+        if self.window_s is not None and not self.window_s[0] < self.window_s[1]:
+            raise ValueError("window_s: the start must lie before the end")
 
 
 @settings
@@ -38,9 +48,18 @@ class SubjectSettings:
     )
     mass_kg: float = required("Body mass.", unit="kg", gt=0, le=400)
     height_m: float = required("Stature.", unit="m", ge=0.5, le=2.6)
-    experience: str = required("E.g. expert or novice.")
-    trials: tuple[TrialSettings, ...] = required(
-        "One entry per recorded lift; several with the same box are repeated trials.", min_length=1
+    experience: str = required(
+        "Label of the group that Table 4.1 (stability.compare) counts the person to, e.g. expert or novice.",
+        min_length=1,
+    )
+    trials: tuple[TrialSettings, ...] = key(
+        "One entry per recorded lift; several with the same box are repeated trials. A study needs one at least.",
+        default=(),
+    )
+    static: str | None = key(
+        "Marker file of a static trial (C3D, TRC), below data_root like the others: it gives the shape of the pelvis and the "
+        "box where markers of them are hidden for long.",
+        default=None,
     )
     assumed: tuple[str, ...] = key("Keys of this file that are assumptions and not measurements.", default=())
 

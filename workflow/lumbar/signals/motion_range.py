@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.models.fitted_model import MotionRange
+from lumbar.models.model_data import MotionRange
 from lumbar.signals.spectral_edge import occupied_band
 
 _SPEED_SHARE = 0.99

@@ -25,6 +25,21 @@ FOOT_LENGTH = 0.152
 STANCE_HALF_WIDTH = 0.065
 PELVIS_SHARE, LUMBAR_SHARE = 0.45, 0.80
 """How far pelvis and lumbar spine incline while the thorax inclines by 1."""
+# Joint centres lie off the chain of segments (lordosis), markers on the skin around them: metres or, with "height",
+# shares of stature, as (right, forward, up) on a person standing. They are an anatomy of their own, rounded, and not
+# that of the regressions which the analysis estimates joint centres by.
+LUMBAR_BEHIND, THORACOLUMBAR_BEHIND = 0.030, 0.010
+"""How far L4/L5 and T12/L1 lie behind the chain, metres."""
+C7_ON_SKIN = np.array([0.0, -0.065, 0.020])
+T12_ON_SKIN, L5_ON_SKIN = np.array([0.0, -0.075, 0.0]), np.array([0.0, -0.075, 0.0])
+ASIS, PSIS = np.array([0.0685, 0.0315, 0.0420]), np.array([0.0260, -0.0525, 0.0585])
+"""From the middle of the hips, shares of stature; the left side is mirrored."""
+SEGMENTS = {
+    "thorax": ("C7T1", "T12L1", 0.82),
+    "abdomen": ("T12L1", "L4L5", 0.44),
+    "pelvis": ("L4L5", "MID_HIP", 0.105),
+}
+"""Where the true centres of mass lie between the joint centres (Winter, 2009, Table 4.1)."""
 CARRY_FLEXION = np.deg2rad(4.0)
 HIPS_AHEAD, HIPS_BACK = 0.05, 0.10
 """Hips ahead of the ankles standing, and how far they move back per unit sine of the flexion, metres."""
@@ -43,11 +58,23 @@ class Movement:
         Metres, by standard names, ``BOX_1`` to ``BOX_8`` included.
     hip_angle : ndarray, shape (n,)
         Inclination of the line from mid-hip to the neck, radians forward from straight up.
+    joint_centres : dict of str to ndarray, shape (n, 3)
+        C7T1, T12L1, L4L5 and MID_HIP, inside the body; metres.
     """
 
     time: np.ndarray
     markers: dict[str, np.ndarray]
     hip_angle: np.ndarray
+    joint_centres: dict[str, np.ndarray]
+
+    @property
+    def centres_of_mass(self) -> dict[str, np.ndarray]:
+        """True centres of mass of thorax, abdomen and pelvis without the box, shape (n, 3) in metres."""
+        joints = self.joint_centres
+        return {
+            name: joints[top] + share * (joints[bottom] - joints[top])
+            for name, (top, bottom, share) in SEGMENTS.items()
+        }
 
 
 def minimum_jerk(time: np.ndarray, start: float, stop: float) -> np.ndarray:
@@ -112,14 +139,14 @@ def simulate(
         walked + HIPS_AHEAD - HIPS_BACK * np.sin(flexion),
         HIP_HEIGHT * height - lift.lift_squat_m * stooping - lift.deposit_squat_m * depositing,
     )
-    trunk, neck = _trunk(mid_hip, flexion, np.deg2rad(lift.lateral_bending_deg) * side, height)
+    trunk, joints = _trunk(mid_hip, flexion, np.deg2rad(lift.lateral_bending_deg) * side, height)
     box = _box(time, events, height, workplace)
     markers = {**trunk, **feet, **_wrists(time, events, trunk, box, height, workplace.box_width_m)}
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     size = np.array([workplace.box_width_m, workplace.box_depth_m, workplace.box_height_m])
     markers.update({f"BOX_{i}": box + corner * size for i, corner in enumerate(corners, start=1)})
-    line = neck - mid_hip
-    return Movement(time, markers, np.arctan2(line[:, 1], line[:, 2]))
+    line = joints["C7T1"] - mid_hip
+    return Movement(time, markers, np.arctan2(line[:, 1], line[:, 2]), joints)
 
 
 def _hesitation(time: np.ndarray, lift: SyntheticLift) -> np.ndarray:
@@ -172,30 +199,40 @@ def _axes(flexion: np.ndarray, bending: np.ndarray) -> np.ndarray:
     return np.stack([right, forward, up], axis=-1)
 
 
-def _trunk(mid_hip, flexion, bending, height) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Markers of the trunk, and the point of its axis at the neck."""
+def _trunk(mid_hip, flexion, bending, height) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Markers on the skin of the trunk, and its joint centres."""
     pelvis = _axes(PELVIS_SHARE * flexion, 0.3 * bending)
     lumbar = _axes(LUMBAR_SHARE * flexion, 0.7 * bending)
     thorax = _axes(flexion, bending)
     loin = mid_hip + PELVIS_LENGTH * height * pelvis[:, :, 2]
     waist = loin + LUMBAR_LENGTH * height * lumbar[:, :, 2]
     neck = waist + THORAX_LENGTH * height * thorax[:, :, 2]
+    joints = {
+        "C7T1": neck,
+        "T12L1": waist - THORACOLUMBAR_BEHIND * lumbar[:, :, 1],
+        "L4L5": loin - LUMBAR_BEHIND * pelvis[:, :, 1],
+        "MID_HIP": mid_hip,
+    }
     shoulder = np.array([SHOULDER_HALF_WIDTH * height, 0.0, -0.02 * height])
     hip = np.array([HIP_HALF_WIDTH * height, 0.0, 0.0])
     mirror = np.array([-1.0, 1.0, 1.0])
     markers = {
-        "C7": neck + thorax @ [0, -0.055, 0],
-        "T12": waist + lumbar @ [0, -0.085, 0],
-        "L5": loin + pelvis @ [0, -0.095, 0],
+        "C7": joints["C7T1"] + thorax @ C7_ON_SKIN,
+        "T12": joints["T12L1"] + lumbar @ T12_ON_SKIN,
+        "L5": joints["L4L5"] + pelvis @ L5_ON_SKIN,
         "SACRUM": loin + pelvis @ [0, -0.105, -0.03 * height],
-        "MANUBRIUM": neck + thorax @ [0, 0.07, -0.035 * height],
+        "MANUBRIUM": neck + thorax @ [0, 0.055, -0.031 * height],
         "XIPHOID": neck + thorax @ [0, 0.12, -0.145 * height],
         "R_SHOULDER": neck + thorax @ shoulder,
         "L_SHOULDER": neck + thorax @ (shoulder * mirror),
         "R_HIP": mid_hip + pelvis @ hip,
         "L_HIP": mid_hip + pelvis @ (hip * mirror),
+        "T8": waist + thorax @ [0, -0.105, 0.36 * THORAX_LENGTH * height],
     }
-    return markers, neck
+    for name, place in (("ASIS", ASIS), ("PSIS", PSIS)):
+        markers[f"R_{name}"] = mid_hip + pelvis @ (height * place)
+        markers[f"L_{name}"] = mid_hip + pelvis @ (height * place * mirror)
+    return markers, joints
 
 
 def _box(time, events, height, workplace) -> np.ndarray:

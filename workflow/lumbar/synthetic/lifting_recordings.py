@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.files import replacing, write_csv
+from lumbar.files import write_csv
+from lumbar.synthetic.c3d_writer import write_c3d
 from lumbar.synthetic.hip_moment import box_held, hip_moment, trunk_angle
 from lumbar.synthetic.lifter import Movement, simulate
 from lumbar.synthetic.swinging_body import GRAVITY
@@ -92,7 +93,7 @@ def write_lift(
         for name, points in movement.markers.items()
     }
     _open_gaps(measured, settings, rng)
-    write_c3d(markers_path, measured, settings.rate_Hz, subject=settings.lifts[lift].person)
+    write_markers(markers_path, measured, settings.rate_Hz, subject=settings.lifts[lift].person)
     if moment_path is not None:
         content = settings.lifts[lift]
         person = settings.people[content.person]
@@ -115,7 +116,7 @@ def _open_gaps(markers: dict[str, np.ndarray], settings: SyntheticLiftingSetting
         markers[name][start : start + length] = np.nan
 
 
-def write_c3d(path: str | os.PathLike, markers: dict[str, np.ndarray], rate: float, subject: str) -> None:
+def write_markers(path: str | os.PathLike, markers: dict[str, np.ndarray], rate: float, subject: str) -> None:
     """Write markers (metres) as a C3D file in millimetres, labels with the subject's prefix.
 
     Parameters
@@ -128,15 +129,5 @@ def write_c3d(path: str | os.PathLike, markers: dict[str, np.ndarray], rate: flo
     subject : str
         Prefix of the body's labels; those of the box carry ``box:``.
     """
-    import ezc3d
-
-    file = ezc3d.c3d()
     labels = [f"{'box' if name.startswith('BOX_') else subject}:{name}" for name in markers]
-    points = np.ones((4, len(markers), len(next(iter(markers.values())))))
-    points[:3] = 1e3 * np.stack(list(markers.values())).transpose(2, 0, 1)
-    file["parameters"]["POINT"]["RATE"]["value"] = [float(rate)]
-    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
-    file["parameters"]["POINT"]["LABELS"]["value"] = labels
-    file["data"]["points"] = points
-    with replacing(path) as temporary:
-        file.write(str(temporary))
+    write_c3d(path, 1e3 * np.stack(list(markers.values()), axis=1), labels, float(rate), "mm")

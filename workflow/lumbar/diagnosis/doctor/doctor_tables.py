@@ -9,7 +9,7 @@ from lumbar.diagnosis.doctor.smallest import CLOSE
 from lumbar.diagnosis.doctor.truth import reaches_floor
 from lumbar.diagnosis.fitting.joint_fit import Fit
 from lumbar.diagnosis.selection.sentences import effects_text, readable
-from lumbar.models.fitted_model import unit_of
+from lumbar.models.model_data import unit_of
 from lumbar.tables import Table
 
 _EFFECTS = {

@@ -8,7 +8,7 @@ from lumbar.diagnosis.fitting.dependent_errors import are_white, score_covarianc
 from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit
 from lumbar.diagnosis.forward.forward_fit import ForwardFit
-from lumbar.models.fitted_model import FittedParameter, unit_of
+from lumbar.models.model_data import FittedParameter, unit_of
 from lumbar.models.tissue_models import MODELS
 
 _WIDEST = 20.0

@@ -7,8 +7,8 @@ import json
 from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.law.checks import INNER
 from lumbar.diagnosis.law.proposal import NAME, Proposal
-from lumbar.models.fitted_model import unit_of
 from lumbar.models.form import Form
+from lumbar.models.model_data import unit_of
 from lumbar.models.parameter import NonlinearParameter
 
 MARK = "found in these data, not known physics"

@@ -8,8 +8,8 @@ from lumbar.diagnosis.fitting.fit_data import FitData
 from lumbar.diagnosis.fitting.joint_fit import Fit, shape_bounds
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.fitting.uncertainty import estimates, scaled_covariance
-from lumbar.models.fitted_model import FittedParameter
 from lumbar.models.form import Form
+from lumbar.models.model_data import FittedParameter
 from lumbar.models.motion import Motion
 
 _AT_BOUND = 1e-3

@@ -12,7 +12,8 @@ from lumbar.diagnosis.selection.forward_selection import Candidate
 from lumbar.errors import NumericalError
 from lumbar.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 from lumbar.models.bases import BASES
-from lumbar.models.fitted_model import OUTPUT_ERROR, FittedModel, FittedParameter, Port, Scores
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import OUTPUT_ERROR, FittedParameter, Port, Scores
 from lumbar.models.models_file import models_document
 from lumbar.signals.motion_range import motion_range
 

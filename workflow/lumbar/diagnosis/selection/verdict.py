@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from lumbar.diagnosis.finding import Finding
 from lumbar.diagnosis.fitting.preparation import Experiment
 from lumbar.diagnosis.selection.forward_selection import Candidate
-from lumbar.models.fitted_model import FittedParameter
 from lumbar.models.form import Form
+from lumbar.models.model_data import FittedParameter
 
 SAME_SCORE = 1e-6
 """Relative difference of scores that rounding on another processor may turn round."""

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 
 from lumbar import __version__
+from lumbar.fmu.agreed import ANNOTATION
 from lumbar.fmu.build.export_model import ExportModel
 from lumbar.fmu.build.guards import LARGEST
 from lumbar.fmu.build.meaning import meaning, range_text, sign_text
@@ -15,8 +16,6 @@ from lumbar.fmu.build.units import base_unit
 
 FMI_VERSIONS = ("2.0", "3.0")
 AUTHOR = "The lumbar developers"
-ANNOTATION = "lumbar"
-"""Name of the annotation that holds `lumbar.fmu.build.meaning.meaning`."""
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from lumbar.errors import NumericalError, Problems
+from lumbar.fmu.agreed import slow_push
 from lumbar.fmu.build.effect_entry import effect_model
 from lumbar.fmu.build.effect_model import EffectModel
 from lumbar.fmu.build.guards import UNGUARDED, Guards
 from lumbar.fmu.build.linear_model import LinearModel
 from lumbar.fmu.build.resampled_model import at_rate
 from lumbar.fmu.build.units import work_units
-from lumbar.models.fitted_model import GIVEN, FittedModel, MotionRange, Port, identifier
+from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import GIVEN, MotionRange, Port, identifier
 
 if TYPE_CHECKING:
     from lumbar.settings.runtime import RuntimeSettings
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 MAX_HISTORY = 512
 """Earlier inputs that an FMU keeps, for its moving average and its delay."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
-_PUSH = 0.2
-"""Seconds of the push that tells which force resists."""
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 """What no file can be called on Windows, whatever its ending."""
 
@@ -184,11 +182,6 @@ class ExportModel:
     def stable(self) -> bool:
         """Whether all poles lie strictly inside the unit circle."""
         return self.dynamics.largest_pole < 1.0
-
-
-def slow_push(sampling_time: float) -> np.ndarray:
-    """Positions (from 0 to 1) of a push whose mean answer tells which force resists: relaxation and friction do not decide."""
-    return np.linspace(0.0, 1.0, max(10, round(_PUSH / sampling_time)))
 
 
 def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:

@@ -9,14 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from lumbar.fmu.agreed import REFERENCE, WITHOUT_EVENT_MODE
 from lumbar.fmu.build.export_model import ExportModel
 from lumbar.fmu.build.reference_response import reference_output
 
 _HERE = Path(__file__).parent
-REFERENCE = ("resources/reference_input.csv", "resources/reference_output.csv")
-"""Signals to try an importer with."""
-WITHOUT_EVENT_MODE = "resources/reference_output_without_event_mode.csv"
-"""What an importer without event mode reads of an FMI 3.0 FMU: what one of FMI 2.0 reads."""
 
 
 def attachments(model: ExportModel, version: str) -> dict[str, bytes]:

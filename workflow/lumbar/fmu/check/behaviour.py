@@ -13,11 +13,9 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from lumbar.fmu.build.export_model import slow_push
-from lumbar.fmu.build.extras import REFERENCE, WITHOUT_EVENT_MODE
+from lumbar.fmu.agreed import REFERENCE, WITHOUT_EVENT_MODE, slow_push, told_meaning
 from lumbar.fmu.check import calls
 from lumbar.fmu.check.instance import Instance, UnzippedFmu
-from lumbar.fmu.check.lint_meaning import told_meaning
 from lumbar.fmu.check.motion import Motion, modes, named
 
 SECONDS = 120

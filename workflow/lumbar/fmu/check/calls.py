@@ -6,9 +6,9 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from itertools import pairwise
 
+from lumbar.fmu.agreed import told_meaning
 from lumbar.fmu.build.units import work_units
 from lumbar.fmu.check.instance import Instance, UnzippedFmu
-from lumbar.fmu.check.lint_meaning import told_meaning
 from lumbar.fmu.check.motion import Motion, modes, named
 
 _SAMPLES = 40

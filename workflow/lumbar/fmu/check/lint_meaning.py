@@ -2,33 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from html import unescape
 from xml.etree.ElementTree import Element
 
-from lumbar.fmu.build.description import ANNOTATION
-from lumbar.models.fitted_model import MotionRange
+from lumbar.fmu.agreed import ANNOTATION, told_meaning
+from lumbar.models.model_data import MotionRange
 
 _ROOT = ("description", "author", "version", "license", "generationTool")
 _NUMBERS = ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")
-
-
-def told_meaning(root: Element) -> dict | None:
-    """Return what the annotation of a model description holds; None where there is none that can be read."""
-    element = root.find(f"VendorAnnotations/Tool[@name='{ANNOTATION}']/Meaning")
-    if element is not None:
-        return {key: _value(text) for key, text in element.attrib.items()}
-    told = _value(root.findtext(f"Annotations/Annotation[@type='{ANNOTATION}']", ""))
-    return told if isinstance(told, dict) else None
-
-
-def _value(text: str):
-    """What is written, as JSON where it is."""
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
 
 
 def lint_meaning(files: Mapping[str, bytes], root: Element, unit: str | None) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from lumbar.fmu.build.extras import REFERENCE
+from lumbar.fmu.agreed import REFERENCE
 from lumbar.fmu.check.instance import UnzippedFmu
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from lumbar.diagnosis.law.proposal import Proposal
 from lumbar.diagnosis.law.surface import Coordinate, Surface
-from lumbar.models.fitted_model import unit_of
+from lumbar.models.model_data import unit_of
 from lumbar.reports.figures.style import DOUBLE_COLUMN, MODELS, SERIES, house_style, label_panels, new_figure
 
 _CELLS = (24, 12)

@@ -89,10 +89,10 @@ def _mark_events(axes, events: dict) -> None:
 
     Grey bands are the intervals of events; a dotted line is where the thesis's own rule puts one.
     """
+    deposit = [events[name]["time_s"] for name in ("deposit_start", "release")]
     for axis in axes:
-        axis.axvspan(
-            events["deposit_start"]["time_s"], events["release"]["time_s"], color="#eeeeee", zorder=0
-        )
+        if None not in deposit:
+            axis.axvspan(*deposit, color="#eeeeee", zorder=0)
     for name, label in EVENT_LABELS.items():
         event = events[name]
         if event["time_s"] is None:
@@ -179,6 +179,8 @@ def pendulum_figure(lift: dict):
     matplotlib.figure.Figure
     """
     summary, states = lift["summary"], lift["states"]
+    if states.empty:
+        return _without_deposit(lift)
     figure, axes = new_figure(DOUBLE_COLUMN, 4.0, ncols=2)
     before, after = _points(lift, "deposit_start"), _points(lift, "release")
     for points, color, width in ((before, "#c4c4c4", 1.2), (after, "#444444", 1.8)):
@@ -187,6 +189,8 @@ def pendulum_figure(lift: dict):
     pivot = after["PIVOT"]
     deposit = lift["centres"][lift["centres"]["phase"] == "deposit"]
     for com, color in SEGMENTS.items():
+        if f"COM_{com}" not in after:
+            continue
         path = deposit[deposit["com"] == com]
         axes[0].plot(path["y_m"], path["z_m"], color=color, linewidth=1.0)
         point = after[f"COM_{com}"]
@@ -205,7 +209,7 @@ def pendulum_figure(lift: dict):
         xytext=(7, 4),
         textcoords="offset points",
     )
-    top = max(after[f"COM_{com}"][2] for com in SEGMENTS)
+    top = max(after[f"COM_{com}"][2] for com in SEGMENTS if f"COM_{com}" in after)
     axes[0].plot([pivot[1]] * 2, [pivot[2], top + 0.1], color=MEASURED, linewidth=0.6, linestyle=(0, (1, 3)))
     axes[0].annotate("θ = 0", (pivot[1], top + 0.1), xytext=(-2, 2), textcoords="offset points", ha="right")
     axes[0].set_aspect("equal", adjustable="datalim")
@@ -228,12 +232,14 @@ def segments_figure(lift: dict):
     Parameters
     ----------
     lift : dict
-        ``landmarks`` (points at every event) and ``summary`` (``segments.ends``).
+        ``landmarks`` (points at every event), ``states`` and ``summary`` (``segments.ends``).
 
     Returns
     -------
     matplotlib.figure.Figure
     """
+    if lift["states"].empty:
+        return _without_deposit(lift)
     points = _points(lift, "deposit_start")
     ends = lift["summary"]["segments"]["ends"]
     shown = [points[name] for name in _TORSO if name in points]
@@ -244,6 +250,8 @@ def segments_figure(lift: dict):
     )
     for axis, horizontal, name in ((axes[0], 0, "x, lateral (m)"), (axes[1], 1, "y, forward (m)")):
         for segment, color in SEGMENTS.items():
+            if f"COM_{segment}" not in points:
+                continue
             start, stop = (points[end] for end in ends[segment])
             axis.plot(
                 [start[horizontal], stop[horizontal]],
@@ -284,8 +292,22 @@ def segments_figure(lift: dict):
     return figure
 
 
+@house_style
+def _without_deposit(lift: dict):
+    """A figure that says why there is nothing to draw."""
+    import textwrap
+
+    figure, axes = new_figure(DOUBLE_COLUMN, 2.0)
+    said = "\n".join(dict.fromkeys(lift["summary"]["missing"].values()))
+    lines = [part for line in said.splitlines() for part in textwrap.wrap(line, 110)]
+    axes.set_axis_off()
+    axes.text(0, 1, "\n".join([f"{_lift_name(lift)}: no pendulum", *lines]), va="top", fontsize=7)
+    return figure
+
+
 def _end_name(end: str) -> str:
-    return "mid-hip" if end == "MID_HIP" else end
+    named = {"C7T1": "C7/T1", "T12L1": "T12/L1", "L4L5": "L4/L5", "L5S1": "L5/S1", "MID_HIP": "mid-hip"}
+    return named.get(end, "xiphoid's level")
 
 
 def _torso_marker(axis, marker: str, point, horizontal: int) -> None:

@@ -18,10 +18,21 @@ SECTIONS = 10
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 81)
 
 
-def shown_lift(facts: list[dict]) -> int:
-    """Return the index of the lift shown: the expert's with the heaviest box, as in the thesis."""
-    experts = [index for index, item in enumerate(facts) if item["experience"] == "expert"]
-    return max(experts or range(len(facts)), key=lambda index: (facts[index]["box_mass_kg"], -index))
+def shown_lift(facts: list[dict], labels: dict[str, str], group: str) -> int:
+    """Return the index of the lift shown: the heaviest box of a group, as the thesis shows its expert's.
+
+    Parameters
+    ----------
+    facts : list of dict
+        ``subject``, ``box_mass_kg`` and ``duration_s`` of every lift; without a deposit that is None, and another is shown.
+    labels : dict of str to str
+        Groups by subject.
+    group : str
+    """
+    deposited = [index for index, item in enumerate(facts) if item["duration_s"] is not None]
+    candidates = deposited or range(len(facts))
+    chosen = [index for index in candidates if labels[facts[index]["subject"]] == group]
+    return max(chosen or candidates, key=lambda index: (facts[index]["box_mass_kg"], -index))
 
 
 def ellipses(rows: pd.DataFrame, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,8 @@ import numpy as np
 import pandas as pd
 
 from lumbar.reports.reproduction.claim import Claim, Finding, Results
+from lumbar.settings.stability import GROUPS
+from lumbar.stability.comparison.percent_differences import comparison_names
 
 PLANES = ("lateral_bending", "flexion_extension")
 
@@ -33,9 +35,9 @@ def _judged(agrees: bool, synthetic: bool) -> tuple[bool | None, str]:
     return (None, _INVENTED) if synthetic else (bool(agrees), "")
 
 
-def _expert_larger(synthetic: bool):
+def _expert_larger(synthetic: bool, names: dict[str, str]):
     def judge(results: Results) -> Finding:
-        rows = _rows(results, "expert_vs_novice")
+        rows = _rows(results, names["expert_vs_novice"])
         if rows is None:
             return _MISSING
         return Finding(_spread(rows), *_judged((rows.lateral_bending_percent > 0).all(), synthetic))
@@ -43,9 +45,9 @@ def _expert_larger(synthetic: bool):
     return judge
 
 
-def _lateral_largest(synthetic: bool):
+def _lateral_largest(synthetic: bool, names: dict[str, str]):
     def judge(results: Results) -> Finding:
-        rows = _rows(results, "expert_vs_novice")
+        rows = _rows(results, names["expert_vs_novice"])
         if rows is None:
             return _MISSING
         larger = rows.lateral_bending_percent.abs() > rows.flexion_extension_percent.abs()
@@ -54,9 +56,9 @@ def _lateral_largest(synthetic: bool):
     return judge
 
 
-def _expert_unchanged(synthetic: bool):
+def _expert_unchanged(synthetic: bool, names: dict[str, str]):
     def judge(results: Results) -> Finding:
-        rows = _rows(results, "decrease_in_mass_expert")
+        rows = _rows(results, names["decrease_in_mass_expert"])
         if rows is None:
             return _MISSING
         largest = rows[[f"{plane}_percent" for plane in PLANES]].abs().max(axis=None)
@@ -65,18 +67,18 @@ def _expert_unchanged(synthetic: bool):
     return judge
 
 
-def _novice_susceptible(synthetic: bool):
+def _novice_susceptible(synthetic: bool, names: dict[str, str], groups: tuple[str, str]):
     def judge(results: Results) -> Finding:
-        expert, novice = (_rows(results, f"decrease_in_mass_{name}") for name in ("expert", "novice"))
+        expert, novice = (_rows(results, names[f"decrease_in_mass_{name}"]) for name in GROUPS)
         if expert is None or novice is None:
             return _MISSING
         columns = [f"{plane}_percent" for plane in PLANES]
         mean = {
             name: rows[columns].abs().mean(axis=None)
-            for name, rows in (("expert", expert), ("novice", novice))
+            for name, rows in zip(groups, (expert, novice), strict=True)
         }
-        text = f"mean size of the change: expert {mean['expert']:.2f} %, novice {mean['novice']:.2f} %"
-        return Finding(text, *_judged(mean["novice"] > mean["expert"], synthetic))
+        text = "mean size of the change: " + ", ".join(f"{name} {mean[name]:.2f} %" for name in groups)
+        return Finding(text, *_judged(mean[groups[1]] > mean[groups[0]], synthetic))
 
     return judge
 
@@ -129,25 +131,28 @@ def _expands_backward(results: Results) -> Finding:
     )
 
 
-def sentences(synthetic: bool) -> list[Claim]:
+def sentences(synthetic: bool, groups: tuple[str, str] = GROUPS) -> list[Claim]:
     """Return the claims of Chapter 4.
 
     Parameters
     ----------
     synthetic : bool
         Whether the lifters are the twin's: what concerns persons then cannot be tested.
+    groups : tuple of str
+        Whom the study compares in place of the thesis's expert and novice; the statements use these names.
     """
-    table, areas = ("table_4_1",), ("boa",)
+    table, areas, names = ("table_4_1",), ("boa",), comparison_names(groups)
+    first, second = groups
     return [
-        Claim("expert_larger", "4.2.5", "The expert's basins are larger than the novice's in lateral bending",
-              "2.27 to 4.44 %", "positive for all three COMs", table, _expert_larger(synthetic)),
+        Claim("expert_larger", "4.2.5", f"The {first}'s basins are larger than the {second}'s in lateral bending",
+              "2.27 to 4.44 %", "positive for all three COMs", table, _expert_larger(synthetic, names)),
         Claim("lateral_largest", "4.2.5", "The largest differences are in lateral bending", "lateral bending",
-              "larger than in flexion/extension for all three COMs", table, _lateral_largest(synthetic)),
-        Claim("expert_unchanged", "4.2.5", "A lighter box hardly changes the expert's basins", "−0.87 to 0.07 %",
-              "at most 1 % for every COM and plane", table, _expert_unchanged(synthetic)),
-        Claim("novice_susceptible", "4.2.1, 4.2.5", "The novice is more susceptible to changes of the box's mass",
-              "up to 7.51 %", "mean size of the change larger than the expert's", table,
-              _novice_susceptible(synthetic)),
+              "larger than in flexion/extension for all three COMs", table, _lateral_largest(synthetic, names)),
+        Claim("expert_unchanged", "4.2.5", f"A lighter box hardly changes the {first}'s basins", "−0.87 to 0.07 %",
+              "at most 1 % for every COM and plane", table, _expert_unchanged(synthetic, names)),
+        Claim("novice_susceptible", "4.2.1, 4.2.5", f"The {second} is more susceptible to changes of the box's mass",
+              "up to 7.51 %", f"mean size of the change larger than the {first}'s", table,
+              _novice_susceptible(synthetic, names, groups)),
         Claim("trajectories_matter", "4.2.1, 4.2.6", "The differences come from the trajectories the lifters select",
               "yes", "less than half is left when every trajectory is replaced by θ0 = 0", table,
               _trajectories_matter),

@@ -9,9 +9,12 @@ from lumbar.reports.reproduction import identification_claims as identification
 from lumbar.reports.reproduction import rating_claims as ratings
 from lumbar.reports.reproduction.claim import Claim, Results, examine, verdict
 from lumbar.reports.reproduction.table_cells import table_3_1_claims, table_3_2_claims, table_4_1_claims
+from lumbar.settings.stability import GROUPS
 
 
-def all_claims(thesis_tables: dict[str, pd.DataFrame], synthetic: bool) -> list[Claim]:
+def all_claims(
+    thesis_tables: dict[str, pd.DataFrame], synthetic: bool, groups: tuple[str, str] = GROUPS
+) -> list[Claim]:
     """Return every claim in the thesis's order.
 
     Parameters
@@ -20,14 +23,16 @@ def all_claims(thesis_tables: dict[str, pd.DataFrame], synthetic: bool) -> list[
         ``table_3_1``, ``table_3_2`` and ``table_4_1`` as published.
     synthetic : bool
         Whether the data are the synthetic twin.
+    groups : tuple of str
+        Whom the study compares in place of the thesis's expert and novice.
     """
     claims = [
         *identification.sentences(),
         *table_3_1_claims(thesis_tables["table_3_1"]),
         *ratings.sentences(),
         *table_3_2_claims(thesis_tables["table_3_2"]),
-        *basins.sentences(synthetic),
-        *table_4_1_claims(thesis_tables["table_4_1"], synthetic),
+        *basins.sentences(synthetic, groups),
+        *table_4_1_claims(thesis_tables["table_4_1"], synthetic, groups),
     ]
     names = [claim.id for claim in claims]
     repeated = {name for name in names if names.count(name) > 1}

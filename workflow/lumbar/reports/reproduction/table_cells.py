@@ -8,6 +8,8 @@ from collections.abc import Callable
 import pandas as pd
 
 from lumbar.reports.reproduction.claim import Claim, Finding, Results
+from lumbar.settings.stability import GROUPS
+from lumbar.stability.comparison.percent_differences import comparison_names
 
 Criterion = tuple[str, Callable[[float, float], bool]]
 
@@ -160,22 +162,23 @@ def _p_value(model: str, other: str, printed: str) -> Claim:
     )
 
 
-def table_4_1_claims(thesis: pd.DataFrame, synthetic: bool) -> list[Claim]:
+def table_4_1_claims(thesis: pd.DataFrame, synthetic: bool, groups: tuple[str, str] = GROUPS) -> list[Claim]:
     """Every percentage of Table 4.1; on invented lifters the number is shown, but proves nothing."""
+    names = comparison_names(groups)
     return [
-        _cell_4_1(row, plane, synthetic)
+        _cell_4_1(row, plane, synthetic, names[row.comparison])
         for row in thesis.itertuples(index=False)
         for plane in ("lateral_bending", "flexion_extension")
     ]
 
 
-def _cell_4_1(row, plane: str, synthetic: bool) -> Claim:
+def _cell_4_1(row, plane: str, synthetic: bool, comparison: str) -> Claim:
     text, agrees = _SAME_SIGN
     thesis = float(getattr(row, f"{plane}_percent"))
 
     def judge(results: Results) -> Finding:
         table = results["table_4_1"]
-        found = table[(table.comparison == row.comparison) & (table.com == row.com)]
+        found = table[(table.comparison == comparison) & (table.com == row.com)]
         if found.empty or pd.isna(found.iloc[0][f"{plane}_percent"]):
             return Finding(None, None, "this study lacks one of the two lifts compared")
         value = float(found.iloc[0][f"{plane}_percent"])
@@ -186,7 +189,7 @@ def _cell_4_1(row, plane: str, synthetic: bool) -> Claim:
     return Claim(
         id=f"table_4_1.{row.comparison}.{row.com}.{plane}",
         location="Table 4.1",
-        statement=f"{row.comparison.replace('_', ' ')}, {row.com}, {plane.replace('_', ' ')}: difference in percent",
+        statement=f"{comparison.replace('_', ' ')}, {row.com}, {plane.replace('_', ' ')}: difference in percent",
         thesis=thesis,
         criterion=text,
         needs=("table_4_1",),

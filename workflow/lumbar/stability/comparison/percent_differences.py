@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import NumericalError
+from lumbar.settings.stability import GROUPS
 from lumbar.stability.basins import close_loops, weights_of
 from lumbar.stability.funnel.funnel import Funnels, exact_funnels, integrate_backward, regulate
 from lumbar.stability.funnel.polynomials import circle_maximum, growth_polynomial
@@ -25,14 +26,16 @@ if TYPE_CHECKING:
 
     from lumbar.settings.stability import StabilitySettings
 
-EXPERIENCES = ("expert", "novice")
 TAYLOR_DEGREES = (3, 5, 7)
 VARIANTS = ("base", "null", *(f"{name}{change}" for name in ("Q", "R", "b") for change in ("/", "*")))
 """``base``, ``null``, and ``Q``, ``R``, ``b`` divided and multiplied by the factor of the configuration."""
 
 
 def percent_differences(
-    areas: pd.DataFrame, column: str = "mean_area", missing: pd.DataFrame | None = None
+    areas: pd.DataFrame,
+    column: str = "mean_area",
+    missing: pd.DataFrame | None = None,
+    groups: tuple[str, str] = GROUPS,
 ) -> list[dict]:
     """Compare average cross-sections as Table 4.1 does.
 
@@ -45,6 +48,8 @@ def percent_differences(
         The areas compared.
     missing : pandas.DataFrame, optional
         Columns ``subject, experience, box_mass_kg, com, plane`` of the basins that could not be computed.
+    groups : tuple of str
+        Labels of the people compared, the first with the second.
 
     Returns
     -------
@@ -56,7 +61,7 @@ def percent_differences(
 
     table = areas.groupby(["experience", "box_mass_kg", "com", "plane"])[column].mean()
     rows = []
-    for comparison, before, after, status in comparisons(areas, missing):
+    for comparison, before, after, status in comparisons(areas, missing, groups):
         for com in COMS:
             row = {"comparison": comparison, "com": com, "status": status}
             gone = []
@@ -76,13 +81,31 @@ def percent_differences(
     return pd.DataFrame(rows).astype(dict.fromkeys(PLANES, float)).to_dict("records")
 
 
-def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None):
+def comparison_names(groups: tuple[str, str]) -> dict[str, str]:
+    """Names of the comparisons of two groups by those that the thesis's Table 4.1 has them under.
+
+    Examples
+    --------
+    >>> comparison_names(("trained", "untrained"))["expert_vs_novice"]
+    'trained_vs_untrained'
+    """
+    between = {"_vs_".join(GROUPS): "_vs_".join(groups)}
+    within = {
+        f"decrease_in_mass_{thesis}": f"decrease_in_mass_{name}"
+        for thesis, name in zip(GROUPS, groups, strict=True)
+    }
+    return between | within
+
+
+def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None, groups: tuple[str, str] = GROUPS):
     """Yield name, (experience, mass) before and after, and whether the study can tell.
 
     Parameters
     ----------
     areas, missing : pandas.DataFrame
         Columns ``experience`` and ``box_mass_kg``: a lift counts also where all its basins are missing.
+    groups : tuple of str
+        Labels of the people compared, the first with the second.
     """
     lifts = {
         (str(name), float(mass))
@@ -91,16 +114,18 @@ def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None):
         for name, mass in zip(frame["experience"], frame["box_mass_kg"], strict=True)
     }
     masses = {name: sorted(mass for who, mass in lifts if who == name) for name, _ in lifts}
-    others = sorted(set(masses) - set(EXPERIENCES))
-    shared = set(masses.get("expert", [])) & set(masses.get("novice", []))
-    absent = [name for name in EXPERIENCES if name not in masses]
+    others = sorted(set(masses) - set(groups))
+    first, second = groups
+    between = "_vs_".join(groups)
+    shared = set(masses.get(first, [])) & set(masses.get(second, []))
+    absent = [name for name in groups if name not in masses]
     if absent:
-        yield "expert_vs_novice", None, None, f"not testable: no {' and no '.join(absent)}"
+        yield between, None, None, f"not testable: no {' and no '.join(absent)}"
     elif not shared:
-        yield "expert_vs_novice", None, None, "not testable: no box mass in common"
+        yield between, None, None, "not testable: no box mass in common"
     else:
-        yield "expert_vs_novice", ("novice", max(shared)), ("expert", max(shared)), "computed"
-    for name in (*EXPERIENCES, *others):
+        yield between, (second, max(shared)), (first, max(shared)), "computed"
+    for name in (*groups, *others):
         found = masses.get(name, [])
         comparison = f"decrease_in_mass_{name}"
         if len(found) > 1:

@@ -143,7 +143,7 @@ def table_4_1(
     """
     import pandas as pd
 
-    sign = settings.pendulum.sign
+    sign, groups = settings.pendulum.sign, settings.compare.groups
     exact, published = boa["method"] == "exact", boa["sign"] == sign
     columns = {"percent": boa[exact & published], "other_sign": boa[exact & ~published]}
     if settings.thesis_method:
@@ -151,18 +151,17 @@ def table_4_1(
     varied, failed = variants(trajectories, other_mass, settings)
     missing = joined([*([] if failures is None else [failures]), failures_frame(failed)])
     compared = {
-        name: percent_differences(areas, missing=missing) for name, areas in {**columns, **varied}.items()
+        name: percent_differences(areas, missing=missing, groups=groups)
+        for name, areas in {**columns, **varied}.items()
     }
     for row in compared.get("thesis_method", ()):
         row |= {plane: None if row[plane] is None else round(row[plane], THESIS_DECIMALS) for plane in PLANES}
     for name in ("initial", "minimum"):
-        compared[name] = percent_differences(columns["percent"], f"{name}_area", missing)
-    exponents = {
-        plane: compared_exponents(trajectories, plane, comparisons(columns["percent"], missing))
-        for plane in PLANES
-    }
+        compared[name] = percent_differences(columns["percent"], f"{name}_area", missing, groups)
+    sides = list(comparisons(columns["percent"], missing, groups))
+    exponents = {plane: compared_exponents(trajectories, plane, sides) for plane in PLANES}
     rows = [
-        _row(index, compared, varied, columns["percent"], missing, exponents, seed)
+        _row(index, compared, varied, columns["percent"], sides, exponents, seed)
         for index in range(len(compared["percent"]))
     ]
     frame = pd.DataFrame(rows)
@@ -185,7 +184,7 @@ def _row(
     compared: dict[str, list[dict]],
     varied: dict,
     areas: pd.DataFrame,
-    missing: pd.DataFrame,
+    sides: list[tuple],
     exponents: dict[str, dict],
     seed: int,
 ) -> dict:
@@ -214,7 +213,7 @@ def _row(
         if row["status"].startswith("no basin") and _number(row[plane]) is None:
             entry[f"{plane}_verdict"] = row["status"]
             continue
-        interval = _interval(areas, missing, row["comparison"], row["com"], plane, seed)
+        interval = _interval(areas, sides, row["comparison"], row["com"], plane, seed)
         entry[f"{plane}_verdict"] = verdict(_number(row[plane]), null, others, interval)
     return entry
 
@@ -223,9 +222,9 @@ def _number(value) -> float | None:
     return None if value is None or np.isnan(value) else float(value)
 
 
-def _interval(areas: pd.DataFrame, missing: pd.DataFrame, comparison: str, com: str, plane: str, seed: int):
+def _interval(areas: pd.DataFrame, compared: list[tuple], comparison: str, com: str, plane: str, seed: int):
     """Bootstrap interval over trials of one percentage, or None where the trials are too few."""
-    found = {name: (before, after) for name, before, after, _ in comparisons(areas, missing)}
+    found = {name: (before, after) for name, before, after, _ in compared}
     before, after = found[comparison]
     if before is None:
         return None
@@ -246,9 +245,9 @@ def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
 
 
 def _definitions(settings: StabilitySettings) -> dict[str, str]:
-    factor = settings.sensitivity_factor
+    factor, (first, second) = settings.sensitivity_factor, settings.compare.groups
     definitions = {
-        "comparison": "expert_vs_novice: 100(A_expert − A_novice)/A_novice with the heaviest box of both; "
+        "comparison": f"{first}_vs_{second}: 100(A_{first} − A_{second})/A_{second} with the heaviest box of both; "
         "decrease_in_mass_…: 100(A_light − A_heavy)/A_heavy with that lifter's heaviest and lightest box; "
         "A = (1/T)∫πρ/√det S dt in rad²/s",
         "com": COLUMNS["com"],
@@ -289,9 +288,12 @@ def _notes(frame: pd.DataFrame, settings: StabilitySettings) -> tuple[str, ...]:
         f"{pendulum.mass.replace('_', ' ')}"
     ]
     values, null = (
-        np.concatenate([frame[f"{plane}_{name}"].dropna() for plane in PLANES])
+        np.concatenate([frame[f"{plane}_{name}"].to_numpy(float) for plane in PLANES])
         for name in ("percent", "null_percent")
     )
+    # A basin may be missing and its null control be there.
+    known = np.isfinite(values) & np.isfinite(null)
+    values, null = values[known], null[known]
     if len(values) > 2 and np.ptp(values) > 0 and np.ptp(null) > 0:
         correlation = np.corrcoef(values, null)[0, 1]
         notes.append(

@@ -22,8 +22,8 @@ def trajectories_of_lift(
     states : pandas.DataFrame
         Columns ``com, plane, time_s, angle_rad, angular_velocity_rad_s, angular_acceleration_rad_s2``.
     facts : mapping
-        ``subject, experience, box_mass_kg, pivot``, ``mass_kg`` (per COM ``with_box`` and
-        ``without_box``) and ``length_m`` (per COM and plane).
+        ``subject, box_mass_kg, pivot``, ``mass_kg`` (per COM ``with_box`` and ``without_box``) and ``length_m`` (per COM
+        and plane); ``experience`` where it is known, and ``missing``, the reasons of COMs without a pendulum.
     mass : {"with_box", "without_box"}
         Whether the box counts to the pendulum's mass.
 
@@ -34,14 +34,17 @@ def trajectories_of_lift(
     failures : list of Failure
         Of those that have no basin.
     """
-    trajectories, failures = [], []
+    trajectories, failures, missing = [], [], facts.get("missing", {})
+    person, box = (facts["subject"], facts.get("experience", "")), float(facts["box_mass_kg"])
     for com in COMS:
         for plane in PLANES:
+            if com in missing:
+                failures.append(Failure(*person, box, com, plane, NO_TRAJECTORY, missing[com]))
+                continue
             rows = states[(states["com"] == com) & (states["plane"] == plane)]
             trajectory = Trajectory(
-                subject=facts["subject"],
-                experience=facts["experience"],
-                box_mass_kg=float(facts["box_mass_kg"]),
+                *person,
+                box,
                 com=com,
                 plane=plane,
                 pivot=facts["pivot"],

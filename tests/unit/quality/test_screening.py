@@ -1,0 +1,98 @@
+"""A trial with a silent corruption is stopped with one sentence, or goes on without the stretch and says so."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from quality_corruptions import changed, exchanged
+
+import lumbar
+from lumbar.errors import InputError
+from lumbar.records.markers import read_markers
+from lumbar.settings.layout import MarkerLayout
+from lumbar.synthetic.lifting_recordings import write_lift, write_markers
+from study_settings import study_settings, subject_settings
+
+RATE = 100.0
+
+
+@pytest.fixture(scope="module")
+def points(tmp_path_factory):
+    """Markers of the expert's lift, as the file holds them."""
+    path = tmp_path_factory.mktemp("lift") / "lift.c3d"
+    write_lift(study_settings().twin.lifting, "expert_23kg", [3], path, None)
+    recording = read_markers(path, MarkerLayout(check_axes=False))
+    assert recording.rate == RATE
+    return recording.positions
+
+
+@pytest.fixture
+def lift_of(tmp_path):
+    """Write markers and analyse them as the expert's lift."""
+
+    def analyse(markers, rate=RATE, **layout):
+        from dataclasses import replace
+
+        path = tmp_path / "expert_23kg.c3d"
+        write_markers(path, markers, rate, subject="expert")
+        settings = study_settings().lifting
+        settings = replace(settings, markers=replace(settings.markers, **layout))
+        return lumbar.lift(path, subject_settings("expert"), 23, settings=settings)
+
+    return analyse
+
+
+def test_a_wrong_unit_stops_the_trial_and_the_key_named_mends_it(points, lift_of):
+    tenfold = {label: 10 * positions for label, positions in points.items()}
+    with pytest.raises(
+        InputError,
+        match=r"expert_23kg\.c3d: unit: .* 18\.\d m tall; height_m is 1\.75.*markers\.scale to 0\.1",
+    ):
+        lift_of(tenfold)
+    mended, untouched = lift_of(tenfold, scale=0.1), lift_of(points)
+    assert mended.quality.findings == untouched.quality.findings == ()
+    np.testing.assert_allclose(mended.states["length_m"], untouched.states["length_m"], rtol=1e-5)
+
+
+def test_a_wrong_rate_is_told_and_the_key_named_mends_it(points, lift_of):
+    with pytest.raises(InputError, match=r"rate: .*1000 Hz may be wrong.*markers\.rate_Hz"):
+        lift_of(points, rate=1000)
+    mended, untouched = lift_of(points, rate=1000, rate_Hz=RATE), lift_of(points)
+    np.testing.assert_allclose(mended.states["time_s"], untouched.states["time_s"], atol=1e-9)
+
+
+def test_a_short_freeze_becomes_a_gap_that_is_filled_and_reported(points, lift_of, tmp_path):
+    start = int(0.3 * len(points["C7"]))
+    frames = slice(start, start + 16)
+    found = lift_of(changed(points, "C7", frames, points["C7"][start]))
+    (finding,) = found.quality.findings
+    assert (finding.kind, finding.markers, finding.frames) == ("frozen", ("C7",), frames)
+    assert [gap.outcome for gap in found.analysed.gaps if (gap.marker, gap.first_frame) == ("C7", start)] == [
+        "filled"
+    ]
+    assert "left out: frozen: C7, " in str(found)
+    found.save(tmp_path / "out")
+    sheet = json.loads((tmp_path / "out" / "quality.json").read_text())
+    assert [(entry["kind"], entry["markers"]) for entry in sheet["findings"]] == [("frozen", ["C7"])]
+    assert (sheet["n_frames"], sheet["rate_Hz"], len(sheet["markers"])) == (950, 100.0, len(points))
+
+
+def test_labels_exchanged_throughout_are_proposed_and_an_alias_mends_them(points, lift_of):
+    swapped = exchanged(points, "C7", "T12", slice(None))
+    unmended = lift_of(swapped)
+    (finding,) = unmended.quality.findings
+    assert (finding.outcome, set(finding.markers)) == ("proposed", {"C7", "T12"})
+    assert "change places in markers.aliases" in finding.cause
+    assert set(unmended.analysed.missing) == {"thorax", "abdomen"}
+    aliases = study_settings().lifting.markers.aliases
+    mended = lift_of(swapped, aliases=aliases | {"C7": "T12", "T12": "C7"})
+    assert mended.quality.findings == ()
+    assert mended.states.equals(lift_of(points).states)
+
+
+def test_nothing_of_a_sound_lift_changes(points, lift_of, monkeypatch):
+    screened = lift_of(points)
+    monkeypatch.setattr("lumbar.quality.screening.examine", lambda *_: [])
+    assert lift_of(points).states.equals(screened.states)

@@ -1,0 +1,96 @@
+"""A study of lifts: other labels call for no basin, unknown ones end it before it starts, a lift without a deposit does not."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from running import FORKING, copy_project, snakemake
+
+STUDY = """
+study: groups
+chapters: [lifting, stability]
+lifting: {points: 200}
+stability:
+  knots: 101
+  attack: {starts: 2}
+  proof: null
+  sum_of_squares: null
+  thesis_method: null
+  lyapunov_shares: [1.0]
+  limits: {knots: 84}
+"""
+NAMED = "  compare: {groups: [trained, untrained]}\n"
+
+
+def relabel(folder: Path, name: str, label: str) -> None:
+    path = folder / "config" / "subjects" / f"{name}.yaml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(re.sub(r"experience: \w+", f"experience: {label}", text), encoding="utf-8")
+
+
+def plan(folder: Path, *arguments: str):
+    return snakemake(
+        folder, "--cores", "1", *arguments, "--configfile", "config/groups.yaml", program=FORKING
+    )
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A study that has run, and whose people have other labels since."""
+    folder = copy_project(tmp_path_factory.mktemp("groups"))
+    (folder / "config" / "groups.yaml").write_text(STUDY, encoding="utf-8")
+    run = plan(folder, "stability")
+    assert run.status == 0, run.text[-6000:]
+    relabel(folder, "expert", "trained")
+    relabel(folder, "novice", "untrained")
+    return folder
+
+
+def test_labels_that_are_not_compared_end_the_run_before_anything_runs(study):
+    run = plan(study, "stability")
+    assert run.status != 0
+    assert "stability.compare.groups: nobody is labelled 'expert' or 'novice'" in run.text
+    assert "trained, untrained" in run.text
+
+
+def test_another_label_recomputes_no_basin(study):
+    (study / "config" / "groups.yaml").write_text(STUDY + NAMED, encoding="utf-8")
+    planned = set(plan(study, "--dry-run", "stability").jobs)
+    assert planned == {"stability", "stability_tables", "stability_figures"}
+    run = plan(study, "stability")
+    assert run.status == 0, run.text[-6000:]
+    table = pd.read_csv(study / "results" / "groups" / "tables" / "table_4_1.csv")
+    assert table["comparison"].unique().tolist() == [
+        "trained_vs_untrained",
+        "decrease_in_mass_trained",
+        "decrease_in_mass_untrained",
+    ]
+    assert set(table["status"]) == {"computed"}
+    areas = pd.read_csv(study / "results" / "groups" / "stability" / "boa.csv")
+    assert dict(zip(areas["subject"], areas["experience"], strict=True)) == {
+        "expert": "trained",
+        "novice": "untrained",
+    }
+
+
+def test_a_lift_without_a_deposit_leaves_the_others_their_basins(study):
+    """The window of one trial ends while the box is carried: its rows say why they are empty, the run goes on."""
+    path = study / "config" / "subjects" / "novice.yaml"
+    text = path.read_text(encoding="utf-8")
+    trial = "markers: lifting/novice_15kg.c3d,"
+    assert trial in text
+    path.write_text(text.replace(trial, f"{trial} window_s: [0, 5],"), encoding="utf-8")
+    run = plan(study, "lifting", "stability")
+    assert run.status == 0, run.text[-6000:]
+    tables = study / "results" / "groups" / "tables"
+    missing = pd.read_csv(tables / "missing_basins.csv")
+    assert missing["box_mass_kg"].tolist() == [15] * 6
+    assert missing["reason"].str.contains("the box still moves when it is seen last, at 5.00 s").all()
+    table = pd.read_csv(tables / "table_4_1.csv").set_index("comparison")["status"]
+    assert set(table["trained_vs_untrained"]) == set(table["decrease_in_mass_trained"]) == {"computed"}
+    assert table["decrease_in_mass_untrained"].str.startswith("no basin: untrained 15 kg").all()
+    assert (study / "results" / "groups" / "figures" / "lifting_events_novice_15kg.svg").is_file()

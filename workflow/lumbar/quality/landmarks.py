@@ -1,0 +1,143 @@
+"""What labels of usual marker sets stand for: landmarks, their sides, their levels along the trunk."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+import numpy as np
+
+_LABELS = {
+    "C7": ("C7", "CV7"),
+    "MANUBRIUM": ("MANUBRIUM", "SJN", "SNJ", "CLAV", "STER", "CLAVICAL", "CLAVICLE", "IJ"),
+    "XIPHOID": ("XIPHOID", "SXS", "XIPH", "PX", "STRN", "STERNUM"),
+    "SACRUM": ("SACRUM", "SACR", "VSACRAL", "SACRAL", "SACROL"),
+}
+"""Labels of the midline, without case and underscores; the first that a file holds is taken."""
+_SIDED_LABELS = {
+    "SHOULDER": ("SHOULDER", "SAJ", "SHO", "ACROMION", "ACROMIUM", "ACR"),
+    "ELBOW": ("ELBOW", "HLE", "ELB", "CUBL"),
+    "WRIST": ("WRIST", "RSP", "WRA", "WRR", "OWR"),
+    "ASIS": ("ASIS", "IAS", "ASI", "FWT"),
+    "PSIS": ("PSIS", "IPS", "PSI", "BWT"),
+    "HIP": ("HIP", "FTC"),
+    "KNEE": ("KNEE", "FLE", "KNE", "KNEL"),
+    "ANKLE": ("ANKLE", "FAL", "ANK", "MALL"),
+    "HEEL": ("HEEL", "FCC", "HEE", "HEL"),
+    "TOE": ("TOE",),
+}
+"""Labels of both sides: L or R stands before them, or l or r behind."""
+LEVELS = {
+    "C7": 1.02,
+    "T1": 0.98,
+    "SHOULDER": 1.0,
+    "MANUBRIUM": 0.90,
+    "XIPHOID": 0.58,
+    "SACRUM": 0.0,
+    "PSIS": 0.0,
+    "ASIS": 0.0,
+}
+"""Height along the trunk: 0 at the pelvis, 1 at the shoulders. Those of the other vertebrae follow from C7 and the
+sacrum by `vertebra_level`."""
+LENGTHS = {
+    ("L_SHOULDER", "R_SHOULDER"): 0.21,
+    ("C7", "SACRUM"): 0.28,
+    ("C7", "MANUBRIUM"): 0.075,
+    ("L_ASIS", "R_ASIS"): 0.15,
+    ("L_HIP", "R_HIP"): 0.20,
+    ("SHOULDER", "ELBOW"): 0.17,
+    ("ELBOW", "WRIST"): 0.15,
+    ("HIP", "KNEE"): 0.24,
+    ("KNEE", "ANKLE"): 0.235,
+    ("HEEL", "TOE"): 0.13,
+}
+"""Distances as shares of stature, between markers on the skin."""
+_VERTEBRA = re.compile(r"^([TL])V?(\d{1,2})$")
+
+
+def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dict[str, str]:
+    """Landmark to label, for the labels whose meaning is known.
+
+    Parameters
+    ----------
+    labels : iterable of str
+        Without subject prefixes.
+    meant : dict of str to str, optional
+        Landmark to label, by a laboratory's own aliases: they go before the usual meaning.
+
+    Examples
+    --------
+    >>> landmarks(["CV7", "TV8", "L_IAS", "PSISr", "whatever"])
+    {'C7': 'CV7', 'L_ASIS': 'L_IAS', 'R_PSIS': 'PSISr', 'T8': 'TV8'}
+    """
+    bare = {_bare(label): label for label in labels}
+    found = {}
+    for landmark, names in _LABELS.items():
+        _take(found, landmark, names, bare)
+    for landmark, names in _SIDED_LABELS.items():
+        for side in "LR":
+            candidates = [word for name in names for word in (side + name, name + side)]
+            _take(found, f"{side}_{landmark}", candidates, bare)
+    for name, label in bare.items():
+        match = _VERTEBRA.match(name)
+        if match and 1 <= int(match[2]) <= {"T": 12, "L": 5}[match[1]]:
+            found.setdefault(f"{match[1]}{int(match[2])}", label)
+    meant = meant or {}
+    own = set(meant.values())
+    return {**{name: label for name, label in found.items() if label not in own}, **meant}
+
+
+def _take(found: dict[str, str], landmark: str, names: Iterable[str], bare: dict[str, str]) -> None:
+    """Note the first of these names that a file holds."""
+    label = next((bare[name] for name in names if name in bare), None)
+    if label is not None:
+        found[landmark] = label
+
+
+def _bare(label: str) -> str:
+    return re.sub(r"[^A-Z0-9]", "", label.rpartition(":")[2].upper())
+
+
+def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> list[tuple[str, str]]:
+    """Return the labels that differ in their side alone, left one first; `named` says where a label means the other side.
+
+    Examples
+    --------
+    >>> side_pairs(["LASI", "RASI", "PSISl", "PSISr", "L_FTC", "RTOE"])
+    [('LASI', 'RASI'), ('PSISl', 'PSISr')]
+    """
+    labels = list(labels)
+    present = set(labels)
+    pairs = []
+    for label in labels:
+        others = []
+        if label[:1] in "Ll":
+            others.append({"L": "R", "l": "r"}[label[0]] + label[1:])
+        if label[-1:] == "l" or label[-2:] == "_L":
+            others.append(label[:-1] + {"l": "r", "L": "R"}[label[-1]])
+        pairs += [(label, other) for other in others if other in present]
+    meant_right = {label for label, landmark in (named or {}).items() if landmark.startswith("R_")}
+    return [(right, left) if left in meant_right else (left, right) for left, right in pairs]
+
+
+def level(landmark: str) -> float | None:
+    """Nominal height of a landmark along the trunk; None off the trunk.
+
+    Examples
+    --------
+    >>> level("L_SHOULDER"), level("T12"), level("L_KNEE")
+    (1.0, 0.37, None)
+    """
+    name = landmark[2:] if landmark[:2] in ("L_", "R_") else landmark
+    if name in LEVELS:
+        return LEVELS[name]
+    match = _VERTEBRA.match(landmark)
+    return vertebra_level(match[1], int(match[2])) if match else None
+
+
+def vertebra_level(region: str, number: int) -> float:
+    """Height of a thoracic (T) or lumbar (L) vertebra along the trunk; lumbar ones are taller."""
+    heights = (
+        np.interp(number, (1, 12), (0.98, 0.37)) if region == "T" else np.interp(number, (1, 5), (0.31, 0.07))
+    )
+    return round(float(heights), 3)

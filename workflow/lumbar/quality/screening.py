@@ -1,0 +1,111 @@
+"""Reading a marker file through the gate: what cannot be a body becomes a gap, and the reader of the results is told."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lumbar.errors import InputError
+from lumbar.quality.finding import ERROR, Finding
+from lumbar.quality.gate import examine, hidden
+from lumbar.quality.sheet import QualitySheet, quality_sheet
+from lumbar.records.markers import MarkerRecording, Mend, read_markers
+from lumbar.settings.layout import Alias, MarkerLayout
+
+
+@dataclass
+class Screening:
+    """A screen for `lumbar.records.markers.read_markers` that keeps what it found.
+
+    Attributes
+    ----------
+    height_m : float or None
+        Stature of the person.
+    aliases : mapping of str to Alias
+        Of the layout: what the laboratory's labels mean.
+    refuse : bool
+        Raise for findings that are errors; otherwise they are only kept.
+    findings : list of Finding
+        Of the file read last.
+    points : dict of str to ndarray, shape (n_frames, 3)
+        Its measured markers by label, as they were before anything was left out.
+    """
+
+    height_m: float | None = None
+    aliases: Mapping[str, Alias] = field(default_factory=dict)
+    refuse: bool = True
+    findings: list[Finding] = field(default_factory=list)
+    points: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __call__(
+        self, points: dict[str, np.ndarray], time: np.ndarray, rate: float
+    ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+        """Return the points without what the findings leave out, and why a marker is left out altogether."""
+        meant = meant_labels(self.aliases, points)
+        self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
+        errors = [finding for finding in self.findings if finding.outcome == ERROR]
+        if errors and self.refuse:
+            raise InputError("; ".join(map(str, errors)))
+        screened = hidden(points, self.findings)
+        left_out = {
+            label: f"{finding.kind} in all frames"
+            for finding in self.findings
+            for label in finding.markers
+            if np.isnan(screened[label]).all()
+        }
+        return screened, left_out
+
+
+def meant_labels(aliases: Mapping[str, Alias], labels: Collection[str]) -> dict[str, str]:
+    """Return, by standard name, the label of the file that alone fills an alias."""
+    meant = {}
+    for name, alias in aliases.items():
+        for choice in alias if isinstance(alias, tuple) else (alias,):
+            if not isinstance(choice, str):
+                break  # a rule: no one marker
+            if choice in labels:
+                meant[name] = choice
+                break
+    return meant
+
+
+def read_screened(
+    path: str | os.PathLike,
+    layout: MarkerLayout | None = None,
+    name: str | None = None,
+    height_m: float | None = None,
+    mend: Mend | None = None,
+) -> tuple[MarkerRecording, QualitySheet]:
+    """Read a marker file, leaving out what cannot be a body.
+
+    Parameters
+    ----------
+    path : path
+    layout : MarkerLayout, optional
+    name : str, optional
+    height_m : float, optional
+        Stature of the person.
+    mend : callable, optional
+        As of `read_markers`: mends what is left.
+
+    Returns
+    -------
+    recording : MarkerRecording
+        Gaps where a marker was left out; one left out altogether is among `MarkerRecording.dropped`.
+    sheet : QualitySheet
+
+    Raises
+    ------
+    InputError
+        As `read_markers`; and where the unit, the rate or the sides of the whole recording are impossible.
+    """
+    screening = Screening(height_m, layout.aliases if layout else {})
+    try:
+        recording = read_markers(path, layout, name=name, screen=screening, mend=mend)
+    except InputError as error:
+        text = str(error)
+        raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error
+    return recording, quality_sheet(recording, screening.points, screening.findings)

@@ -1,0 +1,200 @@
+"""Markers in tables (CSV): one row per frame, three columns per marker, under one line of names or two.
+
+Either each column says marker and axis, or the first line names markers and the second axes::
+
+    time_s,C7_x,C7_y,C7_z,SACRUM_x,…          ,C7,,,SACRUM,,
+    0.00,12.1,853.0,1450.2,…                   time_s,x,y,z,x,y,z
+
+Cells are separated by commas, semicolons (then with a decimal point or comma) or tabs. Times are in seconds, or in the unit
+behind their name (``time_ms``, ``Time (ms)``); without them the layout's ``rate_Hz`` is needed. A unit of
+length may stand behind the axis (``C7_x_mm``, ``C7 X [mm]``), else the layout's ``unit`` is needed. An empty cell
+is a missing sample.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+
+from lumbar.errors import InputError, Problems
+from lumbar.records.marker_file import MarkerFile, mark_missing
+from lumbar.records.numbers import number
+from lumbar.records.point_kinds import split_points
+from lumbar.records.record import LARGEST
+
+_TIME = re.compile(r"^(?:time|t|zeit)[\s_]*[\[(]?(s|sec|ms|)[\])]?$", re.IGNORECASE)
+_FRAME = re.compile(r"^(frame|frame#|index|sample)$", re.IGNORECASE)
+_COORDINATE = re.compile(
+    r"^(?P<marker>.*?)[\s_.:-]+(?P<axis>[xyz])(?:[\s_]*[\[(]?(?P<unit>mm|cm|m)[\])]?)?$", re.IGNORECASE
+)
+_OFF_CLOCK = 0.25
+"""How far a frame may lie from an even clock, in frames."""
+_MOST_PROBLEMS = 20
+
+
+def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> MarkerFile:
+    """Read markers from a CSV file.
+
+    Parameters
+    ----------
+    path : path
+    rate : float, optional
+        Frames per second, where the file has no times; with times, they must agree.
+
+    Raises
+    ------
+    InputError
+        A header that names no marker with its three axes, a row of another length, a cell that is no number, a clock
+        that is missing or not even.
+    """
+    path = Path(path)
+    separator, rows = _cells(path)
+    header, begins = _header(path, rows)
+    time_column, markers, unit = _columns(path, header)
+    table = _numbers(path, rows[begins:], len(header), decimal_comma=separator == ";")
+    if time_column is None:
+        if rate is None:
+            raise InputError(
+                f"{path}: no column of times (time_s); set markers.rate_Hz to the frames per second"
+            )
+        time = np.arange(len(table)) / rate
+    else:
+        position, seconds = time_column
+        time, rate = _clock(path, table[:, position] * seconds, rate)
+    points = np.stack([table[:, columns] for columns in markers.values()], axis=1)
+    used = {column for columns in markers.values() for column in columns}
+    others = [name for column, name in enumerate(header) if column not in used and name]
+    others = [name for name in others if not (_TIME.match(name) or _FRAME.match(name))]
+    return split_points(
+        source=str(path),
+        time=time,
+        rate=rate,
+        unit=unit,
+        labels=list(markers),
+        points=mark_missing(points),
+        notes=(f"columns that are no coordinates were left out: {', '.join(others)}",) if others else (),
+    )
+
+
+def _cells(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
+    """Separator, and the line and the cells of every row that is not empty."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        text = path.read_text(encoding="cp1252", errors="replace")
+    lines = text.splitlines()
+    first = next((line for line in lines if line.strip()), "")
+    separator = next((sign for sign in "\t;," if sign in first), None)
+    if separator is None:
+        raise InputError(
+            f"{path}: its first line has neither tab, semicolon nor comma; a table of markers has a column for every "
+            "coordinate"
+        )
+    try:
+        rows = [
+            (place, [cell.strip() for cell in cells])
+            for place, cells in enumerate(csv.reader(lines, delimiter=separator), start=1)
+        ]
+    except csv.Error as error:
+        raise InputError(f"{path}: not a table ({error})") from error
+    return separator, [(place, cells) for place, cells in rows if any(cells)]
+
+
+def _header(path: Path, rows: list[tuple[int, list[str]]]) -> tuple[list[str], int]:
+    """One name per column, and how many rows the names take."""
+    if len(rows) < 3:
+        raise InputError(f"{path}: {len(rows)} lines; a line of names and two frames are needed")
+    first, second = rows[0][1], rows[1][1]
+    axes = [cell for cell in second if re.fullmatch("[xyz]", cell, re.IGNORECASE)]
+    if len(axes) < 3:
+        return first, 1
+    names, marker = [], ""
+    for column, axis in enumerate(second):
+        marker = (first[column] if column < len(first) else "") or marker
+        names.append(f"{marker}_{axis}" if axis.lower() in ("x", "y", "z") else axis or marker)
+    return names, 2
+
+
+def _columns(path: Path, header: list[str]) -> tuple[tuple[int, float] | None, dict[str, list[int]], str]:
+    """Column of the times with their factor to seconds, columns of each marker, and the unit of length."""
+    problems = Problems(str(path))
+    markers: dict[str, dict[str, int]] = {}
+    units = set()
+    time_column = None
+    for column, name in enumerate(header):
+        if found := _TIME.match(name):
+            time_column = time_column or (column, 1e-3 if found.group(1).lower() == "ms" else 1.0)
+        elif found := _COORDINATE.match(name):
+            axes = markers.setdefault(found["marker"], {})
+            units.add((found["unit"] or "").lower())
+            if axes.setdefault(found["axis"].lower(), column) != column:
+                problems.add(name, "stands twice", "every coordinate has one column")
+    for marker, axes in markers.items():
+        if len(axes) < 3:
+            problems.add(marker, f"has the columns {', '.join(sorted(axes))}", "x, y and z are needed")
+    if not markers:
+        problems.add(
+            "",
+            f"no column of a marker among {', '.join(header[:12])}",
+            "names such as C7_x, C7_y, C7_z are needed",
+        )
+    if len(units) > 1:
+        problems.add("", f"units {', '.join(sorted(units))} in the header", "all columns need the same")
+    problems.raise_if_any()
+    return time_column, {name: [axes[axis] for axis in "xyz"] for name, axes in markers.items()}, units.pop()
+
+
+def _numbers(path: Path, rows: list[tuple[int, list[str]]], width: int, decimal_comma: bool) -> np.ndarray:
+    """Numbers of all rows, shape (n_frames, width); NaN for an empty cell."""
+    problems = Problems(str(path))
+    table = []
+    for place, cells in rows:
+        if len(cells) != width:
+            problems.add(f"line {place}", f"{len(cells)} cells", f"{width} are needed, as in the header")
+        else:
+            try:
+                row = [
+                    number(cell.replace(",", ".") if decimal_comma else cell) if cell else np.nan
+                    for cell in cells
+                ]
+            except ValueError as error:
+                problems.add(f"line {place}", str(error), "numbers are needed")
+                continue
+            if np.nanmax(np.abs(row), initial=0) > LARGEST:
+                problems.add(f"line {place}", "a number too large", f"at most {LARGEST:g} in size is allowed")
+            table.append(row)
+        if len(problems.entries) >= _MOST_PROBLEMS:
+            problems.add("", f"reading stopped after {_MOST_PROBLEMS} problems")
+            break
+    problems.raise_if_any()
+    return np.array(table)
+
+
+def _clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
+    """Instants of an even clock and its rate, checked against the printed times."""
+    if not np.isfinite(printed).all():
+        raise InputError(f"{path}: frame {int((~np.isfinite(printed)).argmax()) + 1} has no time")
+    span = printed[-1] - printed[0]
+    if not span > 0:
+        raise InputError(f"{path}: time runs from {printed[0]:g} to {printed[-1]:g} s; it must increase")
+    rate = (len(printed) - 1) / span
+    whole = round(rate)
+    # Times that are printed with few digits still tell a whole rate.
+    if whole and np.abs(printed - printed[0] - np.arange(len(printed)) / whole).max() * whole <= _OFF_CLOCK:
+        rate = float(whole)
+    if declared is not None and not np.isclose(declared, rate, rtol=1e-2):
+        raise InputError(
+            f"{path}: its times run at {rate:g} Hz, but markers.rate_Hz is {declared:g}; set it to null"
+        )
+    even = printed[0] + np.arange(len(printed)) / rate
+    worst = int(np.abs(printed - even).argmax())
+    if abs(printed[worst] - even[worst]) * rate > _OFF_CLOCK:
+        raise InputError(
+            f"{path}: frame {worst + 1} is at {printed[worst]:g} s; at {rate:g} Hz it would be at {even[worst]:g} s: "
+            "the clock is not even, or frames are missing"
+        )
+    return even, rate
