@@ -8,14 +8,15 @@ from __future__ import annotations
 import faulthandler
 import json
 import math
-import random
 import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from lumbar.fmu.agreed import REFERENCE, WITHOUT_EVENT_MODE, slow_push, told_meaning
+from lumbar.fmu.check import calls
 from lumbar.fmu.check.instance import Instance, UnzippedFmu
+from lumbar.fmu.check.motion import Motion, modes, named
 
 SECONDS = 120
 """A library that plays for longer hangs: it takes a fraction of one."""
@@ -27,42 +28,11 @@ _ROUNDING = 1e-9
 _SAMPLES = 60
 """Of a random motion: longer than the longest moving average."""
 _COMPARED = 400
-"""Samples that two libraries are compared on."""
+"""Samples that two libraries are compared on, about each of two sets of parameters."""
+_LONG = 10_000
+"""Further ones: what comes late shows."""
 _FAR = 1e6
 """Times the reference push: any force model that is not bounded by itself is at its limit there."""
-
-
-class Motion:
-    """Positions to play, about rest and of the reference push's size.
-
-    Attributes
-    ----------
-    rest, span : float
-        First position of the reference, and the largest distance from it.
-    """
-
-    def __init__(self, fmu: UnzippedFmu):
-        self.push = fmu.signal(REFERENCE[0])
-        self.rest = self.push[0]
-        self.span = max(abs(position - self.rest) for position in self.push) or 1.0
-
-    def random(self, samples: int, seed: int, scale: float = 0.5) -> list[float]:
-        """A random walk within the push's span, mirrored at its ends."""
-        generator, position, positions = random.Random(seed), 0.0, []
-        for _ in range(samples):
-            position += generator.gauss(0.0, 0.2)
-            position = max(-2.0 - position, min(2.0 - position, position))
-            positions.append(self.rest + scale * self.span * position)
-        return positions
-
-
-def modes(fmu: UnzippedFmu) -> list[bool]:
-    """Whether with event mode: the ways in which the FMU can be played."""
-    return [False, True] if fmu.version == 3 and fmu.description.coSimulation.hasEventMode else [False]
-
-
-def _named(event_mode: bool) -> str:
-    return "with event mode" if event_mode else "without event mode"
 
 
 def check_start_values(fmu: UnzippedFmu) -> Iterator[str]:
@@ -107,7 +77,7 @@ def check_reference(fmu: UnzippedFmu) -> Iterator[str]:
         worst = max(range(len(expected)), key=lambda k: abs(found[k] - expected[k]))
         if not abs(found[worst] - expected[worst]) <= REFERENCE_TOLERANCE * largest:
             yield (
-                f"{fmu.ports[1]}: {_named(event_mode)} the library gives {found[worst]!r} at sample {worst} of the "
+                f"{fmu.ports[1]}: {named(event_mode)} the library gives {found[worst]!r} at sample {worst} of the "
                 f"reference; {path} says {expected[worst]!r}"
             )
 
@@ -163,7 +133,7 @@ def check_limits(fmu: UnzippedFmu) -> Iterator[str]:
                     "modelDescription.xml says" if lowered is None else f"{limit} set to {lowered:g} asks for"
                 )
                 yield (
-                    f"{force}: the library gives {worst!r} {_named(event_mode)} at positions far away; {said} "
+                    f"{force}: the library gives {worst!r} {named(event_mode)} at positions far away; {said} "
                     f"{bounds[0]:g} to {bounds[1]:g}"
                 )
                 break
@@ -265,11 +235,7 @@ def _acting(fmu: UnzippedFmu, event_mode: bool, positions: list[float]) -> set[s
     motion, low, high = Motion(fmu), fmu.numbered("min"), fmu.numbered("max")
     instance = Instance(fmu, event_mode)
     instance.play(positions[:-1])
-    if instance.samples:
-        step = fmu.sampling_time
-        instance.slave.doStep((instance.samples - 1) * step, step)
-        if event_mode:
-            instance.slave.enterEventMode()
+    instance.reach_sample()
     instance.set(source, positions[-1])
     acting = set()
     for name in fmu.settable:
@@ -316,7 +282,7 @@ def check_reset(fmu: UnzippedFmu) -> Iterator[str]:
         again = instance.play(positions)
         if again != first:
             words = _first_difference(again, first, "after a reset", "a new instance gives")
-            yield f"{fmu.ports[1]}: {_named(event_mode)} {words}"
+            yield f"{fmu.ports[1]}: {named(event_mode)} {words}"
 
 
 def _first_difference(found: list[float], expected: list[float], when: str, other: str) -> str:
@@ -347,7 +313,7 @@ def check_saved_states(fmu: UnzippedFmu) -> Iterator[str]:
                     yield f"{name}: it is {other.get(name)!r} {when}; {value!r} was saved"
             found = other.play(more)
             if found != expected:
-                yield f"{force}: {_named(event_mode)} {_first_difference(found, expected, when, 'without saving')}"
+                yield f"{force}: {named(event_mode)} {_first_difference(found, expected, when, 'without saving')}"
 
 
 def check_instances(fmu: UnzippedFmu) -> Iterator[str]:
@@ -380,6 +346,11 @@ CHECKS: tuple[Callable[[UnzippedFmu], Iterator[str]], ...] = (
     check_reset,
     check_saved_states,
     check_instances,
+    calls.check_steps,
+    calls.check_refused_steps,
+    calls.check_damaged_bytes,
+    calls.check_slope,
+    calls.check_energy,
 )
 
 
@@ -413,6 +384,7 @@ def compared(shipped: UnzippedFmu, built: UnzippedFmu) -> list[str]:
             for name in fmu.settable:
                 instance.accepts(name, start[name] / 2 + 0.125)
             forces += instance.play(motion.random(_COMPARED // 2, 11, scale=3.0))
+            forces += instance.play(motion.random(_LONG, 17))
         played.append(forces)
     if played[0] == played[1]:
         return []

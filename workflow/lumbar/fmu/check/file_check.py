@@ -63,10 +63,10 @@ def check_file(path: Path, cache: Path) -> FileCheck:
     InputError
         The file is not there, or there is no compiler.
     """
-    return _checked([path], cache)[0]
+    return checked([path], cache)[0]
 
 
-def _checked(paths: list[Path], cache: Path) -> list[FileCheck]:
+def checked(paths: list[Path], cache: Path) -> list[FileCheck]:
     """Check files as `check_file` does; what is slow to start is started once for all."""
     for path in paths:
         if not path.is_file():
@@ -104,7 +104,7 @@ def _built_anew(check: FileCheck, work: Path, number: int, library: Path, cache:
 
 def check_files(paths: Iterable[Path], cache: Path) -> list[FileCheck]:
     """Check FMUs and raise one error with all problems of all of them; parameters as of `check_file`."""
-    checks = _checked(list(paths), cache)
+    checks = checked(list(paths), cache)
     wrong = [check for check in checks if check.problems]
     problems = Problems(wrong[0].path.name if len(wrong) == 1 else "FMUs that must not be used")
     for check in wrong:

@@ -97,10 +97,21 @@ class Instance:
         FMI 3.0 alone.
     token : str, optional
         Another than the description's.
+    start : float
+        Time of the first sample, s.
+    parts : int
+        Steps from one sample to the next, without event mode.
     """
 
-    def __init__(self, fmu: UnzippedFmu, event_mode: bool = False, token: str | None = None):
-        self.fmu, self.event_mode = fmu, event_mode
+    def __init__(
+        self,
+        fmu: UnzippedFmu,
+        event_mode: bool = False,
+        token: str | None = None,
+        start: float = 0.0,
+        parts: int = 1,
+    ):
+        self.fmu, self.event_mode, self.start, self.parts = fmu, event_mode, start, parts
         self.slave = copy(fmu.slave)
         self.slave.instanceName = f"checked {next(_NUMBERS)}"
         if token is not None:
@@ -112,12 +123,12 @@ class Instance:
         self.initialize()
 
     def initialize(self) -> None:
-        """Enter initialization mode at time 0."""
+        """Enter initialization mode at the start time."""
         if self.fmu.version == 2:
-            self.slave.setupExperiment(startTime=0.0)
+            self.slave.setupExperiment(startTime=self.start)
             self.slave.enterInitializationMode()
         else:
-            self.slave.enterInitializationMode(startTime=0.0)
+            self.slave.enterInitializationMode(startTime=self.start)
         self.samples = 0
 
     def reset(self) -> None:
@@ -155,10 +166,8 @@ class Instance:
             self.set(source, position)
             self.slave.exitInitializationMode()
         else:
-            step = self.fmu.sampling_time
-            self.slave.doStep((self.samples - 1) * step, step)
+            self.reach_sample()
             if self.event_mode:
-                self.slave.enterEventMode()
                 self.set(source, position)
         if self.event_mode:
             self.next_event = self.slave.updateDiscreteStates()[-1]
@@ -169,6 +178,26 @@ class Instance:
             self.set(source, position)
         self.samples += 1
         return read
+
+    def reach_sample(self) -> None:
+        """Step to the instant of the next sample, after the first one."""
+        if self.samples == 0:
+            return
+        step = self.fmu.sampling_time
+        for part in range(self.parts):
+            self.slave.doStep(self.start + (self.samples - 1 + part / self.parts) * step, step / self.parts)
+        if self.event_mode:
+            self.slave.enterEventMode()
+
+    def steps(self, begin: float, length: float) -> bool:
+        """Take a step; whether the FMU took it."""
+        from fmpy.fmi1 import FMICallException
+
+        try:
+            self.slave.doStep(begin, length)
+        except FMICallException:
+            return False
+        return True
 
     def play(self, positions: Iterable[float]) -> list[float]:
         """Force at each of the next sample instants."""

@@ -82,6 +82,10 @@ def lint_sources(
     if "sources/buildDescription.xml" in files:
         build = _parsed(files["sources/buildDescription.xml"], "buildDescription.xml", problems)
         listed += [file.get("name") for file in build.iter("SourceFile")]
+        if any(item.get("compilerOptions") for item in build.iter()) or list(
+            build.iter("PreprocessorDefinition")
+        ):
+            problems.append("buildDescription.xml has compiler options or definitions; the sources need none")
         for configuration in build.iter("BuildConfiguration"):
             if configuration.get("modelIdentifier") != identifier:
                 problems.append(f"buildDescription.xml builds {configuration.get('modelIdentifier')!r}")

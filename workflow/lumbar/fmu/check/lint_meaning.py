@@ -25,12 +25,23 @@ def lint_meaning(files: Mapping[str, bytes], root: Element, unit: str | None) ->
         Of the input.
     """
     problems = [f"modelDescription.xml has no {name}" for name in _ROOT if not root.get(name)]
+    token = root.get("guid") or root.get("instantiationToken") or ""
+    if root.get("version") and not root.get("version", "").endswith(f"+{token[:8]}"):
+        problems.append(
+            f"version is {root.get('version')}; it must end with +{token[:8]}, as the token begins"
+        )
     told = told_meaning(root)
     if told is None:
         return [*problems, f"there is no annotation {ANNOTATION!r}: direction and valid range are not said"]
     if told.get("resisting_sign") not in (1, -1):
         problems.append(
             f"resisting_sign is {told.get('resisting_sign')!r} in the annotation; 1 or -1 is needed"
+        )
+    output = next((item for item in root.iter() if item.get("causality") == "output"), root)
+    if ("where positive it resists" in output.get("description", "")) != (told.get("resisting_sign") == 1):
+        problems.append(
+            f"{output.get('name')}: its description says {output.get('description')!r}; the annotation has resisting_sign "
+            f"{told.get('resisting_sign')!r}"
         )
     texts = {
         "modelDescription.xml": root.get("description", ""),
