@@ -5,6 +5,9 @@
 rule lift:
     input:
         markers=lambda wildcards: recording(study.lifts[wildcards.lift].trial.markers),
+        static=lambda wildcards: [
+            recording(path) for path in [study.lifts[wildcards.lift].static] if path is not None
+        ],
         checked="<results>/checked/lifting.json",
         sources=library_sources("lift.py"),
     output:
@@ -13,6 +16,7 @@ rule lift:
         summary="<results>/lifting/{lift}/pendulum.json",
         events="<results>/lifting/{lift}/events.json",
         gaps="<results>/lifting/{lift}/gaps.csv",
+        spread="<results>/lifting/{lift}/spread.csv",
         motion="<results>/lifting/{lift}/motion.csv",
         landmarks="<results>/lifting/{lift}/landmarks.csv",
         quality="<results>/lifting/{lift}/quality.json",
@@ -44,10 +48,11 @@ if study.has("lifting"):
             events=[f"<results>/lifting/{lift}/events.json" for lift in study.lifts],
             motion=[f"<results>/lifting/{lift}/motion.csv" for lift in study.lifts],
             landmarks=[f"<results>/lifting/{lift}/landmarks.csv" for lift in study.lifts],
+            spread=[f"<results>/lifting/{lift}/spread.csv" for lift in study.lifts],
             quality=[f"<results>/lifting/{lift}/quality.json" for lift in study.lifts],
             sources=library_sources("lifting_figures.py"),
         output:
-            **published("quality", "lifting_events", "figure_4_1", "figure_4_2"),
+            **published("quality", "lifting_events", "figure_4_1", "figure_4_2", "centre_of_mass_checks"),
         log:
             "<logs>/lifting_figures.log",
         benchmark:
@@ -57,6 +62,6 @@ if study.has("lifting"):
         params:
             data=DATA,
         message:
-            "Quality of the recordings, Figures 4.1 and 4.2, events of every lift"
+            "Quality of the recordings, Figures 4.1 and 4.2, events and centres of mass of every lift"
         script:
             "../scripts/lifting_figures.py"

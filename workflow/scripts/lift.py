@@ -19,6 +19,7 @@ def main(input, output, params):
         trial.box_mass_kg,
         trial=trial,
         name=params.lift,
+        static=next(iter(input.static), None),
         settings=typed(LiftingSettings, params.settings),
         data=params.data,
     )

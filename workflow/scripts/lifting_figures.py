@@ -1,4 +1,4 @@
-"""Quality of the recordings, events of every lift, Figure 4.1 and Figure 4.2."""
+"""Quality of the recordings, events of every lift, Figure 4.1, Figure 4.2, and the checks of the centres of mass."""
 
 from job import run, stem
 
@@ -8,6 +8,7 @@ def main(input, output, params):
     import pandas as pd
 
     from lumbar.files import read_json
+    from lumbar.lifting.model_spread import spread_table
     from lumbar.quality.quality_table import quality_table
     from lumbar.reports.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
     from lumbar.reports.figures.style import save
@@ -38,6 +39,10 @@ def main(input, output, params):
     shown = next((lift for lift in lifts if len(lift["states"])), lifts[0])
     save(pendulum_figure(shown), stem(output.figure_4_1), params.data)
     save(segments_figure(shown), stem(output.figure_4_2), params.data)
+    spreads = [pd.read_csv(path) for path in input.spread]
+    spread_table(spreads, [lift["summary"] for lift in lifts], params.data).write(
+        stem(output.centre_of_mass_checks)
+    )
 
 
 run(main, snakemake)

@@ -116,7 +116,8 @@ def test_the_file_holds_the_movement_with_noise_and_short_gaps(twin, layout, mov
     assert max(gap.length_s for gap in gaps) <= twin.gaps.longest_s + 1e-9
     assert missing_share(filled) == 0
     assert not recording.derived
-    assert not recording.absent
+    # Joints that the lifter does not mark: they serve the comparison with force plates alone.
+    assert set(recording.absent) == {f"{side}_{joint}" for side in "LR" for joint in ("ELBOW", "KNEE")}
 
 
 def test_the_same_seed_writes_the_same_bytes_and_another_seed_others(twin, tmp_path):

@@ -27,11 +27,13 @@ COMMANDS = (
     "render",
     "export",
     "survey",
+    "new-study",
     "inspect",
     "lift",
     "basin",
 )
-"""Commands in the thesis's order, each in a module ``<name>_command``; it has ``add(commands)``, which sets ``run``."""
+"""Commands in the thesis's order, each in a module ``<name>_command``, with ``_`` for ``-``; it has ``add(commands)``, which
+sets ``run``."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as of every program that SIGINT ends."""
 
@@ -55,7 +57,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name in COMMANDS:
-        import_module(f"lumbar.cli.{name}_command").add(commands)
+        import_module(f"lumbar.cli.{name.replace('-', '_')}_command").add(commands)
     return parser
 
 

@@ -1,4 +1,4 @@
-"""``lumbar lift``: from markers to the pendulums of one lift."""
+"""``lumbar lift``: from markers to the pendulums of one lift, or of many."""
 
 from __future__ import annotations
 
@@ -13,23 +13,72 @@ def add(commands) -> None:
     parser = new_command(
         commands,
         "lift",
-        "events, centres of mass and pendulum states of one lift",
-        "lumbar lift expert_23kg.c3d --subject config/subjects/expert.yaml --box-mass 23 --output out",
+        "events, centres of mass and pendulum states of one lift, or of several",
+        "lumbar lift expert_23kg.c3d --subject config/subjects/expert.yaml --box-mass 23 --output out\n"
+        "  lumbar lift recordings --subject config/subjects/expert.yaml --output out",
     )
-    parser.add_argument("markers", type=Path, metavar="MARKERS", help="C3D or TRC file")
+    parser.add_argument(
+        "markers",
+        type=Path,
+        nargs="+",
+        metavar="MARKERS",
+        help="C3D or TRC file; several files, or a folder: each lift has a folder of its own in DIR, and lifts.csv lists all",
+    )
     parser.add_argument("--subject", type=Path, required=True, metavar="YAML", help="as in config/subjects")
-    parser.add_argument("--box-mass", type=float, required=True, metavar="KG", help="mass of the box")
+    parser.add_argument(
+        "--box-mass", type=float, metavar="KG", help="mass of the box (default: that of the trial)"
+    )
+    parser.add_argument(
+        "--trial",
+        metavar="LIFT",
+        help="name of the lift, e.g. expert_23kg_2 (default: the subject's trial whose file this is)",
+    )
+    parser.add_argument("--static", type=Path, metavar="FILE", help="static trial (default: the subject's)")
     add_output(parser)
     add_data(parser)
     parser.set_defaults(run=run)
 
 
 def run(options) -> None:
-    """Analyse the lift, write its pendulums, print its events."""
+    """Analyse the lifts, write their pendulums, print their events and, of one, the checks of its centres of mass."""
+    settings = load_settings(*options.config).lifting
+    if len(options.markers) > 1 or options.markers[0].is_dir():
+        _run_all(options, settings)
+        return
     from lumbar.interface.person import lift
 
-    settings, data = load_settings(*options.config).lifting, options.data or options.markers.name
-    found = lift(options.markers, options.subject, options.box_mass, settings=settings, data=data)
+    found = lift(
+        options.markers[0],
+        options.subject,
+        options.box_mass,
+        trial=options.trial,
+        settings=settings,
+        static=options.static,
+        data=options.data or options.markers[0].name,
+    )
     found.save(options.output)
     print(found)
+    print("\n".join(found.checks))
     print(f"pendulum.csv and pendulum.json are in {options.output}")
+
+
+def _run_all(options, settings) -> None:
+    """Analyse several lifts; end with an error that names those without a result, after the others are written."""
+    from lumbar.errors import InputError
+    from lumbar.interface.lift_batch import lift_all, planned_lifts
+    from lumbar.interface.person import subject_of
+
+    if options.trial:
+        raise InputError("--trial names one lift of one file: give that file alone")
+    subject = subject_of(options.subject)
+    lifts = planned_lifts(options.markers, subject)
+    table, failed = lift_all(
+        lifts, subject, options.box_mass, settings, options.output, options.data, options.static
+    )
+    for row in table.itertuples():
+        print(f"{row.lift}: {row.pendulums} pendulums" + (f"; {row.remark}" if row.remark else ""))
+    print(f"{len(lifts) - len(failed)} lifts and lifts.csv are in {options.output}")
+    if failed:
+        raise InputError(
+            f"{len(failed)} of {len(lifts)} lifts have no result: {', '.join(failed)}; lifts.csv says why"
+        )

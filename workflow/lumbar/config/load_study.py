@@ -109,7 +109,9 @@ def name_lifts(subjects: dict[str, SubjectSettings]) -> dict[str, RecordedLift]:
             masses.append(trial.box_mass_kg)
             repetition = masses.count(trial.box_mass_kg)
             name = f"{subject}_{trial.box_mass_kg:g}kg"
-            lifts[name if repetition == 1 else f"{name}_{repetition}"] = RecordedLift(subject, trial)
+            lifts[name if repetition == 1 else f"{name}_{repetition}"] = RecordedLift(
+                subject, trial, content.static
+            )
     return lifts
 
 

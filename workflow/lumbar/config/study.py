@@ -19,6 +19,7 @@ class RecordedLift:
 
     subject: str
     trial: TrialSettings
+    static: str | None = None
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,8 @@ class Study:
         return str(self.data_root / path)
 
     def subject_of(self, lift: str) -> SubjectSettings:
-        """The subject of a lift without trials and label: neither another trial nor another label changes this lift."""
-        return replace(self.subjects[self.lifts[lift].subject], trials=(), experience="")
+        """The subject of a lift by itself: another trial, another label or the static trial's name do not change this lift."""
+        return replace(self.subjects[self.lifts[lift].subject], trials=(), experience="", static=None)
 
     @property
     def labels(self) -> dict[str, str]:

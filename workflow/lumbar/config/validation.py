@@ -14,6 +14,8 @@ from lumbar.settings.plain import plain
 from lumbar.yaml_file import YamlFile
 
 Kind = TypeVar("Kind")
+FILL_IN = "FILL_IN"
+"""What stands in place of a value that only a person knows (``lumbar new-study``)."""
 _LONGEST_VALUE = 60
 _ANY = object()
 
@@ -101,18 +103,33 @@ def validated(
     """
     from pydantic import ValidationError
 
+    unfilled = _unfilled(content)
+    for way in unfilled:
+        value = f"{FILL_IN}: still to be filled in"
+        problems.add(origins.place((*above, *way)), value, _rule(key_at(kind, way)))
     merged = laid_over(_defaults(kind), content)
     try:
-        return _adapter(kind).validate_json(json.dumps(merged, default=_as_plain), strict=True)
+        checked = _adapter(kind).validate_json(json.dumps(merged, default=_as_plain), strict=True)
+        return None if unfilled else checked
     except ValidationError as error:
-        said: dict[tuple, tuple[str, str]] = {}
+        said: dict[tuple, tuple[str, str]] = dict.fromkeys(unfilled, ("", ""))
         for item in error.errors(include_url=False):
             way, found, allowed = _explained(kind, merged, item)
             said.setdefault(way, (found, allowed))
         places = {way: origins.place((*above, *way), _value(merged, way, _ANY)) for way in said}
         for way, (found, allowed) in said.items():
+            if any(place[: len(way)] == way for place in unfilled):
+                continue
             problems.add(places[way], found, allowed)
     return None
+
+
+def _unfilled(content: Any, way: tuple = ()) -> list[tuple]:
+    """Ways to the values that a person has yet to fill in."""
+    if isinstance(content, dict | list):
+        items = content.items() if isinstance(content, dict) else enumerate(content)
+        return [found for key, value in items for found in _unfilled(value, (*way, key))]
+    return [way] if content == FILL_IN else []
 
 
 def _as_plain(value: Any) -> Any:

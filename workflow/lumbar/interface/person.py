@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
 from lumbar.interface.data_label import NOT_SAID, data_label
-from lumbar.interface.trials import trial_of
+from lumbar.interface.trials import static_of, trial_of
 from lumbar.lifting import lift as lifting
+from lumbar.lifting.rigid_filling import BodyFilling
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
 from lumbar.settings.seed import SEED
@@ -20,9 +21,12 @@ from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
+    from lumbar.lifting.plate_check import PlateCheck
     from lumbar.quality.sheet import QualitySheet
+    from lumbar.settings.layout import MarkerLayout
     from lumbar.stability.basins import LiftBasins
     from lumbar.stability.model.failures import Failure
     from lumbar.stability.model.trajectory import Trajectory
@@ -36,6 +40,7 @@ def lift(
     trial: TrialSettings | str | None = None,
     name: str | None = None,
     settings: LiftingSettings | None = None,
+    static: str | os.PathLike | None = None,
     data: str = "",
 ) -> Lift:
     """Find the events, centres of mass and pendulum states of one lift.
@@ -54,6 +59,8 @@ def lift(
     name : str, optional
         Name of the lift; default that of the trial, as in a study.
     settings : LiftingSettings, optional
+    static : path, optional
+        Marker file of a static trial; default the subject's, looked for below the folder that the trial's file lies below.
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
@@ -83,15 +90,25 @@ def lift(
     settings = settings or LiftingSettings()
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
     name = name or found
-    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m)
+    static = static or static_of(subject, trial, Path(markers))
+    bodies = BodyFilling(settings, None if static is None else labelled_markers(static, settings.markers))
+    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     return Lift(
-        lifting.analyse_lift(recording, name, subject, trial, settings),
+        lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps),
         subject,
         trial,
         settings,
         data_label(data, [recording.source]),
         sheet,
     )
+
+
+def labelled_markers(path: str | os.PathLike, layout: MarkerLayout) -> dict[str, np.ndarray]:
+    """Markers of a file by their own labels, in metres and standard axes; of one frame at least."""
+    from lumbar.records.markers import read_markers
+
+    bare = replace(layout, aliases={}, required=None, check_axes=False)
+    return read_markers(path, bare, minimum_frames=1).positions
 
 
 def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
@@ -141,14 +158,39 @@ class Lift:
         """What the pendulums are made of: masses, lengths, pivot, rules, assumptions."""
         return lifting.summary(self.analysed, self.subject, self.trial, self.settings)
 
+    @cached_property
+    def spread(self) -> pd.DataFrame:
+        """How far other segment tables and ends, hip regressions and cut-offs move the trunk's centre of mass."""
+        from lumbar.lifting.model_spread import model_spread
+
+        return model_spread(self.analysed, self.subject, self.settings)
+
+    @cached_property
+    def plates(self) -> PlateCheck | None:
+        """What the recording's force plates say of the centre of mass; None without plates."""
+        from lumbar.lifting.plate_check import plate_check
+
+        return plate_check(self.analysed, self.subject, self.trial, self.settings)
+
+    @property
+    def checks(self) -> list[str]:
+        """Lines on ends that are the skin's, on other choices and on force plates."""
+        from lumbar.lifting.model_spread import spread_lines
+
+        points, ends = self.analysed.points, self.analysed.table.ends
+        inner = self.settings.segment_ends == "inner"
+        plates = str(self.plates).splitlines() if self.plates else ["force plates: none in the file"]
+        return [*(points.on_skin(ends) if inner else []), *spread_lines(self.spread), *plates]
+
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` (states and facts), ``com``, ``events``, ``gaps``, ``motion``, ``landmarks`` and ``quality``."""
+        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``quality`` and what figures need."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
         tables = {
             "pendulum": self.states,
             "com": lifting.centres_frame(self.analysed),
+            "spread": self.spread,
             "gaps": lifting.gaps_frame(self.analysed),
             "motion": lifting.motion_frame(self.analysed),
             "landmarks": lifting.landmarks_frame(self.analysed),
@@ -158,8 +200,9 @@ class Lift:
         events = {name: event.as_dict() for name, event in self.analysed.events.items()}
         rules = plain(self.settings.events)
         write_json(folder / "events.json", {"lift": self.name, "events": events, "rules": rules, **label})
+        checked = {"force_plates": self.plates.as_dict() if self.plates else None}
         write_json(folder / "quality.json", {"lift": self.name, **self.quality.as_dict(), **label})
-        write_json(folder / "pendulum.json", {**self.facts, **label})
+        write_json(folder / "pendulum.json", {**self.facts, **checked, **label})
 
     def __str__(self) -> str:
         lines = [
@@ -221,10 +264,10 @@ def basins(
     >>> exact_alone = StabilitySettings(knots=51, proof=None, sum_of_squares=None, thesis_method=None)
     >>> basins = lumbar.basins(lift, settings=exact_alone)
     >>> print(basins)
-    thorax, lateral_bending, hanging: 0.2151 rad²/s on average, 0.3418 at first
-    thorax, flexion_extension, hanging: 0.2151 rad²/s on average, 0.3417 at first
-    thorax, lateral_bending, inverted: 0.4437 rad²/s on average, 0.6072 at first
-    thorax, flexion_extension, inverted: 0.44 rad²/s on average, 0.5818 at first
+    thorax, lateral_bending, hanging: 0.2194 rad²/s on average, 0.3508 at first
+    thorax, flexion_extension, hanging: 0.2186 rad²/s on average, 0.3491 at first
+    thorax, lateral_bending, inverted: 0.4545 rad²/s on average, 0.6201 at first
+    thorax, flexion_extension, inverted: 0.4301 rad²/s on average, 0.5512 at first
     """
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 

@@ -8,6 +8,25 @@ from pathlib import Path
 from lumbar.errors import InputError
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
+MARKER_FILES = (".c3d", ".trc")
+"""Endings of marker files in a folder; a table may be anything, and is named by itself."""
+
+
+def marker_files(folder: Path) -> list[Path]:
+    """Marker files in a folder and the folders below it, in order of their paths.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    files = sorted(
+        path for path in folder.rglob("*") if path.suffix.lower() in MARKER_FILES and path.is_file()
+    )
+    if not files:
+        raise InputError(f"{folder}: no marker file ({', '.join(MARKER_FILES)}) in this folder")
+    return files
+
 
 def trial_of(
     subject: SubjectSettings,
@@ -85,3 +104,25 @@ def _recorded_in(lifts: dict[str, TrialSettings], markers: Path) -> dict[str, Tr
     lengths = {name: shared(trial) for name, trial in lifts.items()}
     longest = max(lengths.values())
     return {name: lifts[name] for name, length in lengths.items() if length == longest > 0}
+
+
+def static_of(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> Path | None:
+    """Return the file of the subject's static trial, which lies below the same folder as the trial's; None without one.
+
+    Raises
+    ------
+    InputError
+        Naming the places where it was looked for.
+    """
+    if subject.static is None:
+        return None
+    path, parts = markers.resolve(), Path(trial.markers).parts
+    root = path.parents[len(parts) - 1] if path.parts[-len(parts) :] == parts else path.parent
+    places = [root / subject.static, path.parent / Path(subject.static).name]
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        raise InputError(
+            f"subject.static of {subject.name} is {subject.static}, and there is no file "
+            + " or ".join(map(str, dict.fromkeys(places)))
+        )
+    return found

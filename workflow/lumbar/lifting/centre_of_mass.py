@@ -64,8 +64,11 @@ def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.nd
     for segment in table.segments:
         if segment.name not in absent:
             proximal, line = points[segment.proximal], points[segment.distal] - points[segment.proximal]
-            forward = unit(np.cross(-line, points.right)) * np.linalg.norm(line, axis=1, keepdims=True)
-            centres[segment.name] = proximal + segment.com_share * line + segment.forward_share * forward
+            centres[segment.name] = proximal + segment.com_share * line
+            # Where the person's right is not seen, only a centre ahead of its line is not known.
+            if segment.forward_share:
+                forward = unit(np.cross(-line, points.right)) * np.linalg.norm(line, axis=1, keepdims=True)
+                centres[segment.name] += segment.forward_share * forward
     return centres
 
 

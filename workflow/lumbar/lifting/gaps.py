@@ -25,6 +25,7 @@ FILLED, TOO_LONG, AT_START, AT_END, ALONE, ISLAND = (
     "too few frames beside it",
     "seen too briefly to be filtered: left out",
 )
+SPLINE = "cubic spline"
 _BESIDE = 2
 """Seen frames needed on each side of a gap: position and direction there."""
 
@@ -45,6 +46,8 @@ class Gap:
     outcome : str
         ``"filled"``, or why it was not: ``"longer than allowed"``, ``"at the start"``, ``"at the end"``,
         ``"too few frames beside it"``; of frames that were seen, ``"seen too briefly to be filtered: left out"``.
+    method : str
+        How it was filled; empty where it was not.
     """
 
     marker: str
@@ -53,6 +56,7 @@ class Gap:
     start_s: float
     length_s: float
     outcome: str
+    method: str = ""
 
     @property
     def filled(self) -> bool:
@@ -122,9 +126,8 @@ def _fill(
             support = np.concatenate((before, after))
             spline = CubicSpline(recording.time[support], points[support])
             filled[gap] = spline(recording.time[gap])
-        gaps.append(
-            Gap(marker, gap.start, gap.stop - gap.start, float(recording.time[gap.start]), length_s, outcome)
-        )
+        start_s, method = float(recording.time[gap.start]), SPLINE if outcome == FILLED else ""
+        gaps.append(Gap(marker, gap.start, gap.stop - gap.start, start_s, length_s, outcome, method))
     return filled, gaps
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -94,6 +95,7 @@ def analyse_lift(
     subject: SubjectSettings,
     trial: TrialSettings,
     settings: LiftingSettings,
+    filled: Sequence[Gap] = (),
 ) -> AnalysedLift:
     """Fill gaps, filter, find the events, the centres of mass and the pendulum's states during the deposit.
 
@@ -110,6 +112,8 @@ def analyse_lift(
     trial : TrialSettings
         Of the subject.
     settings : LiftingSettings
+    filled : sequence of Gap
+        What was filled when the recording was read, for the report.
 
     Returns
     -------
@@ -122,6 +126,7 @@ def analyse_lift(
         hand contradict it, or with ``gaps.longer: error`` a gap that matters stays open.
     """
     smooth, complete, gaps = _cleaned(recording, trial, settings)
+    gaps = [*filled, *gaps]
     events = find_events(smooth, settings.events, trial.events)
     table = segment_table(settings.segments, subject.sex)
     points = _points(smooth, subject, settings)
@@ -290,8 +295,10 @@ def gaps_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Gaps of the recording and what became of them."""
     import pandas as pd
 
-    columns = ("marker", "start_s", "length_s", "frames", "outcome")
-    rows = [(gap.marker, gap.start_s, gap.length_s, gap.n_frames, gap.outcome) for gap in lift.gaps]
+    columns = ("marker", "start_s", "length_s", "frames", "outcome", "method")
+    rows = [
+        (gap.marker, gap.start_s, gap.length_s, gap.n_frames, gap.outcome, gap.method) for gap in lift.gaps
+    ]
     return pd.DataFrame(rows, columns=columns)
 
 

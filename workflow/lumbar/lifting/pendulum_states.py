@@ -174,7 +174,7 @@ def _unbroken(time: np.ndarray, relative: np.ndarray, start: float, stop: float,
         gone = time[within][~seen[within]]
         raise InputError(
             f"{what}: {len(gone)} samples missing within the deposit, the first at {gone[0]:.2f} s; raise "
-            "lifting.gaps.maximum_s or use another pivot"
+            "lifting.gaps.maximum_s, use another pivot, or set lifting.segment_ends: skin where ASIS or PSIS are hidden"
         )
     if within.sum() < 4:
         raise InputError(

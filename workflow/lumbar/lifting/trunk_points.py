@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from lumbar.lifting.joint_centres import (
     typical_distance,
     unit,
 )
+from lumbar.lifting.rigid_body import carried_by_the_body
 from lumbar.records.markers import MarkerRecording
 
 INNER, SKIN = "inner", "skin"
@@ -49,6 +51,7 @@ _HIP_OFF_MM = {"harrington": 15.0, "hara": 15.0, "reed": 25.0}
 _SPINE_OFF_MM, _WITHOUT_T8_OFF_MM = 20.0, 25.0
 L5_SHARE = 0.2
 """L4/L5 lies one of the five lumbar vertebrae above L5/S1, on the line to T12/L1."""
+_PELVIS_MARKERS = ("L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS", "SACRUM")
 _PAIRS = (("L_ASIS", "R_ASIS"), ("L_HIP", "R_HIP"), ("L_SHOULDER", "R_SHOULDER"))
 
 
@@ -194,19 +197,28 @@ class _InnerPoints:
         }
         return rules[name]()
 
-    def pelvis(self) -> tuple[Pelvis, tuple[str, ...]]:
-        """The pelvis and the markers it was found from; the sacrum's marker may stand for both PSIS."""
+    @cached_property
+    def pelvis(self) -> tuple[Pelvis, tuple[str, ...], str]:
+        """The pelvis, its markers and what was filled; the sacrum's marker may stand for both PSIS."""
         recording = self.recording
         psis = ("L_PSIS", "R_PSIS")
         if not all(name in recording for name in psis) and "SACRUM" in recording:
             psis = ("SACRUM",)
         markers = ("L_ASIS", "R_ASIS", *psis)
         _need(recording, markers)
-        middle = np.mean([recording[name] for name in psis], axis=0)
-        return pelvis_of(recording["L_ASIS"], recording["R_ASIS"], middle, recording.source), markers
+        body = {name: recording[name] for name in _PELVIS_MARKERS if name in recording}
+        seen, frames = carried_by_the_body(body)
+        carried = ", ".join(f"{name} in {count} frames" for name, count in frames.items() if name in markers)
+        middle = np.mean([seen[name] for name in psis], axis=0)
+        pelvis = pelvis_of(seen["L_ASIS"], seen["R_ASIS"], middle, recording.source)
+        return (
+            pelvis,
+            markers,
+            f"; not seen and carried by the rest of the pelvis: {carried}" if carried else "",
+        )
 
     def middle_of_hips(self) -> TrunkPoint:
-        pelvis, markers = self.pelvis()
+        pelvis, markers, filled = self.pelvis
         if self.hips == "harrington":
             centre, source = harrington_hips(pelvis), "Harrington et al. 2007"
         elif self.hips == "reed":
@@ -218,7 +230,7 @@ class _InnerPoints:
             centre, source = hara_hips(self.leg_length()), "Hara et al. 2016, leg from ASIS to ankle marker"
         return TrunkPoint(
             pelvis.point(centre[0], centre[1]),
-            f"{MID_HIP} is the middle of the hip joint centres ({source})",
+            f"{MID_HIP} is the middle of the hip joint centres ({source}){filled}",
             True,
             _HIP_OFF_MM[self.hips],
             markers,
@@ -233,16 +245,17 @@ class _InnerPoints:
         return float(np.mean([np.nanpercentile(side, 95) for side in sides]))
 
     def lumbosacral(self) -> TrunkPoint:
-        pelvis, markers = self.pelvis()
+        pelvis, markers, filled = self.pelvis
         position = lumbosacral_centre(pelvis, self.sex)
-        return self.spine("L5S1", position, "joint centre of L5/S1 (Reed et al. 1999)", markers)
+        return self.spine("L5S1", position, f"joint centre of L5/S1 (Reed et al. 1999){filled}", markers)
 
     def fourth_lumbar(self, found: dict[str, TrunkPoint]) -> TrunkPoint:
         if "T12L1" not in found:
             raise _Lacking("no T12/L1 above it")
         below, above = self.lumbosacral(), found["T12L1"]
         position = below.position + L5_SHARE * (above.position - below.position)
-        rule = f"centre of L4/L5, {L5_SHARE:g} of the way from L5/S1 to T12/L1"
+        filled = self.pelvis[2]
+        rule = f"centre of L4/L5, {L5_SHARE:g} of the way from L5/S1 to T12/L1{filled}"
         off = below.off_mm + L5_SHARE * above.off_mm
         return self.spine("L4L5", position, rule, (*below.markers, *above.markers), off)
 

@@ -12,7 +12,7 @@ from lumbar.errors import InputError
 from lumbar.quality.finding import ERROR, Finding
 from lumbar.quality.gate import examine, hidden
 from lumbar.quality.sheet import QualitySheet, quality_sheet
-from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.records.markers import MarkerRecording, Mend, read_markers
 from lumbar.settings.layout import Alias, MarkerLayout
 
 
@@ -77,6 +77,7 @@ def read_screened(
     layout: MarkerLayout | None = None,
     name: str | None = None,
     height_m: float | None = None,
+    mend: Mend | None = None,
 ) -> tuple[MarkerRecording, QualitySheet]:
     """Read a marker file, leaving out what cannot be a body.
 
@@ -87,6 +88,8 @@ def read_screened(
     name : str, optional
     height_m : float, optional
         Stature of the person.
+    mend : callable, optional
+        As of `read_markers`: mends what is left.
 
     Returns
     -------
@@ -101,7 +104,7 @@ def read_screened(
     """
     screening = Screening(height_m, layout.aliases if layout else {})
     try:
-        recording = read_markers(path, layout, name=name, screen=screening)
+        recording = read_markers(path, layout, name=name, screen=screening, mend=mend)
     except InputError as error:
         text = str(error)
         raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error

@@ -96,6 +96,31 @@ def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
     )
 
 
+def labels_of(name: str, aliases: dict[str, Alias | None]) -> tuple[str, ...]:
+    """Labels that a name may be filled from: its own, and all those in its alias.
+
+    Examples
+    --------
+    >>> labels_of("SACRUM", {"SACRUM": ("SACR", MeanOfMarkers(("LPSI", "RPSI")))})
+    ('SACRUM', 'SACR', 'LPSI', 'RPSI')
+    """
+    found: list[str] = []
+
+    def visit(term) -> None:
+        if isinstance(term, str):
+            if term not in found:
+                found.append(term)
+                visit(aliases.get(term))
+        elif isinstance(term, tuple):
+            for part in term:
+                visit(part)
+        elif isinstance(term, MeanOfMarkers):
+            visit(term.mean)
+
+    visit(name)
+    return tuple(found)
+
+
 def resolve_aliases(
     aliases: dict[str, Alias | None],
     points: dict[str, np.ndarray],

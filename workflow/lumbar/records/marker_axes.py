@@ -12,6 +12,7 @@ _FEET = ("L_ANKLE", "R_ANKLE", "L_HEEL", "R_HEEL", "L_TOE", "R_TOE")
 _TRUNK_TOP = ("C7", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER")
 _PELVIS = ("SACRUM", "L5", "L_HIP", "R_HIP")
 _SIDES = ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE")
+_FEET_PAIRS = (("L_HEEL", "L_TOE"), ("R_HEEL", "R_TOE"))
 _CLEARLY = 2.0
 """How much longer than along the declared axis a segment must be along another one to contradict it. A bent
 trunk or a turned foot stays below."""
@@ -92,6 +93,50 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
             "left and right labels are swapped, or forward is wrong (check_axes: false skips this check)",
         )
     problems.raise_if_any()
+
+
+_FRONT = (
+    ("SACRUM", "L_ASIS"),
+    ("SACRUM", "R_ASIS"),
+    ("L_PSIS", "L_ASIS"),
+    ("R_PSIS", "R_ASIS"),
+    ("C7", "MANUBRIUM"),
+)
+"""Pairs of which the second lies in front of the first."""
+
+
+def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str, float] | None:
+    """Axes of a file as the body tells them: up, forward, and by how many degrees the person faces away from forward.
+
+    Parameters
+    ----------
+    positions : dict of str to ndarray, shape (n_frames, 3)
+        Under standard names, in the axes of the file.
+
+    Returns
+    -------
+    up, forward : str
+        Signed axes of the file.
+    away_deg : float
+        Or None in place of all where the markers do not tell: neither feet nor trunk, or nothing of left and right, heel
+        and toe, back and front.
+    """
+    upward = _segment(positions, _FEET, _UPPER)
+    upward = _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
+    if upward is None:
+        return None
+    up = _file_axis(upward, np.eye(3))
+    vertical = axis_vector(up, "up")
+    across = [_segment(positions, (f"L_{part}",), (f"R_{part}",)) for part in (*_SIDES, "ASIS", "PSIS")]
+    ahead = [_segment(positions, (first,), (second,)) for first, second in (*_FRONT, *_FEET_PAIRS)]
+    facing = [np.cross(vertical, vector) for vector in across if vector is not None]
+    facing += [vector for vector in ahead if vector is not None]
+    if not facing:
+        return None
+    level = np.sum(facing, axis=0) * (vertical == 0)
+    forward = _file_axis(level, np.eye(3))
+    cosine = level @ axis_vector(forward, "forward") / np.linalg.norm(level)
+    return up, forward, float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
 
 def _segment(

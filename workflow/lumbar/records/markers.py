@@ -1,4 +1,4 @@
-"""Marker recordings: C3D, TRC and CSV files as positions in metres under standard names.
+"""Marker recordings: C3D, TRC, CSV and BVH files as positions in metres under standard names.
 
 Axes are those of the thesis's chapter 4: x lateral (to the right), y forward, z up; right-handed. The layout
 is plain data from a study's YAML::
@@ -32,6 +32,7 @@ from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.settings.layout import MarkerLayout
 
 Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
+Mend = Callable[[dict[str, np.ndarray], np.ndarray], dict[str, np.ndarray]]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _UNIT_NAMES = {
     "m": "m",
@@ -110,19 +111,23 @@ def read_markers(
     name: str | None = None,
     minimum_frames: int = 2,
     screen: Screen | None = None,
+    mend: Mend | None = None,
 ) -> MarkerRecording:
-    """Read a C3D, TRC or CSV file.
+    """Read a C3D, TRC, CSV or BVH file.
 
     Parameters
     ----------
     path : path
-        The suffix decides: ``.c3d``, ``.trc`` or ``.csv``.
+        The suffix decides: ``.c3d``, ``.trc``, ``.csv`` or ``.bvh``.
     layout : MarkerLayout, optional
         See the module's description. Without aliases every marker keeps its label.
     name : str, optional
         Name of the recording; default the file's stem.
     minimum_frames : int
         1 accepts a static pose of one frame; a trajectory needs at least 2.
+    mend : callable, optional
+        Takes all markers by their labels in the file (metres, standard axes) and the time, and returns them mended:
+        before rules derive further points from them.
     screen : callable, optional
         Given the measured markers of the file, by label, in metres and standard axes, with time and rate, returns those
         to go on with, NaN where they are not to be used, and why: `lumbar.quality.screening` makes one.
@@ -159,6 +164,8 @@ def read_markers(
         points = {label: values for label, values in points.items() if not np.isnan(values).all()}
         file = replace(file, dropped=file.dropped | left_out)
     _check_spread(points, file)
+    if mend is not None:
+        points = mend(points, file.time)
     resolved = resolve_aliases(
         layout.aliases, points, model_points, file.dropped, file.source, layout.required
     )
@@ -193,8 +200,12 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
         from lumbar.records.marker_table import read_marker_table
 
         return read_marker_table(path, layout.rate_Hz)
+    if suffix == ".bvh":
+        from lumbar.records.bvh_file import read_bvh
+
+        return read_bvh(path)
     raise InputError(
-        f"{path}: markers are read from .c3d, .trc and .csv files, not {suffix or 'a file without suffix'!r}"
+        f"{path}: markers are read from .c3d, .trc, .csv and .bvh files, not {suffix or 'a file without suffix'!r}"
     )
 
 

@@ -79,7 +79,7 @@ MarkerName = Annotated[str, Each(pattern="^[A-Z][A-Z0-9_]*$")]
 
 @settings
 class MarkerLayout:
-    """How marker files (C3D, TRC, CSV) are read."""
+    """How marker files (C3D, TRC, CSV, BVH) are read."""
 
     unit: Literal["file", "m", "cm", "mm"] = key(
         "Unit of length: file takes the one the file states; any other one must not contradict it.",
@@ -115,8 +115,8 @@ class MarkerLayout:
     aliases: dict[MarkerName, Alias | None] = key(
         "Standard name to what fills it: a label, alternatives, {mean}, {between, share} or {from, offset_m}; null takes "
         "an alias of the defaults away. Standard "
-        "names are C7, T8, T12, L5 (spine at L4/L5), MANUBRIUM, XIPHOID, SACRUM, L_/R_ ASIS, PSIS, SHOULDER, HIP (greater "
-        "trochanter), WRIST, ANKLE, HEEL, TOE, and BOX_1, BOX_2, … on the box.",
+        "names are C7, T8, T12, L5 (spine at L4/L5), MANUBRIUM, XIPHOID, SACRUM, L_/R_ ASIS, PSIS, SHOULDER, ELBOW, WRIST, HIP "
+        "(greater trochanter), KNEE, ANKLE, HEEL, TOE, and BOX_1, BOX_2, … on the box.",
         default={},
     )
     required: Annotated[tuple[str, ...], UNIQUE] | None = key(

@@ -25,6 +25,10 @@ ALIASES: dict[str, Alias] = {
     "R_HIP": ("R_HIP", "R_FTC"),
     "L_WRIST": ("L_WRIST", MeanOfMarkers(("LWRA", "LWRB"))),
     "R_WRIST": ("R_WRIST", MeanOfMarkers(("RWRA", "RWRB"))),
+    "L_ELBOW": ("L_ELBOW", "LELB", "L_HLE"),
+    "R_ELBOW": ("R_ELBOW", "RELB", "R_HLE"),
+    "L_KNEE": ("L_KNEE", "LKNE", "L_FLE"),
+    "R_KNEE": ("R_KNEE", "RKNE", "R_FLE"),
     "L_ANKLE": ("L_ANKLE", "L_FAL", "LANK"),
     "R_ANKLE": ("R_ANKLE", "R_FAL", "RANK"),
     "L_HEEL": ("L_HEEL", "L_FCC", "LHEE"),
@@ -34,6 +38,10 @@ ALIASES: dict[str, Alias] = {
     **{f"BOX_{number}": f"BOX_{number}" for number in range(1, 9)},
 }
 """Labels of usual marker sets under the standard names."""
+RIGID_BODIES = {
+    "box": tuple(f"BOX_{number}" for number in range(1, 9)),
+    "pelvis": ("SACRUM", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS"),
+}
 MOMENT_COLUMNS = columns(
     time=("time_s", "s", "time"),
     input=("angle_rad", "rad", "angle"),  # from the vertical
@@ -63,6 +71,19 @@ class GapSettings:
         "for them is left out with its reason; error refuses a recording with such a gap between the first and the last "
         "event in a marker that the pendulums need.",
         default="keep",
+    )
+    rigid: dict[str, tuple[str, ...]] = key(
+        "Rigid bodies by name, each with its markers (standard names, or labels of the file): gaps that a spline does not "
+        "bridge are filled from three or more others of the same body, with its shape in the static trial or in the frames "
+        "that show all of them.",
+        default=RIGID_BODIES,
+    )
+    rigid_tolerance_m: float = key(
+        "A body whose markers differ from its shape by more than this (root mean square) is not rigid: it fills nothing.",
+        default=0.02,
+        unit="m",
+        gt=0,
+        le=0.1,
     )
 
 

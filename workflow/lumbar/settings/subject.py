@@ -56,6 +56,11 @@ class SubjectSettings:
         "One entry per recorded lift; several with the same box are repeated trials. A study needs one at least.",
         default=(),
     )
+    static: str | None = key(
+        "Marker file of a static trial (C3D, TRC), below data_root like the others: it gives the shape of the pelvis and the "
+        "box where markers of them are hidden for long.",
+        default=None,
+    )
     assumed: tuple[str, ...] = key("Keys of this file that are assumptions and not measurements.", default=())
 
 

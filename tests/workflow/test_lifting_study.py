@@ -1,4 +1,4 @@
-"""Groups of people in a study: another label calls for no basin, and labels that nobody has end it before it starts."""
+"""A study of lifts: other labels call for no basin, unknown ones end it before it starts, a lift without a deposit does not."""
 
 from __future__ import annotations
 
@@ -75,3 +75,22 @@ def test_another_label_recomputes_no_basin(study):
         "expert": "trained",
         "novice": "untrained",
     }
+
+
+def test_a_lift_without_a_deposit_leaves_the_others_their_basins(study):
+    """The window of one trial ends while the box is carried: its rows say why they are empty, the run goes on."""
+    path = study / "config" / "subjects" / "novice.yaml"
+    text = path.read_text(encoding="utf-8")
+    trial = "markers: lifting/novice_15kg.c3d,"
+    assert trial in text
+    path.write_text(text.replace(trial, f"{trial} window_s: [0, 5],"), encoding="utf-8")
+    run = plan(study, "lifting", "stability")
+    assert run.status == 0, run.text[-6000:]
+    tables = study / "results" / "groups" / "tables"
+    missing = pd.read_csv(tables / "missing_basins.csv")
+    assert missing["box_mass_kg"].tolist() == [15] * 6
+    assert missing["reason"].str.contains("the box still moves when it is seen last, at 5.00 s").all()
+    table = pd.read_csv(tables / "table_4_1.csv").set_index("comparison")["status"]
+    assert set(table["trained_vs_untrained"]) == set(table["decrease_in_mass_trained"]) == {"computed"}
+    assert table["decrease_in_mass_untrained"].str.startswith("no basin: untrained 15 kg").all()
+    assert (study / "results" / "groups" / "figures" / "lifting_events_novice_15kg.svg").is_file()

@@ -1,0 +1,125 @@
+"""Which trial a file is the recording of, and several lifts at once: one that fails keeps no other from its result."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import lumbar
+from lumbar.errors import InputError
+from lumbar.interface.lift_batch import lift_all, planned_lifts
+from lumbar.interface.trials import trial_of
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.subject import DeclaredEvents, SubjectSettings, TrialSettings
+from study_settings import study_settings
+
+LATE = DeclaredEvents(deposit_start_s=6.3, reason="test")
+
+
+def person(*trials, **more):
+    return SubjectSettings("ann", "female", 61.0, 1.68, "novice", trials, **more)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """A lift of the synthetic twin."""
+    from lumbar.synthetic.lifting_recordings import write_lift
+
+    twin, path = study_settings().twin, tmp_path_factory.mktemp("lift") / "day1" / "a.c3d"
+    path.parent.mkdir()
+    write_lift(twin.lifting, "expert_23kg", [twin.seed, zlib.crc32(b"expert_23kg")], path, None)
+    return path
+
+
+def test_a_trial_is_that_of_its_own_file_whatever_the_box():
+    """The first trial with the same box is another lift: its events are not this one's."""
+    ann = person(TrialSettings(23, "day1/a.c3d", events=LATE), TrialSettings(23, "day1/b.c3d"))
+    name, trial = trial_of(ann, Path("/data/day1/b.c3d"), 23)
+    assert (name, trial.events) == ("ann_23kg_2", None)
+    assert trial_of(ann, Path("/data/day1/a.c3d"), None)[1].events == LATE
+
+
+def test_a_file_that_no_trial_names_is_refused_with_the_candidates():
+    ann = person(TrialSettings(23, "day1/a.c3d", events=LATE), TrialSettings(15, "day1/b.c3d"))
+    with pytest.raises(InputError) as error:
+        trial_of(ann, Path("c.c3d"), 23)
+    assert "c.c3d: no trial of ann names this file" in str(error.value)
+    assert "- ann_23kg: day1/a.c3d, box of 23 kg\n  - ann_15kg: day1/b.c3d, box of 15 kg" in str(error.value)
+    with pytest.raises(InputError, match="ann_23kg had no box of 15 kg"):
+        trial_of(ann, Path("day1/a.c3d"), 15)
+    assert trial_of(ann, Path("c.c3d"), None, "ann_15kg")[1].markers == "day1/b.c3d"
+
+
+def test_equal_names_in_two_folders_are_told_by_the_folder():
+    ann = person(TrialSettings(23, "day1/a.c3d"), TrialSettings(23, "day2/a.c3d"))
+    assert trial_of(ann, Path("/data/day2/a.c3d"), None)[0] == "ann_23kg_2"
+    with pytest.raises(InputError, match=r"several trials of ann name this file \(ann_23kg, ann_23kg_2\)"):
+        trial_of(ann, Path("/elsewhere/a.c3d"), None)
+
+
+def test_a_person_without_trials_needs_the_mass_of_the_box():
+    assert trial_of(person(), Path("c.c3d"), 12)[1] == TrialSettings(12, "c.c3d")
+    with pytest.raises(InputError, match="ann has no trials: give the mass of the box"):
+        trial_of(person(), Path("c.c3d"), None)
+
+
+def test_a_folder_of_lifts_is_analysed_whatever_one_of_them_is(recording, tmp_path):
+    folder = tmp_path / "recordings" / "day1"
+    folder.mkdir(parents=True)
+    for name in ("a", "b"):
+        shutil.copy(recording, folder / f"{name}.c3d")
+    (folder / "broken.c3d").write_bytes(b"no recording")
+    ann = person(
+        TrialSettings(23, "day1/a.c3d"),
+        TrialSettings(23, "day1/broken.c3d"),
+        TrialSettings(15, "day1/b.c3d", window_s=(0.0, 5.0)),
+        TrialSettings(10, "day1/lost.c3d"),
+    )
+    lifts = planned_lifts([tmp_path / "recordings"], ann)
+    assert [item.name for item in lifts] == ["ann_23kg", "ann_23kg_2", "ann_15kg", "ann_10kg"]
+    table, failed = lift_all(lifts, ann, None, LiftingSettings(), tmp_path / "out")
+    assert failed == ["ann_23kg_2", "ann_10kg"]
+    rows = table.set_index("lift")
+    assert rows["pendulums"].tolist() == [6, 0, 0, 0]
+    assert rows.at["ann_10kg", "remark"] == "day1/lost.c3d is not in the folder"
+    assert "still moves when it is seen last" in rows.at["ann_15kg", "remark"]
+    written = pd.read_csv(tmp_path / "out" / "lifts.csv")
+    assert written["lift"].tolist() == table["lift"].tolist()
+    assert (tmp_path / "out" / "ann_15kg" / "com.csv").is_file()
+    assert not (tmp_path / "out" / "ann_10kg").exists()
+
+
+def test_a_window_cuts_after_filtering(recording):
+    """Its ends are no ends of the filter: what lies inside is as in the whole recording."""
+    whole = lumbar.lift(recording, person(), 23)
+    release = whole.analysed.events["release"].time_s
+    trial = TrialSettings(23, "a.c3d", window_s=(1.0, release + 0.2))
+    part = lumbar.lift(recording, person(trial))
+    inside = (whole.analysed.recording.time >= 1.0) & (whole.analysed.recording.time <= release + 0.2)
+    assert (part.analysed.recording["C7"] == whole.analysed.recording["C7"][inside]).all()
+    for name, event in whole.analysed.events.items():
+        assert part.analysed.events[name].time_s == pytest.approx(event.time_s, abs=0.011), name
+    with pytest.raises(
+        InputError, match="window_s 90 to 91 s holds 0 frames of the recording, which runs from 0"
+    ):
+        lumbar.lift(recording, person(replace(trial, window_s=(90.0, 91.0))))
+
+
+def test_a_lift_without_a_deposit_is_saved_and_its_basins_say_why(recording, tmp_path):
+    found = lumbar.lift(recording, person(TrialSettings(23, "a.c3d", window_s=(0.0, 5.0))))
+    found.save(tmp_path)
+    facts = json.loads((tmp_path / "pendulum.json").read_text(encoding="utf-8"))
+    assert facts["duration_s"] is None
+    assert set(facts["missing"]) == {"thorax", "abdomen", "pelvis"}
+    assert len(pd.read_csv(tmp_path / "com.csv")["com"].unique()) == 3
+    basins = lumbar.basins(tmp_path / "pendulum.csv")
+    assert basins.areas.empty
+    failures = basins.failures()
+    assert len(failures) == 6
+    assert failures["reason"].str.contains("the box still moves when it is seen last").all()

@@ -1,0 +1,153 @@
+"""Several lifts of one person at once, from files or a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.errors import InputError, LumbarError
+from lumbar.interface.person import Lift, lift, without_pendulum
+from lumbar.interface.trials import lift_names, marker_files
+from lumbar.settings.subject import SubjectSettings, TrialSettings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.settings.lifting import LiftingSettings
+
+COLUMNS = (
+    *("lift", "file", "box_mass_kg", "lift_off_s", "toe_off_s", "deposit_start_s", "release_s"),
+    *("pendulums", "remark"),
+)
+
+
+@dataclass(frozen=True)
+class PlannedLift:
+    """One lift to be analysed: its marker file, its trial, and the name of its results.
+
+    Attributes
+    ----------
+    name : str
+    markers : Path or None
+        None where the folder does not hold the trial's file.
+    trial : TrialSettings or None
+        None for a file of a person without trials.
+    """
+
+    name: str
+    markers: Path | None
+    trial: TrialSettings | None
+
+
+def planned_lifts(paths: Sequence[Path], subject: SubjectSettings) -> list[PlannedLift]:
+    """Lifts that files and folders hold: of a folder the subject's trials, or every marker file without trials.
+
+    Raises
+    ------
+    InputError
+        For a path that does not exist, and a folder without a marker file.
+    """
+    lifts = []
+    for path in paths:
+        if not path.is_dir():
+            lifts.append(PlannedLift(path.stem, path, None))
+            continue
+        files = marker_files(path)
+        if subject.trials:
+            lifts += [
+                PlannedLift(name, _found(trial, files), trial) for name, trial in lift_names(subject).items()
+            ]
+        else:
+            static = Path(subject.static).name if subject.static else None
+            lifts += [PlannedLift(file.stem, file, None) for file in files if file.name != static]
+    names = [item.name for item in lifts]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(
+            f"{', '.join(twice)}: two files of this name; the results of one would replace the other's"
+        )
+    return lifts
+
+
+def _found(trial: TrialSettings, files: list[Path]) -> Path | None:
+    parts = Path(trial.markers).parts
+    by_path = [file for file in files if file.resolve().parts[-len(parts) :] == parts]
+    by_name = [file for file in files if file.name == parts[-1]]
+    return next(iter(by_path or by_name), None)
+
+
+def lift_all(
+    lifts: Sequence[PlannedLift],
+    subject: SubjectSettings,
+    box_mass_kg: float | None,
+    settings: LiftingSettings,
+    output: Path,
+    data: str | None = None,
+    static: Path | None = None,
+) -> tuple[pd.DataFrame, list[str]]:
+    """Analyse lifts one after the other; one that fails does not keep the others from their results.
+
+    Parameters
+    ----------
+    lifts : sequence of PlannedLift
+    subject : SubjectSettings
+    box_mass_kg : float, optional
+        Default that of the trials.
+    settings : LiftingSettings
+    output : Path
+        Folder: a folder of its own for every lift, and ``lifts.csv``.
+    data : str, optional
+        Words for the source of the data; default each file's name.
+    static : Path, optional
+        Marker file of a static trial; default the subject's.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+        As ``lifts.csv``: events, number of pendulums, what is missing and why.
+    failed : list of str
+        Names of the lifts without any result.
+    """
+    import pandas as pd
+
+    from lumbar.files import write_csv
+
+    rows, failed = [], []
+    for item in lifts:
+        try:
+            if item.markers is None:
+                raise InputError(f"{item.trial.markers} is not in the folder")
+            found = lift(
+                item.markers,
+                subject,
+                box_mass_kg,
+                trial=item.name if item.trial else None,
+                name=item.name,
+                settings=settings,
+                static=static,
+                data=data or item.markers.name,
+            )
+            found.save(output / item.name)
+            rows.append(_row(item, found))
+        except LumbarError as error:
+            failed.append(item.name)
+            rows.append(
+                {"lift": item.name, "file": str(item.markers or ""), "pendulums": 0, "remark": str(error)}
+            )
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    write_csv(output / "lifts.csv", table)
+    return table, failed
+
+
+def _row(item: PlannedLift, found: Lift) -> dict:
+    events = found.analysed.events
+    return {
+        "lift": item.name,
+        "file": str(item.markers),
+        "box_mass_kg": found.trial.box_mass_kg,
+        **{f"{name}_s": event.time_s for name, event in events.items()},
+        "pendulums": len(found.analysed.states),
+        "remark": "; ".join(without_pendulum(found.analysed.missing)),
+    }

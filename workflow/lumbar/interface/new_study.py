@@ -1,0 +1,313 @@
+"""``lumbar new-study``: a commented study for a folder of lifting recordings, to be completed by a person."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.config.validation import FILL_IN
+from lumbar.errors import InputError, LumbarError
+from lumbar.interface.marker_set import MarkerSet, alias_text, joined_aliases, marker_set
+from lumbar.interface.trials import marker_files
+
+if TYPE_CHECKING:
+    from lumbar.records.markers import MarkerRecording
+
+STILL_M = 0.05
+"""A recording in which no marker leaves a cube of this size is a static trial."""
+FORCE_FILES = (".mot", ".sto", ".forces", ".anc")
+SCHEMA = "# yaml-language-server: $schema=../../workflow/lumbar/config/study.schema.json"
+
+
+@dataclass(frozen=True)
+class FoundRecording:
+    """One marker file of the folder.
+
+    Attributes
+    ----------
+    path : str
+        Below the folder.
+    person : str
+    problem : str
+        Why it cannot be read; empty where it can.
+    seconds, rate : float
+    markers : int
+    static : bool
+        Whether the person stands still throughout.
+    events : str
+        Events that the file itself holds.
+    set : MarkerSet or None
+    """
+
+    path: str
+    person: str
+    problem: str = ""
+    seconds: float = 0.0
+    rate: float = 0.0
+    markers: int = 0
+    static: bool = False
+    events: str = ""
+    set: MarkerSet | None = None
+
+    @property
+    def facts(self) -> str:
+        """Rate, length, markers and events for a comment."""
+        words = f"{self.rate:g} Hz, {self.seconds:.1f} s, {self.markers} markers"
+        return f"{words}; {self.events}" if self.events else words
+
+
+@dataclass(frozen=True, repr=False)
+class NewStudy:
+    """What is known of a folder of recordings, as files that a person completes.
+
+    Attributes
+    ----------
+    name : str
+    files : dict of str to str
+        Text of every file by its path in the project.
+    recordings : list of FoundRecording
+    """
+
+    name: str
+    files: dict[str, str]
+    recordings: list[FoundRecording]
+
+    def save(self, project: str | os.PathLike = ".") -> list[Path]:
+        """Write the files into a project; return their paths.
+
+        Raises
+        ------
+        InputError
+            If one of them is there: what a person filled in is not written over.
+        """
+        from lumbar.files import write_text
+
+        paths = [Path(project) / name for name in self.files]
+        there = [str(path) for path in paths if path.exists()]
+        if there:
+            raise InputError(f"{', '.join(there)}: already there, and not written over; take another --name")
+        for path, text in zip(paths, self.files.values(), strict=True):
+            write_text(path, text)
+        return paths
+
+    def __repr__(self) -> str:
+        read = [item for item in self.recordings if not item.problem]
+        lines = [f"{len(read)} of {len(self.recordings)} recordings can be read"]
+        lines += [f"  {item.path}: {item.problem or item.facts}" for item in self.recordings]
+        lines += [f"{path}: {text.count(FILL_IN) - 1} values to fill in" for path, text in self.files.items()]
+        study = next(iter(self.files))
+        lines.append(f"replace every {FILL_IN}, then: snakemake --cores 2 lifting --configfile {study}")
+        return "\n".join(lines)
+
+
+def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
+    """Look at the marker files of a folder and write down what is to be known of them.
+
+    Parameters
+    ----------
+    folder : path
+        Marker files of one person, or a folder below it per person.
+    name : str, optional
+        Of the study; default the folder's.
+
+    Returns
+    -------
+    NewStudy
+
+    Raises
+    ------
+    InputError
+        If no marker file can be read, or the files differ in their axes: each such group is a study of its own.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder")
+    name = _as_name(name or folder.resolve().name)
+    recordings = [_looked_at(path, folder, name) for path in marker_files(folder)]
+    read = [item for item in recordings if not item.problem]
+    if not read:
+        raise InputError(
+            "\n".join(
+                [f"{folder}: no marker file can be read", *(f"  - {item.problem}" for item in recordings)]
+            )
+        )
+    axes = _axes(read, folder)
+    people = {
+        person: list(items)
+        for person, items in groupby(
+            sorted(recordings, key=lambda item: item.person), key=lambda item: item.person
+        )
+    }
+    people = {person: items for person, items in people.items() if not all(item.problem for item in items)}
+    files = {f"config/studies/{name}.yaml": _study_text(name, folder, axes, people)}
+    for person, items in people.items():
+        files[f"config/subjects/{person}.yaml"] = _subject_text(name, person, items)
+    return NewStudy(name, files, recordings)
+
+
+def _as_name(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_-") or "study"
+
+
+def _looked_at(path: Path, folder: Path, study: str) -> FoundRecording:
+    from lumbar.records.markers import read_markers
+    from lumbar.settings.layout import MarkerLayout
+
+    below = path.relative_to(folder)
+    person = study if len(below.parts) == 1 else f"{study}_{_as_name(below.parts[0])}"
+    try:
+        # Axes are not known yet: these are those of the file.
+        recording = read_markers(
+            path, MarkerLayout(check_axes=False, subject_prefix="keep"), minimum_frames=1
+        )
+        found = marker_set(recording)
+    except LumbarError as error:
+        return FoundRecording(str(below), person, str(error).splitlines()[0])
+    times = sorted({f"{event.label} at {event.time:.2f} s" for event in recording.events})
+    return FoundRecording(
+        path=str(below),
+        person=person,
+        seconds=len(recording) / recording.rate,
+        rate=recording.rate,
+        markers=len(recording.positions),
+        static=_stands_still(recording),
+        events=f"events in the file: {', '.join(times)}" if times else "",
+        set=found,
+    )
+
+
+def _stands_still(recording: MarkerRecording) -> bool:
+    ranges = [
+        np.ptp(points[np.isfinite(points).all(axis=1)], axis=0).max()
+        for points in recording.positions.values()
+    ]
+    return bool(np.quantile(ranges, 0.9) < STILL_M)
+
+
+def _axes(read: Sequence[FoundRecording], folder: Path) -> tuple[str, str, float]:
+    """Axes of all files, as the body tells them."""
+    # A static trial gives shapes, whichever way the person faces; alone it is the study.
+    told = [item for item in read if item.set.axes is not None]
+    told = [item for item in told if not item.static] or told
+    if not told:
+        return FILL_IN, FILL_IN, 0.0
+    groups: dict[tuple[str, str], list[str]] = {}
+    for item in told:
+        groups.setdefault(item.set.axes[:2], []).append(item.path)
+    if len(groups) > 1:
+        lines = [
+            f"  - up {up}, forward {forward}: {', '.join(paths)}" for (up, forward), paths in groups.items()
+        ]
+        raise InputError(
+            "\n".join([f"{folder}: the files differ in their axes; make a study of each group", *lines])
+        )
+    away = [item.set.axes[2] for item in told]
+    return *told[0].set.axes[:2], float(np.median(away))
+
+
+def _study_text(
+    name: str,
+    folder: Path,
+    axes: tuple[str, str, float],
+    people: Mapping[str, Sequence[FoundRecording]],
+) -> str:
+    items = [item for group in people.values() for item in group if not item.problem]
+    aliases = joined_aliases([item.set for item in items])
+    forces = sorted(
+        str(path.relative_to(folder)) for path in folder.rglob("*") if path.suffix.lower() in FORCE_FILES
+    )
+    unread = [
+        f"#   {item.path}: {item.problem}" for group in people.values() for item in group if item.problem
+    ]
+    feet = "L_ANKLE" in aliases and "R_ANKLE" in aliases
+    lines = [
+        SCHEMA,
+        f"# Written by 'lumbar new-study' from {len(items)} recordings. Replace every {FILL_IN}; nothing runs before.",
+        *(["# Files that cannot be read, and are in no subject:", *unread] if unread else []),
+        *([f"# Force records found, which no trial names: {', '.join(forces)}"] if forces else []),
+        f"study: {name}",
+        f"title: {name}",
+        "data: recordings",
+        f"data_root: {_quoted(str(folder.resolve()))}",
+        "data_source:",
+        f"  name: {FILL_IN}  # words for the source, as they stand on every table and figure",
+        f"  licence: {FILL_IN}",
+        f"  obtain: {FILL_IN}  # where somebody else gets the files from",
+        "chapters: [lifting, stability]",
+        "",
+        "lifting:",
+        f"  subjects: [{', '.join(people)}]",
+        "  markers:",
+        f'    up: "{axes[0]}"  # as the body stands in the files',
+        f'    forward: "{axes[1]}"  # as the person faces'
+        + (f"; {axes[2]:.0f} degrees away from this axis" if axes[2] >= 1 else ""),
+        "    aliases:",
+        *_alias_lines(aliases),
+        *([] if feet else ["  pivot: hip  # there are no markers on the ankles"]),
+    ]
+    if len(people) > 1:
+        lines += [
+            "",
+            "stability:",
+            "  compare:  # two of the labels (experience) in config/subjects",
+            f"    groups: [{FILL_IN}, {FILL_IN}]",
+        ]
+    return "\n".join([*lines, ""])
+
+
+def _alias_lines(aliases: Mapping[str, tuple]) -> list[str]:
+    from lumbar.interface.marker_set import NEEDED, REASONS
+
+    lines = []
+    for name, terms in aliases.items():
+        text = alias_text(terms if len(terms) > 1 else terms[0])
+        reason = REASONS.get((name, terms[0]), "")
+        lines.append(f"      {name}: {text}" + (f"  # not measured: {reason}" if reason else ""))
+    for name, purpose in NEEDED.items():
+        if name not in aliases:
+            lines.append(f"      # {name}:  # not recognised; {purpose}")
+    if not any(name.startswith("BOX_") for name in aliases):
+        lines.append("      # BOX_1:  # no markers on the box recognised: the hands stand for it")
+    return lines
+
+
+def _subject_text(study: str, person: str, items: Sequence[FoundRecording]) -> str:
+    static = next((item for item in items if item.static), None)
+    trials = [item for item in items if not item.problem and item is not static] or [static]
+    lines = [
+        SCHEMA,
+        f"# Of the study {study}. Replace every {FILL_IN}; what is assumed and not measured belongs into 'assumed'.",
+        "subject:",
+        f"  name: {person}",
+        f"  sex: {FILL_IN}  # female, male or unknown",
+        f"  mass_kg: {FILL_IN}",
+        f"  height_m: {FILL_IN}",
+        f"  experience: {FILL_IN}  # label of the group that Table 4.1 counts the person to, or unknown",
+        "  # assumed: [mass_kg]",
+    ]
+    if static is not None and static not in trials:
+        lines.append(f"  static: {_quoted(static.path)}  # {static.facts}: nothing moves")
+    lines += [
+        "  # One entry per lift; window_s: [start, stop] takes a part of the file, events: {deposit_start_s: …} sets an event",
+        "  # by hand. Take away what is no lift. box_mass_kg: 0 where nothing is lifted.",
+        "  trials:",
+    ]
+    for item in trials:
+        lines += [
+            f"    # {item.facts}",
+            f"    - {{box_mass_kg: {FILL_IN}, markers: {_quoted(item.path)}}}",
+        ]
+    return "\n".join([*lines, ""])
+
+
+def _quoted(text: str) -> str:
+    import json
+
+    return text if re.fullmatch(r"[A-Za-z_./][\w./-]*", text) else json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,230 @@
+"""Long gaps in markers of a rigid body: filled from the body's other markers and its shape.
+
+A spline does not know where a marker went; three others of the same box or pelvis do. The shape is that of the static
+trial, or of the frames of the recording itself in which all markers of the body are seen. What the body's fit misses at
+the edges of a gap is spread over it linearly, so that the trajectory does not jump.
+
+Least-squares fit of a rotation: Kabsch, Acta Crystallographica A 32 (1976) 922–923.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.lifting.gaps import FILLED, Gap, runs
+from lumbar.records.marker_aliases import labels_of
+
+if TYPE_CHECKING:
+    from lumbar.settings.lifting import LiftingSettings
+
+FEWEST = 3
+"""Markers that tell where a body is."""
+FLATTEST_M = 0.01
+"""Least spread (root mean square) of markers across the line they lie nearest to: less tells no turning about it."""
+ALIGNMENTS = 3
+"""Times that full frames are laid on their mean: it no longer moves then by a hundredth of a millimetre."""
+
+
+@dataclass(frozen=True)
+class BodyShape:
+    """Shape of a rigid body.
+
+    Attributes
+    ----------
+    labels : tuple of str
+    points : ndarray, shape (labels, 3)
+        Metres, in axes of its own.
+    residual_m : float
+        Root mean square by which full frames differ from the shape.
+    source : str
+        Where the shape was seen.
+    """
+
+    labels: tuple[str, ...]
+    points: np.ndarray
+    residual_m: float
+    source: str
+
+
+def fitted(shape: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Return `shape` moved rigidly, frame by frame, so that its first points fit best.
+
+    Parameters
+    ----------
+    shape : ndarray, shape (m, 3)
+    frames : ndarray, shape (n, k, 3)
+        Where its first k ≤ m points are.
+
+    Returns
+    -------
+    ndarray, shape (n, m, 3)
+    """
+    known = shape[: frames.shape[1]]
+    middle, centres = known.mean(axis=0), frames.mean(axis=1, keepdims=True)
+    covariance = np.einsum("ki,nkj->nij", known - middle, frames - centres)
+    left, _, right = np.linalg.svd(covariance)
+    turned = np.linalg.det(left @ right)
+    left[:, :, 2] *= turned[:, None]
+    return (shape - middle) @ (left @ right) + centres
+
+
+def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source: str) -> BodyShape | None:
+    """Shape of the markers in `labels` from the frames in which all of them are seen; None where there is no such frame.
+
+    Parameters
+    ----------
+    points : mapping of str to ndarray, shape (n, 3)
+        Metres.
+    labels : collection of str
+    source : str
+        Words for where the markers were seen.
+    """
+    names = tuple(label for label in labels if label in points)
+    if len(names) <= FEWEST:
+        return None
+    frames = np.stack([points[name] for name in names], axis=1)
+    frames = frames[np.isfinite(frames).all(axis=(1, 2))]
+    if not len(frames):
+        return None
+    shape = frames[0]
+    for _ in range(ALIGNMENTS):
+        # The frames laid on the shape, which is the shape laid on the frames the other way round.
+        shape = np.mean([fitted(frame, shape[None])[0] for frame in _few(frames)], axis=0)
+    residual = float(np.sqrt(np.mean(np.sum((fitted(shape, frames) - frames) ** 2, axis=2))))
+    return BodyShape(names, shape, residual, source)
+
+
+def _few(frames: np.ndarray) -> np.ndarray:
+    """At most 500 frames, spread over all: a mean needs no more."""
+    return frames[:: max(1, len(frames) // 500)]
+
+
+def fill_rigid(
+    points: Mapping[str, np.ndarray],
+    rate: float,
+    start_s: float,
+    shape: BodyShape,
+    body: str,
+    longer_than_s: float,
+) -> tuple[dict[str, np.ndarray], list[Gap]]:
+    """Fill gaps of the markers of a body wherever three others of it are seen.
+
+    Parameters
+    ----------
+    points : mapping of str to ndarray, shape (n, 3)
+        All markers by label, in metres.
+    rate : float
+        Frames per second.
+    start_s : float
+        Time of the first frame.
+    shape : BodyShape
+    body : str
+        Its name, for the report.
+    longer_than_s : float
+        Gaps up to this length between seen frames are left to splines.
+
+    Returns
+    -------
+    filled : dict of str to ndarray
+        All markers; seen frames are unchanged.
+    gaps : list of Gap
+        Those that were filled, with the method.
+    """
+    labels = [label for label in shape.labels if label in points]
+    order = {label: index for index, label in enumerate(shape.labels)}
+    seen = {label: np.isfinite(points[label]).all(axis=1) for label in labels}
+    filled, gaps = dict(points), []
+    for label in labels:
+        open_gaps = [
+            gap for gap in runs(~seen[label]) if _is_long(gap, len(seen[label]), rate, longer_than_s)
+        ]
+        if not open_gaps:
+            continue
+        others = [name for name in labels if name != label]
+        estimate = _estimated(points, seen, shape, order, label, others)
+        values = points[label].copy()
+        for gap in open_gaps:
+            for part in runs(np.isfinite(estimate[gap]).all(axis=1)):
+                piece = slice(gap.start + part.start, gap.start + part.stop)
+                values[piece] = estimate[piece] + _edge_error(points[label], estimate, piece)
+                frames = piece.stop - piece.start
+                method = f"rigid body: {body}, shape from {shape.source}, {1e3 * shape.residual_m:.1f} mm"
+                start = start_s + piece.start / rate
+                gaps.append(Gap(label, piece.start, frames, start, frames / rate, FILLED, method))
+        filled[label] = values
+    return filled, gaps
+
+
+class BodyFilling:
+    """Fills the rigid bodies of a recording while it is read (`lumbar.records.markers.read_markers`, ``mend``).
+
+    Parameters
+    ----------
+    settings : LiftingSettings
+    static : mapping of str to ndarray, optional
+        Markers of a static trial by label, in metres.
+
+    Attributes
+    ----------
+    gaps : list of Gap
+        What was filled.
+    """
+
+    def __init__(self, settings: LiftingSettings, static: Mapping[str, np.ndarray] | None = None):
+        self.aliases, self.rules, self.static = settings.markers.aliases, settings.gaps, static or {}
+        self.gaps: list[Gap] = []
+
+    def __call__(self, points: dict[str, np.ndarray], time: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the markers with the long gaps of every body filled, as far as three others of it are seen."""
+        rate = (len(time) - 1) / (time[-1] - time[0])
+        for body, markers in self.rules.rigid.items():
+            named = [label for marker in markers for label in labels_of(marker, self.aliases)]
+            labels = [label for label in dict.fromkeys(named) if label in points]
+            shape = body_shape(self.static, labels, "the static trial")
+            shape = shape or body_shape(points, labels, "this recording")
+            if shape is None or shape.residual_m > self.rules.rigid_tolerance_m:
+                continue
+            points, gaps = fill_rigid(points, rate, float(time[0]), shape, body, self.rules.maximum_s)
+            self.gaps += gaps
+        return points
+
+
+def _is_long(gap: slice, frames: int, rate: float, longer_than_s: float) -> bool:
+    return gap.start == 0 or gap.stop == frames or (gap.stop - gap.start) / rate > longer_than_s
+
+
+def _estimated(
+    points, seen, shape: BodyShape, order: dict[str, int], label: str, others: list[str]
+) -> np.ndarray:
+    """Where the body's other markers put one, shape (n, 3); NaN where too few of them are seen."""
+    estimate = np.full_like(points[label], np.nan)
+    patterns = np.stack([seen[name] for name in others], axis=1)
+    for pattern in np.unique(patterns, axis=0):
+        names = [name for name, there in zip(others, pattern, strict=True) if there]
+        known = shape.points[[order[name] for name in names]]
+        if len(names) < FEWEST or np.linalg.svd(known - known.mean(axis=0), compute_uv=False)[1] < (
+            FLATTEST_M * np.sqrt(len(names))
+        ):
+            continue
+        when = (patterns == pattern).all(axis=1)
+        frames = np.stack([points[name][when] for name in names], axis=1)
+        estimate[when] = fitted(np.vstack([known, shape.points[order[label]]]), frames)[:, -1]
+    return estimate
+
+
+def _edge_error(values: np.ndarray, estimate: np.ndarray, piece: slice) -> np.ndarray:
+    """What the estimate misses beside a piece, spread over it linearly, shape (frames, 3); 0 where nothing tells."""
+    before, after = piece.start - 1, piece.stop
+    errors = [
+        values[at] - estimate[at] if 0 <= at < len(values) else np.full(3, np.nan) for at in (before, after)
+    ]
+    known = [error for error in errors if np.isfinite(error).all()]
+    if not known:
+        return np.zeros((piece.stop - piece.start, 3))
+    first, last = (error if np.isfinite(error).all() else known[0] for error in errors)
+    share = (np.arange(piece.start, piece.stop) - before)[:, None] / (after - before)
+    return first + share * (last - first)
