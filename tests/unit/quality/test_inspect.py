@@ -44,6 +44,7 @@ def test_a_sound_lift_is_described_and_analysed(lift_file):
     text = str(found)
     assert text.startswith("expert_23kg.c3d: 950 frames at 100 Hz, 0.00 to 9.50 s, ")
     assert "findings: none" in text
+    assert found.prefixes == ("box", "expert")
     assert "as a lift: analysed" in text
     assert "deposit_start: 5.8" in text
     assert found._repr_html_().count("<li>") == len(found.lines())
