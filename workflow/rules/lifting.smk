@@ -49,9 +49,10 @@ if study.has("lifting"):
             motion=[f"<results>/lifting/{lift}/motion.csv" for lift in study.lifts],
             landmarks=[f"<results>/lifting/{lift}/landmarks.csv" for lift in study.lifts],
             spread=[f"<results>/lifting/{lift}/spread.csv" for lift in study.lifts],
+            quality=[f"<results>/lifting/{lift}/quality.json" for lift in study.lifts],
             sources=library_sources("lifting_figures.py"),
         output:
-            **published("lifting_events", "figure_4_1", "figure_4_2", "centre_of_mass_checks"),
+            **published("quality", "lifting_events", "figure_4_1", "figure_4_2", "centre_of_mass_checks"),
         log:
             "<logs>/lifting_figures.log",
         benchmark:
@@ -61,6 +62,6 @@ if study.has("lifting"):
         params:
             data=DATA,
         message:
-            "Figures 4.1 and 4.2, events and centres of mass of every lift"
+            "Quality of the recordings, Figures 4.1 and 4.2, events and centres of mass of every lift"
         script:
             "../scripts/lifting_figures.py"

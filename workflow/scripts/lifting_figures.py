@@ -1,17 +1,20 @@
-"""Events of every lift, Figure 4.1, Figure 4.2, and the checks of the centres of mass."""
+"""Quality of the recordings, events of every lift, Figure 4.1, Figure 4.2, and the checks of the centres of mass."""
 
 from job import run, stem
 
 
 def main(input, output, params):
-    """Draw from the files of the lifts."""
+    """Tabulate and draw from the files of the lifts."""
     import pandas as pd
 
     from lumbar.files import read_json
     from lumbar.lifting.model_spread import spread_table
+    from lumbar.quality.quality_table import quality_table
     from lumbar.reports.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
     from lumbar.reports.figures.style import save
 
+    sheets = [read_json(path) for path in input.quality]
+    quality_table(sheets, params.data).write(stem(output.quality))
     lifts = [
         {
             "motion": pd.read_csv(motion),

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.lifting.gaps import runs
 from lumbar.quality.finding import Finding
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
+from lumbar.records.stretches import runs
 
 
 @dataclass(frozen=True)
