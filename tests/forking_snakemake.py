@@ -19,7 +19,14 @@ IMPORTED_ONCE = [
     "pandera.pandas",
     "pydantic",
     "scipy.signal",
-    "matplotlib.figure",
+    "scipy.integrate",
+    "matplotlib.backends.backend_pdf",
+    "matplotlib.backends.backend_svg",
+    "fontTools.subset",
+    "clarabel",
+    "control",
+    "jinja2",
+    "c3d",
 ]
 
 

@@ -20,7 +20,7 @@ NOT_INHERITED = ("PYTHONPATH", "LUMBAR_DATA", "PYTHONDONTWRITEBYTECODE")
 """Without bytecode, as in many containers, every job would compile the library again; a copy of the project may hold it."""
 PLAIN = ("-m", "snakemake")
 FORKING = (str(PROJECT / "tests" / "forking_snakemake.py"),)
-"""Its jobs do not import their libraries anew; the default study runs as users run it."""
+"""Its jobs do not import their libraries anew; a part of the default study runs as users run it."""
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,9 @@ def folder(tmp_path_factory):
     # Whether a law is found in these recordings is asked among the public records (tests/real_records).
     overlay = f"runtime: {{compiler_cache: {ZIG_CACHE}}}\nimprovement: {{propose_law: false}}\n"
     (made / "config" / "overlay.yaml").write_text(overlay, encoding="utf-8")
+    # A file with dynamics of each kind: none, linear, with an effect; that all models become files the default study shows.
+    fewer = "runtime: {models: [IL, Maxwell, KB+hysteresis]}\n"
+    (made / "config" / "fewer_fmus.yaml").write_text(fewer, encoding="utf-8")
     return made
 
 
@@ -61,7 +64,7 @@ def test_absent_recordings_are_named_with_source_and_licence(folder, study, tmp_
 
 
 def test_davinci_tool(folder, shared):
-    results = run_study(folder, shared, "davinci_tool")
+    results = run_study(folder, shared, "davinci_tool", "config/fewer_fmus.yaml")
     table = pd.read_csv(results / "tables" / "table_3_1.csv")
     assert not table["data"].str.contains("synthetic").any()
     assert {"MW", "Maxwell", "KB", "HO"} <= set(table.model)

@@ -60,7 +60,10 @@ class CModel:
         exported = folder / "exported.c"
         exported.write_text(
             '#include "model.h"\n__attribute__((visibility("default")))\n'
-            "double exported_sample(const double x[], double u, double next[]) { return model_sample(x, u, next); }\n"
+            "double exported_sample(double x[], double u, double next[]) {\n"
+            "    static model_past past; /* of one simulation from rest */\n"
+            "    double y = model_sample(x, &past, u, next);\n"
+            "    model_keep(x, next, &past);\n    return y;\n}\n"
             '__attribute__((visibility("default"))) int exported_states(void) { return MODEL_STATES; }\n'
         )
         # A name of its own: a library that was loaded once is not loaded anew.

@@ -26,18 +26,19 @@ def portable_functions(folder: Path, cache: Path) -> dict:
     Elementary functions are compiled from ``portable_math.c``; sums, products, roots and comparisons are exact in NumPy too.
     """
     names = [f"portable_{name}" for name in _OF_ONE]
-    lines = ['#include "portable_math.h"', '#include "effect_forms.h"']
+    lines = ['#include "effect_forms.h"', '#include "portable_math.c"']
     visible = '__attribute__((visibility("default")))'
     for name in (*names, "phi1", "smoothstep"):
         lines.append(f"{visible} double exported_{name}(double x) {{ return {name}(x); }}")
     lines.append(
         f"{visible} double exported_portable_power(double x, double n) {{ return portable_power(x, n); }}"
     )
-    for file in ("portable_math.c", "portable_math.h", "effect_forms.h"):
+    for file in ("portable_math.c", "portable_math.h", "effect_forms.h", "model.h"):
         (folder / file).write_text((lumbar.fmu.c.FOLDER / file).read_text())
+    (folder / "model_size.h").write_text("#define MODEL_RINGS 0\n#define MODEL_RING 0\n")
     (folder / "exported_math.c").write_text("\n".join(lines) + "\n")
     library = folder / "math.so"
-    compile_library([folder / "portable_math.c", folder / "exported_math.c"], library, "x86_64-linux", cache)
+    compile_library([folder / "exported_math.c"], library, "x86_64-linux", cache)
     loaded = ctypes.CDLL(str(library))
     functions = {
         **NUMPY, "fabs": np.abs, "sqrt": np.sqrt, "smaller": np.minimum, "larger": np.maximum, "clipped": np.clip,

@@ -12,7 +12,10 @@ from lumbar.errors import InputError, Problems
 
 LARGEST_SIZE, MOST_ENTRIES, DEEPEST = 1_000_000, 100_000, 40
 """Bytes, entries with every alias written out, and levels of nesting of a configuration file."""
+_MOST_DIGITS = 100
+"""Digits of a whole number; any more cannot be computed with."""
 _PLAIN = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+_INTEGER = "tag:yaml.org,2002:int"
 
 
 @dataclass(frozen=True)
@@ -80,10 +83,19 @@ class _YamlReader:
         self.seen.add(id(node))
         if isinstance(node, ScalarNode):
             try:
-                return self.loader.construct_object(node)
+                value = self.loader.construct_object(node)
             except ConstructorError as error:
                 self._problem(way, str(error.problem))
                 return None
+            except ValueError:
+                if node.tag != _INTEGER:
+                    raise
+                value = 10**_MOST_DIGITS  # more digits than Python reads
+            if isinstance(value, int) and abs(value) >= 10**_MOST_DIGITS:
+                found = f"a number of {len(node.value)} digits"
+                self._problem(way, found, f"numbers have at most {_MOST_DIGITS} digits")
+                return None
+            return value
         if node.tag not in _PLAIN:
             self._problem(way, f"tag {node.tag!r}", "tags are not read here")
             return None
@@ -153,8 +165,8 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
     if len(raw) > LARGEST_SIZE:
         problems.add(name, f"{len(raw)} bytes", f"at most {LARGEST_SIZE} are read")
         return YamlFile(name)
-    loader = yaml.SafeLoader(text)
     try:
+        loader = yaml.SafeLoader(text)
         reader = _YamlReader(loader, name, problems, anchors)
         node = loader.get_single_node()
         content = reader.read(node) if node is not None else {}
@@ -162,6 +174,9 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
         mark = error.problem_mark or error.context_mark
         said = " ".join(filter(None, (error.context, error.problem)))
         problems.add(f"{name}, line {mark.line + 1}" if mark else name, f"not valid YAML: {said}")
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        problems.add(f"{name}, line {line}", f"character #x{error.character:02x}", "files of text have none")
     except (yaml.YAMLError, ValueError) as error:
         problems.add(name, f"not valid YAML: {error}")
     except (_TooMuch, RecursionError):

@@ -54,6 +54,11 @@ def test_content_and_lines(tmp_path):
         (b"a: {b: 1, b: 2}\n", "a.yaml, lines 1 and 1: key 'a.b' stands twice"),
         (b"- 1\n", "a.yaml: no mapping"),
         (b"a: " + b"[" * 3000 + b"]" * 3000, "a.yaml: nested too deep"),
+        (
+            b"b: 1\na: " + b"9" * 200,
+            "a.yaml, line 2: a: a number of 200 digits; numbers have at most 100 digits",
+        ),
+        (b"a: " + b"9" * 5000, "a.yaml, line 1: a: a number of 5000 digits; numbers have at most 100 digits"),
         (b"a: &a [x, x, x, x, x, x, x, x, x, x]\n", ""),
         (
             b"a: &a [x, x, x, x, x, x, x, x, x]\n"

@@ -45,12 +45,7 @@ def _samples_late(parameters, sampling_time):
     return {"whole": float(whole), "share": samples - whole}
 
 
-_DELAY_STEP = """\
-// The positions before, newest first; linear in between.
-int last = (int)whole;
-double newer = first || last == 0 ? position : memory[last - 1], older = first ? position : memory[last];
-for (int i = last; i > 0; --i) next[i] = first ? position : memory[i - 1];
-next[0] = position;"""
+_DELAY_STEP = "double newer = earlier(now, ring, (int)whole), older = earlier(now, ring, (int)whole + 1);"
 
 DELAY = Effect(
     name="delay",
@@ -73,8 +68,8 @@ DELAY = Effect(
                 c_step=CStep(
                     "newer + share * (older - newer)",
                     _DELAY_STEP,
-                    memory=lambda numbers: int(numbers["whole"]) + 1,
                     constants=_samples_late,
+                    history=lambda numbers: int(numbers["whole"]) + 1,
                 ),
             ),
         ),

@@ -24,6 +24,7 @@ class CStep:
       ``velocity``, ``acceleration``, ``path``, and ``first``, true at the first sample. Derivatives are backward
       differences, for a running loop knows no later sample;
     - in output forms ``force``, which is to be transformed;
+    - with `history`, ``earlier(now, ring, n)``, the position that reached the form n samples ago, 0 to `history`;
     - with `memory`, ``memory[i]`` as the sample before left it, 0 at the start, and ``next[i]``, to be written;
     - the functions of ``effect_forms.h`` and ``portable_math.h``: ``sign``, ``clipped``, ``behind_gap``,
       ``portable_tanh`` … Those of the C library that are exact (``fabs``, ``sqrt``, ``floor`` …) may be used too; the
@@ -38,6 +39,8 @@ class CStep:
         What comes before it.
     memory : int or callable
         How many numbers the form keeps from sample to sample; a callable gets all parameters by name.
+    history : int or callable
+        How many earlier positions it asks for; a callable as of `memory`.
     constants : callable
         From parameters by name and the sampling time in seconds to further numbers by name, computed at export. One
         named ``pole`` is a pole in discrete time and counts when stability is judged.
@@ -47,6 +50,7 @@ class CStep:
     statements: str = ""
     memory: int | Memory = 0
     constants: Constants = _no_constants
+    history: int | Memory = 0
 
     def numbers(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
         """All numbers that the code knows by name.
@@ -64,3 +68,7 @@ class CStep:
     def memory_size(self, numbers: Mapping[str, float]) -> int:
         """How many numbers the form keeps, given those that its code knows."""
         return self.memory(numbers) if callable(self.memory) else self.memory
+
+    def history_size(self, numbers: Mapping[str, float]) -> int:
+        """How many earlier positions it asks for, given the numbers that its code knows."""
+        return self.history(numbers) if callable(self.history) else self.history

@@ -32,13 +32,14 @@ def reals(raw: np.ndarray, processor: int) -> np.ndarray:
     ndarray of float, shape (..., n)
     """
     raw = np.ascontiguousarray(raw)
-    if processor == MIPS:
-        return raw.view(">f4").astype(float)
-    if processor == INTEL:
-        return raw.view("<f4").astype(float)
-    halves = raw.view("<u2")
-    halves = halves.reshape(*halves.shape[:-1], -1, 2)[..., ::-1]
-    return np.ascontiguousarray(halves).view("<f4")[..., 0].astype(float) / 4
+    with np.errstate(invalid="ignore"):  # a NaN may be of the signalling kind
+        if processor == MIPS:
+            return raw.view(">f4").astype(float)
+        if processor == INTEL:
+            return raw.view("<f4").astype(float)
+        halves = raw.view("<u2")
+        halves = halves.reshape(*halves.shape[:-1], -1, 2)[..., ::-1]
+        return np.ascontiguousarray(halves).view("<f4")[..., 0].astype(float) / 4
 
 
 def integers(raw: np.ndarray, processor: int) -> np.ndarray:

@@ -20,10 +20,9 @@ A layout is `lumbar.settings.layout.ColumnLayout`; in a study's YAML::
 from __future__ import annotations
 
 import csv
-import gzip
+import io
 import os
 import sys
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -32,7 +31,9 @@ import numpy as np
 from lumbar.errors import InputError, Problems
 from lumbar.records.clipping import check_clipping
 from lumbar.records.missing_rows import with_missing_rows
+from lumbar.records.numbers import number
 from lumbar.records.record import Channel, Record, check_record, samples_between
+from lumbar.records.unpacking import check_matlab, unpack
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 TIME = "time"
@@ -126,12 +127,29 @@ _LARGE = 5_000_000
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
 
 
+_SHOWN = 60
+"""Characters of a cell that a message shows."""
+_LONGEST_LINE = 1_000_000
+"""Characters of one line."""
+
+
+def _opened(path: Path) -> io.BytesIO | io.BufferedReader:
+    """Bytes of a file, unpacked."""
+    return io.BytesIO(unpack(path.read_bytes(), path)) if path.suffix == ".gz" else path.open("rb")
+
+
 def _lines(path: Path):
-    opener = gzip.open if path.suffix == ".gz" else open
-    with opener(path, "rt", encoding="utf-8-sig") as stream:
+    with io.TextIOWrapper(_opened(path), encoding="utf-8-sig") as stream:
+        number = 0
         try:
-            yield from enumerate(stream, start=1)
-        except (UnicodeDecodeError, gzip.BadGzipFile, zlib.error, EOFError) as error:
+            while line := stream.readline(_LONGEST_LINE + 1):
+                number += 1
+                if len(line) > _LONGEST_LINE:
+                    raise InputError(
+                        f"{path}: line {number} has more than {_LONGEST_LINE} characters; rows of numbers are needed"
+                    )
+                yield number, line
+        except UnicodeDecodeError as error:
             raise InputError(f"{path}: not a readable text file ({error})") from error
 
 
@@ -140,18 +158,22 @@ def _read_plain_table(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.nd
 
     Fifty times as fast as going through it line by line, which is left to say where a file is not as it should be.
     """
-    if path.stat().st_size < _LARGE or path.suffix == ".gz" or layout.decimal != ".":
+    packed = path.suffix == ".gz"
+    if layout.decimal != "." or (path.stat().st_size < _LARGE and not packed):
+        return None
+    separator = None if layout.delimiter == "whitespace" else layout.delimiter
+    source = _opened(path) if packed else path
+    if isinstance(source, io.BytesIO) and source.getbuffer().nbytes < _LARGE:
         return None
     import pandas as pd
 
-    separator = None if layout.delimiter == "whitespace" else layout.delimiter
-    with path.open(encoding="utf-8-sig", errors="replace") as stream:
-        first = stream.readline()
+    with io.TextIOWrapper(_opened(path), encoding="utf-8-sig", errors="replace") as stream:
+        first = stream.readline(_LONGEST_LINE)
     header = _split(first, separator) if layout.header else None
     print(f"{path.name}: reading {path.stat().st_size / 1e6:.0f} MB", file=sys.stderr, flush=True)
     try:
         frame = pd.read_csv(
-            path,
+            source,
             sep=r"\s+" if separator is None else separator,
             header=None,
             skiprows=int(layout.header),
@@ -187,7 +209,7 @@ def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray],
     width: int | None = None
     rows: list[list[float]] = []
     lines: list[int] = []
-    for number, line in _lines(path):
+    for place, line in _lines(path):
         text = line.strip()
         if not text or (comment and text.startswith(comment)):
             continue
@@ -202,11 +224,11 @@ def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray],
         if len(cells) != width:
             # A decimal comma or a missing cell would shift all columns after it.
             problems.add(
-                f"line {number}", f"{len(cells)} cells", f"{width} are expected: check delimiter and decimal"
+                f"line {place}", f"{len(cells)} cells", f"{width} are expected: check delimiter and decimal"
             )
         else:
-            rows.append(_numbers(cells, positions, number, decimal, problems))
-            lines.append(number)
+            rows.append(_numbers(cells, positions, place, decimal, problems))
+            lines.append(place)
         if len(problems.entries) >= 20:
             problems.add("", "reading stopped after 20 problems")
             break
@@ -221,7 +243,10 @@ def _split(line: str, separator: str | None) -> list[str]:
     """Cells of one line; quotes protect separators, and empty cells at the end keep their place."""
     if separator is None:
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line.rstrip("\r\n")], delimiter=separator))]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line.rstrip("\r\n")], delimiter=separator), [])]
+    except csv.Error:  # a cell of more than 131072 characters
+        return line.split(separator)
 
 
 def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str] | None) -> dict[str, int]:
@@ -262,10 +287,11 @@ def _numbers(
             continue
         text = cells[position] if decimal == "." else cells[position].replace(decimal, ".")
         try:
-            values.append(float(text))
+            values.append(number(text))
         except ValueError:
             comma = " (with decimal commas, set layout.decimal to ',')" if "," in cells[position] else ""
-            problems.add(f"line {line}", f"{role} is {cells[position]!r}", f"a number is needed{comma}")
+            found = cells[position] if len(cells[position]) <= _SHOWN else cells[position][:_SHOWN] + "…"
+            problems.add(f"line {line}", f"{role} is {found!r}", f"a number is needed{comma}")
             values.append(np.nan)
     return values
 
@@ -273,6 +299,7 @@ def _numbers(
 def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
     from scipy.io import loadmat
 
+    check_matlab(path, str(path))
     try:
         content = loadmat(path, squeeze_me=True)
     except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds

@@ -13,6 +13,10 @@ CLOCK_TOLERANCE = 0.25
 """How far a sample may lie from an even clock, as a share of the sampling interval."""
 LARGEST = 1e100
 """Largest size of a value: sums of the squares of such values are finite, and no quantity here comes near it."""
+LARGEST_IN = {"N": 1e6, "kN": 1e3, "mN": 1e9, "rad": 1e5, "deg": 1e7, "Nm": 1e6, "N m": 1e6, "N·m": 1e6}
+LARGEST_IN |= {"m": 1e3, "cm": 1e5, "mm": 1e6, "um": 1e9, "µm": 1e9}
+"""Largest size of a value by its unit: a thousand kilonewtons, a kilometre, ten thousand turns. No person, tissue or machine
+here comes near them; a lost decimal point does."""
 
 
 @dataclass(frozen=True)
@@ -168,13 +172,15 @@ def check_record(
         problems.add("", f"{len(record.time)} samples", f"at least {FEWEST_SAMPLES} are needed")
         problems.raise_if_any()
     for name, values in {"time": record.time, **{r: c.values for r, c in record.channels.items()}}.items():
-        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
+        unit = record.channels[name].unit if name in record.channels else ""
+        largest = LARGEST_IN.get(unit, LARGEST)
+        bad = np.flatnonzero(~(np.abs(values) <= largest))
         if bad.size:
             more = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
             problems.add(
                 place_of(bad[0], lines) + more,
                 f"{name} is {values[bad[0]]}",
-                f"every value must be a finite number, of at most {LARGEST:g} in size",
+                f"every value must be a finite number, of at most {largest:g} {unit}".rstrip() + " in size",
             )
         elif name != "time" and name not in may_rest and np.ptp(values) == 0:
             problems.add(name, f"constant ({values[0]:g})", "a channel that does not move cannot be analysed")

@@ -54,8 +54,9 @@ HOST = "host"
 """The platform of this machine."""
 
 # -ffp-contract=off: the same rounding on every platform. The rest keeps paths, dates and names of the build
-# machine out, so that every build of the same model is the same file. No -flto: the linkers of macOS and Windows cannot;
-# sampled_force.c includes the model instead, whose few numbers so become part of the code around them.
+# machine out, so that every build of the same model is the same file. No -flto: Zig links it for Linux alone, and it gains
+# nothing there that could be measured: sampled_force.c includes the model, whose few numbers become part of the code around
+# them.
 FLAGS = (
     "-std=c99",
     "-O2",

@@ -19,7 +19,7 @@ _MOTION = {
     "path": "double",
 }
 """Members of ``motion`` in ``effect_forms.h`` and their types."""
-_GIVEN = {*_MOTION, "force", "memory", "next", "now", "increments", "matrix"}
+_GIVEN = {*_MOTION, "force", "memory", "next", "now", "increments", "matrix", "ring"}
 _KEYWORD = re.compile(
     "auto|bool|break|case|char|const|continue|default|do|double|else|enum|extern|false|float|for|goto|if|inline|int|"
     "long|register|restrict|return|short|signed|sizeof|static|struct|switch|true|typedef|union|unsigned|void|volatile|"
@@ -39,7 +39,9 @@ _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 def _functions() -> dict[str, str]:
     """Functions that a form may call, as declared, by name."""
     text = "".join(map(c_source, ("portable_math.h", "effect_forms.h")))
-    declared = re.findall(r"^(?:static inline )?(?:double|void) (\w+)(\([^)]*\))", text, re.MULTILINE)
+    declared = re.findall(
+        r"^(?:static inline |INLINED )?(?:double|void) (\w+)(\([^)]*\))", text, re.MULTILINE
+    )
     return {name: name + arguments for name, arguments in declared}
 
 
@@ -90,7 +92,7 @@ def _code(step: CStep) -> str:
     return _COMMENT.sub(" ", f"{step.statements}\n{step.value}")
 
 
-def c_function(name: str, form: Form, numbers: dict[str, float]) -> str:
+def c_function(name: str, form: Form, numbers: dict[str, float], ring: int | None = None) -> str:
     """Return the C function of a form.
 
     Parameters
@@ -101,6 +103,8 @@ def c_function(name: str, form: Form, numbers: dict[str, float]) -> str:
         With a C step that has no problems.
     numbers : dict of str to float
         What `CStep.numbers` returns.
+    ring : int, optional
+        Number of the ring that holds the earlier positions, of forms with a history.
     """
     used = set(_WORD.findall(_code(form.c_step)))
     lines = [
@@ -109,6 +113,8 @@ def c_function(name: str, form: Form, numbers: dict[str, float]) -> str:
         if key in used
     ]
     lines += [f"const {kind} {key} = now->{key};" for key, kind in _MOTION.items() if key in used]
+    if ring is not None:
+        lines.append(f"enum {{ ring = {ring} }};")
     lines += form.c_step.statements.splitlines()
     lines.append(f"return {form.c_step.value};")
     parameters = "const double memory[], double next[], const motion *now, double force"

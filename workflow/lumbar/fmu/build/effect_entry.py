@@ -64,15 +64,16 @@ def _check_numbers(form: Form, values: tuple, sampling_time: float, problems: Pr
     try:
         numbers = form_numbers(form, *values, sampling_time)
         memory = form.c_step.memory_size(numbers)
+        history = form.c_step.history_size(numbers)
     except Exception as error:  # code of the user's own
         problems.add(form.key, f"constants or memory of its c_step fail ({type(error).__name__}: {error})")
         return
     for name, value in numbers.items():
         if not math.isfinite(value):
             problems.add(form.key, f"{name} becomes {value}", "all numbers of its C code must be finite")
-    if not 0 <= memory <= MAX_MEMORY:
+    if not (memory >= 0 and history >= 0 and memory + history <= MAX_MEMORY):
         problems.add(
             form.key,
-            f"keeps {memory} numbers at {1 / sampling_time:g} Hz",
+            f"keeps {memory + history} numbers at {1 / sampling_time:g} Hz",
             f"at most {MAX_MEMORY} fit into an FMU; lower runtime.rate_Hz",
         )

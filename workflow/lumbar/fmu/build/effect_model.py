@@ -32,6 +32,8 @@ class Term:
         What its C code knows by name.
     memory : int
         Where its part of the state begins.
+    motion : int
+        Where the motion that reaches it stands in the state.
     """
 
     form: Form
@@ -39,11 +41,17 @@ class Term:
     nonlinear: tuple[float, ...]
     numbers: dict[str, float]
     memory: int
+    motion: int
 
     @property
     def memory_end(self) -> int:
         """Where its part of the state ends."""
         return self.memory + self.form.c_step.memory_size(self.numbers)
+
+    @property
+    def history(self) -> int:
+        """How many earlier positions it asks for."""
+        return self.form.c_step.history_size(self.numbers)
 
 
 @dataclass(frozen=True)
@@ -81,18 +89,13 @@ class EffectModel:
         ordered = [item for place in Place for item in given if item[0].place is place]
         # One number counts the samples taken.
         memory = 1 + _MOTION_STATES * (1 + sum(form.place is Place.INPUT for form, _, _ in given))
-        terms = []
+        motion, terms = 1, []
         for form, linear, nonlinear in ordered:
-            terms.append(
-                Term(
-                    form,
-                    linear,
-                    nonlinear,
-                    form_numbers(form, linear, nonlinear, self.sampling_time),
-                    memory,
-                )
-            )
+            numbers = form_numbers(form, linear, nonlinear, self.sampling_time)
+            reached = 1 if form.place is Place.OUTPUT else motion
+            terms.append(Term(form, linear, nonlinear, numbers, memory, reached))
             memory = terms[-1].memory_end
+            motion += _MOTION_STATES if form.place is Place.INPUT else 0
         return tuple(terms)
 
     @property
@@ -102,8 +105,18 @@ class EffectModel:
 
     @property
     def states(self) -> int:
-        """Numbers that the model keeps from sample to sample."""
+        """Numbers that the model carries from sample to sample, earlier positions apart."""
         return self.terms[-1].memory_end
+
+    @property
+    def histories(self) -> tuple[int, ...]:
+        """How many earlier positions each form that asks for some asks for, in the order of `terms`."""
+        return tuple(term.history for term in self.terms if term.history)
+
+    @property
+    def kept(self) -> int:
+        """Numbers that the model keeps from sample to sample."""
+        return self.states + sum(self.histories)
 
     @property
     def largest_pole(self) -> float:
@@ -116,9 +129,9 @@ class EffectModel:
 
     def problems(self) -> list[tuple[str, str, str]]:
         """What keeps the model from being exported: place, what was found, what is allowed."""
-        if self.states <= MAX_STATES:
+        if self.kept <= MAX_STATES:
             return []
-        return [("effects", f"keep {self.states} numbers", f"at most {MAX_STATES} fit into an FMU")]
+        return [("effects", f"keep {self.kept} numbers", f"at most {MAX_STATES} fit into an FMU")]
 
     def _parameters(self) -> tuple[np.ndarray, np.ndarray]:
         """Linear and nonlinear parameters in the order of `structure`."""
@@ -169,13 +182,18 @@ class EffectModel:
 
     def c_data(self) -> list[str]:
         """Lines of model_data.h: one C function per form, its numbers in it, and their order."""
-        functions, rows = [], []
+        functions, calls, kept = [], [], []
         for index, term in enumerate(self.terms):
-            name = f"form_{index}"
-            functions.append(c_function(name, term.form, term.numbers))
-            rows.append(f"{{{name}, {term.memory}}}")
-        counts = [f"#define MODEL_{place.upper()}_FORMS {len(self.at(place))}" for place in Place]
-        return [*functions, *counts, f"static const term MODEL_TERMS[] = {{{', '.join(rows)}}};"]
+            name, place = f"form_{index}", term.form.place
+            functions.append(c_function(name, term.form, term.numbers, len(kept) if term.history else None))
+            kept += [term.motion] if term.history else []
+            behind = f", {term.motion + _MOTION_STATES}" if place is Place.INPUT else ""
+            calls.append(f"{place.upper()}_FORM({name}, {term.memory}{behind})")
+        return [
+            *functions,
+            f"#define MODEL_FORMS {' '.join(calls)}",
+            f"static const int MODEL_KEPT[] = {{{', '.join(map(str, kept or [0]))}}};",
+        ]
 
 
 def form_numbers(form: Form, linear, nonlinear, sampling_time: float) -> dict[str, float]:

@@ -44,6 +44,7 @@ class LinearModel:
     c_source = "model_linear.c"
     headers = ()
     waits_for_input = False
+    histories = ()
 
     @cached_property
     def state_space(self) -> control.StateSpace:
@@ -54,6 +55,11 @@ class LinearModel:
     def states(self) -> int:
         """Numbers that the model keeps from one of its samples to the next."""
         return self.state_space.nstates
+
+    @property
+    def kept(self) -> int:
+        """The same: the model itself knows no earlier sample."""
+        return self.states
 
     @property
     def largest_pole(self) -> float:

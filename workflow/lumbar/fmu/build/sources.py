@@ -69,6 +69,8 @@ def _model_size(model: ExportModel) -> str:
         "MODEL_WINDOW": model.moving_average,
         "MODEL_DELAY": model.dynamics.delay,
         "MODEL_HISTORY": max(1, model.history),
+        "MODEL_RINGS": len(model.dynamics.histories),
+        "MODEL_RING": max(model.dynamics.histories, default=0),
         "MODEL_SOURCE": f'"{model.dynamics.c_source}"',
     }
     lines = [f"#define {name} {size}" for name, size in sizes.items()]

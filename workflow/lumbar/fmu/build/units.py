@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 BASE_UNITS = {
     "m": {"m": 1},
     "mm": {"m": 1, "factor": 1e-3},
@@ -30,6 +32,7 @@ def base_unit(unit: str) -> dict[str, float] | None:
     return {**known, "s": known.get("s", 0) - 1}
 
 
+@cache
 def work_units(position: str, force: str) -> tuple[float, float, str] | None:
     """Return position and force in SI units and the unit of damping; None where their product is no energy.
 

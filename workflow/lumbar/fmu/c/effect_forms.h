@@ -8,6 +8,7 @@
 #include <math.h>
 #include <stdbool.h>
 
+#include "model.h"
 #include "portable_math.h"
 
 /* Motion at a sample; derivatives are backward differences, 0 at the first sample. */
@@ -19,11 +20,15 @@ typedef struct {
     double velocity;
     double acceleration;
     double path;         /* distance travelled */
+    const model_past *past;
 } motion;
 
-/* `memory` and `next` are the form's part of the state before and after the sample, `force` is what output forms
- * transform. Returned is the position that an input form passes on, else a force. */
-typedef double form_function(const double memory[], double next[], const motion *now, double force);
+/* The position so many samples ago, 0 to the form's history; `ring` is the form's. */
+static inline double earlier(const motion *now, int ring, int samples) {
+    if (samples == 0 || now->first) return now->position;
+    int64_t place = now->past->newest + 1 - samples;
+    return now->past->value[ring][place < 0 ? place + MODEL_RING : place];
+}
 
 static inline double sign(double value) { return (double)((value > 0) - (value < 0)); }
 

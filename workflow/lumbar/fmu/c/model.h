@@ -14,8 +14,10 @@
 
 /* MODEL_STATES, and the samples of: MODEL_WINDOW, the moving average on the input, 1 = off; MODEL_DELAY, how late the
  * model gets it; MODEL_PHASES, the time between two samples of the model itself, which has as many states in turn;
- * MODEL_HISTORY, earlier inputs kept. Written at export. */
+ * MODEL_HISTORY, earlier inputs kept; MODEL_RING, earlier values kept of each of MODEL_RINGS of its own signals. Written at
+ * export. */
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "model_size.h"
 
@@ -41,13 +43,23 @@ typedef struct {
 
 extern const model_constants MODEL;
 
+/* Values of a model's own signals at the samples before, as rings: a long delay costs a step no more than a short one. */
+#define AT_LEAST_ONE(size) ((size) > 0 ? (size) : 1) /* C has no arrays of length 0 */
+typedef struct {
+    double value[AT_LEAST_ONE(MODEL_RINGS)][AT_LEAST_ONE(MODEL_RING)];
+    int64_t newest; /* place of the newest value in every ring */
+} model_past;
+
 /* Sample k: returns y[k] = h(x[k], u[k]) and writes x[k+1] = f(x[k], u[k]) to `next`, which must not be `x`. */
-double model_sample(const double x[], double u, double next[]);
+double model_sample(const double x[], const model_past *past, double u, double next[]);
+
+/* Keep of sample k, which led from x to next, what later samples ask for. */
+void model_keep(const double x[], const double next[], model_past *past);
 
 /* States at rest at a constant input. */
 void model_rest(double u, double x[]);
 
 /* Derivative of y[k] by u[k]; at rest, by an input that has always been u. */
-double model_slope(const double x[], double u, bool at_rest);
+double model_slope(const double x[], const model_past *past, double u, bool at_rest);
 
 #endif

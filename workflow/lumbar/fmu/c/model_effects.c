@@ -9,11 +9,6 @@
 #include "model.h"
 #include "portable_math.c" /* what is constant in a form is then computed by the compiler */
 
-typedef struct {
-    form_function *run;
-    int memory; /* where its part of the state begins */
-} term;
-
 #include "model_data.h"
 
 const model_constants MODEL = MODEL_CONSTANTS;
@@ -22,9 +17,9 @@ const model_constants MODEL = MODEL_CONSTANTS;
 enum { SAMPLES_TAKEN, TOOL };
 enum { POSITION, VELOCITY, PATH, MOTION_STATES };
 
-static motion moved_to(double position, double samples_taken, const double x[], double next[]) {
+static motion moved_to(double position, double samples_taken, const model_past *past, const double x[], double next[]) {
     bool first = samples_taken == 0.0;
-    motion now = {.first = first, .time = samples_taken * MODEL.sampling_time, .position = position};
+    motion now = {.first = first, .time = samples_taken * MODEL.sampling_time, .position = position, .past = past};
     if (!first) {
         now.step = position - x[POSITION];
         now.velocity = now.step / MODEL.sampling_time;
@@ -37,24 +32,31 @@ static motion moved_to(double position, double samples_taken, const double x[], 
     return now;
 }
 
-double model_sample(const double x[], double u, double next[]) {
-    const term *form = MODEL_TERMS;
-    double samples_taken = x[SAMPLES_TAKEN];
+/* MODEL_FORMS names the forms in their order, each with the place of its memory in the state and, input forms, of the motion
+ * behind it: one call after the other, which the compiler can draw together. */
+#define INPUT_FORM(form, memory, behind) \
+    tissue = moved_to(form(x + (memory), next + (memory), &tissue, 0.0), samples_taken, past, x + (behind), next + (behind));
+#define PARALLEL_FORM(form, memory) force += form(x + (memory), next + (memory), &tissue, 0.0);
+#define OUTPUT_FORM(form, memory) force = form(x + (memory), next + (memory), &tool, force);
+
+double model_sample(const double x[], const model_past *past, double u, double next[]) {
+    double samples_taken = x[SAMPLES_TAKEN], force = 0.0;
     next[SAMPLES_TAKEN] = samples_taken + 1.0;
-    motion tool = moved_to(u, samples_taken, x + TOOL, next + TOOL);
-    motion tissue = tool;
-    for (int i = 1; i <= MODEL_INPUT_FORMS; ++i, ++form) {
-        double position = form->run(x + form->memory, next + form->memory, &tissue, 0.0);
-        tissue = moved_to(position, samples_taken, x + TOOL + i * MOTION_STATES, next + TOOL + i * MOTION_STATES);
-    }
-    double force = 0.0;
-    for (int i = 0; i < MODEL_PARALLEL_FORMS; ++i, ++form) {
-        force += form->run(x + form->memory, next + form->memory, &tissue, 0.0);
-    }
-    for (int i = 0; i < MODEL_OUTPUT_FORMS; ++i, ++form) {
-        force = form->run(x + form->memory, next + form->memory, &tool, force);
-    }
+    motion tool = moved_to(u, samples_taken, past, x + TOOL, next + TOOL), tissue = tool;
+    MODEL_FORMS
+    (void)tissue;
     return force;
+}
+
+/* Before the first sample every signal was what it is then. */
+void model_keep(const double x[], const double next[], model_past *past) {
+    past->newest = past->newest + 1 < MODEL_RING ? past->newest + 1 : 0;
+    for (int ring = 0; ring < MODEL_RINGS; ++ring) {
+        double value = next[MODEL_KEPT[ring]];
+        past->value[ring][past->newest] = value;
+        if (x[SAMPLES_TAKEN] != 0.0) continue;
+        for (int i = 0; i < MODEL_RING; ++i) past->value[ring][i] = value;
+    }
 }
 
 /* At the first sample every form rests where it is. */
@@ -64,9 +66,9 @@ void model_rest(double u, double x[]) {
 }
 
 /* Central difference: the forms have kinks, where a derivative does not exist; far from them it is good to 1e-6. */
-double model_slope(const double x[], double u, bool at_rest) {
+double model_slope(const double x[], const model_past *past, double u, bool at_rest) {
     (void)at_rest;
     static const double STEP = 0x1p-23; /* about 1e-7 of the input's unit; a power of two is added without error */
     double next[MODEL_STATES];
-    return (model_sample(x, u + STEP, next) - model_sample(x, u - STEP, next)) / (2.0 * STEP);
+    return (model_sample(x, past, u + STEP, next) - model_sample(x, past, u - STEP, next)) / (2.0 * STEP);
 }

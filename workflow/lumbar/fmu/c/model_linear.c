@@ -8,7 +8,8 @@
 
 const model_constants MODEL = MODEL_CONSTANTS;
 
-double model_sample(const double x[], double u, double next[]) {
+double model_sample(const double x[], const model_past *past, double u, double next[]) {
+    (void)past;
     double y = MODEL_D * u;
     for (int i = 0; i < LINEAR_STATES; ++i) {
         y += MODEL_C[i] * x[i];
@@ -18,12 +19,14 @@ double model_sample(const double x[], double u, double next[]) {
     return y;
 }
 
+void model_keep(const double x[], const double next[], model_past *past) { (void)x, (void)next, (void)past; }
+
 void model_rest(double u, double x[]) {
     for (int i = 0; i < LINEAR_STATES; ++i) x[i] = MODEL_REST[i] * u;
 }
 
-double model_slope(const double x[], double u, bool at_rest) {
-    (void)x, (void)u;
+double model_slope(const double x[], const model_past *past, double u, bool at_rest) {
+    (void)x, (void)past, (void)u;
     if (!at_rest) return MODEL_D;
     double slope = MODEL_D;
     for (int i = 0; i < LINEAR_STATES; ++i) slope += MODEL_C[i] * MODEL_REST[i];

@@ -23,7 +23,7 @@ static double power_of_two(int k) {
     return value;
 }
 
-double portable_expm1(double x) {
+INLINED double portable_expm1(double x) {
     static const double LARGEST = 7.09782712893383973096e+02, INVERSE_LN2 = 1.44269504088896338700e+00,
                         Q1 = -3.33333333333331316428e-02, Q2 = 1.58730158725481460165e-03,
                         Q3 = -7.93650757867487942473e-05, Q4 = 4.00821782732936239552e-06,
@@ -57,9 +57,9 @@ double portable_expm1(double x) {
     return (x - (e + power_of_two(-k)) + 1.0) * power_of_two(k);
 }
 
-double portable_decay(double x) { return 1.0 + portable_expm1(-x); }
+INLINED double portable_decay(double x) { return 1.0 + portable_expm1(-x); }
 
-double portable_tanh(double x) {
+INLINED double portable_tanh(double x) {
     double size = fabs(x), value;
     if (size > 22.0) {
         value = 1.0;

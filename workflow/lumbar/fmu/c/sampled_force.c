@@ -75,11 +75,11 @@ static double averaged_input(const force_state *state) {
 }
 
 static double model_output(const force_state *state, double u, double next[]) {
-    if (!starts_at_rest(state)) return model_sample(state->x[state->phase], u, next);
+    if (!starts_at_rest(state)) return model_sample(state->x[state->phase], &state->past, u, next);
     double rest[MODEL_STATES] = {0};
     model_rest(u, rest);
     memcpy(next, rest, sizeof rest);
-    return model_sample(rest, u, next);
+    return model_sample(rest, &state->past, u, next);
 }
 
 /* Whether the output follows the input at this moment: a sample is pending and evaluated lazily. */
@@ -170,9 +170,9 @@ static double output_slope(const force_state *state) {
     if (starts_at_rest(state)) {
         double rest[MODEL_STATES] = {0}, u = averaged_input(state);
         model_rest(u, rest);
-        return model_slope(rest, u, true);
+        return model_slope(rest, &state->past, u, true);
     }
-    return MODEL_DELAY > 0 ? 0.0 : model_slope(state->x[state->phase], averaged_input(state), false) / MODEL_WINDOW;
+    return MODEL_DELAY > 0 ? 0.0 : model_slope(state->x[state->phase], &state->past, averaged_input(state), false) / MODEL_WINDOW;
 }
 
 static double *parameter(force_state *state, uint32_t reference) {
@@ -282,6 +282,7 @@ static void remember(force_state *state, double u, const double next[]) {
         for (int i = 0; i < MODEL_HISTORY; ++i) state->history[i] = deviation(state);
         for (int i = 0; i < MODEL_PHASES; ++i) model_rest(u, state->x[i]);
     }
+    model_keep(state->x[state->phase], next, &state->past);
     memcpy(state->x[state->phase], next, sizeof state->x[0]);
     state->newest = state->newest + 1 < MODEL_HISTORY ? state->newest + 1 : 0;
     state->history[state->newest] = deviation(state);

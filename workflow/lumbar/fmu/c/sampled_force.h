@@ -33,6 +33,7 @@ typedef enum { MODE_INSTANTIATED, MODE_INITIALIZATION, MODE_STEP, MODE_EVENT, MO
 /* Everything a simulation depends on, without pointers: saving it saves the simulation. */
 typedef struct {
     double x[MODEL_PHASES][MODEL_STATES];
+    model_past past;               /* of the model's own signals */
     double history[MODEL_HISTORY]; /* inputs of earlier samples, as deviations from rest: a ring */
     double input;                  /* last finite value set */
     double gain;

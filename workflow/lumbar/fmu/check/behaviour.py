@@ -1,10 +1,11 @@
 """What the library in an FMU does, against what its description and its reference signals say.
 
-Runs in a process of its own (``python -m lumbar.fmu.check.behaviour``): a library that is wrong may crash it.
+Runs apart (``python -m lumbar.fmu.check.behaviour``, see `lumbar.fmu.check.playing`): a library that is wrong may crash it.
 """
 
 from __future__ import annotations
 
+import faulthandler
 import json
 import math
 import random
@@ -16,6 +17,8 @@ from pathlib import Path
 from lumbar.fmu.agreed import REFERENCE, WITHOUT_EVENT_MODE, slow_push, told_meaning
 from lumbar.fmu.check.instance import Instance, UnzippedFmu
 
+SECONDS = 120
+"""A library that plays for longer hangs: it takes a fraction of one."""
 REFERENCE_TOLERANCE = 1e-9
 """Largest difference from the reference, relative to its largest force: the reference comes from Python, and rounding
 differs. Whether an export agrees to the last digits is for `lumbar.fmu.check.fmu_check`."""
@@ -417,12 +420,27 @@ def compared(shipped: UnzippedFmu, built: UnzippedFmu) -> list[str]:
     return [f"{shipped.ports[1]}: {words}"]
 
 
+def result_file(work: Path, number: int) -> Path:
+    """Where the problems of a job are written."""
+    return work / f"problems-{number}.json"
+
+
 def main(arguments: list[str]) -> None:
-    """Check the FMU in a folder, against a second one where given; write the problems as JSON."""
-    result, *folders = map(Path, arguments)
-    fmus = [UnzippedFmu(folder) for folder in folders]
-    found = problems_of(fmus[0]) if len(fmus) == 1 else compared(*fmus)
-    result.write_text(json.dumps(found), encoding="utf-8")
+    """Check FMUs in folders, or compare two, up to the first problem; write what is found as JSON, whole or not at all.
+
+    The arguments are a folder for the results and the jobs as JSON: lists of folders by number.
+    """
+    work, jobs = Path(arguments[0]), json.loads(arguments[1])
+    for number, folders in jobs.items():
+        faulthandler.dump_traceback_later(SECONDS, exit=True)
+        fmus = [UnzippedFmu(Path(folder)) for folder in folders]
+        found = problems_of(fmus[0]) if len(fmus) == 1 else compared(*fmus)
+        written = work / f"{number}.part"
+        written.write_text(json.dumps(found), encoding="utf-8")
+        written.replace(result_file(work, number))
+        if found:
+            break
+    faulthandler.cancel_dump_traceback_later()
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
             "file": check.file,
             "model": check.model.name,
             "fmi_version": check.version,
-            "states": check.model.dynamics.states,
+            "states": check.model.dynamics.kept,
             "largest_pole": check.model.dynamics.largest_pole,
             "stable": "yes" if check.model.stable else "NO",
             "feedthrough": "none" if not check.model.feedthrough else _feedthrough(check.version),

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-import json
-import os
 import shutil
-import subprocess
-import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 from lumbar.errors import InputError, Problems
 from lumbar.fmu.build.compiler import TARGETS, compile_library, host_target
-from lumbar.fmu.check import behaviour
 from lumbar.fmu.check.lint import lint_fmu
-
-_SECONDS = 120
-"""A library that plays for longer hangs: it takes one second."""
+from lumbar.fmu.check.playing import played
 
 
 @dataclass(frozen=True)
@@ -70,34 +63,48 @@ def check_file(path: Path, cache: Path) -> FileCheck:
     InputError
         The file is not there, or there is no compiler.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    found = lint_fmu(path) or _validated(path)
-    if found:
-        return FileCheck(path, tuple(found))
+    return _checked([path], cache)[0]
+
+
+def _checked(paths: list[Path], cache: Path) -> list[FileCheck]:
+    """Check files as `check_file` does; what is slow to start is started once for all."""
+    for path in paths:
+        if not path.is_file():
+            raise InputError(f"{path}: no such file")
+    checks = [FileCheck(path, tuple(lint_fmu(path) or _validated(path))) for path in paths]
     with tempfile.TemporaryDirectory(prefix="lumbar-check-") as name:
-        shipped = Path(name) / "shipped"
-        with zipfile.ZipFile(path) as archive:
-            archive.extractall(shipped)
-        library = _library(shipped)
-        if library is None:
-            return FileCheck(path, ())
-        found = _played(Path(name), shipped)
-        if found:
-            return FileCheck(path, tuple(found), played=True)
-        try:
-            built = _built(shipped, library, Path(name) / "built", cache)
-        except InputError as error:
-            return FileCheck(path, (f"sources: {error}",), played=True)
-        same = built.read_bytes() == library.read_bytes()
-        if not same:
-            found = _played(Path(name), shipped, Path(name) / "built")
-        return FileCheck(path, tuple(found), played=True, same_bytes=same)
+        work = Path(name)
+        libraries = {}
+        for number, check in enumerate(checks):
+            if not check.problems:
+                with zipfile.ZipFile(check.path) as archive:
+                    archive.extractall(work / f"shipped-{number}")
+                libraries[number] = _library(work / f"shipped-{number}")
+        playable = [number for number, library in libraries.items() if library is not None]
+        found = played([(work / f"shipped-{number}",) for number in playable], work)
+        for number, problems in zip(playable, found, strict=True):
+            checks[number] = FileCheck(paths[number], tuple(problems), played=True)
+        sound = [number for number in playable if not checks[number].problems]
+        for number in sound:
+            checks[number] = _built_anew(checks[number], work, number, libraries[number], cache)
+    return checks
+
+
+def _built_anew(check: FileCheck, work: Path, number: int, library: Path, cache: Path) -> FileCheck:
+    """The check with what the FMU's own sources give: the same bytes, or the same forces."""
+    shipped, folder = work / f"shipped-{number}", work / f"built-{number}"
+    try:
+        built = _built(shipped, library, folder, cache)
+    except InputError as error:
+        return replace(check, problems=(f"sources: {error}",))
+    if built.read_bytes() == library.read_bytes():
+        return replace(check, same_bytes=True)
+    return replace(check, problems=tuple(played([(shipped, folder)], work)[0]))
 
 
 def check_files(paths: Iterable[Path], cache: Path) -> list[FileCheck]:
     """Check FMUs and raise one error with all problems of all of them; parameters as of `check_file`."""
-    checks = [check_file(path, cache) for path in paths]
+    checks = _checked(list(paths), cache)
     wrong = [check for check in checks if check.problems]
     problems = Problems(wrong[0].path.name if len(wrong) == 1 else "FMUs that must not be used")
     for check in wrong:
@@ -136,26 +143,6 @@ def _library(folder: Path) -> Path | None:
     found = (folder / "binaries" / name for name in (target.fmi2, target.fmi3))
     files = [file for place in found if place.is_dir() for file in place.glob(f"*{target.suffix}")]
     return files[0] if files else None
-
-
-def _played(work: Path, *folders: Path) -> list[str]:
-    """Problems that the library shows in a process of its own, which may crash or hang."""
-    result = work / "problems.json"
-    result.unlink(missing_ok=True)
-    command = [sys.executable, "-m", behaviour.__name__, str(result), *map(str, folders)]
-    # The scripts of the workflow find this package by sys.path, which a new process does not inherit.
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, check=False, timeout=_SECONDS, env=environment
-        )
-    except subprocess.TimeoutExpired:
-        return [f"the library does not come back within {_SECONDS} s; it must play a push in a second"]
-    if done.returncode < 0:
-        return [f"the library crashes with signal {-done.returncode}; it must play"]
-    if done.returncode or not result.is_file():
-        raise InputError(f"the check itself failed:\n{done.stderr[-2000:]}")
-    return json.loads(result.read_text(encoding="utf-8"))
 
 
 def _built(shipped: Path, library: Path, folder: Path, cache: Path) -> Path:

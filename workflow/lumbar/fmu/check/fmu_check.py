@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,7 +95,7 @@ def simulate_fmu(path: Path, time: np.ndarray, inputs: np.ndarray) -> np.ndarray
     step = float(time[1] - time[0])
     # Messages of the FMU go to fmpy's own logger, which prints. A logger passed to fmpy is no alternative: it
     # keeps one pointer to it for the whole process, and calls it after Python has freed it.
-    with contextlib.redirect_stdout(io.StringIO()):
+    with contextlib.redirect_stdout(io.StringIO()), _next_events_by_bisection():
         result = fmpy.simulate_fmu(
             str(path),
             start_time=0.0,
@@ -110,6 +112,27 @@ def simulate_fmu(path: Path, time: np.ndarray, inputs: np.ndarray) -> np.ndarray
     ):
         outputs[instant] = value
     return outputs
+
+
+@contextlib.contextmanager
+def _next_events_by_bisection() -> Iterator[None]:
+    """Let fmpy find the next change of the input by bisection.
+
+    It looks at every change from the first one on, at each of as many steps: most of the time of a simulation.
+    """
+    from fmpy.simulation import Input
+
+    def next_event(self: Input, time: float) -> float:
+        if self.t is None:
+            return math.inf
+        later = self.t_events[np.searchsorted(self.t_events, time, side="right") :]
+        return next((event for event in later if not math.isclose(event, time)), math.inf)
+
+    original, Input.nextEvent = Input.nextEvent, next_event
+    try:
+        yield
+    finally:
+        Input.nextEvent = original
 
 
 def check_input(model: ExportModel, samples: int, seed: int) -> np.ndarray:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import copy
 from functools import cached_property
 from itertools import count
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lumbar.fmu.agreed import REFERENCE
+
+if TYPE_CHECKING:
+    from fmpy.fmi2 import FMU2Slave
+    from fmpy.fmi3 import FMU3Slave
 
 _NUMBERS = count()
 
@@ -27,11 +33,24 @@ class UnzippedFmu:
         self.folder = folder
         self.description = fmpy.read_model_description(str(folder), validate=False)
         self.variables = {item.name: item for item in self.description.modelVariables}
+        self._signals: dict[str, list[float]] = {}
 
     @property
     def version(self) -> int:
         """Of FMI: 2 or 3."""
         return int(self.description.fmiVersion[0])
+
+    @cached_property
+    def slave(self) -> FMU2Slave | FMU3Slave:
+        """The library, without an instance: fmpy takes longer to load it than to play it."""
+        from fmpy.fmi2 import FMU2Slave
+        from fmpy.fmi3 import FMU3Slave
+
+        return (FMU2Slave if self.version == 2 else FMU3Slave)(
+            guid=self.description.guid,
+            unzipDirectory=str(self.folder),
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+        )
 
     @cached_property
     def ports(self) -> tuple[str, str]:
@@ -40,7 +59,9 @@ class UnzippedFmu:
 
     def signal(self, path: str) -> list[float]:
         """Values of a reference signal by its path in the FMU."""
-        return [float(line.split(",")[1]) for line in self._lines(path)[1:]]
+        if path not in self._signals:
+            self._signals[path] = [float(line.split(",")[1]) for line in self._lines(path)[1:]]
+        return self._signals[path]
 
     def _lines(self, path: str) -> list[str]:
         return (self.folder / path).read_text(encoding="utf-8").splitlines()
@@ -79,16 +100,11 @@ class Instance:
     """
 
     def __init__(self, fmu: UnzippedFmu, event_mode: bool = False, token: str | None = None):
-        from fmpy.fmi2 import FMU2Slave
-        from fmpy.fmi3 import FMU3Slave
-
         self.fmu, self.event_mode = fmu, event_mode
-        self.slave = (FMU2Slave if fmu.version == 2 else FMU3Slave)(
-            guid=fmu.description.guid if token is None else token,
-            unzipDirectory=str(fmu.folder),
-            modelIdentifier=fmu.description.coSimulation.modelIdentifier,
-            instanceName=f"checked {next(_NUMBERS)}",
-        )
+        self.slave = copy(fmu.slave)
+        self.slave.instanceName = f"checked {next(_NUMBERS)}"
+        if token is not None:
+            self.slave.guid = token
         if fmu.version == 2:
             self.slave.instantiate()
         else:

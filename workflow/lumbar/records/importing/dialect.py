@@ -98,7 +98,11 @@ def _split(line: str, delimiter: str | None) -> list[str]:
         return line.split()
     if '"' not in line:
         return [cell.strip() for cell in line.split(delimiter)]
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:  # a cell of more than 131072 characters
+        cells = line.split(delimiter)
+    return [cell.strip() for cell in cells]
 
 
 def _padded(cells: list[str], width: int) -> list[str]:

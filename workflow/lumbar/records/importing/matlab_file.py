@@ -9,6 +9,7 @@ import numpy as np
 from lumbar.errors import InputError
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.variables import to_table
+from lumbar.records.unpacking import check_matlab
 
 
 def read_matlab(content: bytes, source: str, table: str | None = None) -> RawTable:
@@ -21,6 +22,7 @@ def read_matlab(content: bytes, source: str, table: str | None = None) -> RawTab
     """
     from scipy.io import loadmat
 
+    check_matlab(io.BytesIO(content), source)
     try:
         variables = loadmat(io.BytesIO(content), squeeze_me=True, struct_as_record=False)
     except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds

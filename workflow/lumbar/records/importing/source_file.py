@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 import re
-import zlib
 from pathlib import Path
 
 from lumbar.errors import InputError
 from lumbar.records.importing.raw_table import RawTable
+from lumbar.records.unpacking import unpack
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _OLD_EXCEL = b"\xd0\xcf\x11\xe0"
@@ -48,10 +47,7 @@ def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
 def _unpacked(content: bytes, path: Path) -> bytes:
     if not content.startswith(b"\x1f\x8b"):
         return content
-    try:
-        return gzip.decompress(content)
-    except (gzip.BadGzipFile, zlib.error, EOFError) as error:
-        raise InputError(f"{path}: the packed file is broken ({error})") from error
+    return unpack(content, path)
 
 
 def _reader(content: bytes, path: Path):

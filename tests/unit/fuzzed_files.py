@@ -1,0 +1,265 @@
+"""Broken files without end: sound ones of every kind, changed at random, each through the reader it is meant for."""
+
+from __future__ import annotations
+
+import gzip
+import re
+import resource
+import signal
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from c3d_builder import DEC, INTEL, MIPS, build_c3d
+
+import lumbar
+from lumbar.errors import InputError, Problems
+from lumbar.records.force_plates import read_force_plates
+from lumbar.records.markers import read_markers
+from lumbar.settings.layout import MarkerLayout
+from lumbar.yaml_file import read_yaml
+
+LONGEST_S = 10
+_LABELS = ["ann:C7", "ann:SACR", "ann:LTOE", "*4"]
+_NUMBER = re.compile(rb"-?\d+(?:\.\d+)?")
+_WORDS = [
+    b"",
+    b"nan",
+    b"-inf",
+    b"1e400",
+    b"1_000",
+    b"9" * 400,
+    b"-0",
+    b"\t",
+    b",",
+    b'"',
+    b"\0",
+    b"\xff\xfe",
+    b"x" * 3000,
+]
+_WORDS += [
+    b"1e11",
+    b"0x10",
+    b"*a",
+    b"&a [",
+    b"<<: *a",
+    b"{",
+    b"- - - -",
+    b"? ",
+    b"!!python/object:os.system",
+    b"\r",
+    b"0",
+]
+_BYTES = [0, 1, 2, 4, 80, 84, 85, 86, 127, 128, 254, 255]
+
+
+def sound_files() -> dict[str, bytes]:
+    """Contents by name; the ending says which reader they are meant for."""
+    generator = np.random.default_rng(3)
+    points = (
+        np.cumsum(generator.normal(0, 3, (30, 4, 3)), axis=0)
+        + np.array([300, -200, 900])
+        + 400 * generator.normal(size=(4, 3))
+    )
+    files = {}
+    for processor in (INTEL, DEC, MIPS):
+        for scale in (-1.0, 0.05):
+            files[f"{processor}_{'real' if scale < 0 else 'integer'}.c3d"] = build_c3d(
+                points, _LABELS, processor=processor, scale=scale, analog=generator.integers(-900, 900, (30, 24)).astype(float),
+                analog_per_frame=4, extra=_plates(), trial=processor == DEC, long_frames=processor == MIPS,
+            )  # fmt: skip
+    numbers = ["\t".join(f"{value:.3f}" for value in row) for row in points.reshape(30, -1)]
+    names = "\t\t\t".join(_LABELS)
+    files["cortex.trc"] = (
+        "PathFileType\t4\t(X/Y/Z)\tlift.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n60\t60\t30\t4\tmm\n"
+        f"Frame#\tTime\t{names}\t\t\n\t\tX1\tY1\tZ1\n\n"
+        + "".join(f"{n}\t{n / 60:.3f}\t{row}\t\n" for n, row in enumerate(numbers))
+    ).encode()
+    header = ",".join(f"{name}_{axis}" for name in "ABCD" for axis in "xyz")
+    commas = [row.replace("\t", ",") for row in numbers]
+    table = "".join(f"{n / 60:.4f},{row}\n" for n, row in enumerate(commas))
+    files["table.csv"] = f"time_s,{header}\n{table}".encode()
+    forces = [f"ground_force_{kind}{axis}" for kind in "vp" for axis in "xyz"]
+    forces = "\t".join(["time", *forces, *(f"ground_torque_{axis}" for axis in "xyz")])
+    nine = ["\t".join(row.split("\t")[:9]) for row in numbers]
+    rows = "".join(f"{n / 60:.4f}\t{row}\n" for n, row in enumerate(nine))
+    files["forces.mot"] = f"GRF\nversion=1\nendheader\n{forces}\n{rows}".encode()
+    record = "time_s,position_mm,force_N\n" + "".join(
+        f"{n / 100:.2f},{n % 7}.5,{n % 5}.25\n" for n in range(60)
+    )
+    files["record.txt"] = record.encode()
+    files["record.txt.gz"] = gzip.compress(record.encode(), mtime=0)
+    files["study.yaml"] = (
+        b"seed: 4\nbase: &a {rate_Hz: 100, list: [1, 2, 3]}\nother: {<<: *a, name: 'x', path: a/b.csv}\n"
+        b"deep: [[1], {a: {b: [2]}}]\n"
+    )
+    return files
+
+
+def _plates() -> dict[str, list]:
+    return {
+        "ANALOG:LABELS": [f"F{number}" for number in range(6)],
+        "ANALOG:UNITS": ["N", "N", "N", "Nmm", "Nmm", "Nmm"],
+        "ANALOG:SCALE": [1.0] * 6,
+        "ANALOG:OFFSET": [0.0] * 6,
+        "ANALOG:GEN_SCALE": [1.0],
+        "FORCE_PLATFORM:USED": [1.0],
+        "FORCE_PLATFORM:TYPE": [2.0],
+        "FORCE_PLATFORM:CORNERS": [500.0, 0, 0, 0, 0, 0, 0, 600, 0, 500, 600, 0],
+        "FORCE_PLATFORM:ORIGIN": [0.0, 0, -30],
+        "FORCE_PLATFORM:CHANNEL": [1.0, 2, 3, 4, 5, 6],
+        "FORCE_PLATFORM:ZERO": [1.0, 3],
+        "EVENT:USED": [2.0],
+        "EVENT:TIMES": [0.0, 0.1, 0.0, 0.2],
+        "EVENT:LABELS": ["Foot Off", "Foot Strike"],
+        "EVENT:CONTEXTS": ["Left", "Right"],
+    }
+
+
+def changed(content: bytes, generator: np.random.Generator, text: bool) -> bytes:
+    """Change a content in one or several ways; a text, of which a reader trusts little, in fewer."""
+    for _ in range(1 + int(generator.integers(2 if text else 4))):
+        content = _CHANGES[int(generator.integers(len(_CHANGES)))](content, generator, text)
+    return content
+
+
+def _place(content: bytes, generator: np.random.Generator) -> int:
+    """Any byte; every second time one of the first 1500, where a binary file says what it is."""
+    size = max(len(content), 1)
+    return int(generator.integers(min(size, 1500) if generator.random() < 0.5 else size))
+
+
+def _byte(content: bytes, generator: np.random.Generator, text: bool) -> bytes:
+    at = _place(content, generator)
+    value = int(generator.choice(_BYTES)) if generator.random() < 0.5 else int(generator.integers(256))
+    return content[:at] + bytes([value]) + content[at + 1 :]
+
+
+def _word(content: bytes, generator: np.random.Generator, text: bool) -> bytes:
+    if not text:
+        at = _place(content, generator)
+        return content[:at] + bytes(generator.choice(_BYTES, 4).tolist()) + content[at + 4 :]
+    found = list(_NUMBER.finditer(content))
+    word = _WORDS[int(generator.integers(len(_WORDS)))]
+    if found and generator.random() < 0.5:
+        word = f"{10 ** generator.uniform(-3, 6):.3f}".encode()
+    if not found or generator.random() < 0.3:
+        at = _place(content, generator)
+        return content[:at] + word + content[at:]
+    match = found[int(generator.integers(len(found)))]
+    return content[: match.start()] + word + content[match.end() :]
+
+
+def _cut(content: bytes, generator: np.random.Generator, text: bool) -> bytes:
+    return content[: _place(content, generator)]
+
+
+def _removed(content: bytes, generator: np.random.Generator, text: bool) -> bytes:
+    at = _place(content, generator)
+    return content[:at] + content[at + int(generator.integers(1, 80)) :]
+
+
+def _repeated(content: bytes, generator: np.random.Generator, text: bool) -> bytes:
+    at = _place(content, generator)
+    piece = content[at : at + int(generator.integers(1, 200))]
+    return content[:at] + piece * int(generator.integers(2, 200)) + content[at:]
+
+
+_CHANGES: list[Callable[[bytes, np.random.Generator, bool], bytes]] = [
+    _byte,
+    _byte,
+    _word,
+    _word,
+    _cut,
+    _removed,
+    _repeated,
+]
+
+
+@dataclass
+class Outcome:
+    """What became of many files.
+
+    Attributes
+    ----------
+    read, refused : Counter
+        Files by ending.
+    failures : list of str
+        Files that raised another error than `InputError`, or took longer than `LONGEST_S`.
+    longest_s : float
+    largest_MB : float
+        Memory of the process at its largest.
+    """
+
+    read: Counter = field(default_factory=Counter)
+    refused: Counter = field(default_factory=Counter)
+    failures: list[str] = field(default_factory=list)
+    longest_s: float = 0.0
+    largest_MB: float = 0.0
+
+
+def read_changed(folder: Path, count: int, seed: int) -> Outcome:
+    """Read `count` changed files; those that fail stay in `folder`."""
+    outcome = Outcome()
+    signal.signal(signal.SIGALRM, _too_long)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        for number, (name, content) in enumerate(_changed_files(count, seed)):
+            path = folder / f"{number}_{name}"
+            path.write_bytes(content)
+            start = time.perf_counter()
+            signal.alarm(LONGEST_S)
+            try:
+                _read(path)
+            except InputError as error:
+                outcome.refused[path.suffix] += 1
+                # A file is named by its path, a configuration by its key and line.
+                if str(path) not in str(error):
+                    outcome.failures.append(f"{path}: not named in {str(error)[:200]!r}")
+            except Exception as error:  # everything that is no InputError is a finding
+                outcome.failures.append(f"{path}: {type(error).__name__}: {str(error)[:200]}")
+                continue
+            else:
+                outcome.read[path.suffix] += 1
+            finally:
+                signal.alarm(0)
+                outcome.longest_s = max(outcome.longest_s, time.perf_counter() - start)
+            path.unlink()
+    outcome.largest_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return outcome
+
+
+def _changed_files(count: int, seed: int) -> Iterator[tuple[str, bytes]]:
+    generator = np.random.default_rng(seed)
+    sound = list(sound_files().items())
+    for number in range(count):
+        name, content = sound[number % len(sound)]
+        binary = name.endswith((".c3d", ".gz"))
+        yield name, changed(content, generator, text=not binary)
+
+
+def _too_long(*_) -> None:
+    raise TimeoutError(f"more than {LONGEST_S} s")
+
+
+def _read(path: Path) -> None:
+    """Read a file with everything that reads its kind."""
+    layout = MarkerLayout(unit="mm" if path.suffix == ".csv" else "file", check_axes=False)
+    if path.suffix == ".yaml":
+        problems = Problems(str(path))
+        read_yaml(path, problems, str(path))
+        problems.raise_if_any()
+    elif path.name.endswith((".txt", ".txt.gz")):
+        lumbar.read(path)
+    elif path.suffix == ".mot":
+        read_force_plates(path, layout)
+    else:
+        try:
+            read_markers(path, layout)
+        finally:
+            if path.suffix == ".c3d":
+                read_force_plates(path, layout)

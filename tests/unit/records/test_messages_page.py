@@ -1,0 +1,117 @@
+"""The messages on the page of marker files are those that files with these faults end in."""
+
+import gzip
+import re
+
+import numpy as np
+import pytest
+from c3d_builder import build_c3d
+
+import lumbar
+from lumbar.errors import InputError
+from lumbar.records.force_plates import read_force_plates
+from lumbar.records.markers import read_markers
+from lumbar.settings.layout import MarkerLayout
+
+POINTS = np.random.default_rng(5).normal(0, 3, (40, 3, 3))
+POINTS += np.array([[300, -200, 900], [0, 0, 400], [200, 300, 10]])
+LABELS = ["C7", "SACRUM", "L_TOE"]
+HEAD = "PathFileType\t4\tX\nDataRate\tNumFrames\tNumMarkers\tUnits\n{rate}\t{frames}\t{markers}\tmm\nFrame#\tTime\t{names}\n\n"
+TABLE = "time_s,C7_x,C7_y,C7_z\n0.00,1,2,1450\n0.01,2,3,1451\n0.02,3,4,1452\n"
+PLATE = {
+    "ANALOG:UNITS": ["N", "N", "N", "Nmm", "Nmm", "Nmm"],
+    "ANALOG:SCALE": [1.0] * 6,
+    "ANALOG:OFFSET": [0.0] * 6,
+    "FORCE_PLATFORM:USED": [1.0],
+    "FORCE_PLATFORM:TYPE": [2.0],
+    "FORCE_PLATFORM:CORNERS": [500.0, 0, 0, 0, 0, 0, 0, 600, 0, 500, 600, 0],
+    "FORCE_PLATFORM:ORIGIN": [0.0, 0, -30],
+    "FORCE_PLATFORM:CHANNEL": [1.0, 2, 3, 4, 5, 6],
+}
+
+
+def c3d(points=POINTS, labels=LABELS, cut=0, layout=None, **change):
+    content = build_c3d(points, labels, **change)
+    return "lift.c3d", content[: len(content) - cut], layout
+
+
+def trc(layout=None, lose=False, rate=100, frames=12, markers=2, names="C7\t\t\tSACRUM\t\t"):
+    rows = [f"{n}\t{n / 100:.2f}\t{n}\t2\t1450\t4\t{-n}\t1000" for n in range(12)]
+    rows[4] = rows[4].replace("\t1450", "") if lose else rows[4]
+    head = HEAD.format(rate=rate, frames=frames, markers=markers, names=names)
+    return "lift.trc", (head + "\n".join(rows) + "\n").encode(), layout
+
+
+def table(text=TABLE, unit="mm"):
+    return "lift.csv", text.encode(), MarkerLayout(unit=unit)
+
+
+def plate(**change):
+    return c3d(
+        analog=np.zeros((40, 6)), extra={**PLATE, **{f"FORCE_PLATFORM:{k}": v for k, v in change.items()}}
+    )
+
+
+def corrupt():
+    name, content, layout = c3d()
+    return name, content.replace(b"UNITS", b"UN\x01TS"), layout
+
+
+CORNERS = PLATE["FORCE_PLATFORM:CORNERS"]
+FILES = {
+    "not a C3D file": ("lift.c3d", b"<html>" * 400, None),
+    "frames of": c3d(cut=100),
+    "the number of frames is": c3d(replace={"POINT:FRAMES": [38]}),
+    "scale factor:": c3d(scale=0.05, replace={"POINT:SCALE": [0.04]}),
+    "number of points:": c3d(replace={"POINT:USED": [4]}),
+    "analog samples per frame:": c3d(replace={"ANALOG:USED": [3]}),
+    "POINT:LABELS:": c3d(omit=["POINT:LABELS"]),
+    "the parameter section is corrupt": corrupt(),
+    "1 frame;": c3d(points=POINTS[:1]),
+    "the file states no unit": table(unit="file"),
+    "the file states 'mm'": c3d(layout=MarkerLayout(unit="m")),
+    "m apart,": c3d(points=1000 * POINTS),
+    "markers.up:": c3d(
+        points=POINTS[..., [0, 2, 1]], labels=["C7", "SACRUM", "L_TOE"], layout=MarkerLayout(up="+z")
+    ),
+    "stands for several subjects": c3d(labels=["ann:C7", "bob:C7", "ann:SACRUM"]),
+    "cells;": trc(lose=True),
+    "NumFrames:": trc(frames=40),
+    "line 4 names": trc(markers=4, names="\tC7\t\tSACRUM"),
+    "the clock and the rate disagree": trc(rate=60),
+    "no column of times": table(TABLE.replace("time_s", "frame")),
+    "C7: has the columns": table(TABLE.replace("C7_z", "height")),
+    "force plate 1: the corners": plate(CORNERS=CORNERS[:6] + CORNERS[9:] + CORNERS[6:9]),
+    "z of the plate,": plate(CORNERS=[*CORNERS[9:], *CORNERS[6:9], *CORNERS[3:6], *CORNERS[:3]]),
+    "channel 1 is in": c3d(analog=np.zeros((40, 6)), extra={**PLATE, "ANALOG:UNITS": ["V"] * 6}),
+    "unpacks to more than": ("bomb.csv.gz", gzip.compress(b"0.000,1.000\n" * 5_000_000), None),
+}
+"""A file with the fault, by the beginning of the page's message: name, content, layout."""
+
+
+def messages(project):
+    page = (project / "docs" / "marker_files.md").read_text(encoding="utf-8")
+    section = page.split("## Your file says …\n")[1]
+    return re.findall(r"^\| `(.+?)` \|", section, flags=re.MULTILINE)
+
+
+def test_every_message_has_a_file(project):
+    assert len(messages(project)) == len(FILES)
+    for start in FILES:
+        assert sum(text.startswith(start) for text in messages(project)) == 1, start
+
+
+@pytest.mark.parametrize("start", FILES)
+def test_a_file_with_the_fault_ends_in_the_message(project, tmp_path, start):
+    name, content, layout = FILES[start]
+    path = tmp_path / name
+    path.write_bytes(content)
+    text = next(text for text in messages(project) if text.startswith(start))
+    with pytest.raises(InputError) as caught:
+        if name.endswith(".gz"):
+            lumbar.read(path)
+        else:
+            read_markers(path, layout)
+            read_force_plates(path, layout)
+    pattern = ".*".join(map(re.escape, text.split("…")))
+    assert re.search(pattern, str(caught.value), flags=re.DOTALL), str(caught.value)
