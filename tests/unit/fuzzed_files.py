@@ -88,6 +88,11 @@ def sound_files() -> dict[str, bytes]:
     nine = ["\t".join(row.split("\t")[:9]) for row in numbers]
     rows = "".join(f"{n / 60:.4f}\t{row}\n" for n, row in enumerate(nine))
     files["forces.mot"] = f"GRF\nversion=1\nendheader\n{forces}\n{rows}".encode()
+    files["suit.bvh"] = (
+        "HIERARCHY\nROOT A\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n"
+        "JOINT B\n{\nOFFSET 0 40 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 20 0\n}\n}\n}\n"
+        "MOTION\nFrames: 30\nFrame Time: 0.01\n" + "".join(row.replace("\t", " ") + "\n" for row in nine)
+    ).encode()
     record = "time_s,position_mm,force_N\n" + "".join(
         f"{n / 100:.2f},{n % 7}.5,{n % 5}.25\n" for n in range(60)
     )
@@ -248,7 +253,7 @@ def _too_long(*_) -> None:
 
 def _read(path: Path) -> None:
     """Read a file with everything that reads its kind."""
-    layout = MarkerLayout(unit="mm" if path.suffix == ".csv" else "file", check_axes=False)
+    layout = MarkerLayout(unit="mm" if path.suffix in (".csv", ".bvh") else "file", check_axes=False)
     if path.suffix == ".yaml":
         problems = Problems(str(path))
         read_yaml(path, problems, str(path))

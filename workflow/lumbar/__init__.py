@@ -36,6 +36,7 @@ _VERBS = {
     "load_models": "lumbar.interface.device",
     "render": "lumbar.interface.rendering",
     "analyse_survey": "lumbar.interface.participants",
+    "inspect": "lumbar.interface.inspecting",
     "lift": "lumbar.interface.person",
     "basins": "lumbar.interface.person",
 }
@@ -53,6 +54,7 @@ __all__ = [
     "export_fmu",
     "identify",
     "import_recordings",
+    "inspect",
     "lift",
     "load_models",
     "load_settings",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -88,9 +90,20 @@ def test_a_window_of_the_recording_is_compared_at_its_own_instants(study, record
     assert np.abs(rows.loc["cut-off 6 Hz"].drop("note").to_numpy(float)).max() < 1e-9
 
 
-def test_a_choice_without_its_markers_says_why(study, recording):
-    from dataclasses import replace
+def test_a_gap_that_stays_open_leaves_the_rest_to_compare(study, recording, spread):
+    positions = {**recording.positions, "C7": recording["C7"].copy()}
+    positions["C7"][630:660] = np.nan  # within the deposit, too long to be filled
+    lift, settings = analysed(study, replace(recording, positions=positions))
+    rows = model_spread(lift, study[1], settings).set_index("choice")
+    assert "samples missing within the deposit" in lift.missing["thorax"]
+    columns = ["forward_mm", "up_mm", "angle_rad"]
+    assert rows.loc["winter, skin", columns].to_numpy(float) == pytest.approx(
+        spread.loc["winter, skin", columns].to_numpy(float), rel=0.05
+    )
+    assert np.isfinite(rows.drop(columns="note").to_numpy(float)).all()
 
+
+def test_a_choice_without_its_markers_says_why(study, recording):
     few = {name: points for name, points in recording.positions.items() if name != "XIPHOID"}
     lift, settings = analysed(study, replace(recording, positions=few))
     rows = model_spread(lift, study[1], settings).set_index("choice")

@@ -268,7 +268,7 @@ def test_other_files(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_markers(tmp_path / "absent.c3d")
     (tmp_path / "trial.xyz").write_text("time_s\n0\n")
-    with pytest.raises(InputError, match=r"read from \.c3d, \.trc and \.csv files, not '\.xyz'"):
+    with pytest.raises(InputError, match=r"read from \.c3d, \.trc, \.csv and \.bvh files, not '\.xyz'"):
         read_markers(tmp_path / "trial.xyz")
 
 

@@ -17,6 +17,7 @@ POINTS = np.random.default_rng(5).normal(0, 3, (40, 3, 3))
 POINTS += np.array([[300, -200, 900], [0, 0, 400], [200, 300, 10]])
 LABELS = ["C7", "SACRUM", "L_TOE"]
 HEAD = "PathFileType\t4\tX\nDataRate\tNumFrames\tNumMarkers\tUnits\n{rate}\t{frames}\t{markers}\tmm\nFrame#\tTime\t{names}\n\n"
+BVH = b"HIERARCHY\nROOT A\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\nMOTION\nFrames: 21\nFrame Time: 0.01\n"
 TABLE = "time_s,C7_x,C7_y,C7_z\n0.00,1,2,1450\n0.01,2,3,1451\n0.02,3,4,1452\n"
 PLATE = {
     "ANALOG:UNITS": ["N", "N", "N", "Nmm", "Nmm", "Nmm"],
@@ -81,10 +82,11 @@ FILES = {
     "the clock and the rate disagree": trc(rate=60),
     "no column of times": table(TABLE.replace("time_s", "frame")),
     "C7: has the columns": table(TABLE.replace("C7_z", "height")),
+    "Frames: 21;": ("lift.bvh", BVH + b"0\n" * 20, None),
     "force plate 1: the corners": plate(CORNERS=CORNERS[:6] + CORNERS[9:] + CORNERS[6:9]),
     "z of the plate,": plate(CORNERS=[*CORNERS[9:], *CORNERS[6:9], *CORNERS[3:6], *CORNERS[:3]]),
     "channel 1 is in": c3d(analog=np.zeros((40, 6)), extra={**PLATE, "ANALOG:UNITS": ["V"] * 6}),
-    "unpacks to more than": ("bomb.csv.gz", gzip.compress(b"0.000,1.000\n" * 5_000_000), None),
+    "unpacks to more than": ("bomb.csv.gz", gzip.compress(b"0" * 60_000_000, 1), None),
 }
 """A file with the fault, by the beginning of the page's message: name, content, layout."""
 

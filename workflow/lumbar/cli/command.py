@@ -28,6 +28,7 @@ COMMANDS = (
     "export",
     "survey",
     "new-study",
+    "inspect",
     "lift",
     "basin",
 )

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Kind = Literal["tissue", "pendulum", "surgeon", "markers", "survey"]
 COLUMN_ENDINGS = (".csv", ".txt", ".mat")
-MARKER_ENDINGS = (".c3d", ".trc")
+MARKER_ENDINGS = (".c3d", ".trc", ".bvh")
 _ABOUT = re.compile(
     r"(readme|read[_-]me|licen[cs]e|copying|copyright|notice|citation|changelog|lizenz|liesmich|lisez[_-]?moi|licencia|leeme)"
     r"([^a-z].*)?\.txt"
@@ -73,10 +73,10 @@ def read(
     Parameters
     ----------
     source : path or iterable of path
-        A folder with one file per record, a file, or several files: CSV, TXT, MAT (also gzip), C3D, TRC.
+        A folder with one file per record, a file, or several files: CSV, TXT, MAT (also gzip), C3D, TRC, BVH.
     kind : str, optional
         What was recorded: ``tissue`` (position, force), ``pendulum`` (angle, moment), ``surgeon`` (position),
-        ``markers`` or ``survey``. Default: ``markers`` for C3D and TRC files, else ``tissue``.
+        ``markers`` (also of CSV) or ``survey``. Default: ``markers`` for C3D, TRC and BVH files, else ``tissue``.
     layout : layout of `lumbar.settings.layout`, optional
         Columns with their units, or labels and axes of markers; default that of the kind.
     rate : float, optional

@@ -124,7 +124,8 @@ def _choices(
     needed |= {"L_ANKLE", "R_ANKLE"} & set(lift.complete.positions)
     for cutoff in CUTOFFS_HZ:
         if cutoff < lift.complete.rate / 2:
-            smooth = _filtered(lift, needed, cutoff, settings.filter.order)
+            same = cutoff == settings.filter.cutoff_Hz
+            smooth = own.recording if same else _filtered(lift, needed, cutoff, settings.filter.order)
             yield _Choice(f"cut-off {cutoff:g} Hz", smooth, own.table, own.ends, own.hips)
 
 
@@ -153,15 +154,16 @@ def _motion(
     relative = centre - pivot_trajectory(recording, points, settings.pivot)
     if not np.isfinite(relative[frames]).all(axis=1).any():
         raise InputError("trunk and pivot are not seen together")
-    angle = np.unwrap(np.arctan2(relative[:, 1], relative[:, 2]))
-    rate = recording.rate
-    values = (centre, np.gradient(centre, 1 / rate, axis=0), angle, np.gradient(angle, 1 / rate))
+    (ahead, above), rate = relative[:, 1:].T, recording.rate
+    ahead_rate, above_rate = np.gradient(relative[:, 1:], 1 / rate, axis=0).T
+    spin = (ahead_rate * above - ahead * above_rate) / (ahead**2 + above**2)
+    values = (centre, np.gradient(centre, 1 / rate, axis=0), np.arctan2(ahead, above), spin)
     return _Motion(*(value[frames] for value in values))
 
 
 def _differences(reference: _Motion, other: _Motion, forward: np.ndarray) -> dict[str, float]:
     moved = 1e3 * (other.position - reference.position)
-    turned = other.angle - reference.angle
+    turned = np.angle(np.exp(1j * (other.angle - reference.angle)))
     speed = 1e3 * np.linalg.norm(other.velocity - reference.velocity, axis=1)
     spin = other.angular_velocity - reference.angular_velocity
     return {

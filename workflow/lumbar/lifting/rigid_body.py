@@ -36,12 +36,14 @@ def carried_by_the_body(markers: dict[str, np.ndarray]) -> tuple[dict[str, np.nd
         return markers, {}
     shape = _mean_shape(stack[:, complete])
     filled = stack.copy()
-    for frame in partial:
-        there = seen[:, frame]
+    # Few sets of markers are seen together, each in many frames.
+    for there in np.unique(seen[:, partial], axis=1).T:
         if _on_a_line(shape[there]):
             continue
-        rotation, shift = _laid_on(shape[there], stack[there, frame])
-        filled[~there, frame] = shape[~there] @ rotation.T + shift
+        frames = np.flatnonzero((seen == there[:, None]).all(axis=0))
+        rotations, shifts = _laid_on(shape[there], stack[np.ix_(there, frames)])
+        placed = np.einsum("nij,mj->mni", rotations, shape[~there]) + shifts
+        filled[np.ix_(~there, frames)] = placed
     gained = np.isfinite(filled).all(axis=2).sum(axis=1) - seen.sum(axis=1)
     named = zip(markers, gained, strict=True)
     return dict(zip(markers, filled, strict=True)), {name: int(count) for name, count in named if count}
@@ -49,14 +51,10 @@ def carried_by_the_body(markers: dict[str, np.ndarray]) -> tuple[dict[str, np.nd
 
 def _mean_shape(stack: np.ndarray) -> np.ndarray:
     """Mean of a body's shape over frames, shape (markers, 3), each laid on the first; `stack` is (markers, n, 3)."""
-    first = stack[:, 0]
     # Some hundred frames are enough for a mean.
-    frames = np.unique(np.linspace(0, stack.shape[1] - 1, 200).astype(int))
-    laid = []
-    for frame in frames:
-        rotation, shift = _laid_on(stack[:, frame], first)
-        laid.append(stack[:, frame] @ rotation.T + shift)
-    return np.mean(laid, axis=0)
+    stack = stack[:, np.unique(np.linspace(0, stack.shape[1] - 1, 200).astype(int))]
+    rotations, shifts = _laid_on(stack[:, 0], stack)
+    return np.mean(np.einsum("nji,mnj->mni", rotations, stack - shifts), axis=1)
 
 
 def _on_a_line(points: np.ndarray) -> bool:
@@ -64,10 +62,12 @@ def _on_a_line(points: np.ndarray) -> bool:
     return bool(spread[1] < _FLAT * spread[0])
 
 
-def _laid_on(points: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and shift that bring `points` onto `target`, both of shape (markers, 3), by least squares."""
-    centre, goal = points.mean(axis=0), target.mean(axis=0)
-    u, _, vt = np.linalg.svd((points - centre).T @ (target - goal))
-    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))])
-    rotation = vt.T @ mirror @ u.T
-    return rotation, goal - centre @ rotation.T
+def _laid_on(points: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (n, 3, 3) and shifts (n, 3) that bring `points` (markers, 3) onto `targets` (markers, n, 3)."""
+    centre, goals = points.mean(axis=0), targets.mean(axis=0)
+    u, _, vt = np.linalg.svd(np.einsum("mi,mnj->nij", points - centre, targets - goals))
+    v, ut = np.swapaxes(vt, 1, 2), np.swapaxes(u, 1, 2)
+    # A mirrored body is none: its third axis turns round.
+    v[:, :, 2] *= np.sign(np.linalg.det(v @ ut))[:, None]
+    rotations = v @ ut
+    return rotations, goals - rotations @ centre

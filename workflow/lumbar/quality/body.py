@@ -147,7 +147,7 @@ def side_exchanges(
     points = dict(points)
     pairs: list[tuple[str, str, str]] = []
     for _ in range(_MOST_EXCHANGES):
-        sides, depths = _rightward(points, named)
+        sides, depths = rightward(points, named)
         if len(sides) > 1 and len(depths) > 1 and _mirrored(sides, depths):
             return [], (
                 f"{len(sides)} pairs of left and right markers lie the wrong way round for a body that faces where "
@@ -175,7 +175,7 @@ def _exchanged(points: dict[str, np.ndarray], pair: tuple[str, str]) -> dict[str
 
 
 def _all_rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> dict[tuple[str, str], np.ndarray]:
-    sides, depths = _rightward(points, named)
+    sides, depths = rightward(points, named)
     return {**sides, **depths}
 
 
@@ -201,7 +201,7 @@ def _mirrored(sides: dict, depths: dict) -> bool:
     return bool(np.mean(against) > 0.7 and np.nanmedian(np.linalg.norm(given, axis=1)) > _AGREEING)
 
 
-def _rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
+def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
     """Unit vectors to the right by every pair left/right, and by every pair front/back, shape (n_frames, 3) each."""
     trunk = trunk_axis(points, named)
     shape = next(iter(points.values())).shape

@@ -1,4 +1,4 @@
-"""Marker recordings: C3D, TRC and CSV files as positions in metres under standard names.
+"""Marker recordings: C3D, TRC, CSV and BVH files as positions in metres under standard names.
 
 Axes are those of the thesis's chapter 4: x lateral (to the right), y forward, z up; right-handed. The layout
 is plain data from a study's YAML::
@@ -113,12 +113,12 @@ def read_markers(
     screen: Screen | None = None,
     mend: Mend | None = None,
 ) -> MarkerRecording:
-    """Read a C3D, TRC or CSV file.
+    """Read a C3D, TRC, CSV or BVH file.
 
     Parameters
     ----------
     path : path
-        The suffix decides: ``.c3d``, ``.trc`` or ``.csv``.
+        The suffix decides: ``.c3d``, ``.trc``, ``.csv`` or ``.bvh``.
     layout : MarkerLayout, optional
         See the module's description. Without aliases every marker keeps its label.
     name : str, optional
@@ -200,8 +200,12 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
         from lumbar.records.marker_table import read_marker_table
 
         return read_marker_table(path, layout.rate_Hz)
+    if suffix == ".bvh":
+        from lumbar.records.bvh_file import read_bvh
+
+        return read_bvh(path)
     raise InputError(
-        f"{path}: markers are read from .c3d, .trc and .csv files, not {suffix or 'a file without suffix'!r}"
+        f"{path}: markers are read from .c3d, .trc, .csv and .bvh files, not {suffix or 'a file without suffix'!r}"
     )
 
 

@@ -79,7 +79,7 @@ MarkerName = Annotated[str, Each(pattern="^[A-Z][A-Z0-9_]*$")]
 
 @settings
 class MarkerLayout:
-    """How marker files (C3D, TRC, CSV) are read."""
+    """How marker files (C3D, TRC, CSV, BVH) are read."""
 
     unit: Literal["file", "m", "cm", "mm"] = key(
         "Unit of length: file takes the one the file states; any other one must not contradict it.",

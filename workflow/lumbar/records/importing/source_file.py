@@ -67,7 +67,7 @@ def _reader(content: bytes, path: Path):
         return read_workbook
     if content.startswith(_OLD_EXCEL):
         raise InputError(f"{path}: an Excel file of before 2007; save it as .xlsx or .csv")
-    if kind in ("c3d", "trc"):
+    if kind in ("c3d", "trc", "bvh"):
         raise InputError(f"{path}: a file of markers, which needs no import: lumbar lift reads it")
     from lumbar.records.importing.text_table import read_text
 

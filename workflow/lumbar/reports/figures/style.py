@@ -7,6 +7,7 @@ line styles and markers given here every figure can be read in grey.
 from __future__ import annotations
 
 import os
+from collections.abc import Collection
 from pathlib import Path
 from unittest import mock
 
@@ -126,7 +127,7 @@ def _load_without_layout(file, options, load=subset.load_font, **more):
 
 
 @house_style
-def save(figure, stem: str | os.PathLike, data: str) -> None:
+def save(figure, stem: str | os.PathLike, data: str, endings: Collection[str] = ("svg", "pdf")) -> None:
     """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run.
 
     Parameters
@@ -138,6 +139,8 @@ def save(figure, stem: str | os.PathLike, data: str) -> None:
     data : str
         Where the data come from, e.g. ``"synthetic twin"``: stands at the foot of the picture and in the file's
         metadata. Empty only for drawings that show no data.
+    endings : collection of str
+        Which of both are written.
     """
     stem = Path(stem)
     words = f"Data: {data}" if data else "Drawing without data"
@@ -145,10 +148,12 @@ def save(figure, stem: str | os.PathLike, data: str) -> None:
         figure.supxlabel(words, x=0.995, ha="right", fontsize=6, color="#555555")
     _settle_layout(figure)
     # savefig would draw everything once more before each format, to lay out what is laid out already.
-    with replacing(stem.with_name(f"{stem.name}.svg")) as temporary:
-        FigureCanvasSVG(figure).print_svg(temporary, metadata=_METADATA["svg"](words))
-    with (
-        replacing(stem.with_name(f"{stem.name}.pdf")) as temporary,
-        mock.patch.object(subset, "load_font", _load_without_layout),
-    ):
-        FigureCanvasPdf(figure).print_pdf(temporary, metadata=_METADATA["pdf"](words))
+    if "svg" in endings:
+        with replacing(stem.with_name(f"{stem.name}.svg")) as temporary:
+            FigureCanvasSVG(figure).print_svg(temporary, metadata=_METADATA["svg"](words))
+    if "pdf" in endings:
+        with (
+            replacing(stem.with_name(f"{stem.name}.pdf")) as temporary,
+            mock.patch.object(subset, "load_font", _load_without_layout),
+        ):
+            FigureCanvasPdf(figure).print_pdf(temporary, metadata=_METADATA["pdf"](words))

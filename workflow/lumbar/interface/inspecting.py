@@ -1,0 +1,239 @@
+"""``lumbar.inspect``: what is in a marker file, what is wrong with it, what the pipeline makes of it."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.errors import InputError, NumericalError
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.subject import SubjectSettings
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from lumbar.quality.sheet import QualitySheet
+    from lumbar.records.force_plate import ForcePlate
+
+_STAND_IN = {"name": "nobody", "sex": "unknown", "mass_kg": 70.0, "experience": "unknown", "trials": ()}
+"""Events and gaps of a recording do not depend on who is in it."""
+_USUAL_HEIGHT_M = 1.7
+
+
+def inspect(
+    path: str | os.PathLike,
+    *,
+    settings: LiftingSettings | None = None,
+    height_m: float | None = None,
+) -> Inspected:
+    """Look into a marker file without computing anything from it.
+
+    The axes are those of the settings; without settings those that the body in the file shows.
+
+    Parameters
+    ----------
+    path : path
+        C3D, TRC or CSV file with markers.
+    settings : LiftingSettings, optional
+        How markers are read and gaps filled.
+    height_m : float, optional
+        Stature of the person: lengths of the body are compared with it.
+
+    Returns
+    -------
+    Inspected
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read, or that is a record of force and position.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.synthetic.examples import example_lift
+    >>> somebody = example_lift("lift.c3d")
+    >>> found = lumbar.inspect("lift.c3d", height_m=somebody.height_m)
+    >>> found.sheet.findings
+    ()
+    >>> print(found.axes)
+    up +z, forward +y
+    """
+    from lumbar.quality.screening import Screening, meant_labels
+    from lumbar.quality.sheet import quality_sheet
+
+    path = Path(path)
+    layout = (settings or LiftingSettings()).markers
+    open_layout = replace(layout, required=(), check_axes=False)
+    screening = Screening(height_m, layout.aliases, refuse=False)
+    recording = _read(path, open_layout, screening)
+    found = _axes(screening.points, meant_labels(layout.aliases, screening.points), layout)
+    if found is not None and found != (layout.up, layout.forward):
+        open_layout = replace(open_layout, up=found[0], forward=found[1])
+        recording = _read(path, open_layout, screening)
+    up, forward = found or (layout.up, layout.forward)
+    axes = f"up {up}, forward {forward}"
+    if settings is not None and found is not None and found != (layout.up, layout.forward):
+        axes += f" by the body, but up {layout.up} and forward {layout.forward} in the settings"
+    elif found is None:
+        axes += " by the settings; the labels do not show the body's"
+    chosen = settings or replace(
+        LiftingSettings(), markers=replace(layout, up=open_layout.up, forward=open_layout.forward)
+    )
+    return Inspected(
+        quality_sheet(recording, screening.points, screening.findings),
+        axes,
+        _plates(path, open_layout),
+        _pipeline(path, chosen, height_m),
+        screening.points,
+        recording.time,
+        meant_labels(layout.aliases, screening.points),
+    )
+
+
+def _read(path: Path, layout, screening):
+    from lumbar.records.markers import read_markers
+
+    try:
+        return read_markers(path, layout, screen=screening)
+    except InputError as error:
+        if path.suffix.lower() in (".csv", ".txt") and _is_record(path):
+            raise InputError(
+                f"{path}: a record of a force and a position, no markers; lumbar doctor {path.parent} examines records"
+            ) from error
+        raise
+
+
+def _is_record(path: Path) -> bool:
+    from lumbar.interface.reading import read
+
+    try:
+        read(path)
+    except InputError:
+        return False
+    return True
+
+
+def _axes(points: dict[str, np.ndarray], meant: dict[str, str], layout) -> tuple[str, str] | None:
+    """Axes of the file by the body in it, undoing the settings' rotation."""
+    from lumbar.quality.axes import axes_found
+    from lumbar.quality.landmarks import landmarks
+    from lumbar.records.marker_axes import rotation_to_standard
+
+    named = {label: landmark for landmark, label in landmarks(points, meant).items()}
+    rotation = rotation_to_standard(layout.up, layout.forward)
+    return axes_found({label: positions @ rotation for label, positions in points.items()}, named)
+
+
+def _plates(path: Path, layout) -> list[ForcePlate] | str:
+    """Force plates of the file, or why they cannot be read."""
+    from lumbar.records.force_plates import read_force_plates
+
+    try:
+        return read_force_plates(path, layout)
+    except InputError as error:
+        return str(error)
+
+
+def _pipeline(path: Path, settings: LiftingSettings, height_m: float | None) -> tuple[bool, str]:
+    """Whether a lift is analysed from the file with these settings, and what is found or why not."""
+    from lumbar.interface.person import lift
+
+    subject = SubjectSettings(height_m=height_m or _USUAL_HEIGHT_M, **_STAND_IN)
+    try:
+        return True, str(lift(path, subject, 0.0, settings=settings))
+    except (InputError, NumericalError) as error:
+        return False, str(error)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Inspected:
+    """What is in a marker file.
+
+    Attributes
+    ----------
+    sheet : QualitySheet
+        What is in the file, what is wrong with it, what became of its markers.
+    axes : str
+        Which axes point up and forward.
+    plates : list of ForcePlate or str
+        Or why they cannot be read.
+    pipeline : (bool, str)
+        Whether the pipeline analyses it as a lift; the events it finds, or why not.
+    points : dict of str to ndarray, shape (n_frames, 3)
+        Measured markers by the file's labels; metres, x to the right, y forward, z up.
+    time : ndarray, shape (n_frames,)
+    meant : dict of str to str
+        Standard name to the label that alone fills it.
+    """
+
+    sheet: QualitySheet
+    axes: str
+    plates: list[ForcePlate] | str
+    pipeline: tuple[bool, str]
+    points: dict[str, np.ndarray]
+    time: np.ndarray
+    meant: dict[str, str]
+
+    def as_dict(self) -> dict:
+        """Return all but the trajectories as data for JSON."""
+        runs, words = self.pipeline
+        plates = self.plates if isinstance(self.plates, str) else [plate.name for plate in self.plates]
+        return {
+            "schema": "lumbar.inspected/1",
+            **self.sheet.as_dict(),
+            "axes": self.axes,
+            "force_plates": plates,
+            "filled": dict(self.meant),
+            "analysed": runs,
+            "pipeline": words,
+        }
+
+    def lines(self) -> list[str]:
+        """Return all but the trajectories in sentences."""
+        sheet, (runs, words) = self.sheet, self.pipeline
+        plates = self.plates if isinstance(self.plates, str) else ", ".join(map(repr, self.plates))
+        filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
+        lists = {
+            "axes": self.axes,
+            "force plates": plates or "none",
+            "standard markers": ", ".join(filled) or "none",
+            "recognised, but no alias names it": ", ".join(self._suggested()),
+            "estimated": "; ".join(f"{name} ({rule})" for name, rule in sheet.estimated.items()),
+            "without": ", ".join(sheet.absent),
+            "unused": ", ".join(sheet.unused),
+            "as a lift": "analysed" if runs else "refused",
+        }
+        lines = [*sheet.lines(), *(f"{subject}: {text}" for subject, text in lists.items() if text)]
+        return [*lines, *(f"  {line}" for line in words.splitlines())]
+
+    def _suggested(self) -> list[str]:
+        """Landmarks whose usual labels the file has, which no alias of the settings takes."""
+        from lumbar.quality.landmarks import landmarks
+
+        known = landmarks(self.points, self.meant).items()
+        return [f"{name} = {label}" for name, label in known if label not in self.meant.values()]
+
+    def save_picture(self, path: str | os.PathLike) -> None:
+        """Draw heights, gaps and findings into a file ``.svg`` or ``.pdf``."""
+        from lumbar.reports.figures.quality_figure import quality_figure
+        from lumbar.reports.figures.style import save
+
+        path = Path(path)
+        if path.suffix not in (".svg", ".pdf"):
+            raise InputError(f"{path}: pictures are written as .svg or .pdf")
+        figure = quality_figure(self.sheet, self.points, self.time, self.meant)
+        save(figure, path.with_suffix(""), Path(self.sheet.file).name, (path.suffix[1:],))
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    def __repr__(self) -> str:
+        return f"<Inspected {Path(self.sheet.file).name}: {len(self.sheet.findings)} findings>"
+
+    def _repr_html_(self) -> str:
+        from lumbar.reports.pages.html import listing
+
+        return str(listing(self.lines()))

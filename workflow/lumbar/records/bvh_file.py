@@ -1,0 +1,212 @@
+"""BVH files (inertial suits, animation): a skeleton and its joint angles, as positions of the joints over time.
+
+A joint lies at its OFFSET in the axes of its parent and is turned by its rotation channels, in degrees and in the order in
+which they stand; the root moves by its position channels. The file states no unit of length.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from lumbar.errors import InputError, Problems
+from lumbar.records.marker_file import MarkerFile
+from lumbar.records.numbers import number
+from lumbar.records.point_kinds import split_points
+from lumbar.records.record import LARGEST
+
+_CHANNELS = [f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ"]
+_MOST_JOINTS = 1000
+_MOST_PROBLEMS = 20
+_RATES_HZ = (1e-3, 1e6)
+_ALIKE = 0.1
+"""How far the positions of a joint may lie from its offset, as a share of it, to be the offset written again."""
+
+
+@dataclass
+class _Joint:
+    name: str
+    parent: int
+    offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    channels: tuple[str, ...] = ()
+
+
+def read_bvh(path: str | os.PathLike) -> MarkerFile:
+    """Read a BVH file.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    MarkerFile
+        Joints by name, ends of chains as ``<joint>_end``; time counts from 0.
+
+    Raises
+    ------
+    InputError
+        A skeleton that is no tree of joints, a channel that is unknown, rows of another length than the channels, a
+        count of frames that is not the file's.
+    """
+    path = Path(path)
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    begins = next((place for place, line in enumerate(lines) if line.strip().upper() == "MOTION"), None)
+    if begins is None or not lines[0].strip().upper().startswith("HIERARCHY"):
+        raise InputError(f"{path}: not a BVH file; HIERARCHY, a skeleton, MOTION and frames are needed")
+    joints = _skeleton(path, lines[1:begins])
+    interval, values = _motion(path, lines, begins + 1, sum(len(joint.channels) for joint in joints))
+    notes = ["positions are joints of a skeleton that a program fitted, not markers on the skin"]
+    points = _positions(path, joints, values, notes)
+    return split_points(
+        source=str(path),
+        time=np.arange(len(values)) * interval,
+        rate=1 / interval,
+        unit="",
+        labels=[joint.name for joint in joints],
+        points=points,
+        notes=tuple(notes),
+    )
+
+
+def _skeleton(path: Path, lines: list[str]) -> list[_Joint]:
+    """Joints in the order of the file, parents before children."""
+    joints: list[_Joint] = []
+    open_joints: list[int] = []
+    for place, line in enumerate(lines, start=2):
+        words = line.split()
+        if not words or words == ["{"]:
+            continue
+        keyword = words[0].upper()
+        where = f"{path}, line {place}"
+        if keyword in ("ROOT", "JOINT", "END"):
+            if (
+                (keyword == "ROOT") != (not joints)
+                or (joints and not open_joints)
+                or len(joints) >= _MOST_JOINTS
+            ):
+                raise InputError(
+                    f"{where}: {line.strip()!r}; one ROOT with JOINTs inside is needed, at most {_MOST_JOINTS}"
+                )
+            parent = open_joints[-1] if open_joints else -1
+            name = f"{joints[parent].name}_end" if keyword == "END" else " ".join(words[1:])
+            open_joints.append(len(joints))
+            joints.append(_Joint(name, parent))
+        elif keyword == "}" and open_joints:
+            open_joints.pop()
+        elif keyword == "OFFSET" and open_joints:
+            joints[open_joints[-1]].offset = np.array(_numbers(where, words[1:], 3))
+        elif keyword == "CHANNELS" and open_joints:
+            wrong = [word for word in words[2:] if word not in _CHANNELS]
+            if wrong or [str(len(words) - 2)] != words[1:2] or len(set(words[2:])) < len(words) - 2:
+                raise InputError(
+                    f"{where}: {line.strip()!r}; a count and as many of {', '.join(_CHANNELS)} are needed"
+                )
+            joints[open_joints[-1]].channels = tuple(words[2:])
+        else:
+            raise InputError(
+                f"{where}: {line.strip()[:60]!r}; ROOT, JOINT, End Site, OFFSET or CHANNELS is needed"
+            )
+    if not joints or open_joints:
+        raise InputError(
+            f"{path}: {len(open_joints)} joints are not closed by '}}'; the skeleton is cut short"
+        )
+    return joints
+
+
+def _motion(path: Path, lines: list[str], begins: int, n_channels: int) -> tuple[float, np.ndarray]:
+    """Time between frames, and the channels of all frames, shape (n_frames, n_channels)."""
+    rows = [
+        (place, line.split()) for place, line in enumerate(lines[begins:], start=begins + 1) if line.strip()
+    ]
+    stated = {}
+    for (place, words), key in zip(rows[:2], ("Frames:", "Frame Time:"), strict=False):
+        if " ".join(words[:-1]).lower() != key.lower():
+            raise InputError(
+                f"{path}, line {place}: {' '.join(words)[:60]!r}; '{key}' and a number are needed"
+            )
+        stated[key] = _numbers(f"{path}, line {place}", words[-1:], 1)[0]
+    if len(rows) < 3:
+        raise InputError(f"{path}: no frames")
+    interval = stated["Frame Time:"]
+    if not 1 / _RATES_HZ[1] <= interval <= 1 / _RATES_HZ[0]:
+        raise InputError(
+            f"{path}: Frame Time is {interval:g} s; {1 / _RATES_HZ[1]:g} to {1 / _RATES_HZ[0]:g} s are read"
+        )
+    if stated["Frames:"] != len(rows) - 2:
+        raise InputError(
+            f"{path}: Frames: {stated['Frames:']:g}; the file holds {len(rows) - 2}; it may be cut short: export it again"
+        )
+    problems = Problems(str(path))
+    values = []
+    for place, words in rows[2:]:
+        try:
+            values.append(_numbers(f"line {place}", words, n_channels))
+        except InputError as error:
+            problems.add("", str(error))
+        if len(problems.entries) >= _MOST_PROBLEMS:
+            problems.add("", f"reading stopped after {_MOST_PROBLEMS} problems")
+            break
+    problems.raise_if_any()
+    return interval, np.array(values)
+
+
+def _numbers(where: str, words: list[str], count: int) -> list[float]:
+    if len(words) != count:
+        raise InputError(f"{where}: {len(words)} numbers; {count} are needed")
+    try:
+        values = [number(word) for word in words]
+    except ValueError as error:
+        raise InputError(f"{where}: {error}; numbers are needed") from error
+    if not all(abs(value) <= LARGEST for value in values):
+        raise InputError(f"{where}: a number that is not finite or larger than {LARGEST:g}")
+    return values
+
+
+def _positions(path: Path, joints: list[_Joint], values: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Positions of all joints, shape (n_frames, n_joints, 3), from the root outwards."""
+    from scipy.spatial.transform import Rotation
+
+    points = np.zeros((len(values), len(joints), 3))
+    turns: list[Rotation] = []
+    column = 0
+    for index, joint in enumerate(joints):
+        own = dict(zip(joint.channels, values[:, column:].T, strict=False))
+        column += len(joint.channels)
+        rotations = [name for name in joint.channels if name.endswith("rotation")]
+        step = joint.offset + _moved(path, joint, own, notes)
+        turn = Rotation.identity(len(values))
+        for name in rotations:
+            turn = turn * Rotation.from_euler(name[0].lower(), own[name][:, None] % 360, degrees=True)
+        if joint.parent < 0:
+            points[:, index] = step
+            turns.append(turn)
+        else:
+            parent = turns[joint.parent]
+            points[:, index] = points[:, joint.parent] + parent.apply(step)
+            turns.append(parent * turn)
+    return points
+
+
+def _moved(path: Path, joint: _Joint, own: dict[str, np.ndarray], notes: list[str]) -> np.ndarray:
+    """Position channels of a joint beyond its offset; some suits write the offset into them again."""
+    if not any(name.endswith("position") for name in own):
+        return np.zeros(3)
+    still = np.zeros(len(next(iter(own.values()))))
+    moved = np.transpose([own.get(f"{axis}position", still) for axis in "XYZ"])
+    length = np.linalg.norm(joint.offset)
+    if joint.parent < 0 or not length:
+        if length:
+            notes.append(f"the OFFSET of {joint.name} was added to its positions")
+        return moved
+    if np.linalg.norm(np.median(moved, axis=0) - joint.offset) <= _ALIKE * length:
+        return moved - joint.offset
+    if np.linalg.norm(np.median(moved, axis=0)) <= _ALIKE * length:
+        return moved
+    raise InputError(
+        f"{path}: the positions of {joint.name} are neither around 0 nor around its OFFSET; export joints with rotations "
+        "alone"
+    )
