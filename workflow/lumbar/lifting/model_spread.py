@@ -118,7 +118,9 @@ def _choices(
     other = SKIN if own.ends == INNER else INNER
     yield _Choice(f"{own.table.name}, {other}", own.recording, own.table, other, own.hips)
     for hips in HIP_RULES:
-        if own.ends == INNER and trunk_points(own.recording, INNER, hips, subject.sex).points[MID_HIP].inner:
+        # A regression lacks markers that another one does without: hips are then the skin's, or not there.
+        middle = trunk_points(own.recording, INNER, hips, subject.sex).points.get(MID_HIP)
+        if own.ends == INNER and middle is not None and middle.inner:
             yield _Choice(f"hips {hips}", own.recording, own.table, own.ends, hips)
     needed = {name for point in lift.points.points.values() for name in point.markers}
     needed |= {"L_ANKLE", "R_ANKLE"} & set(lift.complete.positions)
