@@ -16,10 +16,12 @@ if TYPE_CHECKING:
 
     from lumbar.quality.sheet import QualitySheet
     from lumbar.records.force_plate import ForcePlate
+    from lumbar.settings.layout import Axis, MarkerLayout
 
-_STAND_IN = {"name": "nobody", "sex": "unknown", "mass_kg": 70.0, "experience": "unknown", "trials": ()}
+_STAND_IN = SubjectSettings(
+    name="nobody", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()
+)
 """Events and gaps of a recording do not depend on who is in it."""
-_USUAL_HEIGHT_M = 1.7
 
 
 def inspect(
@@ -129,7 +131,9 @@ def _is_record(path: Path) -> bool:
     return True
 
 
-def _axes(points: dict[str, np.ndarray], meant: dict[str, str], layout) -> tuple[str, str] | None:
+def _axes(
+    points: dict[str, np.ndarray], meant: dict[str, str], layout: MarkerLayout
+) -> tuple[Axis, Axis] | None:
     """Axes of the file by the body in it, undoing the settings' rotation."""
     from lumbar.quality.axes import axes_found
     from lumbar.quality.landmarks import landmarks
@@ -154,7 +158,7 @@ def _pipeline(path: Path, settings: LiftingSettings, height_m: float | None) -> 
     """Whether a lift is analysed from the file with these settings, and what is found or why not."""
     from lumbar.interface.person import lift
 
-    subject = SubjectSettings(height_m=height_m or _USUAL_HEIGHT_M, **_STAND_IN)
+    subject = replace(_STAND_IN, height_m=height_m or _STAND_IN.height_m)
     try:
         return True, str(lift(path, subject, 0.0, settings=settings))
     except (InputError, NumericalError) as error:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.quality.body import rightward, trunk_axis
+from lumbar.settings.layout import Axis
 
-AXES = ("x", "y", "z")
+AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 
 
-def axes_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[str, str] | None:
+def axes_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[Axis, Axis] | None:
     """Return the signed axes up and forward, e.g. ``("+y", "+x")``, in the axes the points are given in.
 
     Up is where the shoulders are above the pelvis, forward where neither up nor to the right is. None where the labels name
@@ -29,6 +30,6 @@ def axes_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[st
     return None if vertical[1] == forward[1] else (vertical, forward)
 
 
-def _signed(vector: np.ndarray) -> str:
+def _signed(vector: np.ndarray) -> Axis:
     largest = int(np.abs(vector).argmax())
-    return f"{'+' if vector[largest] > 0 else '-'}{AXES[largest]}"
+    return AXES[largest][int(vector[largest] > 0)]

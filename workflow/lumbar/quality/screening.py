@@ -35,7 +35,7 @@ class Screening:
     """
 
     height_m: float | None = None
-    aliases: Mapping[str, Alias] = field(default_factory=dict)
+    aliases: Mapping[str, Alias | None] = field(default_factory=dict)
     refuse: bool = True
     findings: list[Finding] = field(default_factory=list)
     points: dict[str, np.ndarray] = field(default_factory=dict)
@@ -59,7 +59,7 @@ class Screening:
         return screened, left_out
 
 
-def meant_labels(aliases: Mapping[str, Alias], labels: Collection[str]) -> dict[str, str]:
+def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -> dict[str, str]:
     """Return, by standard name, the label of the file that alone fills an alias."""
     meant = {}
     for name, alias in aliases.items():
