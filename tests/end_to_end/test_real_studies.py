@@ -28,6 +28,7 @@ def folder(tmp_path_factory):
 COARSE_BASINS = """
 stability:
   knots: 250
+  regulator: {control_weight: 10.0} # a loop as slow as so few knots resolve
   attack: {starts: 20}
   proof: null
   sum_of_squares: null

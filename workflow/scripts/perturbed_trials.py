@@ -5,7 +5,7 @@ from job import run, stem
 
 def main(input, output, params):
     """Read all trials, compare them, write table and figure."""
-    from lumbar.records.markers import read_markers
+    from lumbar.quality.screening import read_screened
     from lumbar.reports.figures.perturbed_trials_figure import trials_figure
     from lumbar.reports.figures.style import save
     from lumbar.settings.lifting import LiftingSettings
@@ -17,7 +17,7 @@ def main(input, output, params):
     settings = typed(PerturbationsSettings, params.settings)
     stability, lifting = typed(StabilitySettings, params.stability), typed(LiftingSettings, params.lifting)
     trials = [
-        trial_of(read_markers(path, settings.markers), group, settings, lifting)
+        trial_of(read_screened(path, settings.markers)[0], group, settings, lifting)
         for group in ("unperturbed", "perturbed")
         for path in input[group]
     ]

@@ -8,6 +8,7 @@ import zlib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -123,3 +124,68 @@ def test_a_lift_without_a_deposit_is_saved_and_its_basins_say_why(recording, tmp
     failures = basins.failures()
     assert len(failures) == 6
     assert failures["reason"].str.contains("the box still moves when it is seen last").all()
+
+
+def test_the_static_trial_of_a_person_tells_where_a_marker_that_is_never_seen_with_the_others_is(tmp_path):
+    """The right PSIS is hidden from the first frame to the last but for a moment in which the left one is hidden."""
+    from lumbar.lifting.lift import gaps_frame
+    from lumbar.synthetic.lifting_recordings import true_movement, write_markers
+
+    twin = study_settings().twin.lifting
+    markers = true_movement(twin, "expert_23kg").markers
+    (tmp_path / "day1").mkdir()
+    standing = {name: points[:50] for name, points in markers.items()}
+    write_markers(tmp_path / "day1" / "standing.c3d", standing, twin.rate_Hz, "ann")
+    hidden = {name: points.copy() for name, points in markers.items()}
+    hidden["R_PSIS"][30:] = hidden["L_PSIS"][:30] = np.nan
+    write_markers(tmp_path / "day1" / "a.c3d", hidden, twin.rate_Hz, "ann")
+    ann = person(TrialSettings(23, "day1/a.c3d"), static="day1/standing.c3d")
+    lift = lumbar.lift(tmp_path / "day1" / "a.c3d", ann)
+    gaps = gaps_frame(lift.analysed)
+    row = gaps[gaps["marker"] == "R_PSIS"].iloc[0]
+    assert row["outcome"] == "filled"
+    assert row["method"].startswith("rigid body: pelvis, shape from the static trial")
+    assert row["frames"] == len(markers["R_PSIS"]) - 30
+    error = np.linalg.norm(lift.analysed.complete["R_PSIS"] - markers["R_PSIS"], axis=1)
+    assert error.max() < 1e-4, "metres; single precision in the file"
+    with pytest.raises(InputError, match=r"subject.static of ann is lost.c3d, and there is no file"):
+        lumbar.lift(tmp_path / "day1" / "a.c3d", replace(ann, static="lost.c3d"))
+
+
+def test_a_folder_below_is_a_person_and_what_stands_still_is_the_static_trial(tmp_path):
+    from lumbar.interface.new_study import new_study
+    from lumbar.synthetic.lifting_recordings import true_movement, write_markers
+
+    twin = study_settings().twin.lifting
+    markers = true_movement(twin, "expert_23kg").markers
+    for name in ("ann", "bob"):
+        (tmp_path / "lab" / name).mkdir(parents=True)
+        write_markers(tmp_path / "lab" / name / "lift.c3d", markers, twin.rate_Hz, name)
+    standing = {name: points[:50] for name, points in markers.items()}
+    write_markers(tmp_path / "lab" / "ann" / "cal.c3d", standing, twin.rate_Hz, "ann")
+    study = new_study(tmp_path / "lab")
+    assert list(study.files) == [
+        "config/studies/lab.yaml",
+        "config/subjects/lab_ann.yaml",
+        "config/subjects/lab_bob.yaml",
+    ]
+    texts = list(study.files.values())
+    assert "subjects: [lab_ann, lab_bob]" in texts[0]
+    assert "groups: [FILL_IN, FILL_IN]" in texts[0]
+    assert "  static: ann/cal.c3d  # 100 Hz, 0.5 s" in texts[1]
+    assert "markers: ann/lift.c3d}" in texts[1] and "markers: ann/cal.c3d}" not in texts[1]
+    assert "static:" not in texts[2]
+
+
+def test_files_that_face_different_ways_are_studies_of_their_own(tmp_path):
+    from lumbar.interface.new_study import new_study
+    from lumbar.synthetic.lifting_recordings import true_movement, write_markers
+
+    twin = study_settings().twin.lifting
+    markers = true_movement(twin, "expert_23kg").markers
+    write_markers(tmp_path / "a.c3d", markers, twin.rate_Hz, "ann")
+    turned = {name: points * [-1, -1, 1] for name, points in markers.items()}
+    write_markers(tmp_path / "b.c3d", turned, twin.rate_Hz, "ann")
+    with pytest.raises(InputError) as error:
+        new_study(tmp_path)
+    assert "- up +z, forward +y: a.c3d\n  - up +z, forward -y: b.c3d" in str(error.value)

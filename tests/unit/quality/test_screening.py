@@ -96,3 +96,14 @@ def test_nothing_of_a_sound_lift_changes(points, lift_of, monkeypatch):
     screened = lift_of(points)
     monkeypatch.setattr("lumbar.quality.screening.examine", lambda *_: [])
     assert lift_of(points).states.equals(screened.states)
+
+
+def test_every_kind_of_finding_is_explained(project):
+    import re
+
+    sources = (project / "workflow" / "lumbar" / "quality").glob("*.py")
+    text = "".join(path.read_text(encoding="utf-8") for path in sources)
+    kinds = set(re.findall(r'clock\.finding\(\s*"([a-z ]+)"', text))
+    page = (project / "docs" / "quality.md").read_text(encoding="utf-8")
+    explained = r"^\| `([a-z ]+)` \| (?:error|left|proposed|noted)[^|]*\| [^|]+\| [^|]+\|$"
+    assert kinds == set(re.findall(explained, page, re.MULTILINE))

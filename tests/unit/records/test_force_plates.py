@@ -62,7 +62,7 @@ def plate(kind, sign=1.0, moment_unit="Nmm", turn=0.0, depth=-30.0):
     return np.array(corners), sign * signals, origin, units
 
 
-def write(tmp_path, kind, change=None, **options):
+def write(tmp_path, kind, change=None, points=POINTS, labels=("A", "B"), **options):
     corners, signals, origin, units = plate(kind, **options)
     extra = {
         "ANALOG:LABELS": [f"c{number}" for number in range(signals.shape[1])],
@@ -86,7 +86,7 @@ def write(tmp_path, kind, change=None, **options):
     path = tmp_path / "trial.c3d"
     analog = signals.reshape(50, -1)
     path.write_bytes(
-        build_c3d(POINTS, ["A", "B"], analog=analog, analog_per_frame=PER_FRAME, extra=extra, first_frame=11)
+        build_c3d(points, labels, analog=analog, analog_per_frame=PER_FRAME, extra=extra, first_frame=11)
     )
     return path
 
@@ -175,6 +175,15 @@ def test_file_without_plates(tmp_path):
     path = tmp_path / "none.c3d"
     path.write_bytes(build_c3d(POINTS, ["A", "B"]))
     assert read_force_plates(path) == []
+
+
+def test_file_of_a_force_plate_alone(tmp_path):
+    """As Kistler's BioWare writes it: no points; plates come out of it, markers do not."""
+    path = write(tmp_path, 3, points=np.zeros((50, 0, 3)), labels=[""])
+    [found] = read_force_plates(path)
+    np.testing.assert_allclose(found.centre_of_pressure, push()[1], atol=1e-5)
+    with pytest.raises(InputError, match="no points, only analog channels"):
+        read_markers(path)
 
 
 # Real files

@@ -68,6 +68,7 @@ FILES = {
     "analog samples per frame:": c3d(replace={"ANALOG:USED": [3]}),
     "POINT:LABELS:": c3d(omit=["POINT:LABELS"]),
     "the parameter section is corrupt": corrupt(),
+    "no points,": c3d(points=np.zeros((40, 0, 3)), labels=[""], analog=np.zeros((40, 6))),
     "1 frame;": c3d(points=POINTS[:1]),
     "the file states no unit": table(unit="file"),
     "the file states 'mm'": c3d(layout=MarkerLayout(unit="m")),

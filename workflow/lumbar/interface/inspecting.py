@@ -90,7 +90,20 @@ def inspect(
         screening.points,
         recording.time,
         meant_labels(layout.aliases, screening.points),
+        _prefixes(path, open_layout),
     )
+
+
+def _prefixes(path: Path, layout) -> tuple[str, ...]:
+    """Prefixes, as ``Subject:``, that the labels of the file have and the reader takes off."""
+    from lumbar.records.marker_aliases import KEEP
+    from lumbar.records.markers import read_markers
+
+    if layout.subject_prefix == KEEP:
+        return ()
+    labelled = read_markers(path, replace(layout, subject_prefix=KEEP, aliases={}))
+    labels = [*labelled.positions, *labelled.dropped]
+    return tuple(sorted({label.partition(":")[0] for label in labels if ":" in label}))
 
 
 def _read(path: Path, layout, screening):
@@ -167,6 +180,8 @@ class Inspected:
     time : ndarray, shape (n_frames,)
     meant : dict of str to str
         Standard name to the label that alone fills it.
+    prefixes : tuple of str
+        Of subjects, taken off the labels.
     """
 
     sheet: QualitySheet
@@ -176,6 +191,7 @@ class Inspected:
     points: dict[str, np.ndarray]
     time: np.ndarray
     meant: dict[str, str]
+    prefixes: tuple[str, ...]
 
     def as_dict(self) -> dict:
         """Return all but the trajectories as data for JSON."""
@@ -184,6 +200,7 @@ class Inspected:
         return {
             "schema": "lumbar.inspected/1",
             **self.sheet.as_dict(),
+            "prefixes": list(self.prefixes),
             "axes": self.axes,
             "force_plates": plates,
             "filled": dict(self.meant),
@@ -197,6 +214,7 @@ class Inspected:
         plates = self.plates if isinstance(self.plates, str) else ", ".join(map(repr, self.plates))
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
         lists = {
+            "subjects' prefixes taken off": ", ".join(self.prefixes),
             "axes": self.axes,
             "force plates": plates or "none",
             "standard markers": ", ".join(filled) or "none",

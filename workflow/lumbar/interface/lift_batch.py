@@ -33,12 +33,17 @@ class PlannedLift:
     markers : Path or None
         None where the folder does not hold the trial's file.
     trial : TrialSettings or None
-        None for a file of a person without trials.
+        None for a file that is named by itself.
     """
 
     name: str
     markers: Path | None
     trial: TrialSettings | None
+
+    @property
+    def lost(self) -> str:
+        """File that the trial names, for messages."""
+        return self.trial.markers if self.trial else ""
 
 
 def planned_lifts(paths: Sequence[Path], subject: SubjectSettings) -> list[PlannedLift]:
@@ -118,7 +123,7 @@ def lift_all(
     for item in lifts:
         try:
             if item.markers is None:
-                raise InputError(f"{item.trial.markers} is not in the folder")
+                raise InputError(f"{item.lost} is not in the folder")
             found = lift(
                 item.markers,
                 subject,

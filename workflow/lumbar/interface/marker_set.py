@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from lumbar.quality.landmarks import landmarks
 from lumbar.records.marker_aliases import resolve_aliases
 from lumbar.records.marker_axes import find_axes
-from lumbar.settings.layout import Alias, MeanOfMarkers, PointBetween
+from lumbar.settings.layout import Alias, MeanOfMarkers, OffsetPoint, PointBetween
 from lumbar.settings.lifting import ALIASES
 
 if TYPE_CHECKING:
@@ -133,6 +133,8 @@ def _fills(term: Alias, points: Iterable[str], aliases: dict[str, Alias]) -> boo
         return term in points or term in aliases
     if isinstance(term, tuple):
         return any(_fills(part, points, aliases) for part in term)
+    if isinstance(term, OffsetPoint):
+        return _fills(term.start, points, aliases)
     parts = term.mean if isinstance(term, MeanOfMarkers) else term.between
     return all(_fills(part, points, aliases) for part in parts)
 
@@ -162,4 +164,6 @@ def alias_text(term: Alias) -> str:
         return f"[{', '.join(map(alias_text, term))}]"
     if isinstance(term, MeanOfMarkers):
         return f"{{mean: [{', '.join(map(alias_text, term.mean))}]}}"
+    if isinstance(term, OffsetPoint):
+        return f"{{from: {alias_text(term.start)}, offset_m: {list(term.offset_m)}}}"
     return f"{{between: [{', '.join(map(alias_text, term.between))}], share: {term.share:g}}}"

@@ -24,6 +24,7 @@ STILL_M = 0.05
 """A recording in which no marker leaves a cube of this size is a static trial."""
 FORCE_FILES = (".mot", ".sto", ".forces", ".anc")
 SCHEMA = "# yaml-language-server: $schema=../../workflow/lumbar/config/study.schema.json"
+NOTHING = MarkerSet({}, None)
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class FoundRecording:
         Whether the person stands still throughout.
     events : str
         Events that the file itself holds.
-    set : MarkerSet or None
+    set : MarkerSet
     """
 
     path: str
@@ -54,7 +55,7 @@ class FoundRecording:
     markers: int = 0
     static: bool = False
     events: str = ""
-    set: MarkerSet | None = None
+    set: MarkerSet = NOTHING
 
     @property
     def facts(self) -> str:
@@ -194,13 +195,16 @@ def _stands_still(recording: MarkerRecording) -> bool:
 def _axes(read: Sequence[FoundRecording], folder: Path) -> tuple[str, str, float]:
     """Axes of all files, as the body tells them."""
     # A static trial gives shapes, whichever way the person faces; alone it is the study.
-    told = [item for item in read if item.set.axes is not None]
-    told = [item for item in told if not item.static] or told
-    if not told:
-        return FILL_IN, FILL_IN, 0.0
+    moving = [item for item in read if not item.static and item.set.axes] or read
     groups: dict[tuple[str, str], list[str]] = {}
-    for item in told:
-        groups.setdefault(item.set.axes[:2], []).append(item.path)
+    away = []
+    for item in moving:
+        if item.set.axes is not None:
+            up, forward, degrees = item.set.axes
+            groups.setdefault((up, forward), []).append(item.path)
+            away.append(degrees)
+    if not groups:
+        return FILL_IN, FILL_IN, 0.0
     if len(groups) > 1:
         lines = [
             f"  - up {up}, forward {forward}: {', '.join(paths)}" for (up, forward), paths in groups.items()
@@ -208,8 +212,7 @@ def _axes(read: Sequence[FoundRecording], folder: Path) -> tuple[str, str, float
         raise InputError(
             "\n".join([f"{folder}: the files differ in their axes; make a study of each group", *lines])
         )
-    away = [item.set.axes[2] for item in told]
-    return *told[0].set.axes[:2], float(np.median(away))
+    return *next(iter(groups)), float(np.median(away))
 
 
 def _study_text(
@@ -280,7 +283,8 @@ def _alias_lines(aliases: Mapping[str, tuple]) -> list[str]:
 
 def _subject_text(study: str, person: str, items: Sequence[FoundRecording]) -> str:
     static = next((item for item in items if item.static), None)
-    trials = [item for item in items if not item.problem and item is not static] or [static]
+    read = [item for item in items if not item.problem]
+    trials = [item for item in read if item is not static] or read
     lines = [
         SCHEMA,
         f"# Of the study {study}. Replace every {FILL_IN}; what is assumed and not measured belongs into 'assumed'.",

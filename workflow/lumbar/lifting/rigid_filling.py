@@ -25,6 +25,8 @@ FEWEST = 3
 """Markers that tell where a body is."""
 FLATTEST_M = 0.01
 """Least spread (root mean square) of markers across the line they lie nearest to: less tells no turning about it."""
+BESIDE = 5
+"""Frames on each side of a gap whose mean tells what the fit misses there: one alone carries its own noise."""
 ALIGNMENTS = 3
 """Times that full frames are laid on their mean: it no longer moves then by a hundredth of a millimetre."""
 
@@ -159,6 +161,33 @@ def fill_rigid(
     return filled, gaps
 
 
+def carried_by_the_body(
+    markers: Mapping[str, np.ndarray],
+) -> tuple[Mapping[str, np.ndarray], dict[str, int]]:
+    """Fill every unseen frame of a body's markers from its other markers, as far as three of them are seen.
+
+    Parameters
+    ----------
+    markers : mapping of str to ndarray, shape (n, 3)
+        NaN where a marker was not seen.
+
+    Returns
+    -------
+    filled : mapping of str to ndarray, shape (n, 3)
+        Frames seen are unchanged.
+    frames : dict of str to int
+        Frames filled, of the markers that have any.
+    """
+    shape = body_shape(markers, markers, "")
+    if shape is None:
+        return markers, {}
+    filled, gaps = fill_rigid(markers, 1.0, 0.0, shape, "", 0.0)
+    frames: dict[str, int] = {}
+    for gap in gaps:
+        frames[gap.marker] = frames.get(gap.marker, 0) + gap.n_frames
+    return filled, frames
+
+
 class BodyFilling:
     """Fills the rigid bodies of a recording while it is read (`lumbar.records.markers.read_markers`, ``mend``).
 
@@ -218,13 +247,13 @@ def _estimated(
 
 def _edge_error(values: np.ndarray, estimate: np.ndarray, piece: slice) -> np.ndarray:
     """What the estimate misses beside a piece, spread over it linearly, shape (frames, 3); 0 where nothing tells."""
-    before, after = piece.start - 1, piece.stop
-    errors = [
-        values[at] - estimate[at] if 0 <= at < len(values) else np.full(3, np.nan) for at in (before, after)
-    ]
-    known = [error for error in errors if np.isfinite(error).all()]
+    missed = values - estimate
+    sides = missed[max(0, piece.start - BESIDE) : piece.start], missed[piece.stop : piece.stop + BESIDE]
+    errors = [side[np.isfinite(side).all(axis=1)] for side in sides]
+    known = [error.mean(axis=0) for error in errors if len(error)]
     if not known:
         return np.zeros((piece.stop - piece.start, 3))
-    first, last = (error if np.isfinite(error).all() else known[0] for error in errors)
+    first, last = known[0], known[-1]
+    before, after = piece.start - 1, piece.stop
     share = (np.arange(piece.start, piece.stop) - before)[:, None] / (after - before)
     return first + share * (last - first)

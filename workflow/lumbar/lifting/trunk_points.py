@@ -22,7 +22,7 @@ from lumbar.lifting.joint_centres import (
     typical_distance,
     unit,
 )
-from lumbar.lifting.rigid_body import carried_by_the_body
+from lumbar.lifting.rigid_filling import carried_by_the_body
 from lumbar.records.markers import MarkerRecording
 
 INNER, SKIN = "inner", "skin"

@@ -18,7 +18,7 @@ class Finding:
     Attributes
     ----------
     kind : str
-        A key of `lumbar.quality.meanings.MEANINGS`, e.g. ``"frozen"``.
+        E.g. ``"frozen"``; docs/quality.md explains each.
     outcome : str
         ``"error"``, ``"left out"``, ``"proposed"`` or ``"noted"``.
     markers : tuple of str

@@ -19,6 +19,7 @@ _TOUCHING_M = 2e-3
 """Two markers cannot come closer: each has a radius of some millimetres."""
 _NEIGHBOURS = 3
 _SHORTEST_COPY = 3
+_FRAMES_AT_ONCE = 1000
 
 
 def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
@@ -103,19 +104,19 @@ def copied(points: dict[str, np.ndarray], clock: Clock, named: dict[str, str]) -
 
 def _touching_pairs(points: dict[str, np.ndarray]) -> list[tuple[int, int]]:
     """Pairs of markers that touch in some frame: neighbours in order of one coordinate, up to two places apart."""
-    stacked = np.stack(list(points.values()), axis=1)
-    order = np.argsort(stacked[:, :, 0], axis=1)
-    ordered = np.take_along_axis(stacked, order[:, :, None], axis=1)
-    pairs = set()
-    for places in (1, 2):
-        if stacked.shape[1] <= places:
-            break
-        with np.errstate(invalid="ignore"):
-            gap = np.abs(ordered[:, places:] - ordered[:, :-places])
-            near = (gap < _TOUCHING_M).all(axis=2)
-        frame, place = np.nonzero(near)
-        found = np.sort(np.stack([order[frame, place], order[frame, place + places]]), axis=0)
-        pairs |= {(int(one), int(other)) for one, other in np.unique(found, axis=1).T}
+    n_frames = len(next(iter(points.values())))
+    pairs: set[tuple[int, int]] = set()
+    for start in range(0, n_frames, _FRAMES_AT_ONCE):
+        frames = slice(start, start + _FRAMES_AT_ONCE)
+        stacked = np.stack([positions[frames] for positions in points.values()], axis=1)
+        order = np.argsort(stacked[:, :, 0], axis=1)
+        ordered = np.take_along_axis(stacked, order[:, :, None], axis=1)
+        for places in range(1, min(3, len(points))):
+            with np.errstate(invalid="ignore"):
+                near = (np.abs(ordered[:, places:] - ordered[:, :-places]) < _TOUCHING_M).all(axis=2)
+            frame, place = np.nonzero(near)
+            found = np.sort(np.stack([order[frame, place], order[frame, place + places]]), axis=0)
+            pairs |= {(int(one), int(other)) for one, other in np.unique(found, axis=1).T}
     return sorted(pairs)
 
 

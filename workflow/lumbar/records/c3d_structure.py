@@ -131,6 +131,10 @@ def _structure(path: Path, content: mmap.mmap, points_needed: bool) -> C3dStruct
             f"{path}: the data should start at byte {data_start}, after the parameters at {start} and before "
             f"the end of the file at {len(content)}; the file is cut short or its header is corrupt"
         )
+    if points_needed and not points and analog:
+        raise InputError(
+            f"{path}: no points, only analog channels, as a force plate writes them; give the recording of the markers"
+        )
     notes: list[str] = []
     parameters = read_parameters(path, content, start + 4, data_start, processor, notes)
     header = {

@@ -16,7 +16,7 @@ measured is listed with its rule, so that results can say so.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,7 +96,7 @@ def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
     )
 
 
-def labels_of(name: str, aliases: dict[str, Alias | None]) -> tuple[str, ...]:
+def labels_of(name: str, aliases: Mapping[str, Alias | None]) -> tuple[str, ...]:
     """Labels that a name may be filled from: its own, and all those in its alias.
 
     Examples
@@ -122,7 +122,7 @@ def labels_of(name: str, aliases: dict[str, Alias | None]) -> tuple[str, ...]:
 
 
 def resolve_aliases(
-    aliases: dict[str, Alias | None],
+    aliases: Mapping[str, Alias | None],
     points: dict[str, np.ndarray],
     model_points: dict[str, np.ndarray],
     dropped: dict[str, str],

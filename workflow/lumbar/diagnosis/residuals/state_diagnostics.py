@@ -183,16 +183,17 @@ def reversals(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     A turn counts when the motion back from the extreme exceeds a share of the range: noise in a measured position
     turns often but not far.
     """
-    least = _LEAST_TURN * np.ptp(position)
+    least = float(_LEAST_TURN * np.ptp(position))
+    values = np.asarray(position, dtype=float).tolist()  # plain numbers: the loop takes half the time
     turns, directions = [], []
     direction, extreme = 0, 0
-    for sample, value in enumerate(position):
-        if (direction >= 0 and value > position[extreme]) or (direction <= 0 and value < position[extreme]):
+    for sample, value in enumerate(values):
+        if (direction >= 0 and value > values[extreme]) or (direction <= 0 and value < values[extreme]):
             extreme = sample
         if direction == 0:
-            if abs(value - position[0]) > least:
-                direction, extreme = int(np.sign(value - position[0])), sample
-        elif direction * (position[extreme] - value) > least:
+            if abs(value - values[0]) > least:
+                direction, extreme = int(np.sign(value - values[0])), sample
+        elif direction * (values[extreme] - value) > least:
             turns.append(extreme)
             direction = -direction
             directions.append(direction)

@@ -8,6 +8,7 @@ import numpy as np
 
 from lumbar.quality.landmarks import landmarks
 from lumbar.quality.sheet import QualitySheet
+from lumbar.quality.trajectories import LABORATORY_M
 from lumbar.records.stretches import runs
 from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SERIES, house_style, new_figure
 
@@ -81,7 +82,12 @@ def _heights(axis, sheet: QualitySheet, points, time, meant) -> None:
             continue
         text = words if words == label else f"{words} ({label})"
         color, line = SERIES[index % len(SERIES)], _STYLES[index % len(_STYLES)]
-        axis.plot(time, points[label][:, 2], color=color, linestyle=line, label=text)
+        height = points[label][:, 2]
+        with np.errstate(invalid="ignore"):
+            shown = np.where(
+                np.abs(height) < LABORATORY_M, height, np.nan
+            )  # one number would flatten all others
+        axis.plot(time, shown, color=color, linestyle=line, label=text)
     for finding in sheet.findings:
         if finding.markers and finding.n_frames < _WHOLE * len(time):
             axis.axvspan(

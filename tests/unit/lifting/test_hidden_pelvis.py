@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lumbar.lifting.rigid_body import carried_by_the_body
+from lumbar.lifting.rigid_filling import carried_by_the_body
 from lumbar.lifting.trunk_points import trunk_points
 from lumbar.records.markers import MarkerRecording
 from lumbar.synthetic.lifting_recordings import true_movement
@@ -46,7 +46,7 @@ def test_with_noise_it_comes_back_as_well_as_the_markers_are_known_and_seen_fram
     true, measured = moving(), moving(noise=5e-4)
     filled, _ = carried_by_the_body(hidden(measured, "A"))
     error = np.linalg.norm(filled["A"] - true["A"], axis=1)
-    assert error[20:40].max() < 5e-3
+    assert error[20:40].max() < 6e-3
     assert np.array_equal(filled["A"][:20], measured["A"][:20])
     assert np.array_equal(filled["B"], measured["B"])
 
