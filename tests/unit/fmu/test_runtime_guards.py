@@ -98,7 +98,8 @@ def test_guarded_forces_differ_in_no_bit(name, version, zig_cache, tmp_path):
     )
     model = next(item for item in models(settings) if item.name == name)
     inputs = random_motion(3000, seed=8)
-    outputs = 1.0 * CModel(model, tmp_path, zig_cache).response(inputs) + model.output.offset
+    touched = np.where(inputs < model.input.offset, 0.0, inputs - model.input.offset)
+    outputs = 1.0 * CModel(model, tmp_path, zig_cache).response(touched) + model.output.offset
     limited = np.clip(np.where(model.resistance * outputs < 0, 0.0, outputs), -15.0, 15.0)
     expected = guarded(model, inputs, limited, event_mode=version == "3.0").read
     export_fmus([model], tmp_path, "synthetic twin", TARGET, zig_cache)
