@@ -59,8 +59,8 @@ class RuntimeSettings:
         gt=0,
     )
     contact: bool = key(
-        "Whether the tissue cannot pull: a tool that is lifted off feels no force, where a linear model would hold it "
-        "back.",
+        "Whether the tissue cannot pull: a tool that is lifted off feels no force until it is back at the rest position, "
+        "where a linear model would hold it back.",
         default=False,
     )
     start: Literal["first_position", "offset"] = key(

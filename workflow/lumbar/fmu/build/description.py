@@ -177,7 +177,8 @@ def guards_text(model: ExportModel) -> list[str]:
     if guards.contact:
         texts.append(
             f"Contact: the tissue cannot pull; {y.variable} is never on the other side than the {way} one, on which it "
-            f"resists a growing {model.input.quantity}."
+            f"resists a growing {model.input.quantity}. The tissue ends at {model.input.variable}_offset: below it the model "
+            "rests, so that it is not felt before it is touched again."
         )
     if guards.rate_limit > 0:
         texts.append(

@@ -18,7 +18,7 @@ class Guards:
     Attributes
     ----------
     contact : bool
-        The tissue cannot pull.
+        The tissue cannot pull, and ends at the input's offset: below it, the model is at rest.
     rate_limit : float
         Largest change of the force in a second, in its unit; 0 is none.
     device_damping : float

@@ -39,7 +39,10 @@ def model_output(model: ExportModel, inputs: np.ndarray, late: bool = False) -> 
         As a client without event mode reads it.
     """
     dynamics, at_rest = model.dynamics, model.starts_at_rest
-    averaged = moving_average(inputs - model.input.offset, model.moving_average, at_rest)
+    deviations = inputs - model.input.offset
+    if model.guards.contact:
+        deviations = np.where(deviations < 0, 0.0, deviations)
+    averaged = moving_average(deviations, model.moving_average, at_rest)
     if at_rest:
         return dynamics.response_from_rest(averaged, late)
     return dynamics.late_response(averaged) if late else dynamics.response(averaged)

@@ -34,7 +34,7 @@ typedef struct {
     double input_unit;       /* of the input in m or rad, for energies */
     double output_unit;      /* of the output in N or N m */
     double resistance;       /* sign of the output that resists a growing input: 1 or -1 */
-    int contact;             /* 1 where the output never pulls */
+    int contact;             /* 1 where the model ends at rest: no input below it, no output that pulls */
     int guarded;             /* 1 with a limit on the rate, or passive */
     int starts_at_rest;      /* 1 where the model rests at the first input, 0 at its offset */
     int feedthrough;         /* 1 where the output depends on the input of the same sample */

@@ -54,7 +54,11 @@ bool force_start(force_state *state, double start_time) {
     return true;
 }
 
-static double deviation(const force_state *state) { return state->input - state->input_offset; }
+/* Behind a tool that leaves it, the tissue stays at rest: else it would push before it is touched again. */
+static double deviation(const force_state *state) {
+    double depth = state->input - state->input_offset;
+    return MODEL.contact && depth < 0.0 ? 0.0 : depth;
+}
 
 /* Whether the pending sample is the first one of a model that rests where it is first touched. */
 static bool starts_at_rest(const force_state *state) { return MODEL.starts_at_rest && state->next_sample == 0; }
