@@ -28,7 +28,7 @@ def add(commands) -> None:
         "--chapter",
         choices=("surgeon", "tissue", "survey", "lifting"),
         default="tissue",
-        help="whose layout column files have (default tissue; C3D and TRC files are always "
+        help="whose layout column files have (default tissue; C3D, TRC and BVH files are always "
         "markers of lifting)",
     )
     parser.set_defaults(run=run)
