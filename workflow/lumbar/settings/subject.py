@@ -58,8 +58,7 @@ class SubjectSettings:
     )
     static: str | None = key(
         "Marker file of a static trial (C3D, TRC, CSV, BVH), below data_root like the others: it gives the shape of the "
-        "pelvis and the "
-        "box where markers of them are hidden for long.",
+        "pelvis and the box where markers of them are hidden for long.",
         default=None,
     )
     assumed: tuple[str, ...] = key("Keys of this file that are assumptions and not measurements.", default=())
