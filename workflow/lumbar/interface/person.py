@@ -80,9 +80,9 @@ def lift(
     >>> from lumbar.synthetic.examples import example_lift
     >>> somebody = example_lift("lift.c3d")
     >>> print(lumbar.lift("lift.c3d", somebody, box_mass_kg=15))
-    lift_off: 2.310 s (box; 2.20 to 2.40)
+    lift_off: 2.310 s (box; 2.27 to 2.36)
     toe_off: 3.930 s (toes)
-    deposit_start: 5.820 s (box; 5.80 to 5.90)
+    deposit_start: 5.820 s (box; 5.78 to 6.06)
     release: 7.070 s (box)
     """
     from lumbar.quality.screening import read_screened
