@@ -139,14 +139,14 @@ def test_surgeons_participants_and_lifts(lumbar):
         for number in (1, 2):
             name = f"{surgeon}_trial_{number}"
             write_csv(folder / "surgeon" / f"{name}.csv", surgeon_trial(name, surgeon, twin.surgeon, 45))
-    write_lift(twin.lifting, "expert_23kg", [45], folder / "lift.c3d", None)
+    write_lift(twin.lifting, "expert_23kg", [45], folder / "expert_23kg.c3d", None)
     shutil.copy(PROJECT / "config" / "subjects" / "expert.yaml", folder / "expert.yaml")
     sheet = PROJECT / "resources" / "survey" / "survey_reconstructed.csv"
     bandwidth, survey, *_ = say(
         call,
         ("bandwidth", "surgeon", "--config", "study.yaml"),
         ("survey", sheet, "--output", "survey", "--config", "study.yaml"),
-        ("lift", "lift.c3d", "--subject", "expert.yaml", "--box-mass", 23, "--output", "lifted"),
+        ("lift", "expert_23kg.c3d", "--subject", "expert.yaml", "--box-mass", 23, "--output", "lifted"),
         ("basin", "lifted/pendulum.csv", "--output", "lifted", "--config", "study.yaml"),
     )
     assert "velocity, power_share: 2." in bandwidth

@@ -269,6 +269,15 @@ def test_subject_files_are_checked_too(config, folder):
     assert "no file config/subjects/nobody.yaml; there are: " in message
 
 
+def test_a_person_of_a_study_has_trials(config, folder):
+    """Without them a file serves single lifts alone."""
+    subject = folder / "config" / "subjects" / "novice.yaml"
+    lines = subject.read_text(encoding="utf-8").splitlines()
+    kept = [line for line in lines if not line.lstrip().startswith(("- {", "trials:"))]
+    subject.write_text("\n".join([*kept, "  trials: []"]), encoding="utf-8")
+    assert "novice has no trials; list its recordings in config/subjects" in message_of(config, folder)
+
+
 def test_one_person_alone_has_results_of_its_own(config, folder):
     subject = yaml.safe_load((folder / "config" / "subjects" / "novice.yaml").read_text(encoding="utf-8"))
     study = load_study(config | subject, folder)

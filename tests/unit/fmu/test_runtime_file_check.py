@@ -211,6 +211,7 @@ WRITTEN = {
             told("resisting_sign", 1, -1),
             edited("a positive force resists", "INVERTED"),
             edited("a positive force resists", "INVERTED", PAGE),
+            edited("where positive it resists", "INVERTED: where negative it answers"),
         ),
         "by modelDescription.xml the force that resists has the sign of -1",
     ),
