@@ -88,6 +88,12 @@ def test_a_folder_of_lifts_is_analysed_whatever_one_of_them_is(recording, tmp_pa
     assert failed == ["ann_23kg_2", "ann_10kg"]
     rows = table.set_index("lift")
     assert rows["pendulums"].tolist() == [6, 0, 0, 0]
+    assert rows.loc["ann_23kg", ["lift_off_method", "toe_off_method", "release_method"]].tolist() == [
+        *("box", "toes", "box")
+    ]
+    times = rows.loc["ann_23kg", [f"deposit_start_{part}" for part in ("earliest_s", "s", "latest_s")]]
+    assert times.is_monotonic_increasing and times.nunique() == 3
+    assert rows.at["ann_15kg", "release_method"] == "absent"
     assert rows.at["ann_10kg", "remark"] == "day1/lost.c3d is not in the folder"
     assert "still moves when it is seen last" in rows.at["ann_15kg", "remark"]
     written = pd.read_csv(tmp_path / "out" / "lifts.csv")
@@ -300,3 +306,26 @@ def test_recognised_labels_are_listed_once_with_the_command_that_names_them(shar
     assert refused.count("'lumbar new-study' writes") == 1
     analysed = str(lumbar.inspect(folder / "athlete_static_full_spine" / "c3dfile1.c3d"))
     assert analysed.count("SPINMOL") == analysed.count("'lumbar new-study' writes the aliases") == 1
+
+
+def test_events_say_what_they_were_found_in_and_hands_that_nothing_is_known_of_what_they_hold(tmp_path):
+    from lumbar.synthetic.lifting_recordings import true_movement, write_markers
+
+    twin = study_settings().twin.lifting
+    markers = true_movement(twin, "expert_23kg").markers
+    bare = {name: points for name, points in markers.items() if not name.startswith("BOX_")}
+    said = {}
+    for name, points in {"box": markers, "hands": bare}.items():
+        write_markers(tmp_path / f"{name}.c3d", points, twin.rate_Hz, "ann")
+        found = lumbar.lift(tmp_path / f"{name}.c3d", person(), 23)
+        said[name] = str(found).splitlines()
+        deposit = found.analysed.events["deposit_start"]
+        assert (
+            f"deposit_start: {deposit.time_s:.3f} s ({name}; {deposit.earliest_s:.2f} to {deposit.latest_s:.2f})"
+            in said[name]
+        )
+    doubt = "the hands stand for the box, which has no markers; whether they hold anything is not known"
+    assert said["hands"].count(doubt) == 1
+    assert doubt not in said["box"]
+    trial = TrialSettings(23, "box.c3d", events=LATE)
+    assert "deposit_start: 6.300 s (set by hand)" in str(lumbar.lift(tmp_path / "box.c3d", person(trial)))

@@ -74,3 +74,20 @@ def test_the_recording_becomes_pendulums_that_say_what_was_assumed(study, shared
         assert 0.1 < states.length.mean() < 0.6, (com, plane)
         assert np.abs(states.angle).max() < 1.0
         assert np.abs(states.angular_velocity).max() < 1.5
+
+
+def test_the_deposit_is_as_deep_as_the_box_was_raised_over_the_shelf(study, shared):
+    """So deep that no threshold of its own is needed; and of the wrists, of which one is marked, the figure says which."""
+    from lumbar.lifting.lift import motion_frame
+    from lumbar.settings.lifting import EventSettings
+
+    settings, subject = study
+    assert settings.events == EventSettings()
+    recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", settings.markers)
+    lift = analyse_lift(recording, "box_transfer_6kg", subject, subject.trials[0], settings)
+    motion = motion_frame(lift)
+    height = motion.set_index("time_s")["box_height_m"]
+    start, stop = (lift.events[name].time_s for name in ("deposit_start", "release"))
+    assert height.loc[start] - height.loc[stop] == pytest.approx(0.108, abs=0.002)
+    assert height.iloc[-1] - height.iloc[0] == pytest.approx(0.23, abs=0.005)
+    assert "r_wrist_height_m" in motion and "wrists_height_m" not in motion

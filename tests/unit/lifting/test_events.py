@@ -349,3 +349,16 @@ def test_hands_pick_up_from_the_floor_and_put_down_there(settings, shared):
     assert 1.0 < events["lift_off"].time_s < 1.6
     assert events["deposit_start"].time_s == pytest.approx(18.55, abs=0.2)
     assert 19.0 < events["release"].time_s < 20.6
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_hands_that_rise_several_times_ask_whether_it_was_one_lift(settings, times):
+    bare = without(scene(), "BOX")
+    for name in ("L_WRIST", "R_WRIST"):
+        for number in range(times - 1):
+            start = 3.3 + 0.8 * number
+            bare[name][:, 2] -= 0.5 * (ramp(start, start + 0.3) - ramp(start + 0.35, start + 0.75))
+    events = find_events(bare, settings)
+    asked = f"the hands rise {times} times from lift-off to release: one lift or several"
+    assert (asked in events["release"].how) == (times > 1)
+    assert "one lift or several" not in find_events(scene(), settings)["release"].how

@@ -103,6 +103,48 @@ def test_a_gap_that_stays_open_leaves_the_rest_to_compare(study, recording, spre
     assert np.isfinite(rows.drop(columns="note").to_numpy(float)).all()
 
 
+def test_a_choice_that_is_never_known_with_the_result_says_so_and_warns_of_nothing(study, recording, recwarn):
+    """The result is known in the first half of the deposit alone, the skin's centre in the second alone."""
+    positions = {name: points.copy() for name, points in recording.positions.items()}
+    positions["MANUBRIUM"][650:] = np.nan
+    for name in ("L_HIP", "R_HIP"):
+        positions[name][500:660] = np.nan
+    lift, settings = analysed(study, replace(recording, positions=positions))
+    assert lift.events["deposit_start"].time_s < 6.4 and lift.events["release"].time_s > 6.8
+    spread = model_spread(lift, study[1], settings)
+    row = spread.set_index("choice").loc["winter, skin"]
+    assert row["note"] == "it and the result are known at no common instant"
+    assert row.drop("note").isna().all()
+    assert "winter, skin: not possible (it and the result are known at no common instant)" in spread_lines(
+        spread
+    )
+    assert not any("nan" in line for line in spread_lines(spread))
+    assert not [warning for warning in recwarn if issubclass(warning.category, RuntimeWarning)]
+
+
+def test_numbers_that_are_not_known_are_empty_with_their_reason(study, recording, recwarn):
+    """Both ASIS are hidden all through the deposit: nobody can say which way is forward of the skin's centre."""
+    positions = {name: points.copy() for name, points in recording.positions.items()}
+    for name in ("L_ASIS", "R_ASIS"):
+        positions[name][500:800] = np.nan
+    lift, settings = analysed(study, replace(recording, positions=positions), segment_ends="skin")
+    spread = model_spread(lift, study[1], settings)
+    row = spread.set_index("choice").loc["cut-off 4 Hz"]
+    assert np.isnan(row["forward_mm"]) and np.isfinite(row["up_mm"])
+    assert row["note"] == "the person's right is not seen: no forward"
+    assert any(line.startswith("cut-off 4 Hz: centre ? mm forward") for line in spread_lines(spread))
+    assert not [warning for warning in recwarn if issubclass(warning.category, RuntimeWarning)]
+
+
+def test_the_reference_is_named_once_and_only_other_choices_follow(spread):
+    lines = spread_lines(spread.reset_index())
+    assert lines[0] == "other choices against winter, inner; hips harrington; cut-off 6 Hz:"
+    assert [line.split(": ")[0] for line in lines[1:]] == [
+        *("de_leva_male, inner", "dumas_male, inner", "winter, skin", "hips hara", "hips reed"),
+        *("cut-off 4 Hz", "cut-off 8 Hz"),
+    ]
+
+
 def test_a_choice_without_its_markers_says_why(study, recording):
     few = {name: points for name, points in recording.positions.items() if name != "XIPHOID"}
     lift, settings = analysed(study, replace(recording, positions=few))

@@ -84,7 +84,7 @@ def test_labels_exchanged_throughout_are_proposed_and_an_alias_mends_them(points
     unmended = lift_of(swapped)
     (finding,) = unmended.quality.findings
     assert (finding.outcome, set(finding.markers)) == ("proposed", {"C7", "T12"})
-    assert "change places in markers.aliases" in finding.cause
+    assert "change places in markers.aliases; until then both are left out of all frames" in finding.cause
     assert set(unmended.analysed.missing) == {"thorax", "abdomen"}
     aliases = study_settings().lifting.markers.aliases
     mended = lift_of(swapped, aliases=aliases | {"C7": "T12", "T12": "C7"})
@@ -107,3 +107,35 @@ def test_every_kind_of_finding_is_explained(project):
     page = (project / "docs" / "quality.md").read_text(encoding="utf-8")
     explained = r"^\| `([a-z ]+)` \| (?:error|left|proposed|noted)[^|]*\| [^|]+\| [^|]+\|$"
     assert kinds == set(re.findall(explained, page, re.MULTILINE))
+
+
+def test_what_the_checks_leave_out_of_the_deposit_is_no_gap_to_be_filled(points, lift_of):
+    """C7 and T12 change places for 0.35 s: the reason names that and its remedy; gaps of the file have another."""
+    frames = slice(630, 665)
+    found = lift_of(exchanged(points, "C7", "T12", frames))
+    (finding,) = found.quality.findings
+    assert (finding.outcome, set(finding.concerns)) == ("proposed", {"C7", "T12"})
+    assert "gaps of both until somebody labels them again" in finding.cause
+    reason = found.analysed.missing["thorax"]
+    assert (
+        "35 samples missing within the deposit, the first at 6.30 s; left out by the quality checks: "
+        in reason
+    )
+    assert "from 6.30 to 6.65 s (exchanged): label both again in the capture software" in reason
+    assert "maximum_s" not in reason
+
+    hidden = changed(points, "MANUBRIUM", slice(700, 740), np.nan)
+    gap = lift_of(hidden).analysed.missing["thorax"]
+    assert "not seen in the file: MANUBRIUM: raise lifting.gaps.maximum_s" in gap
+    assert "quality checks" not in gap
+    both = lift_of(exchanged(hidden, "C7", "T12", frames)).analysed.missing["thorax"]
+    assert "(exchanged)" in both and "not seen in the file: MANUBRIUM: raise" in both
+
+
+def test_a_finding_concerns_what_follows_from_its_marker_by_a_rule(points, lift_of):
+    from lumbar.settings.plain import typed
+
+    rules = typed(MarkerLayout, {"aliases": {"L5": {"between": ["T12", "SACRUM"], "share": 0.7}}}).aliases
+    frozen = changed(points, "T12", slice(300, 340), points["T12"][300])
+    (finding,) = lift_of(frozen, aliases=study_settings().lifting.markers.aliases | rules).quality.findings
+    assert set(finding.concerns) == {"T12", "L5"}

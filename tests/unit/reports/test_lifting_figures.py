@@ -84,3 +84,13 @@ def test_figure_4_2_draws_the_segments_between_their_landmarks(drawn):
         for band, pair in zip(bands, ends, strict=True):
             assert np.allclose(band, at_start.loc[list(pair), [horizontal, "z_m"]].to_numpy(float))
     assert figure.axes[0].xaxis_inverted()
+
+
+def test_one_marked_wrist_is_called_by_its_side(drawn):
+    def names(motion):
+        legend = events_figure({**drawn, "motion": motion}).axes[0].get_legend()
+        return [text.get_text() for text in legend.get_texts()]
+
+    one = {f"wrists_{quantity}": f"r_wrist_{quantity}" for quantity in ("height_m", "speed_m_s")}
+    assert names(drawn["motion"]) == ["box", "wrists"]
+    assert names(drawn["motion"].rename(columns=one)) == ["box", "right wrist"]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from lumbar.errors import InputError, LumbarError
 from lumbar.interface.person import Lift, lift, without_pendulum
 from lumbar.interface.trials import lift_names, marker_files
+from lumbar.lifting.events import EVENTS, found_by
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
     from lumbar.settings.lifting import LiftingSettings
 
 COLUMNS = (
-    *("lift", "file", "box_mass_kg", "lift_off_s", "toe_off_s", "deposit_start_s", "release_s"),
+    *("lift", "file", "box_mass_kg"),
+    *(f"{event}_{part}" for event in EVENTS for part in ("s", "earliest_s", "latest_s", "method")),
     *("pendulums", "remark"),
 )
+"""Of ``lifts.csv``; an event's method is what it was found in: box, hands, toes, set by hand or absent."""
 
 
 @dataclass(frozen=True)
@@ -148,11 +151,16 @@ def lift_all(
 
 def _row(item: PlannedLift, found: Lift) -> dict:
     events = found.analysed.events
+    methods = found_by(found.analysed.recording, events)
+    columns = {}
+    for name, event in events.items():
+        columns[f"{name}_s"], columns[f"{name}_method"] = event.time_s, methods[name]
+        columns[f"{name}_earliest_s"], columns[f"{name}_latest_s"] = event.earliest_s, event.latest_s
     return {
         "lift": item.name,
         "file": str(item.markers),
         "box_mass_kg": found.trial.box_mass_kg,
-        **{f"{name}_s": event.time_s for name, event in events.items()},
+        **columns,
         "pendulums": len(found.analysed.states),
-        "remark": "; ".join(without_pendulum(found.analysed.missing)),
+        "remark": "; ".join([*without_pendulum(found.analysed.missing), *filter(None, [found.doubt])]),
     }

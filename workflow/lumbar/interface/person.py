@@ -13,6 +13,7 @@ from lumbar.errors import InputError
 from lumbar.interface.data_label import NOT_SAID, data_label
 from lumbar.interface.trials import static_of, trial_of
 from lumbar.lifting import lift as lifting
+from lumbar.lifting.events import found_by, hands_doubt
 from lumbar.lifting.rigid_filling import BodyFilling
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
@@ -79,10 +80,10 @@ def lift(
     >>> from lumbar.synthetic.examples import example_lift
     >>> somebody = example_lift("lift.c3d")
     >>> print(lumbar.lift("lift.c3d", somebody, box_mass_kg=15))
-    lift_off: 2.310 s
-    toe_off: 3.930 s
-    deposit_start: 5.820 s
-    release: 7.070 s
+    lift_off: 2.310 s (box; 2.27 to 2.36)
+    toe_off: 3.930 s (toes)
+    deposit_start: 5.820 s (box; 5.78 to 6.06)
+    release: 7.070 s (box)
     """
     from lumbar.quality.screening import read_screened
 
@@ -94,7 +95,7 @@ def lift(
     bodies = BodyFilling(settings, None if static is None else labelled_markers(static, settings.markers))
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     return Lift(
-        lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps),
+        lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings),
         subject,
         trial,
         settings,
@@ -191,6 +192,11 @@ class Lift:
         ]
         return [f"  {line}" for reason in reasons for line in reason.splitlines()]
 
+    @property
+    def doubt(self) -> str:
+        """Whether hands that stand for the box may have made several lifts; empty where not."""
+        return hands_doubt(self.analysed.recording, self.analysed.events, self.settings.events)
+
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``quality`` and what figures need."""
         from lumbar.files import write_csv, write_json
@@ -214,12 +220,24 @@ class Lift:
         write_json(folder / "pendulum.json", {**self.facts, **checked, **label})
 
     def __str__(self) -> str:
-        lines = [
-            f"{name}: {f'none ({event.how})' if event.time_s is None else f'{event.time_s:.3f} s'}"
-            for name, event in self.analysed.events.items()
-        ]
-        found = [f"{finding.outcome}: {finding}" for finding in self.quality.findings]
-        return "\n".join([*lines, *without_pendulum(self.analysed.missing), *found])
+        lines = [*self._events_in_words(), *without_pendulum(self.analysed.missing)]
+        return "\n".join([*lines, *(f"{finding.outcome}: {finding}" for finding in self.quality.findings)])
+
+    def _events_in_words(self) -> list[str]:
+        """Each event, what it was found in, between which times it must lie; and what hands leave open."""
+        sources, lines = found_by(self.analysed.recording, self.analysed.events), []
+        for name, event in self.analysed.events.items():
+            if event.time_s is None:
+                lines.append(f"{name}: none ({event.how})")
+                continue
+            known = event.earliest_s is not None and event.latest_s is not None
+            between = f"; {event.earliest_s:.2f} to {event.latest_s:.2f}" if known else ""
+            lines.append(f"{name}: {event.time_s:.3f} s ({sources[name]}{between})")
+        if "hands" in sources.values():
+            lines.append(
+                "the hands stand for the box, which has no markers; whether they hold anything is not known"
+            )
+        return [*lines, *filter(None, [self.doubt])]
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"

@@ -17,7 +17,7 @@ import numpy as np
 
 from lumbar.errors import Problems
 from lumbar.lifting.filtering import derivative
-from lumbar.lifting.hands import hands_lifted, hands_lowered
+from lumbar.lifting.hands import great_rises, hands_lifted, hands_lowered
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
 
@@ -76,16 +76,22 @@ class NotFound(Exception):
     """An event that the recording does not hold; the text says why."""
 
 
+def best_seen(recording: MarkerRecording, names: Iterable[str]) -> list[str]:
+    """Those markers that are seen whenever the longest seen one is; none without markers."""
+    seen = {name: np.isfinite(recording[name]).all(axis=1) for name in names if name in recording}
+    if not seen:
+        return []
+    best = max(seen.values(), key=np.count_nonzero)
+    return [name for name, when in seen.items() if when[best].all()]
+
+
 def mean_of_best_seen(recording: MarkerRecording, names: Iterable[str]) -> np.ndarray | None:
     """Mean of those markers that are seen whenever the longest seen one is, shape (n, 3); None without markers.
 
     A marker that is missing for a while is left out altogether: it would shift the mean when it comes and goes.
     """
-    seen = {name: np.isfinite(recording[name]).all(axis=1) for name in names if name in recording}
-    if not seen:
-        return None
-    best = max(seen.values(), key=np.count_nonzero)
-    return np.mean([recording[name] for name, when in seen.items() if when[best].all()], axis=0)
+    best = best_seen(recording, names)
+    return np.mean([recording[name] for name in best], axis=0) if best else None
 
 
 def box_centre(recording: MarkerRecording) -> np.ndarray | None:
@@ -96,6 +102,16 @@ def box_centre(recording: MarkerRecording) -> np.ndarray | None:
 def wrist_centre(recording: MarkerRecording) -> np.ndarray | None:
     """Mean of the wrists in the recording, shape (n, 3) in metres; None without wrists."""
     return mean_of_best_seen(recording, WRISTS)
+
+
+def found_by(recording: MarkerRecording, events: dict[str, Event]) -> dict[str, str]:
+    """What each event was found in: box, hands or toes; set by hand; or absent."""
+    _, carried = carried_object(recording)
+    words = {DECLARED: "set by hand", ABSENT: ABSENT}
+    return {
+        name: words.get(event.method, "toes" if name == "toe_off" else carried)
+        for name, event in events.items()
+    }
 
 
 def carried_object(recording: MarkerRecording) -> tuple[np.ndarray | None, str]:
@@ -148,7 +164,24 @@ def find_events(
         search.found[name] = found
     times = {name: search.found[name].time_s for name in EVENTS}
     _check_order(recording, {name: time for name, time in times.items() if time is not None})
-    return {name: search.found[name] for name in EVENTS}
+    events = {name: search.found[name] for name in EVENTS}
+    doubt = hands_doubt(recording, events, settings)
+    if doubt:
+        events["release"] = replace(events["release"], how=f"{events['release'].how}; {doubt}")
+    return events
+
+
+def hands_doubt(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
+    """Say whether hands that stand for the box rise so often that they may make several lifts; else nothing."""
+    points, carried = carried_object(recording)
+    start, stop = (events[name].time_s for name in ("lift_off", "release"))
+    if points is None or carried == "box" or start is None or stop is None:
+        return ""
+    held = (recording.time >= start) & (recording.time <= stop) & np.isfinite(points).all(axis=1)
+    rises = great_rises(points[held, 2], settings)
+    if rises < 2:
+        return ""
+    return f"the hands rise {rises} times from lift-off to release: one lift or several (window_s of a trial takes one out)?"
 
 
 class _Search:

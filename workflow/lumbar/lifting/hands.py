@@ -76,6 +76,11 @@ def hands_lifted(height: np.ndarray, settings: EventSettings) -> tuple[int, int]
     return swings[0] if swings else None
 
 
+def great_rises(height: np.ndarray, settings: EventSettings) -> int:
+    """Count the great rises of the hands of at least `hands_rise_m`; `height` as of `hands_lifted`."""
+    return len(_swings(height, settings.hands_rise_m, 1))
+
+
 def hands_lowered(height: np.ndarray, settings: EventSettings, greatest: bool) -> tuple[int, int] | None:
     """First and last index of the last descent of the hands; None where there is none of `descent_m`.
 

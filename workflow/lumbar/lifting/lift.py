@@ -13,7 +13,9 @@ from lumbar.lifting.centre_of_mass import CentreOfMass, absent_segments, centres
 from lumbar.lifting.events import (
     EVENTS,
     TOES,
+    WRISTS,
     Event,
+    best_seen,
     box_centre,
     carried_object,
     find_events,
@@ -23,9 +25,11 @@ from lumbar.lifting.events import (
 )
 from lumbar.lifting.filtering import filter_markers, shortest_stretch
 from lumbar.lifting.gaps import ERROR, KEEP, Gap, fill_gaps, refuse_open_gaps, without_islands
+from lumbar.lifting.missing_samples import why_missing
 from lumbar.lifting.pendulum_states import (
     PIVOTS,
     PendulumStates,
+    SamplesMissing,
     heading,
     pendulum_states,
     pivot_trajectory,
@@ -40,6 +44,7 @@ from lumbar.settings.plain import plain
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.quality.finding import Finding
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 
@@ -99,6 +104,7 @@ def analyse_lift(
     trial: TrialSettings,
     settings: LiftingSettings,
     filled: Sequence[Gap] = (),
+    findings: Sequence[Finding] = (),
 ) -> AnalysedLift:
     """Fill gaps, filter, find the events, the centres of mass and the pendulum's states during the deposit.
 
@@ -117,6 +123,8 @@ def analyse_lift(
     settings : LiftingSettings
     filled : sequence of Gap
         What was filled when the recording was read, for the report.
+    findings : sequence of Finding
+        What was left out when the recording was read, for the reasons of what is missing.
 
     Returns
     -------
@@ -154,6 +162,9 @@ def analyse_lift(
             planar = pendulum_states(
                 smooth.time, position - pivot, start, stop, settings.points, f"{recording.source}, {com}"
             )
+        except SamplesMissing as error:
+            needed = _needed(points, table.ends_of(com), settings.pivot)
+            missing[com] = f"{error}; {why_missing(smooth, needed, error.frames, gaps, findings)}"
         except LumbarError as error:
             missing[com] = str(error)
         else:
@@ -222,10 +233,15 @@ def _refuse_gaps(
     events: dict[str, Event],
 ) -> None:
     times = [event.time_s for event in events.values() if event.time_s is not None]
-    ends = [points.points[name] for name in (*table.ends, *PIVOTS[settings.pivot]) if name in points]
-    needed = {*PIVOTS[settings.pivot], *(marker for end in ends for marker in end.markers)}
+    needed = _needed(points, table.ends, settings.pivot)
     if times:
         refuse_open_gaps(recording, gaps, settings.gaps.maximum_s, needed, min(times), max(times))
+
+
+def _needed(points: TrunkPoints, ends: Sequence[str], pivot: str) -> list[str]:
+    """Markers that some ends of segments and the pivot are computed from."""
+    used = [points.points[name] for name in (*ends, *PIVOTS[pivot]) if name in points]
+    return list(dict.fromkeys([*PIVOTS[pivot], *(marker for end in used for marker in end.markers)]))
 
 
 def no_deposit(events: dict[str, Event]) -> str | None:
@@ -321,7 +337,9 @@ def motion_frame(lift: AnalysedLift) -> pd.DataFrame:
 
     recording = lift.recording
     columns = {"time_s": recording.time}
-    for name, points in (("box", box_centre(recording)), ("wrists", wrist_centre(recording))):
+    hands = best_seen(recording, WRISTS)
+    wrists = hands[0].lower() if len(hands) == 1 else "wrists"
+    for name, points in (("box", box_centre(recording)), (wrists, wrist_centre(recording))):
         if points is not None:
             columns[f"{name}_height_m"] = points[:, 2]
             columns[f"{name}_speed_m_s"] = speed(points, recording.rate)
@@ -420,7 +438,8 @@ def assumptions(
         said += lift.points.on_skin(lift.table.ends)
     if carried_object(lift.recording)[1] == "hands":
         said.append(
-            "the box has no markers: the hands stand for it, in its events and in the centres of mass with it"
+            "the box has no markers: the hands stand for it, in its events and in the centres of mass with it; whether they "
+            "hold anything is not known"
         )
     said += [f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())]
     said += [

@@ -36,8 +36,9 @@ COLUMNS = {
     "angle_rad": "mean difference of the angle in flexion/extension about the pivot, rad",
     "angle_rms_rad": "RMS difference of the same angle, rad",
     "angular_velocity_rms_rad_s": "RMS difference of its rate, rad/s",
-    "note": "why the choice is not possible with this recording",
+    "note": "reference: the result's own choice; or why the choice, or a number of it, is not possible with this recording",
 }
+REFERENCE = "reference"
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,11 @@ class _Choice:
     table: SegmentTable
     ends: str
     hips: str
+
+    def same_as(self, other: _Choice) -> bool:
+        """Whether both make the same centre of mass, whatever their names."""
+        settings = (self.table, self.ends, self.hips) == (other.table, other.ends, other.hips)
+        return settings and self.recording is other.recording
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ def model_spread(lift: AnalysedLift, subject: SubjectSettings, settings: Lifting
     DataFrame
         One row per choice, differences from the result's: ``forward_mm``, ``up_mm`` (means), ``distance_mm`` (mean),
         ``speed_rms_mm_s``, ``angle_rad`` (mean of the angle in flexion/extension about the pivot), ``angle_rms_rad``,
-        ``angular_velocity_rms_rad_s``, and ``note``: why a choice is not possible.
+        ``angular_velocity_rms_rad_s``, and ``note``: that it is the reference, or why it or a number is not possible.
     """
     import pandas as pd
 
@@ -90,13 +96,9 @@ def model_spread(lift: AnalysedLift, subject: SubjectSettings, settings: Lifting
     forward = unit(np.cross([0.0, 0.0, 1.0], lift.points.right) * [1.0, 1.0, 0.0])[frames]
     for choice in _choices(lift, own, subject, settings):
         try:
-            rows.append(
-                {
-                    "choice": choice.name,
-                    **_differences(reference, _motion(choice, lift, subject, settings, frames), forward),
-                    "note": None,
-                }
-            )
+            differences = _differences(reference, _motion(choice, lift, subject, settings, frames), forward)
+            note = REFERENCE if choice.same_as(own) else _empty_cells(differences)
+            rows.append({"choice": choice.name, **differences, "note": note})
         except LumbarError as error:
             rows.append({"choice": choice.name, "note": str(error)})
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -163,35 +165,62 @@ def _motion(
     return _Motion(*(value[frames] for value in values))
 
 
-def _differences(reference: _Motion, other: _Motion, forward: np.ndarray) -> dict[str, float]:
+def _differences(reference: _Motion, other: _Motion, forward: np.ndarray) -> dict[str, float | None]:
+    """Differences where both are known; None for what is known at no such instant."""
     moved = 1e3 * (other.position - reference.position)
+    if not np.isfinite(moved).all(axis=1).any():
+        raise InputError("it and the result are known at no common instant")
     turned = np.angle(np.exp(1j * (other.angle - reference.angle)))
     speed = 1e3 * np.linalg.norm(other.velocity - reference.velocity, axis=1)
     spin = other.angular_velocity - reference.angular_velocity
     return {
-        "forward_mm": float(np.nanmean(np.sum(moved * forward, axis=1))),
-        "up_mm": float(np.nanmean(moved[:, 2])),
-        "distance_mm": float(np.nanmean(np.linalg.norm(moved, axis=1))),
-        "speed_rms_mm_s": float(np.sqrt(np.nanmean(speed**2))),
-        "angle_rad": float(np.nanmean(turned)),
-        "angle_rms_rad": float(np.sqrt(np.nanmean(turned**2))),
-        "angular_velocity_rms_rad_s": float(np.sqrt(np.nanmean(spin**2))),
+        "forward_mm": _mean(np.sum(moved * forward, axis=1)),
+        "up_mm": _mean(moved[:, 2]),
+        "distance_mm": _mean(np.linalg.norm(moved, axis=1)),
+        "speed_rms_mm_s": _root_mean_square(speed),
+        "angle_rad": _mean(turned),
+        "angle_rms_rad": _root_mean_square(turned),
+        "angular_velocity_rms_rad_s": _root_mean_square(spin),
     }
 
 
+def _mean(values: np.ndarray) -> float | None:
+    return float(np.nanmean(values)) if np.isfinite(values).any() else None
+
+
+def _root_mean_square(values: np.ndarray) -> float | None:
+    square = _mean(values**2)
+    return None if square is None else float(np.sqrt(square))
+
+
+def _empty_cells(differences: dict[str, float | None]) -> str | None:
+    """Why numbers are missing."""
+    reasons = {
+        "forward_mm": "the person's right is not seen: no forward",
+        "speed_rms_mm_s": "no three successive instants in common: no velocities",
+        "angle_rad": "the pivot is not known at any common instant: no angles",
+    }
+    return "; ".join(text for name, text in reasons.items() if differences[name] is None) or None
+
+
 def spread_lines(spread: pd.DataFrame) -> list[str]:
-    """Say in lines what the choices change, in millimetres and radians."""
-    lines = []
-    for row in spread.itertuples():
-        if isinstance(row.note, str):
+    """Say in lines what the choices change, in millimetres and radians, and once against which."""
+    own = spread.loc[spread["note"] == REFERENCE, "choice"]
+    lines = [f"other choices against {'; '.join(own)}:"] if len(own) else []
+    for row in spread[spread["note"] != REFERENCE].itertuples():
+        if row.distance_mm is None or np.isnan(row.distance_mm):
             lines.append(f"{row.choice}: not possible ({row.note})")
-        else:
-            lines.append(
-                f"{row.choice}: centre {row.forward_mm:+.0f} mm forward, {row.up_mm:+.0f} mm up; "
-                f"θ {row.angle_rad:+.3f} rad; RMS of speed {row.speed_rms_mm_s:.1f} mm/s, "
-                f"of θ' {row.angular_velocity_rms_rad_s:.3f} rad/s"
-            )
+            continue
+        centre = f"centre {_shown(row.forward_mm, '+.0f')} mm forward, {row.up_mm:+.0f} mm up"
+        rates = f"RMS of speed {_shown(row.speed_rms_mm_s, '.1f')} mm/s"
+        spin = f"of θ' {_shown(row.angular_velocity_rms_rad_s, '.3f')} rad/s"
+        why = f" ({row.note})" if isinstance(row.note, str) else ""
+        lines.append(f"{row.choice}: {centre}; θ {_shown(row.angle_rad, '+.3f')} rad; {rates}, {spin}{why}")
     return lines
+
+
+def _shown(number: float | None, digits: str) -> str:
+    return "?" if number is None or np.isnan(number) else format(number, digits)
 
 
 def spread_table(spreads: Sequence[pd.DataFrame], facts: Sequence[Mapping], data: str) -> Table:

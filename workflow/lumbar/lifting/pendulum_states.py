@@ -28,6 +28,20 @@ SHORTEST = 0.01
 """A centre of mass nearer to its pivot than this (metres) has no angle worth the name."""
 
 
+class SamplesMissing(InputError):
+    """A centre of mass is not known at all instants of the deposit.
+
+    Attributes
+    ----------
+    frames : ndarray of int
+        The missing ones.
+    """
+
+    def __init__(self, text: str, frames: np.ndarray):
+        super().__init__(text)
+        self.frames = frames
+
+
 @dataclass(frozen=True)
 class PendulumStates:
     """States of one pendulum during the deposit; every array has shape (points,).
@@ -146,8 +160,10 @@ def pendulum_states(
 
     Raises
     ------
+    SamplesMissing
+        Samples missing within the deposit.
     InputError
-        Samples missing within the deposit, or fewer than 4 of them.
+        Fewer than 4 of them.
     NumericalError
         The centre of mass passes the pivot so closely that its angle means nothing.
     """
@@ -171,10 +187,10 @@ def _unbroken(time: np.ndarray, relative: np.ndarray, start: float, stop: float,
     step = (time[-1] - time[0]) / (len(time) - 1)
     within = (time >= start - step) & (time <= stop + step)
     if not seen[within].all():
-        gone = time[within][~seen[within]]
-        raise InputError(
-            f"{what}: {len(gone)} samples missing within the deposit, the first at {gone[0]:.2f} s; raise "
-            "lifting.gaps.maximum_s, use another pivot, or set lifting.segment_ends: skin where ASIS or PSIS are hidden"
+        gone = np.flatnonzero(within & ~seen)
+        first = time[gone[0]]
+        raise SamplesMissing(
+            f"{what}: {len(gone)} samples missing within the deposit, the first at {first:.2f} s", gone
         )
     if within.sum() < 4:
         raise InputError(

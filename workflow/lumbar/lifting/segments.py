@@ -62,6 +62,10 @@ class SegmentTable:
             dict.fromkeys(end for segment in self.segments for end in (segment.proximal, segment.distal))
         )
 
+    def ends_of(self, name: str) -> tuple[str, str]:
+        """Upper and lower end of one segment."""
+        return next((segment.proximal, segment.distal) for segment in self.segments if segment.name == name)
+
 
 WINTER = SegmentTable(
     "winter",

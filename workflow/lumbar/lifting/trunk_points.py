@@ -110,7 +110,11 @@ class TrunkPoints:
 
 
 class _Lacking(Exception):
-    """Markers that a rule needs and the recording does not have; the text names them."""
+    """Markers, or ends above, that a rule needs and the recording does not have; the text names them."""
+
+    def __init__(self, text: str, markers: Iterable[str] = ()):
+        super().__init__(text)
+        self.markers = frozenset(markers)
 
 
 def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> TrunkPoints:
@@ -142,17 +146,18 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
     found: dict[str, TrunkPoint] = {}
     missing: dict[str, str] = {}
     for name in SKIN_MARKERS:
-        reason = ""
+        inside = None
         if ends == INNER:
             try:
                 found[name] = inner.point(name, found)
                 continue
             except _Lacking as lacking:
-                reason = str(lacking)
+                inside = lacking
         try:
-            found[name] = _skin_point(recording, name, reason)
+            found[name] = _skin_point(recording, name, str(inside or ""))
         except _Lacking as lacking:
-            missing[name] = f"{reason}; {lacking}" if reason else str(lacking)
+            said = inside is not None and lacking.markers <= inside.markers
+            missing[name] = "; ".join(map(str, filter(None, (inside, None if said else lacking))))
     return TrunkPoints(found, missing, _rightward(recording))
 
 
@@ -167,9 +172,9 @@ def _skin_point(recording: MarkerRecording, name: str, reason: str) -> TrunkPoin
 
 
 def _need(recording: MarkerRecording, markers: tuple[str, ...]) -> None:
-    lacking = [name for name in markers if name not in recording]
+    lacking = list(dict.fromkeys(name for name in markers if name not in recording))
     if lacking:
-        raise _Lacking(f"no marker {', '.join(lacking)}")
+        raise _Lacking(f"no marker {', '.join(lacking)}", lacking)
 
 
 def _rightward(recording: MarkerRecording) -> np.ndarray:

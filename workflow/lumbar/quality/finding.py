@@ -9,6 +9,17 @@ import numpy as np
 ERROR, LEFT_OUT, PROPOSED, NOTED = "error", "left out", "proposed", "noted"
 """What a finding leads to: the trial stops; the stretch becomes a gap; an exchange of labels is proposed, and until somebody
 exchanges them the stretch is a gap; nothing, it is said."""
+_AGAIN = "label it again in the capture software"
+REMEDIES = {
+    "beyond laboratory": "export it again, or take another marker in markers.aliases",
+    "frozen": "delete the frozen frames in the capture software, where longer gaps can be filled",
+    "copied": _AGAIN,
+    "jump": f"{_AGAIN}, or take another marker in markers.aliases",
+    "spike": _AGAIN,
+    "off its part": f"{_AGAIN}, or take another marker in markers.aliases",
+    "exchanged": "label both again in the capture software",
+}
+"""What brings back the frames that a finding leaves out, by its kind."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +44,8 @@ class Finding:
         What was seen, in numbers.
     cause : str
         What it most likely comes from, or what to do.
+    concerns : tuple of str
+        Standard names that the markers fill, directly or by a rule.
     """
 
     kind: str
@@ -44,6 +57,12 @@ class Finding:
     length_s: float
     evidence: str
     cause: str = ""
+    concerns: tuple[str, ...] = ()
+
+    @property
+    def remedy(self) -> str:
+        """What to do so that its frames can be used."""
+        return REMEDIES[self.kind]
 
     @property
     def frames(self) -> slice:

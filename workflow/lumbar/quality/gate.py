@@ -25,6 +25,10 @@ _FACTORS = (1000.0, 100.0, 10.0, 25.4, 2.54)
 _RESTLESS_LEAPS, _RESTLESS_SHARE = 12, 0.01
 _JITTER_M = 3e-3
 _SAMPLES = 400
+_EXCHANGED_HERE = (
+    "their labels are exchanged in these frames, which are gaps of both until somebody labels them again in the capture "
+    "software"
+)
 _IMPOSSIBLE_TEMPO = 3.0
 
 
@@ -175,7 +179,8 @@ def _leaps(
         findings += _exchange_findings(points, straight, exchange, stretches, clock)
     for pair, evidence in whole:
         cause = (
-            f"their labels are exchanged: if so, let {pair[0]} and {pair[1]} change places in markers.aliases"
+            f"their labels are exchanged: if so, let {pair[0]} and {pair[1]} change places in markers.aliases; until then both "
+            "are left out of all frames"
         )
         findings.append(clock.finding("exchanged", PROPOSED, pair, evidence, cause))
     if mirrored:
@@ -225,11 +230,7 @@ def _exchange_findings(
             mended = length(points, exchange.second, mate, stretch) * 1e3
             evidence += f"; {exchange.first} is {usual:.0f} mm from {mate}, here {there:.0f} mm"
             evidence += f", with labels exchanged {mended:.0f} mm"
-        findings.append(
-            clock.finding(
-                "exchanged", PROPOSED, pair, evidence, "their labels are exchanged in these frames", stretch
-            )
-        )
+        findings.append(clock.finding("exchanged", PROPOSED, pair, evidence, _EXCHANGED_HERE, stretch))
     return findings
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from lumbar.errors import InputError
 from lumbar.quality.axes import check_unaliased_up
-from lumbar.quality.finding import ERROR, Finding
+from lumbar.quality.finding import ERROR, LEFT_OUT, PROPOSED, Finding
 from lumbar.quality.gate import examine, hidden
 from lumbar.quality.sheet import QualitySheet, quality_sheet
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
@@ -110,4 +110,30 @@ def read_screened(
     except InputError as error:
         text = str(error)
         raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error
-    return recording, quality_sheet(recording, screening.points, screening.findings)
+    return recording, quality_sheet(recording, screening.points, _concerning(screening))
+
+
+def _concerning(screening: Screening) -> list[Finding]:
+    """The findings with the standard names whose frames they leave out."""
+    kept = hidden(screening.points, screening.findings)
+    labels = [label for label, points in kept.items() if np.isfinite(points).any()]
+    return [
+        replace(finding, concerns=_filled_by(finding.markers, labels, screening.aliases))
+        if finding.outcome in (LEFT_OUT, PROPOSED)
+        else finding
+        for finding in screening.findings
+    ]
+
+
+def _filled_by(
+    markers: Collection[str], labels: Collection[str], aliases: Mapping[str, Alias | None]
+) -> tuple[str, ...]:
+    """Standard names that are not seen where `markers` are not."""
+    from lumbar.records.marker_aliases import resolve_aliases
+
+    # Two frames: all labels are seen in the first, all but the markers in the second.
+    points = {label: np.zeros((2, 3)) for label in labels}
+    for label in markers:
+        points[label] = np.array([[0.0] * 3, [np.nan] * 3])
+    resolved = resolve_aliases(aliases, points, {}, {}, "", ())
+    return tuple(name for name, positions in resolved.positions.items() if np.isnan(positions[1]).any())

@@ -43,7 +43,7 @@ def events_figure(lift: dict):
     Parameters
     ----------
     lift : dict
-        ``motion`` (data frame with ``time_s``, ``<box|wrists>_height_m``, ``<…>_speed_m_s``), ``events``
+        ``motion`` (data frame with ``time_s``, ``<box|wrists|l_wrist|r_wrist>_height_m``, ``<…>_speed_m_s``), ``events``
         (per event as of `lumbar.lifting.events.Event.as_dict`) and ``summary`` (``lift``).
 
     Returns
@@ -52,12 +52,18 @@ def events_figure(lift: dict):
     """
     motion, events = lift["motion"], lift["events"]
     figure, axes = new_figure(DOUBLE_COLUMN, 4.6, nrows=3, sharex=True, height_ratios=[1, 1, 0.8])
-    drawn = {"box": ("#D55E00", "-"), "wrists": ("#0072B2", (0, (4, 1.5)))}
-    for name, (color, line) in drawn.items():
+    dashed = (0, (4, 1.5))
+    drawn = {
+        "box": ("box", "#D55E00", "-"),
+        "wrists": ("wrists", "#0072B2", dashed),
+        "l_wrist": ("left wrist", "#0072B2", dashed),
+        "r_wrist": ("right wrist", "#0072B2", dashed),
+    }
+    for name, (label, color, line) in drawn.items():
         for axis, quantity in ((axes[0], "height_m"), (axes[1], "speed_m_s")):
             if f"{name}_{quantity}" in motion:
                 axis.plot(
-                    motion["time_s"], motion[f"{name}_{quantity}"], color=color, linestyle=line, label=name
+                    motion["time_s"], motion[f"{name}_{quantity}"], color=color, linestyle=line, label=label
                 )
     feet = [name for name in ("l_toe", "r_toe") if f"{name}_speed_m_s" in motion]
     for name, color, line in zip(feet, ("#009E73", "#CC79A7"), ("-", (0, (4, 1.5))), strict=False):

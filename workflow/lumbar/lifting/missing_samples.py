@@ -1,0 +1,71 @@
+"""Why samples of a centre of mass are missing: a gap of the file, or a finding that leaves a marker out; what helps."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from lumbar.lifting.gaps import ISLAND, Gap
+from lumbar.quality.finding import Finding
+from lumbar.records.markers import MarkerRecording
+
+_GAP_ADVICE = "raise lifting.gaps.maximum_s, use another pivot, or set lifting.segment_ends: skin where ASIS or PSIS are hidden"
+
+
+def why_missing(
+    recording: MarkerRecording,
+    needed: Collection[str],
+    frames: np.ndarray,
+    gaps: Sequence[Gap],
+    findings: Sequence[Finding],
+) -> str:
+    """Say which markers are missing and what helps: other frames are left out by findings than by gaps of the file.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered; of the whole file or of a window of it.
+    needed : collection of str
+        Markers that the samples are computed from.
+    frames : ndarray of int
+        Missing samples, in order.
+    gaps : sequence of Gap
+        What was not seen after the findings' frames were left out.
+    findings : sequence of Finding
+        Of the recording.
+    """
+    start, stop = recording.time[frames[[0, -1]]]
+
+    def there(item: Gap | Finding) -> bool:
+        return item.start_s <= stop and item.start_s + item.length_s > start
+
+    unseen = [name for name in needed if name in recording and not np.isfinite(recording[name][frames]).all()]
+    causes = [finding for finding in findings if there(finding) and set(unseen) & set(finding.concerns)]
+    own = sorted(
+        {
+            gap.marker
+            for gap in gaps
+            if gap.marker in unseen
+            and not gap.filled
+            and gap.outcome != ISLAND
+            and there(gap)
+            and not _explained(gap, causes)
+        }
+    )
+    said = [
+        f"left out by the quality checks: {', '.join(finding.markers)} from {finding.start_s:.2f} to "
+        f"{finding.start_s + finding.length_s:.2f} s ({finding.kind}): {finding.remedy}"
+        for finding in causes
+    ]
+    if own or not causes:
+        said.append((f"not seen in the file: {', '.join(own)}: " if own else "") + _GAP_ADVICE)
+    return "; ".join(said)
+
+
+def _explained(gap: Gap, findings: Sequence[Finding]) -> bool:
+    frames = set(range(gap.first_frame, gap.first_frame + gap.n_frames))
+    for finding in findings:
+        if gap.marker in finding.concerns:
+            frames -= set(range(finding.frames.start, finding.frames.stop))
+    return not frames
