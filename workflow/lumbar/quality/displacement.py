@@ -22,8 +22,12 @@ _LEAST_UNREST_M = 1e-3
 _NEAR = 0.35
 _TELLING = 0.7
 """Share of the frames that are like one side of the leap or the other for the distances to tell."""
-_AS_USUAL, _AS_USUAL_BESIDE = 0.15, 0.05
+_AS_BESIDE, _NOISES = 0.08, 3.0
 _BACK_FRAMES = 5
+_DRIFTING = 0.15
+"""Change of x while the frames beside are looked at again: posture changes it more slowly."""
+_STRAYED = 0.4
+"""Change of x in 0.3 s on the right side of a leap: where it is more, and twice that on the other side, that one may be right."""
 _BESIDE_S = 0.3
 _SAME_FRAME = 3
 
@@ -82,10 +86,11 @@ def displaced(
     untold: list[Leap] = []
     for section in _sections(seen, rate):
         inside = [leap for leap in leaps[label] if section.start < leap.first < section.stop]
-        sides = [_sides(points, label, leap, _leaping(leaps, leap)) for leap in inside]
+        sides = [_sides(points, label, leap, _leaping(leaps, leap), rate) for leap in inside]
         told = [(leap, side) for leap, side in zip(inside, sides, strict=True) if side is not None]
         found += [
-            Displaced(_wrong_frames(leap, side, section, inside, rate), leap, side.seen) for leap, side in told
+            Displaced(_wrong_frames(leap, side, section, inside, rate), leap, side.seen)
+            for leap, side in told
         ]
         if len(told) < len(inside):
             away = _away_and_back(section, inside, seen)
@@ -114,7 +119,9 @@ def _sections(seen: np.ndarray, rate: float) -> list[slice]:
     return [slice(*pair) for pair in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _sides(points: dict[str, np.ndarray], label: str, leap: Leap, without: Collection[str]) -> _Sides | None:
+def _sides(
+    points: dict[str, np.ndarray], label: str, leap: Leap, without: Collection[str], rate: float
+) -> _Sides | None:
     """Tell the sides of a leap by the distances it changes most; None where they do not tell."""
     mates = []
     for other, positions in points.items():
@@ -136,10 +143,22 @@ def _sides(points: dict[str, np.ndarray], label: str, leap: Leap, without: Colle
     if sum(near) < _TELLING * known:
         return None
     right = int(near[1] > near[0])
+    beside = max(_BACK_FRAMES, round(_BESIDE_S * rate))
+    strayed = (
+        _largest(likeness[max(0, leap.last + 1 - beside) : leap.last + 1]),
+        _largest(likeness[leap.first : leap.first + beside] - 1),
+    )
+    if strayed[right] > max(_STRAYED, 2 * strayed[1 - right]):
+        return None
     _, mate, distance, before, step = mates[0]
     usual = float(np.nanmedian(distance[np.abs(likeness - right) < _NEAR]))
     there = before if right else before + step
     return _Sides(likeness, right, f"there {there * 1e3:.0f} mm from {mate}, usually {usual * 1e3:.0f} mm")
+
+
+def _largest(values: np.ndarray) -> float:
+    known = np.abs(values[np.isfinite(values)])
+    return float(known.max()) if known.size else 0.0
 
 
 def _spread(distance: np.ndarray, leap: Leap) -> float:
@@ -167,21 +186,29 @@ def _wrong_frames(leap: Leap, sides: _Sides, section: slice, leaps: list[Leap], 
     else:
         edges = [section.stop, *(other.last + 1 for other in leaps if other.last >= leap.first)]
         frames = np.arange(leap.first, min(edges))
-    off = np.abs(sides.likeness[frames] - sides.right)
+    likeness = sides.likeness[frames]
+    off = np.abs(likeness - sides.right)
     if np.mean(off[np.isfinite(off)] > _NEAR) > _TELLING:
         count = len(frames)
     else:
-        count = _until_usual(off, _AS_USUAL)
-        # Nearer by: the distances change slowly with posture, and a drift begins below what posture changes.
-        beside = sides.likeness[frames[count : count + max(_BACK_FRAMES, round(_BESIDE_S * rate))]]
-        beside = beside[np.isfinite(beside)]
-        if len(beside) >= _BACK_FRAMES:
-            middle = np.median(beside[len(beside) // 3 :])
-            noise = 3 * np.median(np.abs(np.diff(beside)))
-            off = np.abs(sides.likeness[frames] - middle)
-            count = max(count, _until_usual(off, min(_AS_USUAL, max(_AS_USUAL_BESIDE, noise))))
+        # A drift begins below what posture changes: what is usual is taken from the frames beside it.
+        count = _until_usual(off, _NEAR)
+        grown = _until_as_beside(likeness, count, rate)
+        while abs(likeness[grown - 1] - likeness[count - 1]) > _DRIFTING:
+            count, grown = grown, _until_as_beside(likeness, grown, rate)
+        count = grown
     wrong = frames[:count]
     return slice(int(wrong.min()), int(wrong.max()) + 1)
+
+
+def _until_as_beside(likeness: np.ndarray, count: int, rate: float) -> int:
+    """Count of frames, not below `count`, until x is what it is in the 0.3 s that follow."""
+    beside = likeness[count : count + max(2 * _BACK_FRAMES, round(_BESIDE_S * rate))]
+    beside = beside[np.isfinite(beside)]
+    if len(beside) < 2 * _BACK_FRAMES:
+        return count
+    limit = max(_AS_BESIDE, _NOISES * float(np.median(np.abs(np.diff(beside)))))
+    return max(count, _until_usual(np.abs(likeness - np.median(beside[len(beside) // 2 :])), limit))
 
 
 def _until_usual(off: np.ndarray, limit: float) -> int:

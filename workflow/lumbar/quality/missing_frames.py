@@ -64,10 +64,8 @@ def _leaping(points: dict[str, np.ndarray], frame: int) -> tuple[int, int]:
 
 
 def _finding(frame: int, leaping: int, seen: int, clock: Clock) -> Finding:
-    evidence = (
-        f"all markers leap together at {clock.time[frame]:.2f} s ({leaping} of {seen}; the others hardly move): frames are "
-        "missing there"
-    )
+    others = "; the others hardly move" if leaping < seen else ""
+    evidence = f"all markers leap together at {clock.time[frame]:.2f} s ({leaping} of {seen}{others}): frames are missing there"
     cause = (
         "export the recording again with all its frames, or only the part before or after; markers that were not seen are to "
         "be gaps, not frames that are cut out"
