@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from lumbar.quality.body import order_exchanges, side_exchanges, stature_found
+from lumbar.quality.body import levels_found, order_exchanges, rightward, side_exchanges, stature_found
 from lumbar.quality.displacement import Displaced, displaced
 from lumbar.quality.exchanges import Exchange, lands_on, take_exchanges
 from lumbar.quality.finding import ERROR, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
@@ -26,6 +26,9 @@ _CLOUD_M = (0.15, 6.0)
 _FACTORS = (1000.0, 100.0, 10.0, 25.4, 2.54)
 _RESTLESS_LEAPS, _RESTLESS_SHARE = 12, 0.01
 _JITTER_M = 3e-3
+_RMS_OF_STEPS = 0.504
+"""Of white noise, its root mean square in space by the median size of half the third differences: sqrt(3 / 5) over the
+median 1.538 of a chi distribution with three degrees of freedom."""
 _SAMPLES = 400
 _IMPOSSIBLE_TEMPO = 3.0
 
@@ -80,6 +83,43 @@ def examine(
         findings += _tempo(points, clock)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
+
+
+def unchecked(
+    points: dict[str, np.ndarray],
+    rate: float,
+    height_m: float | None = None,
+    meant: dict[str, str] | None = None,
+) -> dict[str, str]:
+    """Return what `examine` cannot compare with a body in a recording, with the reason.
+
+    Parameters
+    ----------
+    points, rate, height_m, meant
+        As of `examine`.
+    """
+    if not points:
+        return {}
+    named = {label: landmark for landmark, label in landmarks(points, meant).items()}
+    sampled = _sampled(points)
+    _, lengths = stature_found(sampled, named)
+    sides, depths = rightward(sampled, named)
+    found = {}
+    if lengths < 2:
+        reason = f"the labels name {'one length' if lengths else 'no length'} of a body"
+        found["stature"] = reason
+        found["unit"] = (
+            f"{reason}; all markers of a frame fill {_cloud(sampled):.2g} m, and that is all that is known"
+        )
+    elif not height_m:
+        found["stature"] = "height_m is not given"
+    if len(sides) + len(depths) < 3:
+        found["left and right"] = "the labels name fewer than three pairs of sides"
+    if len(levels_found(sampled, named)) < 2:
+        found["order along the trunk"] = "the labels name no trunk"
+    if frequency_scale(points, rate) is None:
+        found["rate"] = "too short, or the person hardly moves"
+    return found
 
 
 def hidden(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
@@ -341,8 +381,10 @@ def _jitter(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
         size = step_sizes(positions)
         usual = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
         if usual > _JITTER_M:
-            evidence = f"restless by {usual * 1e3:.1f} mm from frame to frame in half of them"
+            evidence = f"noise of about {_RMS_OF_STEPS * usual * 1e3:.1f} mm (root mean square distance from a smooth way)"
             findings.append(
-                clock.finding("jitter", NOTED, (label,), evidence, "few cameras see it, or a high rate")
+                clock.finding(
+                    "jitter", NOTED, (label,), evidence, "few cameras see it, or they are badly calibrated"
+                )
             )
     return findings
