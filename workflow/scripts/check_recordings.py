@@ -8,9 +8,10 @@ def main(input, output, params):
     from pathlib import Path
 
     from lumbar.files import write_json
+    from lumbar.quality.axes import read_upright
     from lumbar.records.checking import check_recordings
 
-    chapters = check_recordings(params.plan)
+    chapters = check_recordings(params.plan, read_upright)
     for path in output:
         recordings = chapters[Path(path).stem]
         write_json(path, {"schema": "lumbar.checked/1", "data": params.data, "recordings": recordings})

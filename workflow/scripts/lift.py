@@ -4,7 +4,8 @@ from job import run
 
 
 def main(input, output, params):
-    """Read the markers, analyse the lift, write what it holds."""
+    """Read the markers, analyse the lift, write what it holds; warn where that is no pendulum."""
+    import sys
     from pathlib import Path
 
     from lumbar.interface.person import lift
@@ -24,6 +25,10 @@ def main(input, output, params):
         data=params.data,
     )
     found.save(Path(output.summary).parent)
+    if not found.analysed.states:
+        print(
+            "\n".join([f"WARNING: {found.name} has no pendulum:", *found.without_pendulum]), file=sys.stderr
+        )
 
 
 run(main, snakemake)

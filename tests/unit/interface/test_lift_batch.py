@@ -66,7 +66,7 @@ def test_equal_names_in_two_folders_are_told_by_the_folder():
 
 def test_a_person_without_trials_needs_the_mass_of_the_box():
     assert trial_of(person(), Path("c.c3d"), 12)[1] == TrialSettings(12, "c.c3d")
-    with pytest.raises(InputError, match="ann has no trials: give the mass of the box"):
+    with pytest.raises(InputError, match=r"ann has no trials: give the mass of the box.*--box-mass"):
         trial_of(person(), Path("c.c3d"), None)
 
 
@@ -189,3 +189,114 @@ def test_files_that_face_different_ways_are_studies_of_their_own(tmp_path):
     with pytest.raises(InputError) as error:
         new_study(tmp_path)
     assert "- up +z, forward +y: a.c3d\n  - up +z, forward -y: b.c3d" in str(error.value)
+
+
+def lifted(folder, **files):
+    """Write the twin's lift into a folder, each file with its own choice and movement of the markers."""
+    from lumbar.synthetic.lifting_recordings import true_movement, write_markers
+
+    twin = study_settings().twin.lifting
+    markers = true_movement(twin, "expert_23kg").markers
+    for name, change in files.items():
+        write_markers(folder / f"{name}.c3d", change(markers), twin.rate_Hz, "ann")
+
+
+def without(*labels):
+    return lambda markers: {name: points for name, points in markers.items() if name not in labels}
+
+
+def test_a_measured_marker_stands_before_a_guess_whichever_file_was_read_first(tmp_path):
+    from lumbar.interface.new_study import new_study
+
+    def guessed(markers):
+        return {"T10": markers["T12"] + [0, 0, 0.06], **without("T12")(markers)}
+
+    lifted(tmp_path, a=guessed, b=without())
+    text = next(iter(new_study(tmp_path, "s").files.values()))
+    assert "      T12: [T12, {between: [T10, SACRUM], share: 0.263}]  # where not measured: " in text
+
+
+def test_the_pivot_is_one_that_every_moving_recording_has(tmp_path):
+    from lumbar.interface.new_study import new_study
+
+    def standing(markers):
+        return {name: points[:50] for name, points in markers.items()}
+
+    ankles = ("L_ANKLE", "R_ANKLE")
+    lifted(tmp_path, a_static=standing, b=without(*ankles))
+    text = next(iter(new_study(tmp_path, "s").files.values()))
+    assert "      L_ANKLE: L_ANKLE" in text
+    assert "  pivot: hip  # no markers on both ankles are recognised\n" in text
+    lifted(tmp_path, c=without())
+    assert "are recognised in b.c3d\n" in next(iter(new_study(tmp_path, "s").files.values()))
+    hips = [f"{side}_{part}" for side in "LR" for part in ("HIP", "ASIS")]
+    lifted(tmp_path, b=without(*ankles, *hips), c=without(*ankles, *hips))
+    assert "  pivot: L5  #" in next(iter(new_study(tmp_path, "s").files.values()))
+    lifted(tmp_path, b=without())
+    (tmp_path / "c.c3d").unlink()
+    assert "\n  pivot:" not in next(iter(new_study(tmp_path, "s").files.values()))
+
+
+def test_a_still_file_of_other_markers_is_no_static_trial(tmp_path):
+    from lumbar.interface.new_study import new_study
+
+    def calibration(markers):
+        return {f"corner {number}": points[:50] for number, points in enumerate(list(markers.values())[:6])}
+
+    def standing(markers):
+        return {name: points[:50] for name, points in markers.items()}
+
+    lifted(tmp_path, a_cal=calibration, b=without())
+    assert "static:" not in new_study(tmp_path, "s").files["config/subjects/s.yaml"]
+    lifted(tmp_path, c=standing)
+    text = new_study(tmp_path, "s").files["config/subjects/s.yaml"]
+    assert "  static: c.c3d  #" in text
+    assert "6 markers; nothing moves\n    - {box_mass_kg: FILL_IN, markers: a_cal.c3d}" in text
+
+
+def test_the_xiphoid_is_the_label_that_says_so(tmp_path):
+    """STRN is the xiphoid in Plug-in Gait and the manubrium elsewhere: XIPH is meant where both are there."""
+    from lumbar.interface.new_study import new_study
+
+    def renamed(markers):
+        return {{"XIPHOID": "XIPH", "MANUBRIUM": "STRN"}.get(name, name): p for name, p in markers.items()}
+
+    def alone(markers):
+        return {{"XIPHOID": "STRN"}.get(name, name): p for name, p in markers.items()}
+
+    lifted(tmp_path, a=alone)
+    text = next(iter(new_study(tmp_path).files.values()))
+    assert "  XIPHOID: STRN  # STRN is the xiphoid in Plug-in Gait" in text
+    lifted(tmp_path, b=renamed)
+    assert "  XIPHOID: [XIPH, STRN]  #" in next(iter(new_study(tmp_path).files.values()))
+    found = lumbar.inspect(tmp_path / "b.c3d")
+    assert found.meant["XIPHOID"] == "XIPH"
+
+
+def test_a_lift_without_pendulum_ends_with_why(recording, tmp_path, run):
+    (tmp_path / "ann.yaml").write_text(
+        "subject: {name: ann, sex: female, mass_kg: 61, height_m: 1.7, experience: novice, "
+        "trials: [{box_mass_kg: 23, markers: a.c3d, window_s: [0, 5]}]}",
+        encoding="utf-8",
+    )
+    status, out, err = run(
+        "lift", recording, "--subject", tmp_path / "ann.yaml", "--output", tmp_path / "out"
+    )
+    assert status == 0, err
+    closing = out[out.index("no pendulum: pendulum.csv in") :]
+    assert "no pendulum of thorax, abdomen, pelvis: " in closing
+    assert "pendulum.json are in" not in out
+    status, out, err = run(
+        "lift", recording.parent, "--subject", tmp_path / "ann.yaml", "--output", tmp_path / "all"
+    )
+    assert status == 0, err
+    assert "no pendulum at all: ann_23kg; why stands above and in lifts.csv" in out
+
+
+def test_recognised_labels_are_listed_once_with_the_command_that_names_them(shared):
+    folder = shared / "real" / "lifting"
+    refused = str(lumbar.inspect(folder / "sts_trunk_flexion_trc" / "sts_unperturbed_1.trc"))
+    assert refused.count("R_Thigh_Med") == 1
+    assert refused.count("'lumbar new-study' writes") == 1
+    analysed = str(lumbar.inspect(folder / "athlete_static_full_spine" / "c3dfile1.c3d"))
+    assert analysed.count("SPINMOL") == analysed.count("'lumbar new-study' writes the aliases") == 1

@@ -1,14 +1,19 @@
 """Marker recordings: units, axes, aliases and prefixes, and the real lifting files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from c3d_builder import build_c3d
 from marker_gaps import missing_share
 
 from lumbar.errors import InputError
+from lumbar.quality.axes import read_upright
+from lumbar.quality.screening import read_screened
 from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import METRES, read_markers
 from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import typed
 
 BODY = {  # metres; x right, y forward, z up
@@ -130,6 +135,67 @@ def test_swapped_sides_are_noticed(tmp_path):
     path = write(tmp_path, BODY)
     with pytest.raises(InputError, match="left and right labels are swapped"):
         read_markers(path, layout_of(aliases=swapped))
+
+
+WALKING = (
+    ("10_plugin_outputs.c3d", "+x", "the toes are ahead of the heels along +x"),
+    ("07_subject_labels.c3d", "-x", "not to the right of the left side"),
+)
+
+
+@pytest.mark.parametrize(("name", "forward", "said"), WALKING)
+def test_a_walking_person_is_compared_frame_by_frame(shared, name, forward, said):
+    """Markers of the feet are hidden in different halves of the walk: their medians over time lie metres apart."""
+    layout = LiftingSettings().markers
+    path = shared / "real" / "c3d_edge" / name
+    assert len(read_markers(path, replace(layout, required=(), forward=forward))) > 100
+    for wrong in {"+x", "-x", "+y", "-y"} - {forward}:
+        with pytest.raises(InputError) as caught:
+            read_markers(path, replace(layout, required=(), forward=wrong))
+        assert said in str(caught.value)
+        assert f'set forward: "{forward}"' in str(caught.value)
+
+
+def test_what_is_never_seen_together_shows_no_axis(tmp_path):
+    walk = np.linspace(0, 3, 20)[:, None] * [0, -1, 0]
+    markers = {name: walk + value for name, value in BODY.items()}
+    for side in "LR":
+        markers[f"{side}_HEEL"][10:] = markers[f"{side}_TOE"][:10] = np.nan
+    with pytest.raises(InputError, match=r'set forward: "\+y", unless'):
+        read_markers(write(tmp_path, markers), layout_of(aliases=STANDARD, forward="-y"))
+    read_markers(write(tmp_path, markers), layout_of(aliases=STANDARD))
+
+
+def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
+    """Without toes the trunk's front tells; without it both causes stay."""
+    sides = {name: BODY[name] for name in ("C7", "SACRUM", "L_HIP", "R_HIP", "L_HEEL", "R_HEEL")}
+    path = write(tmp_path, sides)
+    with pytest.raises(InputError, match=r'set forward: "\+y", unless left and right labels are swapped'):
+        read_markers(path, layout_of(aliases={name: name for name in sides}, forward="-y"))
+    front = {**sides, "L_ASIS": (-0.12, 0.1, 1.0), "R_ASIS": (0.12, 0.1, 1.0)}
+    path = write(tmp_path, front)
+    aliases = {name: name for name in front}
+    with pytest.raises(InputError, match=r'set forward: "\+y" \(check'):
+        read_markers(path, layout_of(aliases=aliases, forward="-y"))
+    swapped = {
+        **aliases,
+        **{f"{a}_{part}": f"{b}_{part}" for part in ("HIP", "HEEL") for a, b in ("LR", "RL")},
+    }
+    with pytest.raises(InputError, match=r"left and right labels are swapped \(check"):
+        read_markers(path, layout_of(aliases=swapped))
+
+
+def test_up_is_told_by_usual_labels_where_no_alias_names_them(shared, run):
+    path = shared / "real" / "lifting" / "sts_trunk_flexion_trc" / "sts_unperturbed_1.trc"
+    layout = LiftingSettings().markers
+    for read in (read_upright, read_screened):
+        with pytest.raises(InputError, match=r'stands along \+y by its usual labels.*set up: "\+y"'):
+            read(path, layout)
+        read(path, replace(layout, up="+y", forward="+x"))
+        read(path, replace(layout, check_axes=False))
+    status, _, told = run("check", path)
+    assert status == 1
+    assert 'set up: "+y"' in told
 
 
 def test_person_bent_to_the_floor_does_not_contradict_up(tmp_path):

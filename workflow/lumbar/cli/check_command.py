@@ -28,7 +28,7 @@ def add(commands) -> None:
         "--chapter",
         choices=("surgeon", "tissue", "survey", "lifting"),
         default="tissue",
-        help="whose layout column files have (default tissue; C3D and TRC files are always "
+        help="whose layout column files have (default tissue; C3D, TRC and BVH files are always "
         "markers of lifting)",
     )
     parser.set_defaults(run=run)
@@ -36,6 +36,7 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Check the files and print one line for each."""
+    from lumbar.quality.axes import read_upright
     from lumbar.records.checking import check_recordings
 
     settings = load_settings(*options.config)
@@ -47,7 +48,7 @@ def run(options) -> None:
         for check in check_fmu(fmus, settings=settings.runtime):
             print(f"runtime: {check}")
     plan = [_reading(path, options.chapter, settings) for path in files if not _is_fmu(path)]
-    for chapter, recordings in check_recordings(plan).items():
+    for chapter, recordings in check_recordings(plan, read_upright).items():
         for description in recordings:
             print(f"{chapter}: {_line(description)}")
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lumbar.cli.options import add_data, add_output, new_command
 from lumbar.config.settings_files import load_settings
+
+if TYPE_CHECKING:
+    from lumbar.interface.person import Lift
 
 
 def add(commands) -> None:
@@ -22,7 +26,8 @@ def add(commands) -> None:
         type=Path,
         nargs="+",
         metavar="MARKERS",
-        help="C3D or TRC file; several files, or a folder: each lift has a folder of its own in DIR, and lifts.csv lists all",
+        help="C3D, TRC, CSV or BVH file; several files, or a folder with C3D and TRC files: each lift has a folder "
+        "of its own in DIR, and lifts.csv lists all",
     )
     parser.add_argument("--subject", type=Path, required=True, metavar="YAML", help="as in config/subjects")
     parser.add_argument(
@@ -59,7 +64,14 @@ def run(options) -> None:
     found.save(options.output)
     print(found)
     print("\n".join(found.checks))
-    print(f"pendulum.csv and pendulum.json are in {options.output}")
+    print("\n".join(_closing(found, options.output)))
+
+
+def _closing(found: Lift, output: Path) -> list[str]:
+    """Say where the pendulums are, or that there are none and why."""
+    if found.analysed.states:
+        return [f"pendulum.csv and pendulum.json are in {output}"]
+    return [f"no pendulum: pendulum.csv in {output} has no rows", *found.without_pendulum]
 
 
 def _run_all(options, settings) -> None:
@@ -78,6 +90,9 @@ def _run_all(options, settings) -> None:
     for row in table.itertuples():
         print(f"{row.lift}: {row.pendulums} pendulums" + (f"; {row.remark}" if row.remark else ""))
     print(f"{len(lifts) - len(failed)} lifts and lifts.csv are in {options.output}")
+    empty = [row.lift for row in table.itertuples() if not row.pendulums and row.lift not in failed]
+    if empty:
+        print(f"no pendulum at all: {', '.join(empty)}; why stands above and in lifts.csv")
     if failed:
         raise InputError(
             f"{len(failed)} of {len(lifts)} lifts have no result: {', '.join(failed)}; lifts.csv says why"

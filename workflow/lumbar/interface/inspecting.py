@@ -37,7 +37,7 @@ def inspect(
     Parameters
     ----------
     path : path
-        C3D, TRC or CSV file with markers.
+        C3D, TRC, CSV or BVH file with markers.
     settings : LiftingSettings, optional
         How markers are read and gaps filled.
     height_m : float, optional
@@ -222,18 +222,24 @@ class Inspected:
 
     def lines(self) -> list[str]:
         """Return all but the trajectories in sentences."""
+        from lumbar.lifting.lift import NEW_STUDY
+
         sheet, (runs, words) = self.sheet, self.pipeline
         plates = self.plates if isinstance(self.plates, str) else ", ".join(map(repr, self.plates))
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
+        suggested = ", ".join(self._suggested())
+        if suggested and NEW_STUDY not in words:
+            suggested += f"; {NEW_STUDY} writes the aliases"
+        unused = ", ".join(sheet.unused)
         lists = {
             "subjects' prefixes taken off": ", ".join(self.prefixes),
             "axes": self.axes,
             "force plates": plates or "none",
             "standard markers": ", ".join(filled) or "none",
-            "recognised, but no alias names it": ", ".join(self._suggested()),
+            "recognised, but no alias names it": suggested,
             "estimated": "; ".join(f"{name} ({rule})" for name, rule in sheet.estimated.items()),
             "without": ", ".join(sheet.absent),
-            "unused": ", ".join(sheet.unused),
+            "unused": "" if unused in words else unused,
             "as a lift": "analysed" if runs else "refused",
         }
         lines = [*sheet.lines(), *(f"{subject}: {text}" for subject, text in lists.items() if text)]

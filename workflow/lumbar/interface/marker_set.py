@@ -43,6 +43,13 @@ RULES: dict[str, tuple[tuple[Alias, str], ...]] = {
 }
 """Further ways to a landmark, the best first, each with what it rests on where the landmark is not measured."""
 REASONS = {(name, term): reason for name, ways in RULES.items() for term, reason in ways if reason}
+NOTES = {
+    (
+        "XIPHOID",
+        "STRN",
+    ): "the xiphoid in Plug-in Gait, higher on the sternum in other marker sets: compare with a picture"
+}
+"""What is to be known of a label that means one thing in one marker set and another in the next."""
 NEEDED = {
     "C7": "the thorax needs it",
     "T12": "thorax and abdomen need it",
@@ -140,12 +147,26 @@ def _fills(term: Alias, points: Iterable[str], aliases: dict[str, Alias]) -> boo
 
 
 def joined_aliases(sets: Sequence[MarkerSet]) -> dict[str, tuple]:
-    """Aliases of several files: every way that one of them needs, in order."""
+    """Aliases of several files: every way that one of them needs, the best first, whichever file was read first."""
     joined: dict[str, dict] = {}
     for item in sets:
         for name, term in item.aliases.items():
             joined.setdefault(name, {})[term] = None
-    return {name: tuple(terms) for name, terms in joined.items()}
+    return {
+        name: tuple(sorted(terms, key=lambda term, name=name: _rank(name, term)))
+        for name, terms in joined.items()
+    }
+
+
+def _rank(name: str, term: Alias) -> tuple[int, int]:
+    """Order of the ways to a landmark: measured as a rule or label of the table, by another label, by a guess."""
+    rules = [way for way, _ in RULES.get(name, ())]
+    usual = _alternatives(ALIASES.get(name))
+    if (name, term) in REASONS:
+        return 3, rules.index(term)
+    if term in rules:
+        return 0, rules.index(term)
+    return (1, usual.index(term)) if term in usual else (2, 0)
 
 
 def alias_text(term: Alias) -> str:

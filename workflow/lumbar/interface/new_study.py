@@ -39,9 +39,10 @@ class FoundRecording:
     problem : str
         Why it cannot be read; empty where it can.
     seconds, rate : float
-    markers : int
+    labels : frozenset of str
+        Of its markers, without subject prefixes.
     static : bool
-        Whether the person stands still throughout.
+        Whether nothing moves throughout.
     events : str
         Events that the file itself holds.
     set : MarkerSet
@@ -52,7 +53,7 @@ class FoundRecording:
     problem: str = ""
     seconds: float = 0.0
     rate: float = 0.0
-    markers: int = 0
+    labels: frozenset[str] = frozenset()
     static: bool = False
     events: str = ""
     set: MarkerSet = NOTHING
@@ -60,7 +61,7 @@ class FoundRecording:
     @property
     def facts(self) -> str:
         """Rate, length, markers and events for a comment."""
-        words = f"{self.rate:g} Hz, {self.seconds:.1f} s, {self.markers} markers"
+        words = f"{self.rate:g} Hz, {self.seconds:.1f} s, {len(self.labels)} markers"
         return f"{words}; {self.events}" if self.events else words
 
 
@@ -177,7 +178,7 @@ def _looked_at(path: Path, folder: Path, study: str) -> FoundRecording:
         person=person,
         seconds=len(recording) / recording.rate,
         rate=recording.rate,
-        markers=len(recording.positions),
+        labels=frozenset(label.rpartition(":")[2] for label in recording.positions),
         static=_stands_still(recording),
         events=f"events in the file: {', '.join(times)}" if times else "",
         set=found,
@@ -229,7 +230,6 @@ def _study_text(
     unread = [
         f"#   {item.path}: {item.problem}" for group in people.values() for item in group if item.problem
     ]
-    feet = "L_ANKLE" in aliases and "R_ANKLE" in aliases
     lines = [
         SCHEMA,
         f"# Written by 'lumbar new-study' from {len(items)} recordings. Replace every {FILL_IN}; nothing runs before.",
@@ -253,7 +253,7 @@ def _study_text(
         + (f"; {axes[2]:.0f} degrees away from this axis" if axes[2] >= 1 else ""),
         "    aliases:",
         *_alias_lines(aliases),
-        *([] if feet else ["  pivot: hip  # there are no markers on the ankles"]),
+        *_pivot_lines(items),
     ]
     if len(people) > 1:
         lines += [
@@ -266,13 +266,16 @@ def _study_text(
 
 
 def _alias_lines(aliases: Mapping[str, tuple]) -> list[str]:
-    from lumbar.interface.marker_set import NEEDED, REASONS
+    from lumbar.interface.marker_set import NEEDED, NOTES, REASONS
 
     lines = []
     for name, terms in aliases.items():
         text = alias_text(terms if len(terms) > 1 else terms[0])
-        reason = REASONS.get((name, terms[0]), "")
-        lines.append(f"      {name}: {text}" + (f"  # not measured: {reason}" if reason else ""))
+        reasons = [REASONS[name, term] for term in terms if (name, term) in REASONS]
+        where = "not measured" if len(reasons) == len(terms) else "where not measured"
+        told = [f"{where}: {'; '.join(reasons)}"] if reasons else []
+        told += [f"{term} is {NOTES[name, term]}" for term in terms if (name, term) in NOTES]
+        lines.append(f"      {name}: {text}" + (f"  # {'; '.join(told)}" if told else ""))
     for name, purpose in NEEDED.items():
         if name not in aliases:
             lines.append(f"      # {name}:  # not recognised; {purpose}")
@@ -281,10 +284,47 @@ def _alias_lines(aliases: Mapping[str, tuple]) -> list[str]:
     return lines
 
 
+_PIVOTS = {
+    "mid_ankle": (("L_ANKLE", "R_ANKLE"),),
+    "hip": (("L_HIP", "R_HIP"), ("L_ASIS", "R_ASIS", "SACRUM"), ("L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS")),
+    "L5": (("L5",),),
+}
+"""Pivots, the default first, each with the sets of landmarks of which one suffices."""
+
+
+def _pivot_lines(items: Sequence[FoundRecording]) -> list[str]:
+    """The first pivot that all moving recordings hold, where it is not the default; a still one has no pendulum."""
+    moving = [item for item in items if not item.static] or items
+
+    def holds(item: FoundRecording, pivot: str) -> bool:
+        return any(set(needed) <= set(item.set.aliases) for needed in _PIVOTS[pivot])
+
+    without = [item.path for item in moving if not holds(item, "mid_ankle")]
+    if not without:
+        return []
+    where = "" if len(without) == len(moving) else f" in {', '.join(without)}"
+    pivot = next((name for name in _PIVOTS if all(holds(item, name) for item in moving)), None)
+    if pivot is None:
+        return [
+            f"  # pivot:  # no ankles are recognised{where}, and neither hips nor L5 in all files: "
+            "without aliases for them there are no pendulums"
+        ]
+    return [f"  pivot: {pivot}  # no markers on both ankles are recognised{where}"]
+
+
+def _static_of(read: Sequence[FoundRecording]) -> FoundRecording | None:
+    """The first still recording that has most labels of another: what shares none is no trial of this marker set."""
+    for item in read:
+        others = [other for other in read if other is not item]
+        if item.static and any(2 * len(item.labels & other.labels) > len(other.labels) for other in others):
+            return item
+    return None
+
+
 def _subject_text(study: str, person: str, items: Sequence[FoundRecording]) -> str:
-    static = next((item for item in items if item.static), None)
     read = [item for item in items if not item.problem]
-    trials = [item for item in read if item is not static] or read
+    static = _static_of(read)
+    trials = [item for item in read if item is not static]
     lines = [
         SCHEMA,
         f"# Of the study {study}. Replace every {FILL_IN}; what is assumed and not measured belongs into 'assumed'.",
@@ -296,7 +336,7 @@ def _subject_text(study: str, person: str, items: Sequence[FoundRecording]) -> s
         f"  experience: {FILL_IN}  # label of the group that Table 4.1 counts the person to, or unknown",
         "  # assumed: [mass_kg]",
     ]
-    if static is not None and static not in trials:
+    if static is not None:
         lines.append(f"  static: {_quoted(static.path)}  # {static.facts}: nothing moves")
     lines += [
         "  # One entry per lift; window_s: [start, stop] takes a part of the file, events: {deposit_start_s: …} sets an event",
@@ -305,7 +345,7 @@ def _subject_text(study: str, person: str, items: Sequence[FoundRecording]) -> s
     ]
     for item in trials:
         lines += [
-            f"    # {item.facts}",
+            f"    # {item.facts}" + ("; nothing moves" if item.static else ""),
             f"    - {{box_mass_kg: {FILL_IN}, markers: {_quoted(item.path)}}}",
         ]
     return "\n".join([*lines, ""])

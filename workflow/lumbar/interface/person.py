@@ -48,7 +48,7 @@ def lift(
     Parameters
     ----------
     markers : path
-        C3D or TRC file.
+        C3D, TRC, CSV or BVH file.
     subject : SubjectSettings or path
         The person: settings, or a file as in ``config/subjects``.
     box_mass_kg : float, optional
@@ -181,6 +181,15 @@ class Lift:
         inner = self.settings.segment_ends == "inner"
         plates = str(self.plates).splitlines() if self.plates else ["force plates: none in the file"]
         return [*(points.on_skin(ends) if inner else []), *spread_lines(self.spread), *plates]
+
+    @property
+    def without_pendulum(self) -> list[str]:
+        """Indented lines on centres of mass without a pendulum, and on what would give them markers."""
+        reasons = [
+            *without_pendulum(self.analysed.missing),
+            lifting.recognised_unaliased(self.analysed.recording),
+        ]
+        return [f"  {line}" for reason in reasons for line in reason.splitlines()]
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``quality`` and what figures need."""

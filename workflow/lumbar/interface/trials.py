@@ -59,7 +59,9 @@ def trial_of(
             raise InputError(f"{subject.name} has no trials, so none is named {trial!r}")
         if trial is None:
             if box_mass_kg is None:
-                raise InputError(f"{subject.name} has no trials: give the mass of the box")
+                raise InputError(
+                    f"{subject.name} has no trials: give the mass of the box (--box-mass KG; box_mass_kg in Python)"
+                )
             trial = TrialSettings(box_mass_kg=box_mass_kg, markers=markers.name)
         chosen = trial if box_mass_kg is None else replace(trial, box_mass_kg=box_mass_kg)
         return f"{subject.name}_{chosen.box_mass_kg:g}kg", chosen

@@ -33,6 +33,7 @@ from lumbar.lifting.pendulum_states import (
 )
 from lumbar.lifting.segments import COMS, SegmentTable, segment_table
 from lumbar.lifting.trunk_points import INNER, TrunkPoints, trunk_points
+from lumbar.quality.landmarks import landmarks
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.plain import plain
 
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 
+NEW_STUDY = "'lumbar new-study'"
+"""The command that writes the aliases of a folder of recordings."""
 FRAMES = ("laboratory", "pelvis")
 """Axes of the planes: those of the laboratory, or turned about the vertical with the hips at the deposit's
 start."""
@@ -196,8 +199,18 @@ def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missin
     for name, reason in {**missing, "lift_off": events["lift_off"].how}.items():
         problems.add(name, reason)
     unused = recording.unused[:60]
-    problems.add("", f"markers of the file that no alias names: {', '.join(unused) or 'none'}")
+    problems.add(
+        "",
+        f"markers of the file that no alias names: {', '.join(unused) or 'none'}",
+        recognised_unaliased(recording),
+    )
     problems.raise_if_any()
+
+
+def recognised_unaliased(recording: MarkerRecording) -> str:
+    """Say what to do about markers whose usual meaning is known and that no alias names; empty where there are none."""
+    known = [name for name in landmarks(recording.unused) if name not in recording]
+    return f"{NEW_STUDY} writes aliases for those that are recognised: {', '.join(known)}" if known else ""
 
 
 def _refuse_gaps(

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 
 from lumbar.quality.body import rightward, trunk_axis
-from lumbar.settings.layout import Axis
+from lumbar.quality.landmarks import landmarks
+from lumbar.records.marker_axes import check_up, upright
+from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.settings.layout import Axis, MarkerLayout
 
 AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 
@@ -28,6 +33,49 @@ def axes_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[Ax
     vertical = _signed(up)
     forward = _signed(np.cross(up, right))
     return None if vertical[1] == forward[1] else (vertical, forward)
+
+
+def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecording:
+    """Read a marker file as `lumbar.records.markers.read_markers` does, and compare `markers.up` by all usual labels.
+
+    Raises
+    ------
+    InputError
+        As `read_markers`; and where the body stands along another axis than `markers.up`.
+    """
+    measured: dict[str, np.ndarray] = {}
+
+    def kept(points: dict[str, np.ndarray], time: np.ndarray, rate: float):
+        measured.update(points)
+        return points, {}
+
+    recording = read_markers(path, layout, screen=kept)
+    check_unaliased_up(measured, recording, layout)
+    return recording
+
+
+def check_unaliased_up(
+    points: dict[str, np.ndarray], recording: MarkerRecording, layout: MarkerLayout
+) -> None:
+    """Raise where no alias tells which way the body stands, but usual labels do, and it is not up.
+
+    Parameters
+    ----------
+    points : dict of str to ndarray, shape (n_frames, 3)
+        Measured markers by the file's labels, turned by the declared axes.
+    recording : MarkerRecording
+        The same under standard names.
+
+    Raises
+    ------
+    InputError
+    """
+    if not layout.check_axes or upright(recording.positions) is not None:
+        return
+    body = {name: points[label] for name, label in landmarks(points).items()}
+    upward = upright(body)
+    if upward is not None:
+        check_up(upward, layout, recording.source, " by its usual labels, which no alias names")
 
 
 def _signed(vector: np.ndarray) -> Axis:

@@ -345,7 +345,7 @@ def _rigid_parts(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
     cause = "another marker under this label, or one that came off"
     return [
         clock.finding("off its part", LEFT_OUT, (label,), evidence, cause, stretch)
-        for label, stretch, evidence in off_its_part(points)
+        for label, stretch, evidence in off_its_part(points, clock.rate)
     ]
 
 

@@ -10,6 +10,8 @@ _SAMPLES = 300
 _RIGID_M = 0.008
 """Spread (5th to 95th percentile) of a length that is called rigid: skin moves by some millimetres."""
 _APART_M = 0.03
+_MOVING_M, _MOVING_S = 0.015, 0.2
+"""A marker moves where it comes further than this within this time."""
 _MATES = 6
 _DEVIATION_M = 0.03
 _SPREADS = 6.0
@@ -28,26 +30,50 @@ def rigid_mates(points: dict[str, np.ndarray], without: frozenset[str] = frozens
     without : frozenset of str
         Labels that are nobody's mate.
     """
-    return {label: [other for other, _ in found] for label, found in _mates(points, without).items()}
-
-
-def _mates(
-    points: dict[str, np.ndarray], without: frozenset[str] = frozenset()
-) -> dict[str, list[tuple[str, float]]]:
-    """Mates of each marker, with the spread of the distance in metres."""
     labels = list(points)
     every = max(1, len(next(iter(points.values()))) // _SAMPLES)
     sample = np.stack([points[label][::every] for label in labels])
     mates = {}
     for index, label in enumerate(labels):
-        low, middle, high = _percentiles(np.linalg.norm(sample - sample[index], axis=2), (0.05, 0.5, 0.95))
-        spread = high - low
+        spread, middle = _spread(sample, index)
         known = [
             other for other in np.argsort(spread) if np.isfinite(spread[other]) and middle[other] > _APART_M
         ]
-        chosen = [(labels[other], float(spread[other])) for other in known if labels[other] not in without]
-        mates[label] = chosen[:_MATES]
+        mates[label] = [labels[other] for other in known if labels[other] not in without][:_MATES]
     return mates
+
+
+def _spread(sample: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """Spread and median of the distance of every marker from one of them; sample has shape (n_markers, n, 3)."""
+    low, middle, high = _percentiles(np.linalg.norm(sample - sample[index], axis=2), (0.05, 0.5, 0.95))
+    return high - low, middle
+
+
+def _rigid_parts(points: dict[str, np.ndarray], rate: float) -> dict[str, list[tuple[str, float]]]:
+    """Mates whose distance from a marker is constant while either moves, with its spread in metres; at most `_MATES`.
+
+    What rests tells nothing: two feet on the ground are not one body.
+    """
+    labels = list(points)
+    every = max(1, round(_MOVING_S * rate / 8))
+    lag = max(1, round(_MOVING_S * rate / every))
+    sample = np.stack([points[label][::every] for label in labels])
+    with np.errstate(invalid="ignore"):
+        moving = np.linalg.norm(sample[:, lag:] - sample[:, :-lag], axis=2) > _MOVING_M
+    spreads = np.full((len(labels), len(labels)), np.nan)
+    for index in range(len(labels)):
+        frames = np.flatnonzero(moving[index])
+        if len(frames) * every >= _MOVING_S * rate:
+            chosen = frames[np.linspace(0, len(frames) - 1, min(len(frames), _SAMPLES)).astype(int)]
+            spread, middle = _spread(sample[:, chosen], index)
+            spreads[:, index] = np.where(middle > _APART_M, spread, np.nan)
+    spreads = np.maximum(spreads, spreads.T)
+    return {
+        label: [
+            (labels[other], float(row[other])) for other in np.argsort(row)[:_MATES] if row[other] < _RIGID_M
+        ]
+        for label, row in zip(labels, spreads, strict=True)
+    }
 
 
 def _percentiles(values: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
@@ -68,11 +94,11 @@ def length(points: dict[str, np.ndarray], one: str, other: str, frames: slice | 
     return float(np.nanmedian(distance)) if np.isfinite(distance).any() else np.nan
 
 
-def off_its_part(points: dict[str, np.ndarray]) -> list[tuple[str, slice, str]]:
+def off_its_part(points: dict[str, np.ndarray], rate: float) -> list[tuple[str, slice, str]]:
     """Stretches in which a marker is not where the rigid part that it belongs to has it.
 
-    A marker counts as part of a rigid one by three mates at distances that stay within 8 mm in nine of ten frames. It is off
-    where most of these differ by more than 30 mm, and by six times their usual spread, from their medians.
+    A marker counts as part of a rigid one by three mates at distances that stay within 8 mm in nine of ten frames in which either
+    moves. It is off where most of these differ by more than 30 mm, and by six times their usual spread, from their medians.
 
     Returns
     -------
@@ -80,8 +106,7 @@ def off_its_part(points: dict[str, np.ndarray]) -> list[tuple[str, slice, str]]:
         Label, frames, what was seen.
     """
     found = []
-    for label, others in _mates(points).items():
-        rigid = [(other, spread) for other, spread in others if spread < _RIGID_M]
+    for label, rigid in _rigid_parts(points, rate).items():
         if len(rigid) >= _LEAST_MATES:
             changes = {other: _change_of_length(points[label], points[other]) for other, _ in rigid}
             limits = [max(_DEVIATION_M, _SPREADS * spread) for _, spread in rigid]

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 
 from lumbar.errors import InputError, Problems
 from lumbar.progress import track
+from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import ColumnLayout, MarkerLayout
 from lumbar.settings.plain import typed
 from lumbar.settings.survey import RatingsLayout
 
+MarkerReader = Callable[[str, MarkerLayout], MarkerRecording]
 
-def check_recordings(plan: list[dict]) -> dict[str, list[dict]]:
+
+def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dict[str, list[dict]]:
     """Read every recording and describe it.
 
     Parameters
@@ -22,6 +26,8 @@ def check_recordings(plan: list[dict]) -> dict[str, list[dict]]:
         One entry per file: ``chapter``, ``set`` (files whose quantities and units must agree, or null),
         ``reader`` (``columns``, ``markers`` or ``ratings``), ``path``, ``layout``, and for columns ``name``,
         ``period_s``, ``rate_Hz`` and ``trim_s`` where they apply.
+    read : callable
+        Reads a marker file, given its path and layout.
 
     Returns
     -------
@@ -39,7 +45,8 @@ def check_recordings(plan: list[dict]) -> dict[str, list[dict]]:
     for item in track(plan, "recordings checked"):
         described = chapters.setdefault(item["chapter"], [])
         try:
-            record, description = _READERS[item["reader"]](item)
+            reader = partial(_markers, read=read) if item["reader"] == "markers" else _READERS[item["reader"]]
+            record, description = reader(item)
         except InputError as error:
             problems.add("", str(error).replace("\n", "\n    "))
             continue
@@ -98,10 +105,8 @@ def _columns(item: dict) -> tuple[object, dict]:
     }
 
 
-def _markers(item: dict) -> tuple[object, dict]:
-    from lumbar.records.markers import read_markers
-
-    recording = read_markers(item["path"], typed(MarkerLayout, item["layout"]))
+def _markers(item: dict, read: MarkerReader) -> tuple[object, dict]:
+    recording = read(item["path"], typed(MarkerLayout, item["layout"]))
     return recording, {
         "name": recording.name,
         "samples": len(recording.time),
@@ -128,6 +133,5 @@ def _ratings(item: dict) -> tuple[object, dict]:
 
 _READERS: dict[str, Callable[[dict], tuple[object, dict]]] = {
     "columns": _columns,
-    "markers": _markers,
     "ratings": _ratings,
 }

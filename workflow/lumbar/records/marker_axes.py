@@ -46,10 +46,40 @@ def rotation_to_standard(up: str, forward: str) -> np.ndarray:
     return np.array([np.cross(forward_vector, up_vector), forward_vector, up_vector])
 
 
+def upright(positions: dict[str, np.ndarray]) -> np.ndarray | None:
+    """Vector, shape (3,) in metres, from feet to trunk or from pelvis to shoulders; None without such markers."""
+    upward = _segment(positions, _FEET, _UPPER)
+    return _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
+
+
+def check_up(upward: np.ndarray, layout: MarkerLayout, source: str, seen_by: str = "") -> None:
+    """Raise when a vector from feet to trunk, turned by the declared axes, does not point up.
+
+    Parameters
+    ----------
+    upward : ndarray, shape (3,)
+    seen_by : str
+        Words for the markers that show it.
+
+    Raises
+    ------
+    InputError
+        Naming the axis of the file along which the body stands.
+    """
+    if not _contradicts(upward, 2):
+        return
+    problems = Problems(source)
+    found = _file_axis(upward, rotation_to_standard(layout.up, layout.forward))
+    problems.add(
+        "markers.up", f"{layout.up}, but the body stands along {found}{seen_by}", f'set up: "{found}"'
+    )
+    problems.raise_if_any()
+
+
 def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: str) -> None:
     """Raise when the markers contradict the declared axes.
 
-    Three segments are compared, each the median over time, and only where the markers exist: feet to trunk
+    Three segments are compared, each the median over the frames that show it, and only where the markers exist: feet to trunk
     (or pelvis to shoulders) is up, heel to toe is forward, left to right is lateral.
 
     Parameters
@@ -64,14 +94,10 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
     """
     problems = Problems(source)
     rotation = rotation_to_standard(layout.up, layout.forward)
-    upward = _segment(positions, _FEET, _UPPER)
-    upward = _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
-    if upward is not None and _contradicts(upward, 2):
-        found = _file_axis(upward, rotation)
-        problems.add("markers.up", f"{layout.up}, but the body stands along {found}", f'set up: "{found}"')
-        problems.raise_if_any()
-    heels, toes = ("L_HEEL", "R_HEEL"), ("L_TOE", "R_TOE")
-    pairs = [_segment(positions, (heel,), (toe,)) for heel, toe in zip(heels, toes, strict=True)]
+    upward = upright(positions)
+    if upward is not None:
+        check_up(upward, layout, source)
+    pairs = [_segment(positions, (heel,), (toe,)) for heel, toe in _FEET_PAIRS]
     feet = [foot for foot in pairs if foot is not None]
     if feet:
         facing = np.mean(feet, axis=0) * [1, 1, 0]
@@ -87,12 +113,34 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
     widths = [_segment(positions, (f"L_{part}",), (f"R_{part}",)) for part in _SIDES]
     across = [width for width in widths if width is not None]
     if across and _contradicts(np.mean(across, axis=0) * [1, 1, 0], 0):
+        facing = np.cross([0.0, 0.0, 1.0], np.mean(across, axis=0))
         problems.add(
             "markers",
             "the right side of the body is not to the right of the left side",
-            "left and right labels are swapped, or forward is wrong (check_axes: false skips this check)",
+            _sides_advice(facing, feet or _pointing_forward(positions), layout),
         )
     problems.raise_if_any()
+
+
+def _sides_advice(facing: np.ndarray, ahead: list[np.ndarray], layout: MarkerLayout) -> str:
+    """Say whether labels are swapped or forward is wrong, as far as the body's front tells.
+
+    Parameters
+    ----------
+    facing : ndarray, shape (3,)
+        Where the person faces if left and right are as labelled.
+    ahead : list of ndarray, shape (3,)
+        Vectors from the back of the body to its front.
+    """
+    skip = "(check_axes: false skips this check)"
+    rotation = rotation_to_standard(layout.up, layout.forward)
+    faces = _file_axis(facing, rotation)
+    front = _file_axis(np.sum(ahead, axis=0) * [1, 1, 0], rotation) if ahead else None
+    if front == layout.forward:
+        return f"left and right labels are swapped {skip}"
+    if front == faces:
+        return f'set forward: "{faces}" {skip}'
+    return f'set forward: "{faces}", unless left and right labels are swapped {skip}'
 
 
 _FRONT = (
@@ -103,6 +151,12 @@ _FRONT = (
     ("C7", "MANUBRIUM"),
 )
 """Pairs of which the second lies in front of the first."""
+
+
+def _pointing_forward(positions: dict[str, np.ndarray]) -> list[np.ndarray]:
+    """Vectors from the back to the front of trunk and feet, by the markers that exist."""
+    found = [_segment(positions, (back,), (front,)) for back, front in (*_FRONT, *_FEET_PAIRS)]
+    return [vector for vector in found if vector is not None]
 
 
 def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str, float] | None:
@@ -121,16 +175,14 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str, float] | None
         Or None in place of all where the markers do not tell: neither feet nor trunk, or nothing of left and right, heel
         and toe, back and front.
     """
-    upward = _segment(positions, _FEET, _UPPER)
-    upward = _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
+    upward = upright(positions)
     if upward is None:
         return None
     up = _file_axis(upward, np.eye(3))
     vertical = axis_vector(up, "up")
     across = [_segment(positions, (f"L_{part}",), (f"R_{part}",)) for part in (*_SIDES, "ASIS", "PSIS")]
-    ahead = [_segment(positions, (first,), (second,)) for first, second in (*_FRONT, *_FEET_PAIRS)]
     facing = [np.cross(vertical, vector) for vector in across if vector is not None]
-    facing += [vector for vector in ahead if vector is not None]
+    facing += _pointing_forward(positions)
     if not facing:
         return None
     level = np.sum(facing, axis=0) * (vertical == 0)
@@ -142,14 +194,22 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str, float] | None
 def _segment(
     positions: dict[str, np.ndarray], start: tuple[str, ...], end: tuple[str, ...]
 ) -> np.ndarray | None:
-    """Median vector from the mean of `start` to the mean of `end` markers; None without them."""
+    """Median vector from the mean of `start` to the mean of `end` markers; None where they are in no frame together.
+
+    The difference is taken within each frame: a person who walks is elsewhere where one marker is hidden and another
+    is seen.
+    """
     ends = []
     for names in (start, end):
-        present = [np.nanmedian(positions[name], axis=0) for name in names if name in positions]
-        if not present:
+        present = np.array([positions[name] for name in names if name in positions])
+        if not present.size:
             return None
-        ends.append(np.mean(present, axis=0))
-    return ends[1] - ends[0]
+        seen = np.isfinite(present).all(axis=2, keepdims=True)
+        count = seen.sum(axis=0)
+        ends.append(np.where(seen, present, 0.0).sum(axis=0) / np.where(count, count, np.nan))
+    vectors = ends[1] - ends[0]
+    together = np.isfinite(vectors).all(axis=1)
+    return np.median(vectors[together], axis=0) if together.any() else None
 
 
 def _contradicts(vector: np.ndarray, axis: int) -> bool:

@@ -106,7 +106,7 @@ class MarkerLayout:
         default=True,
     )
     rate_Hz: float | None = key(
-        "Frames per second of a CSV file that has no times, or where the rate that a C3D or TRC file states is wrong; null "
+        "Frames per second of a CSV file that has no times, or where the rate that a file states is wrong; null "
         "takes them from the file.",
         default=None,
         unit="Hz",

@@ -12,7 +12,7 @@ ALIASES: dict[str, Alias] = {
     "T12": ("T12", "TV12"),
     "L5": ("L5", "LV5"),
     "MANUBRIUM": ("MANUBRIUM", "SJN", "SNJ", "CLAV"),
-    "XIPHOID": ("XIPHOID", "SXS", "STRN"),
+    "XIPHOID": ("XIPHOID", "SXS", "XIPH", "STRN"),
     "SACRUM": ("SACRUM", "SACR"),
     "T8": ("T8", "TV8"),
     "L_ASIS": ("L_ASIS", "LASI", "L_IAS", "LASIS"),
@@ -37,7 +37,8 @@ ALIASES: dict[str, Alias] = {
     "R_TOE": ("R_TOE", "RTOE"),
     **{f"BOX_{number}": f"BOX_{number}" for number in range(1, 9)},
 }
-"""Labels of usual marker sets under the standard names."""
+"""Labels of usual marker sets under the standard names. STRN stands last: Plug-in Gait's is the xiphoid, other sets put it
+higher on the sternum."""
 RIGID_BODIES = {
     "box": tuple(f"BOX_{number}" for number in range(1, 9)),
     "pelvis": ("SACRUM", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS"),

@@ -23,7 +23,7 @@ class TrialSettings:
     """One recorded lift."""
 
     box_mass_kg: float = required("Mass of the box.", unit="kg", ge=0, le=100)
-    markers: str = required("Marker file (C3D, TRC).")
+    markers: str = required("Marker file (C3D, TRC, CSV, BVH).")
     hip_moment: str | None = key("Hip moment beside it (time_s, angle_rad, moment_Nm).", default=None)
     window_s: tuple[float, float] | None = key(
         "Start and end of the part of the recording that is this lift, on the file's own clock; null takes all of it. It "
@@ -57,8 +57,8 @@ class SubjectSettings:
         default=(),
     )
     static: str | None = key(
-        "Marker file of a static trial (C3D, TRC), below data_root like the others: it gives the shape of the pelvis and the "
-        "box where markers of them are hidden for long.",
+        "Marker file of a static trial (C3D, TRC, CSV, BVH), below data_root like the others: it gives the shape of the "
+        "pelvis and the box where markers of them are hidden for long.",
         default=None,
     )
     assumed: tuple[str, ...] = key("Keys of this file that are assumptions and not measurements.", default=())
