@@ -95,3 +95,30 @@ def test_a_record_of_force_and_position_is_sent_to_the_doctor(tmp_path):
     (tmp_path / "record.csv").write_text("\n".join(rows))
     with pytest.raises(InputError, match=r"lumbar doctor .* examines records"):
         lumbar.inspect(tmp_path / "record.csv")
+
+
+def test_what_could_not_be_checked_is_said(lift_file, tmp_path):
+    points = read_markers(lift_file, MarkerLayout(check_axes=False)).positions
+    renamed = {f"Q{index}": positions for index, positions in enumerate(points.values())}
+    write_markers(tmp_path / "renamed.c3d", renamed, 100, "expert")
+    text = str(lumbar.inspect(tmp_path / "renamed.c3d", height_m=1.75))
+    assert "findings: none in what could be checked" in text
+    (line,) = [line for line in text.splitlines() if line.startswith("not checked: ")]
+    for what in ("stature (", "unit (", "left and right (", "order along the trunk ("):
+        assert what in line
+    assert "rate (" not in line
+    assert lumbar.inspect(lift_file, height_m=1.75).sheet.unchecked == {}
+    assert list(lumbar.inspect(lift_file).sheet.unchecked) == ["stature"]
+
+
+def test_a_folder_is_called_a_folder(lift_file, run):
+    status, _, err = run("inspect", lift_file.parent)
+    assert status == 1
+    assert "a folder; give the files in it" in err
+
+
+def test_a_picture_in_another_format_is_refused_before_anything_is_read(tmp_path, run):
+    status, _, err = run("inspect", tmp_path / "absent.c3d", "--picture", tmp_path / "x.png")
+    assert status == 1
+    assert "pictures are written as .svg or .pdf" in err
+    assert "absent.c3d" not in err

@@ -92,6 +92,64 @@ def test_labels_exchanged_throughout_are_proposed_and_an_alias_mends_them(points
     assert mended.states.equals(lift_of(points).states)
 
 
+def test_labels_exchanged_inside_rules_are_accepted(shared):
+    """Rules of the box transfer, with T1 and T10 exchanged in the file and then in the rules."""
+    from lumbar.quality.gate import examine
+    from lumbar.quality.rule_labels import meant_in_rules
+    from lumbar.settings.layout import MeanOfMarkers, PointBetween
+
+    path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
+    recording = read_markers(path, MarkerLayout(up="+z", forward="-x", check_axes=False))
+    swapped = exchanged(recording.positions, "T1", "T10", slice(None))
+
+    def rules(t1, t10):
+        return {
+            "C7": PointBetween(between=(t10, t1), share=1.11),
+            "T12": PointBetween(between=(t10, "SACRUM"), share=0.263),
+            "SACRUM": MeanOfMarkers(mean=("PSISl", "PSISr")),
+        }
+
+    def found(points, aliases):
+        meant = meant_in_rules(aliases, points, {})
+        return [finding.kind for finding in examine(points, recording.time, recording.rate, meant=meant)]
+
+    assert meant_in_rules(rules("T1", "T10"), swapped, {}) == {}
+    assert found(swapped, rules("T1", "T10")) == ["exchanged"]
+    assert found(swapped, rules("T10", "T1")) == []
+    assert found(recording.positions, rules("T10", "T1")) == ["exchanged"]
+    # One of both alone, the other inside a rule.
+    mixed = {**rules("T10", "T1"), "C7": "T10"}
+    assert meant_in_rules(mixed, swapped, {"C7": "T10"}) == {"T10": "T1"}
+
+
+def test_an_exchange_inside_rules_is_mended_through_the_reader(shared, project):
+    """The study's own aliases with T1 and T10 in each other's place fill C7 and T12 of the file so exchanged."""
+    from dataclasses import replace
+
+    from lumbar.config.settings_files import load_settings
+    from lumbar.quality.screening import Screening
+
+    path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
+    layout = load_settings(project / "config" / "studies" / "box_transfer.yaml").lifting.markers
+    sound = read_markers(path, layout)
+    exchange = {"T1": "T10", "T10": "T1"}
+    aliases = {
+        name: replace(alias, between=tuple(exchange.get(part, part) for part in alias.between))
+        if hasattr(alias, "between")
+        else alias
+        for name, alias in layout.aliases.items()
+    }
+    screening = Screening(1.75, aliases)
+
+    def screen(points, time, rate):
+        return screening(exchanged(points, "T1", "T10", slice(None)), time, rate)
+
+    mended = read_markers(path, replace(layout, aliases=aliases), screen=screen)
+    assert screening.findings == []
+    np.testing.assert_array_equal(mended["C7"], sound["C7"])
+    np.testing.assert_array_equal(mended["T12"], sound["T12"])
+
+
 def test_nothing_of_a_sound_lift_changes(points, lift_of, monkeypatch):
     screened = lift_of(points)
     monkeypatch.setattr("lumbar.quality.screening.examine", lambda *_: [])

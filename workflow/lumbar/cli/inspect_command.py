@@ -37,10 +37,12 @@ def run(options) -> None:
     """Inspect the files, print what was found, draw it where asked; files that cannot be read come last."""
     import json
 
-    from lumbar.interface.inspecting import inspect
+    from lumbar.interface.inspecting import check_picture, inspect
 
     if options.picture and len(options.files) > 1:
         raise InputError(f"--picture draws one file; {len(options.files)} are given")
+    if options.picture:
+        check_picture(options.picture)
     settings = load_settings(*options.config).lifting if options.config else None
     problems, found = Problems("files"), []
     for path in options.files:

@@ -67,6 +67,8 @@ def inspect(
     from lumbar.quality.sheet import quality_sheet
 
     path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{path}: a folder; give the files in it, e.g. {path}/*.c3d")
     layout = (settings or LiftingSettings()).markers
     open_layout = replace(layout, required=(), check_axes=False)
     screening = Screening(height_m, layout.aliases, refuse=False)
@@ -85,7 +87,7 @@ def inspect(
         LiftingSettings(), markers=replace(layout, up=open_layout.up, forward=open_layout.forward)
     )
     return Inspected(
-        quality_sheet(recording, screening.points, screening.findings),
+        quality_sheet(recording, screening.points, screening.findings, screening.unchecked),
         axes,
         _plates(path, open_layout),
         _pipeline(path, chosen, height_m),
@@ -163,6 +165,12 @@ def _pipeline(path: Path, settings: LiftingSettings, height_m: float | None) -> 
         return True, str(lift(path, subject, 0.0, settings=settings))
     except (InputError, NumericalError) as error:
         return False, str(error)
+
+
+def check_picture(path: Path) -> None:
+    """Raise `InputError` for a picture in a format that is not written."""
+    if path.suffix not in (".svg", ".pdf"):
+        raise InputError(f"{path}: pictures are written as .svg or .pdf")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -250,8 +258,7 @@ class Inspected:
         from lumbar.reports.figures.style import save
 
         path = Path(path)
-        if path.suffix not in (".svg", ".pdf"):
-            raise InputError(f"{path}: pictures are written as .svg or .pdf")
+        check_picture(path)
         figure = quality_figure(self.sheet, self.points, self.time, self.meant)
         save(figure, path.with_suffix(""), Path(self.sheet.file).name, (path.suffix[1:],))
 

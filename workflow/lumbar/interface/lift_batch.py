@@ -152,7 +152,7 @@ def lift_all(
 def _row(item: PlannedLift, found: Lift) -> dict:
     events = found.analysed.events
     methods = found_by(found.analysed.recording, events)
-    columns = {}
+    columns: dict[str, float | str | None] = {}
     for name, event in events.items():
         columns[f"{name}_s"], columns[f"{name}_method"] = event.time_s, methods[name]
         columns[f"{name}_earliest_s"], columns[f"{name}_latest_s"] = event.earliest_s, event.latest_s

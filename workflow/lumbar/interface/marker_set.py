@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from lumbar.quality.landmarks import landmarks
@@ -152,10 +153,7 @@ def joined_aliases(sets: Sequence[MarkerSet]) -> dict[str, tuple]:
     for item in sets:
         for name, term in item.aliases.items():
             joined.setdefault(name, {})[term] = None
-    return {
-        name: tuple(sorted(terms, key=lambda term, name=name: _rank(name, term)))
-        for name, terms in joined.items()
-    }
+    return {name: tuple(sorted(terms, key=partial(_rank, name))) for name, terms in joined.items()}
 
 
 def _rank(name: str, term: Alias) -> tuple[int, int]:

@@ -6,12 +6,14 @@ from functools import partial
 
 import numpy as np
 
-from lumbar.quality.body import order_exchanges, side_exchanges, stature_found
+from lumbar.quality.body import levels_found, order_exchanges, rightward, side_exchanges, stature_found
+from lumbar.quality.displacement import Displaced, displaced
 from lumbar.quality.exchanges import Exchange, lands_on, take_exchanges
 from lumbar.quality.finding import ERROR, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
 from lumbar.quality.landmarks import landmarks
-from lumbar.quality.leaps import Leap, displaced, find_leaps, step_sizes
+from lumbar.quality.leaps import Leap, find_leaps, step_sizes
 from lumbar.quality.lengths import length, off_its_part, rigid_mates
+from lumbar.quality.missing_frames import missing_frames
 from lumbar.quality.tempo import HIGHEST_HZ, LOWEST_HZ, USUAL_HZ, frequency_scale
 from lumbar.quality.trajectories import LABORATORY_M, beyond_laboratory, copied, frozen
 
@@ -24,6 +26,9 @@ _CLOUD_M = (0.15, 6.0)
 _FACTORS = (1000.0, 100.0, 10.0, 25.4, 2.54)
 _RESTLESS_LEAPS, _RESTLESS_SHARE = 12, 0.01
 _JITTER_M = 3e-3
+_RMS_OF_STEPS = 0.504
+"""Of white noise, its root mean square in space by the median size of half the third differences: sqrt(3 / 5) over the
+median 1.538 of a chi distribution with three degrees of freedom."""
 _SAMPLES = 400
 _EXCHANGED_HERE = (
     "their labels are exchanged in these frames, which are gaps of both until somebody labels them again in the capture "
@@ -77,9 +82,48 @@ def examine(
     found, points = _leaps(points, named, clock)
     findings += found
     findings += _rigid_parts(points, clock)
-    findings += _stature(points, named, clock, height_m) + _tempo(points, clock) + _jitter(points, clock)
+    findings += _stature(points, named, clock, height_m) + _jitter(points, clock)
+    if not any(finding.kind == "missing frames" for finding in findings):
+        findings += _tempo(points, clock)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
+
+
+def unchecked(
+    points: dict[str, np.ndarray],
+    rate: float,
+    height_m: float | None = None,
+    meant: dict[str, str] | None = None,
+) -> dict[str, str]:
+    """Return what `examine` cannot compare with a body in a recording, with the reason.
+
+    Parameters
+    ----------
+    points, rate, height_m, meant
+        As of `examine`.
+    """
+    if not points:
+        return {}
+    named = {label: landmark for landmark, label in landmarks(points, meant).items()}
+    sampled = _sampled(points)
+    _, lengths = stature_found(sampled, named)
+    sides, depths = rightward(sampled, named)
+    found = {}
+    if lengths < 2:
+        reason = f"the labels name {'one length' if lengths else 'no length'} of a body"
+        found["stature"] = reason
+        found["unit"] = (
+            f"{reason}; all markers of a frame fill {_cloud(sampled):.2g} m, and that is all that is known"
+        )
+    elif not height_m:
+        found["stature"] = "height_m is not given"
+    if len(sides) + len(depths) < 3:
+        found["left and right"] = "the labels name fewer than three pairs of sides"
+    if len(levels_found(sampled, named)) < 2:
+        found["order along the trunk"] = "the labels name no trunk"
+    if frequency_scale(points, rate) is None:
+        found["rate"] = "too short, or the person hardly moves"
+    return found
 
 
 def hidden(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
@@ -155,13 +199,16 @@ def _leaps(
 ) -> tuple[list[Finding], dict[str, np.ndarray]]:
     """Exchanged labels, leaps and spikes; the points with exchanges undone and leaps left out, for the checks that follow."""
     found = {label: find_leaps(positions, clock.rate) for label, positions in points.items()}
-    exchanges, remaining = take_exchanges({label: leaps for label, (leaps, _) in found.items()})
+    leaps = {label: leaps for label, (leaps, _) in found.items()}
+    missing, leaps = _missing_frames(points, leaps, clock)
+    exchanges, remaining = take_exchanges(leaps)
     n_frames = len(clock.time)
     chosen = {exchange: _shorter(exchange, n_frames) for exchange in exchanges}
     straight = points
     for exchange, stretches in chosen.items():
         straight = _exchanged(straight, (exchange.first, exchange.second), stretches)
-    findings = _displaced(straight, remaining, {label: spikes for label, (_, spikes) in found.items()}, clock)
+    spikes = {label: spikes for label, (_, spikes) in found.items()}
+    findings = missing + _displaced(straight, remaining, spikes, clock)
     straight = hidden(straight, findings)
     whole, mirrored = _whole_exchanges(straight, named)
     for pair, _ in whole:
@@ -187,6 +234,15 @@ def _leaps(
         cause = "the labels of both sides are exchanged, or an axis of the file is mirrored"
         findings.append(clock.finding("mirrored", ERROR, (), mirrored, cause))
     return findings, straight
+
+
+def _missing_frames(
+    points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], clock: Clock
+) -> tuple[list[Finding], dict[str, list[Leap]]]:
+    """Frames between which most markers leap, not counting exchanges; without any, the leaps as they are."""
+    _, others = take_exchanges(leaps)
+    findings, _ = missing_frames(points, others, clock)
+    return (findings, missing_frames(points, leaps, clock)[1]) if findings else ([], leaps)
 
 
 def _whole_exchanges(
@@ -250,8 +306,9 @@ def _displaced(
                 )
             )
             continue
-        for stretch, leap in displaced(leaps[label], positions, clock.rate):
-            findings.append(_jump(points, label, stretch, leap, clock))
+        stretches, untold = displaced(points, label, leaps, clock.rate)
+        findings += [_jump(points, label, stretch, clock) for stretch in stretches]
+        findings += [_untold(label, leap, clock) for leap in untold]
         for spike in spikes[label]:
             evidence = f"off its way by up to {_off_way(positions, spike) * 1e3:.0f} mm and back"
             cause = "a reflection taken for the marker"
@@ -264,18 +321,25 @@ def _off_way(positions: np.ndarray, spike: slice) -> float:
     return float(np.nanmax(np.linalg.norm(positions[spike] - ends.mean(axis=0), axis=1)))
 
 
-def _jump(points, label: str, stretch: slice, leap: Leap, clock: Clock) -> Finding:
+def _jump(points, label: str, stretch: Displaced, clock: Clock) -> Finding:
+    leap = stretch.leap
     other = lands_on(leap, label, points)
     cause = (
         f"it lies where {other} was: labels were taken for each other"
         if other
         else "another reflection under this label, or a marker that came off"
     )
-    where = clock.time[leap.first]
+    evidence = f"leaps {leap.size * 1e3:.0f} mm at {clock.time[leap.first]:.2f} s, {stretch.seen}"
+    return clock.finding("jump", LEFT_OUT, (label,), evidence, cause, stretch.frames)
+
+
+def _untold(label: str, leap: Leap, clock: Clock) -> Finding:
     evidence = (
-        f"leaps {leap.size * 1e3:.0f} mm at {where:.2f} s, and is elsewhere than in the rest of the recording"
+        f"leaps {leap.size * 1e3:.0f} mm at {clock.time[leap.first]:.2f} s; its distances to other markers do not show "
+        "whether it is wrong before or after"
     )
-    return clock.finding("jump", LEFT_OUT, (label,), evidence, cause, stretch)
+    cause = "look at it in the capture software: nothing is left out"
+    return clock.finding("jump", NOTED, (label,), evidence, cause, slice(leap.last, leap.first + 1))
 
 
 def _rigid_parts(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
@@ -318,8 +382,10 @@ def _jitter(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
         size = step_sizes(positions)
         usual = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
         if usual > _JITTER_M:
-            evidence = f"restless by {usual * 1e3:.1f} mm from frame to frame in half of them"
+            evidence = f"noise of about {_RMS_OF_STEPS * usual * 1e3:.1f} mm (root mean square distance from a smooth way)"
             findings.append(
-                clock.finding("jitter", NOTED, (label,), evidence, "few cameras see it, or a high rate")
+                clock.finding(
+                    "jitter", NOTED, (label,), evidence, "few cameras see it, or they are badly calibrated"
+                )
             )
     return findings

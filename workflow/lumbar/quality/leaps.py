@@ -1,4 +1,4 @@
-"""Leaps of a marker from one frame to the next that no body makes, and the stretches they bound.
+"""Leaps of a marker from one frame to the next that no body makes.
 
 Between frames k and k + 1 the line through frames k - 1 and k and that through k + 1 and k + 2 are continued to the middle; what
 lies between them there is half the third difference. Constant velocity and acceleration leave it zero, so that a fast
@@ -18,9 +18,10 @@ SMALLEST_M = 0.02
 _JERK_M_S3 = 2500.0
 """Half the jerk of a foot that strikes the floor: with the cube of the sampling time it moves a marker as a leap would."""
 _BLOCK = 32
-_ABOVE_UNREST = 8.0
+ABOVE_UNREST = 8.0
 """How far a leap stands out of the marker's own third differences beside it (their 80th percentile)."""
-_LONGEST_GAP_S = 0.5
+LONGEST_GAP_S = 0.5
+"""Across longer gaps nothing is compared."""
 _GAP_M, _GAP_M_S2 = 0.05, 4.0
 """What a marker may be off after a gap of t seconds: a constant and a share of t squared."""
 _LINE = 3
@@ -98,16 +99,20 @@ def step_sizes(positions: np.ndarray) -> np.ndarray:
     return size
 
 
-def _thresholds(size: np.ndarray, rate: float) -> np.ndarray:
-    """Size from which a step is a leap, by the unrest of the marker about it, shape of `size`."""
-    floor = max(SMALLEST_M, _JERK_M_S3 / rate**3)
+def unrest(size: np.ndarray) -> np.ndarray:
+    """80th percentile of the steps of a marker in each block of frames, shape of `size`."""
     blocks = -(-len(size) // _BLOCK)
     padded = np.full(blocks * _BLOCK, np.nan)
     padded[: len(size)] = size
     ordered = np.sort(padded.reshape(blocks, _BLOCK), axis=1)
     at = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0) * 4 // 5
-    unrest = np.nan_to_num(np.take_along_axis(ordered, at[:, None], axis=1))
-    return np.maximum(floor, _ABOVE_UNREST * np.repeat(unrest, _BLOCK)[: len(size)])
+    found = np.nan_to_num(np.take_along_axis(ordered, at[:, None], axis=1))
+    return np.repeat(found, _BLOCK)[: len(size)]
+
+
+def _thresholds(size: np.ndarray, rate: float) -> np.ndarray:
+    """Size from which a step is a leap, by the unrest of the marker about it, shape of `size`."""
+    return np.maximum(max(SMALLEST_M, _JERK_M_S3 / rate**3), ABOVE_UNREST * unrest(size))
 
 
 def _line(positions: np.ndarray, frames: np.ndarray, at: float) -> np.ndarray:
@@ -144,42 +149,9 @@ def _across_gaps(positions: np.ndarray, rate: float) -> list[Leap]:
     for gap in runs(~seen):
         seconds = (gap.stop - gap.start) / rate
         beside = seen[max(0, gap.start - _LINE) : gap.start], seen[gap.stop : gap.stop + _LINE]
-        if seconds > _LONGEST_GAP_S or min(side.sum() for side in beside) < _LINE:
+        if seconds > LONGEST_GAP_S or min(side.sum() for side in beside) < _LINE:
             continue
         before, after = _continued(positions, gap.start - 1, gap.stop)
         if np.linalg.norm(after - before) > _GAP_M + _GAP_M_S2 * seconds**2:
             leaps.append(Leap(gap.start - 1, gap.stop, before, after))
     return leaps
-
-
-def displaced(leaps: list[Leap], positions: np.ndarray, rate: float) -> list[tuple[slice, Leap]]:
-    """Stretches in which a marker is elsewhere than in most of its frames, each with the leap that leads to it or from it.
-
-    The displacements of successive leaps add up; stretches whose sums agree belong together, and those with most frames are
-    taken for right. A gap of more than half a second ends what can be compared.
-    """
-    seen = np.isfinite(positions[:, 0])
-    stretches = []
-    for section in _sections(seen, rate):
-        inside = [leap for leap in leaps if section.start < leap.first < section.stop]
-        if inside:
-            stretches += _displaced_in(section, inside, seen)
-    return stretches
-
-
-def _sections(seen: np.ndarray, rate: float) -> list[slice]:
-    long = [gap for gap in runs(~seen) if gap.stop - gap.start > _LONGEST_GAP_S * rate]
-    edges = [0, *(edge for gap in long for edge in (gap.start, gap.stop)), len(seen)]
-    return [slice(*pair) for pair in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _displaced_in(section: slice, leaps: list[Leap], seen: np.ndarray) -> list[tuple[slice, Leap]]:
-    starts = [section.start, *(leap.first for leap in leaps)]
-    stops = [*(leap.last + 1 for leap in leaps), section.stop]
-    frames = [slice(*pair) for pair in zip(starts, stops, strict=True)]
-    offsets = np.cumsum([np.zeros(3), *(leap.step for leap in leaps)], axis=0)
-    tolerance = 0.4 * min(leap.size for leap in leaps)
-    near = np.linalg.norm(offsets[:, None] - offsets[None], axis=2) < tolerance
-    counts = np.array([seen[part].sum() for part in frames])
-    right = near[int(np.argmax(near @ counts))]
-    return [(frames[index], leaps[max(0, index - 1)]) for index in range(len(frames)) if not right[index]]

@@ -11,7 +11,8 @@ import numpy as np
 from lumbar.errors import InputError
 from lumbar.quality.axes import check_unaliased_up
 from lumbar.quality.finding import ERROR, LEFT_OUT, PROPOSED, Finding
-from lumbar.quality.gate import examine, hidden
+from lumbar.quality.gate import examine, hidden, unchecked
+from lumbar.quality.rule_labels import meant_in_rules
 from lumbar.quality.sheet import QualitySheet, quality_sheet
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
 from lumbar.settings.layout import Alias, MarkerLayout
@@ -33,6 +34,8 @@ class Screening:
         Of the file read last.
     points : dict of str to ndarray, shape (n_frames, 3)
         Its measured markers by label, as they were before anything was left out.
+    unchecked : dict of str to str
+        What could not be compared with a body, with the reason.
     """
 
     height_m: float | None = None
@@ -40,13 +43,16 @@ class Screening:
     refuse: bool = True
     findings: list[Finding] = field(default_factory=list)
     points: dict[str, np.ndarray] = field(default_factory=dict)
+    unchecked: dict[str, str] = field(default_factory=dict)
 
     def __call__(
         self, points: dict[str, np.ndarray], time: np.ndarray, rate: float
     ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
         """Return the points without what the findings leave out, and why a marker is left out altogether."""
         meant = meant_labels(self.aliases, points)
+        meant = meant_in_rules(self.aliases, points, meant) | meant
         self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
+        self.unchecked = unchecked(points, rate, self.height_m, meant)
         errors = [finding for finding in self.findings if finding.outcome == ERROR]
         if errors and self.refuse:
             raise InputError("; ".join(map(str, errors)))
@@ -110,7 +116,7 @@ def read_screened(
     except InputError as error:
         text = str(error)
         raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error
-    return recording, quality_sheet(recording, screening.points, _concerning(screening))
+    return recording, quality_sheet(recording, screening.points, _concerning(screening), screening.unchecked)
 
 
 def _concerning(screening: Screening) -> list[Finding]:

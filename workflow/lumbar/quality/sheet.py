@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +59,8 @@ class QualitySheet:
     events : tuple of RecordedEvent
     notes : tuple of str
         What the file contradicts itself in.
+    unchecked : dict of str to str
+        What could not be compared with a body, with the reason.
     """
 
     file: str
@@ -75,6 +77,7 @@ class QualitySheet:
     unused: tuple[str, ...]
     events: tuple[RecordedEvent, ...]
     notes: tuple[str, ...]
+    unchecked: dict[str, str] = field(default_factory=dict)
 
     @property
     def missing_share(self) -> float:
@@ -101,7 +104,12 @@ class QualitySheet:
             lines.append(f"events in the file: {shown}")
         lines += [f"note: {note}" for note in self.notes]
         lines.append(self._gaps_in_words())
-        lines += [f"{finding.outcome}: {finding}" for finding in self.findings] or ["findings: none"]
+        lines += [f"{finding.outcome}: {finding}" for finding in self.findings] or [
+            "findings: none" + (" in what could be checked" if self.unchecked else "")
+        ]
+        if self.unchecked:
+            reasons = "; ".join(f"{what} ({reason})" for what, reason in self.unchecked.items())
+            lines.append(f"not checked: {reasons}")
         return lines
 
     def _gaps_in_words(self) -> str:
@@ -123,7 +131,10 @@ def _event(event: RecordedEvent) -> str:
 
 
 def quality_sheet(
-    recording: MarkerRecording, points: dict[str, np.ndarray], findings: Sequence[Finding]
+    recording: MarkerRecording,
+    points: dict[str, np.ndarray],
+    findings: Sequence[Finding],
+    unchecked: dict[str, str] | None = None,
 ) -> QualitySheet:
     """Return the sheet of a recording.
 
@@ -133,6 +144,8 @@ def quality_sheet(
     points : dict of str to ndarray, shape (n_frames, 3)
         Measured markers by the file's labels, before anything was left out.
     findings : sequence of Finding
+    unchecked : dict of str to str, optional
+        As of `lumbar.quality.gate.unchecked`.
     """
     return QualitySheet(
         file=recording.source,
@@ -149,6 +162,7 @@ def quality_sheet(
         unused=recording.unused,
         events=recording.events,
         notes=recording.notes,
+        unchecked=dict(unchecked or {}),
     )
 
 
