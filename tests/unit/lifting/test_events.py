@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from lumbar.errors import InputError
-from lumbar.lifting.events import _lift_off, box_centre, find_events, phases
+from lumbar.lifting.carried_object import box_centre
+from lumbar.lifting.events import _lift_off, find_events, phases
 from lumbar.lifting.filtering import filter_markers
 from lumbar.lifting.gaps import fill_gaps
 from lumbar.records.markers import MarkerRecording, read_markers

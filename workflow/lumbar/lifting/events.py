@@ -8,7 +8,6 @@ there are no markers on the box, the hands stand for it. An event that a recordi
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import Problems
+from lumbar.lifting.carried_object import WRISTS, carried_object, longest_seen, speed, wrist_centre
 from lumbar.lifting.filtering import derivative
 from lumbar.lifting.hands import great_rises, hands_lifted, hands_lowered
 from lumbar.records.markers import MarkerRecording
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 EVENTS = ("lift_off", "toe_off", "deposit_start", "release")
 """In the order in which they happen. Any of them may be absent: a lifter deposits without a step, or not at all."""
 DETECTED, DECLARED, ABSENT = "detected", "declared", "absent"
-WRISTS = ("L_WRIST", "R_WRIST")
 TOES = ("L_TOE", "R_TOE")
 ONSET = 0.1
 """What rises or descends for good has begun to, without doubt, once it has gone this share of the way."""
@@ -67,41 +66,8 @@ class Event:
         return asdict(self)
 
 
-def speed(points: np.ndarray, rate: float) -> np.ndarray:
-    """Speed of filtered positions, shape (n,) in m/s; NaN where a sample is missing."""
-    return np.linalg.norm(derivative(points, rate), axis=1)
-
-
 class NotFound(Exception):
     """An event that the recording does not hold; the text says why."""
-
-
-def best_seen(recording: MarkerRecording, names: Iterable[str]) -> list[str]:
-    """Those markers that are seen whenever the longest seen one is; none without markers."""
-    seen = {name: np.isfinite(recording[name]).all(axis=1) for name in names if name in recording}
-    if not seen:
-        return []
-    best = max(seen.values(), key=np.count_nonzero)
-    return [name for name, when in seen.items() if when[best].all()]
-
-
-def mean_of_best_seen(recording: MarkerRecording, names: Iterable[str]) -> np.ndarray | None:
-    """Mean of those markers that are seen whenever the longest seen one is, shape (n, 3); None without markers.
-
-    A marker that is missing for a while is left out altogether: it would shift the mean when it comes and goes.
-    """
-    best = best_seen(recording, names)
-    return np.mean([recording[name] for name in best], axis=0) if best else None
-
-
-def box_centre(recording: MarkerRecording) -> np.ndarray | None:
-    """Centre of the box markers, shape (n, 3) in metres; None without box markers, NaN where they are not seen."""
-    return mean_of_best_seen(recording, [name for name in recording.positions if name.startswith("BOX_")])
-
-
-def wrist_centre(recording: MarkerRecording) -> np.ndarray | None:
-    """Mean of the wrists in the recording, shape (n, 3) in metres; None without wrists."""
-    return mean_of_best_seen(recording, WRISTS)
 
 
 def found_by(recording: MarkerRecording, events: dict[str, Event]) -> dict[str, str]:
@@ -112,19 +78,6 @@ def found_by(recording: MarkerRecording, events: dict[str, Event]) -> dict[str, 
         name: words.get(event.method, "toes" if name == "toe_off" else carried)
         for name, event in events.items()
     }
-
-
-def carried_object(recording: MarkerRecording) -> tuple[np.ndarray | None, str]:
-    """What is lifted: the box, or the hands where there are no markers on it, and which of the two it is."""
-    box = box_centre(recording)
-    return (wrist_centre(recording), "hands") if box is None else (box, "box")
-
-
-def _longest_seen(recording: MarkerRecording, points: np.ndarray) -> MarkerRecording:
-    """The longest part of a recording throughout which `points` are seen."""
-    stretch = max(runs(np.isfinite(points).all(axis=1)), key=lambda run: run.stop - run.start)
-    positions = {name: values[stretch] for name, values in recording.positions.items()}
-    return replace(recording, time=recording.time[stretch], positions=positions)
 
 
 def find_events(
@@ -192,7 +145,7 @@ class _Search:
         self.whole, self.settings, self.found = recording, settings, {}
         self.part = self.points = None
         if points is not None and np.isfinite(points).any():
-            self.part = _longest_seen(recording, points)
+            self.part = longest_seen(recording, points)
             self.points = carried_object(self.part)[0]
 
     def event(self, name: str) -> Event:

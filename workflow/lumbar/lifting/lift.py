@@ -9,20 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import InputError, LumbarError, Problems
+from lumbar.lifting.carried_object import WRISTS, best_seen, box_centre, carried_object, speed, wrist_centre
 from lumbar.lifting.centre_of_mass import CentreOfMass, absent_segments, centres_of_mass
-from lumbar.lifting.events import (
-    EVENTS,
-    TOES,
-    WRISTS,
-    Event,
-    best_seen,
-    box_centre,
-    carried_object,
-    find_events,
-    phases,
-    speed,
-    wrist_centre,
-)
+from lumbar.lifting.events import EVENTS, TOES, Event, find_events, phases
 from lumbar.lifting.filtering import filter_markers, shortest_stretch
 from lumbar.lifting.gaps import ERROR, KEEP, Gap, fill_gaps, refuse_open_gaps, without_islands
 from lumbar.lifting.missing_samples import why_missing

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import InputError, LumbarError
+from lumbar.lifting.carried_object import carried_object
 from lumbar.lifting.centre_of_mass import held_frames
-from lumbar.lifting.events import carried_object
 from lumbar.lifting.filtering import derivative, low_pass
 from lumbar.lifting.joint_centres import unit
 from lumbar.lifting.pendulum_states import turn
