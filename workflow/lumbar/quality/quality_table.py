@@ -18,6 +18,7 @@ _DEFINITIONS = {
     "estimated": "Standard markers that the file does not hold and a rule fills.",
     "left_out": "Stretches of a marker left out because they cannot be a body's.",
     "findings": "What was found, with marker and time; each kind is explained in docs/quality.md.",
+    "not_checked": "What the file's markers did not allow to check; why stands in quality.json.",
 }
 
 
@@ -59,4 +60,5 @@ def _row(sheet: dict) -> dict:
         "estimated": ", ".join(sheet["estimated"]) or "none",
         "left_out": sum(finding["outcome"] in ("left out", "proposed") for finding in sheet["findings"]),
         "findings": "; ".join(findings) or "none",
+        "not_checked": ", ".join(sheet["unchecked"]) or "none",
     }
