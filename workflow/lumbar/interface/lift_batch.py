@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from lumbar.errors import InputError, LumbarError
 from lumbar.interface.person import Lift, lift, without_pendulum
 from lumbar.interface.trials import lift_names, marker_files
-from lumbar.lifting.events import EVENTS, found_by
+from lumbar.lifting.event import EVENTS
+from lumbar.lifting.events import found_by
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:

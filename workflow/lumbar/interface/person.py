@@ -14,6 +14,7 @@ from lumbar.interface.data_label import NOT_SAID, data_label
 from lumbar.interface.trials import static_of, trial_of
 from lumbar.lifting import lift as lifting
 from lumbar.lifting.events import found_by, hands_doubt
+from lumbar.lifting.file_events import comparison
 from lumbar.lifting.rigid_filling import BodyFilling
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
@@ -197,6 +198,11 @@ class Lift:
         """Whether hands that stand for the box may have made several lifts; empty where not."""
         return hands_doubt(self.analysed.recording, self.analysed.events, self.settings.events)
 
+    @property
+    def file_events(self) -> list[str]:
+        """Lines on the events that the file itself holds, beside those detected."""
+        return comparison(self.analysed.recording, self.analysed.events, self.settings.events.labels)
+
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``quality`` and what figures need."""
         from lumbar.files import write_csv, write_json
@@ -214,7 +220,10 @@ class Lift:
             write_csv(folder / f"{name}.csv", frame.assign(**label))
         events = {name: event.as_dict() for name, event in self.analysed.events.items()}
         rules = plain(self.settings.events)
-        write_json(folder / "events.json", {"lift": self.name, "events": events, "rules": rules, **label})
+        in_file = {"file": self.file_events} if self.file_events else {}
+        write_json(
+            folder / "events.json", {"lift": self.name, "events": events, **in_file, "rules": rules, **label}
+        )
         checked = {"force_plates": self.plates.as_dict() if self.plates else None}
         write_json(folder / "quality.json", {"lift": self.name, **self.quality.as_dict(), **label})
         write_json(folder / "pendulum.json", {**self.facts, **checked, **label})
@@ -237,7 +246,7 @@ class Lift:
             lines.append(
                 "the hands stand for the box, which has no markers; whether they hold anything is not known"
             )
-        return [*lines, *filter(None, [self.doubt])]
+        return [*lines, *filter(None, [self.doubt]), *self.file_events]
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"

@@ -31,7 +31,11 @@ class TrialSettings:
         default=None,
         unit="s",
     )
-    events: DeclaredEvents | None = key("Times set by hand; they replace the detected ones.", default=None)
+    events: DeclaredEvents | Literal["file"] | None = key(
+        "Times set by hand, which replace the detected ones; or file: the events that the recording's own file holds replace "
+        "them (lifting.events.labels).",
+        default=None,
+    )
 
     def __post_init__(self):
         if self.window_s is not None and not self.window_s[0] < self.window_s[1]:
