@@ -66,12 +66,15 @@ def fitted(shape: np.ndarray, frames: np.ndarray) -> np.ndarray:
     ndarray, shape (n, m, 3)
     """
     known = shape[: frames.shape[1]]
-    middle, centres = known.mean(axis=0), frames.mean(axis=1, keepdims=True)
-    covariance = np.einsum("ki,nkj->nij", known - middle, frames - centres)
-    left, _, right = np.linalg.svd(covariance)
-    turned = np.linalg.det(left @ right)
-    left[:, :, 2] *= turned[:, None]
-    return (shape - middle) @ (left @ right) + centres
+    return (shape - known.mean(axis=0)) @ _turns(known, frames) + frames.mean(axis=1, keepdims=True)
+
+
+def _turns(known: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Rotations that lay points, shape (k, 3), best on each frame, shape (n, k, 3); shape (n, 3, 3)."""
+    centred = frames - frames.mean(axis=1, keepdims=True)
+    left, _, right = np.linalg.svd(np.einsum("ki,nkj->nij", known - known.mean(axis=0), centred))
+    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
+    return left @ right
 
 
 def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source: str) -> BodyShape | None:
@@ -92,10 +95,11 @@ def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source
     frames = frames[np.isfinite(frames).all(axis=(1, 2))]
     if not len(frames):
         return None
-    shape = frames[0]
+    shape, few = frames[0], _few(frames)
     for _ in range(ALIGNMENTS):
-        # The frames laid on the shape, which is the shape laid on the frames the other way round.
-        shape = np.mean([fitted(frame, shape[None])[0] for frame in _few(frames)], axis=0)
+        # The frames laid on the shape: the rotations of the shape laid on the frames, the other way round.
+        back = _turns(shape, few).transpose(0, 2, 1)
+        shape = ((few - few.mean(axis=1, keepdims=True)) @ back).mean(axis=0) + shape.mean(axis=0)
     residual = float(np.sqrt(np.mean(np.sum((fitted(shape, frames) - frames) ** 2, axis=2))))
     return BodyShape(names, shape, residual, source)
 
@@ -178,6 +182,8 @@ def carried_by_the_body(
     frames : dict of str to int
         Frames filled, of the markers that have any.
     """
+    if all(np.isfinite(points).all() for points in markers.values()):
+        return markers, {}
     shape = body_shape(markers, markers, "")
     if shape is None:
         return markers, {}
@@ -213,6 +219,8 @@ class BodyFilling:
         for body, markers in self.rules.rigid.items():
             named = [label for marker in markers for label in labels_of(marker, self.aliases)]
             labels = [label for label in dict.fromkeys(named) if label in points]
+            if not any(_has_long_gap(points[label], rate, self.rules.maximum_s) for label in labels):
+                continue
             shape = body_shape(self.static, labels, "the static trial")
             shape = shape or body_shape(points, labels, "this recording")
             if shape is None or shape.residual_m > self.rules.rigid_tolerance_m:
@@ -220,6 +228,11 @@ class BodyFilling:
             points, gaps = fill_rigid(points, rate, float(time[0]), shape, body, self.rules.maximum_s)
             self.gaps += gaps
         return points
+
+
+def _has_long_gap(points: np.ndarray, rate: float, longer_than_s: float) -> bool:
+    missing = ~np.isfinite(points).all(axis=1)
+    return any(_is_long(gap, len(points), rate, longer_than_s) for gap in runs(missing))
 
 
 def _is_long(gap: slice, frames: int, rate: float, longer_than_s: float) -> bool:

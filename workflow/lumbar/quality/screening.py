@@ -52,7 +52,7 @@ class Screening:
         meant = meant_labels(self.aliases, points)
         meant = meant_in_rules(self.aliases, points, meant) | meant
         self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
-        self.unchecked = unchecked(points, rate, self.height_m, meant)
+        self.unchecked = unchecked(points, self.height_m, meant)
         errors = [finding for finding in self.findings if finding.outcome == ERROR]
         if errors and self.refuse:
             raise InputError("; ".join(map(str, errors)))

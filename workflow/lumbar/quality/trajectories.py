@@ -103,7 +103,12 @@ def copied(points: dict[str, np.ndarray], clock: Clock, named: dict[str, str]) -
 
 
 def _touching_pairs(points: dict[str, np.ndarray]) -> list[tuple[int, int]]:
-    """Pairs of markers that touch in some frame: neighbours in order of one coordinate, up to two places apart."""
+    """Pairs of markers that touch in some frame: neighbours in order of one coordinate, up to two places apart.
+
+    Every third frame is looked at: shorter copies are not told anyway.
+    """
+    every = min(_SHORTEST_COPY, len(next(iter(points.values()))))
+    points = {label: positions[::every] for label, positions in points.items()}
     n_frames = len(next(iter(points.values())))
     pairs: set[tuple[int, int]] = set()
     for start in range(0, n_frames, _FRAMES_AT_ONCE):
