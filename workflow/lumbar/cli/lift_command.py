@@ -45,11 +45,13 @@ def add(commands) -> None:
 
 
 def run(options) -> None:
-    """Analyse the lifts, write their pendulums, print their events and, of one, the checks of its centres of mass."""
-    settings = load_settings(*options.config).lifting
+    """Analyse the lifts, write their pendulums, print their events and, of one, measures and checks of its centres of mass."""
+    study = load_settings(*options.config)
+    settings = study.lifting
     if len(options.markers) > 1 or options.markers[0].is_dir():
         _run_all(options, settings)
         return
+    from lumbar.interface.movement import measure_movement
     from lumbar.interface.person import lift
 
     found = lift(
@@ -62,7 +64,10 @@ def run(options) -> None:
         data=options.data or options.markers[0].name,
     )
     found.save(options.output)
+    measures = measure_movement(found, settings=study.stability)
+    measures.save(options.output)
     print(found)
+    print(measures)
     print("\n".join(found.checks))
     print("\n".join(_closing(found, options.output)))
 
