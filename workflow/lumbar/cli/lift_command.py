@@ -26,7 +26,7 @@ def add(commands) -> None:
         type=Path,
         nargs="+",
         metavar="MARKERS",
-        help="C3D, TRC, CSV or BVH file; several files, or a folder with C3D and TRC files: each lift has a folder "
+        help="C3D, TRC, CSV, MAT or BVH file (.gz too); several files, or a folder: each lift has a folder "
         "of its own in DIR, and lifts.csv lists all",
     )
     parser.add_argument("--subject", type=Path, required=True, metavar="YAML", help="as in config/subjects")
@@ -37,6 +37,12 @@ def add(commands) -> None:
         "--trial",
         metavar="LIFT",
         help="name of the lift, e.g. expert_23kg_2 (default: the subject's trial whose file this is)",
+    )
+    parser.add_argument(
+        "--forces",
+        type=Path,
+        metavar="FILE",
+        help="ground reaction forces of one lift, .mot or C3D (default: the trial's, or those in the file)",
     )
     parser.add_argument("--static", type=Path, metavar="FILE", help="static trial (default: the subject's)")
     add_output(parser)
@@ -61,6 +67,7 @@ def run(options) -> None:
         trial=options.trial,
         settings=settings,
         static=options.static,
+        forces=options.forces,
         data=options.data or options.markers[0].name,
     )
     found.save(options.output)
@@ -85,8 +92,8 @@ def _run_all(options, settings) -> None:
     from lumbar.interface.lift_batch import lift_all, planned_lifts
     from lumbar.interface.person import subject_of
 
-    if options.trial:
-        raise InputError("--trial names one lift of one file: give that file alone")
+    if options.trial or options.forces:
+        raise InputError("--trial and --forces are those of one lift of one file: give that file alone")
     subject = subject_of(options.subject)
     lifts = planned_lifts(options.markers, subject)
     table, failed = lift_all(
