@@ -214,7 +214,7 @@ class Lift:
         return hands_doubt(self.analysed.recording, self.analysed.events, self.settings.events)
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` and facts, ``other_pivots``, ``com``, ``spread``, ``events``, ``gaps``, ``quality``, …"""
+        """Write ``pendulum`` and facts, ``other_pivots``, ``com``, ``spread``, ``events``, ``gaps`` and ``quality``."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
@@ -308,10 +308,18 @@ def basins(
     >>> exact_alone = StabilitySettings(knots=51, checks=())
     >>> basins = lumbar.basins(lift, settings=exact_alone)
     >>> print(basins)
-    thorax, lateral_bending, hanging: 0.2194 rad²/s on average, 0.3508 at first
-    thorax, flexion_extension, hanging: 0.2186 rad²/s on average, 0.3491 at first
-    thorax, lateral_bending, inverted: 0.4545 rad²/s on average, 0.6201 at first
-    thorax, flexion_extension, inverted: 0.4301 rad²/s on average, 0.5512 at first
+    thorax, lateral_bending, inverted, real time: 0.4545 rad²/s on average, 0.6201 at first
+    thorax, flexion_extension, inverted, real time: 0.4301 rad²/s on average, 0.5512 at first
+    abdomen, lateral_bending, inverted, real time: 1.104 rad²/s on average, 1.745 at first
+    abdomen, flexion_extension, inverted, real time: 1.065 rad²/s on average, 1.621 at first
+    pelvis, lateral_bending, inverted, real time: 1.374 rad²/s on average, 2.101 at first
+    pelvis, flexion_extension, inverted, real time: 1.338 rad²/s on average, 1.978 at first
+    thorax, lateral_bending, hanging, unit time: 0.2745 rad²/s on average, 0.4887 at first
+    thorax, flexion_extension, hanging, unit time: 0.2734 rad²/s on average, 0.4861 at first
+    abdomen, lateral_bending, hanging, unit time: 0.6901 rad²/s on average, 1.47 at first
+    abdomen, flexion_extension, hanging, unit time: 0.6885 rad²/s on average, 1.466 at first
+    pelvis, lateral_bending, hanging, unit time: 0.8897 rad²/s on average, 1.928 at first
+    pelvis, flexion_extension, hanging, unit time: 0.889 rad²/s on average, 1.925 at first
     """
     from lumbar.stability.model.lift_trajectories import LiftStates
 
