@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.lifting.gaps import FILLED, Gap, runs
+from lumbar.quality.finding import NOTED, Clock, Finding
 from lumbar.records.marker_aliases import labels_of
 
 if TYPE_CHECKING:
@@ -27,6 +28,9 @@ FLATTEST_M = 0.01
 """Least spread (root mean square) of markers across the line they lie nearest to: less tells no turning about it."""
 BESIDE = 5
 """Frames on each side of a gap whose mean tells what the fit misses there: one alone carries its own noise."""
+OTHER_BODY_M = 0.008
+"""Difference between static trial and recording that is another body's: a pelvis in gait differs by 2 mm from its own static
+trial, and by 15 mm from somebody else's."""
 ALIGNMENTS = 3
 """Times that full frames are laid on their mean: it no longer moves then by a hundredth of a millimetre."""
 
@@ -102,6 +106,23 @@ def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source
         shape = ((few - few.mean(axis=1, keepdims=True)) @ back).mean(axis=0) + shape.mean(axis=0)
     residual = float(np.sqrt(np.mean(np.sum((fitted(shape, frames) - frames) ** 2, axis=2))))
     return BodyShape(names, shape, residual, source)
+
+
+def _misfit(shape: BodyShape, points: Mapping[str, np.ndarray]) -> float | None:
+    """Root mean square by which the body in a recording differs from a shape; None where three markers are never seen together.
+
+    Of markers that are in no frame all seen, the one seen least goes first.
+    """
+    seen = {label: np.isfinite(points[label]).all(axis=1) for label in shape.labels if label in points}
+    names = sorted(seen, key=lambda label: -seen[label].sum())
+    while len(names) >= FEWEST and not np.all([seen[name] for name in names], axis=0).any():
+        names.pop()
+    if len(names) < FEWEST:
+        return None
+    together = np.all([seen[name] for name in names], axis=0)
+    frames = _few(np.stack([points[name][together] for name in names], axis=1))
+    known = shape.points[[shape.labels.index(name) for name in names]]
+    return float(np.sqrt(np.mean(np.sum((fitted(known, frames) - frames) ** 2, axis=2))))
 
 
 def _few(frames: np.ndarray) -> np.ndarray:
@@ -207,11 +228,14 @@ class BodyFilling:
     ----------
     gaps : list of Gap
         What was filled.
+    findings : list of Finding
+        Bodies that the static trial has another shape of.
     """
 
     def __init__(self, settings: LiftingSettings, static: Mapping[str, np.ndarray] | None = None):
         self.aliases, self.rules, self.static = settings.markers.aliases, settings.gaps, static or {}
         self.gaps: list[Gap] = []
+        self.findings: list[Finding] = []
 
     def __call__(self, points: dict[str, np.ndarray], time: np.ndarray) -> dict[str, np.ndarray]:
         """Return the markers with the long gaps of every body filled, as far as three others of it are seen."""
@@ -221,13 +245,29 @@ class BodyFilling:
             labels = [label for label in dict.fromkeys(named) if label in points]
             if not any(_has_long_gap(points[label], rate, self.rules.maximum_s) for label in labels):
                 continue
-            shape = body_shape(self.static, labels, "the static trial")
+            shape = self._static_shape(body, labels, points, Clock(time, rate))
             shape = shape or body_shape(points, labels, "this recording")
             if shape is None or shape.residual_m > self.rules.rigid_tolerance_m:
                 continue
             points, gaps = fill_rigid(points, rate, float(time[0]), shape, body, self.rules.maximum_s)
             self.gaps += gaps
         return points
+
+    def _static_shape(
+        self, body: str, labels: list[str], points: Mapping[str, np.ndarray], clock: Clock
+    ) -> BodyShape | None:
+        """Shape of a body in the static trial; None where the recording shows another one."""
+        shape = body_shape(self.static, labels, "the static trial")
+        misfit = None if shape is None else _misfit(shape, points)
+        if misfit is None or misfit <= OTHER_BODY_M:
+            return shape
+        evidence = (
+            f"the {body} of the static trial and of this recording differ by {1e3 * misfit:.0f} mm (root mean square); its shape "
+            "fills no gap here"
+        )
+        cause = "the static trial of another person, markers that were placed anew, or labels exchanged in one of both"
+        self.findings.append(clock.finding("static", NOTED, tuple(labels), evidence, cause))
+        return None
 
 
 def _has_long_gap(points: np.ndarray, rate: float, longer_than_s: float) -> bool:
