@@ -41,6 +41,7 @@ _VERBS = {
     "basins": "lumbar.interface.person",
     "compare_groups": "lumbar.interface.people",
     "sample_size": "lumbar.interface.people",
+    "measure_movement": "lumbar.interface.movement",
 }
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
 
@@ -63,6 +64,7 @@ __all__ = [
     "load_settings",
     "load_subject",
     "locate",
+    "measure_movement",
     "propose",
     "read",
     "refine",

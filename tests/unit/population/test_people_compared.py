@@ -21,9 +21,9 @@ def table():
             for mass in (15, 23):
                 for _ in range(2):
                     key = (f"{group}_{person}", group, mass)
-                    rows.append((*key, "margin", own - (mass - 15) / 2 + rng.normal(0, 2), "mm", "larger"))
-                    rows.append((*key, "moment", 300 - own + rng.normal(0, 2), "N·m", "smaller"))
-                    rows.append((*key, "sway", rng.normal(10, 3), "mm", "smaller"))
+                    rows.append((*key, "margin", own - (mass - 15) / 2 + rng.normal(0, 2), "mm", "higher"))
+                    rows.append((*key, "moment", 300 - own + rng.normal(0, 2), "N·m", "lower"))
+                    rows.append((*key, "sway", rng.normal(10, 3), "mm", "lower"))
     columns = ["person", "group", "box_mass_kg", "measure", "value", "unit", "safer"]
     frame = pd.DataFrame(rows, columns=columns).assign(plane="all")
     frame.loc[frame.index[0], "value"] = np.nan

@@ -37,7 +37,7 @@ def compare_groups(
     ----------
     table : pandas.DataFrame, path or sequence of paths
         Long: one row per lift, measure and plane, columns ``person, group, box_mass_kg, measure, plane, value``, and if
-        they are known ``unit`` and ``safer`` (``larger`` or ``smaller``). Several CSV files are joined.
+        they are known ``unit`` and ``safer`` (``higher`` or ``lower``). Several CSV files are joined.
     groups : tuple of str, optional
         The first is compared with the second; default expert and novice or, where the table has other labels, these.
     settings : PopulationSettings, optional
@@ -64,7 +64,7 @@ def compare_groups(
     ...     {"person": f"{group} {number}", "group": group, "value": value}
     ...     for group, values in margins.items() for number, value in enumerate(values)
     ... ]
-    >>> table = pd.DataFrame(rows).assign(box_mass_kg=15, measure="margin", plane="all", unit="mm", safer="larger")
+    >>> table = pd.DataFrame(rows).assign(box_mass_kg=15, measure="margin", plane="all", unit="mm", safer="higher")
     >>> print(lumbar.compare_groups(table))
     expert_vs_novice, 15 kg, margin, all: 10.5 mm (5.95 to 15.1), p = 0.0013, 4 + 4 persons: expert is safer
     """

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NEEDED = ("person", "group", "box_mass_kg", "measure", "plane", "value")
-"""Columns of a long table, one row per lift, measure and plane; ``unit`` and ``safer`` (larger or smaller) may be there."""
+"""Columns of a long table, one row per lift, measure and plane; ``unit`` and ``safer`` (higher or lower) may be there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Comparison:
         Mass of the box in kg, ``15 vs 23`` where boxes are compared.
     measure, plane, unit : str
     safer : str
-        Which values are the safer ones: ``larger``, ``smaller`` or empty.
+        Which values are the safer ones: ``higher``, ``lower`` or empty.
     sides : tuple of str
         What is compared with what.
     values : tuple of PersonMeans
@@ -80,8 +80,8 @@ class Comparison:
             return "cannot be told"
         if interval.low <= 0 <= interval.high:
             return "not decided"
-        larger, smaller = self.sides if self.contrast.difference > 0 else self.sides[::-1]
-        return {"larger": larger, "smaller": smaller}.get(self.safer, f"{larger} larger")
+        higher, lower = self.sides if self.contrast.difference > 0 else self.sides[::-1]
+        return {"higher": higher, "lower": lower}.get(self.safer, f"{higher} higher")
 
     @property
     def remark(self) -> str:

@@ -85,7 +85,7 @@ def _sorted_rows(known: Sequence[Comparison]) -> tuple[list[tuple[str, str]], in
 def _effect(item: Comparison) -> np.ndarray:
     """Difference and its interval in standard deviations between people, positive where the first group is safer."""
     interval = item.contrast.interval
-    sign = -1 if item.safer == "smaller" else 1
+    sign = -1 if item.safer == "lower" else 1
     values = sign * np.array([item.contrast.difference, interval.low, interval.high])
     return values / item.contrast.person_mean_sd
 
