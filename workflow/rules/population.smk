@@ -32,7 +32,10 @@ if study.has("population"):
                 name: plain(lift.trial) for name, lift in PERSON_LIFTS[wildcards.person].items()
             },
             lifting=without(settings.lifting, "subjects", "moment_layout"),
-            stability=without(settings.stability, "compare"),
+            stability={
+                key: plain(getattr(settings.stability, key))
+                for key in ("pendulum", "regulator", "goal_level", "limits", "measures")
+            },
             data=DATA,
         message:
             "{wildcards.person}: measures of every lift"

@@ -5,18 +5,19 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lumbar.errors import LumbarError
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
     from lumbar.interface.person import Lift
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.stability import StabilitySettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
+    from lumbar.stability.model.trajectory import Trajectory
 
 COLUMNS = (
     "lift",
@@ -31,6 +32,7 @@ COLUMNS = (
     "source",
     "reason",
 )
+SIGNS = ("inverted", "hanging")
 BASIN_SOURCE = "lumbar.stability: exact funnel of Eq. 4.1 with the regulator of the configuration"
 
 
@@ -67,74 +69,83 @@ def measure_person(
     """
     import pandas as pd
 
+    from lumbar.interface.movement import measure_movement
     from lumbar.interface.person import lift
 
-    counted: Counter = Counter()
-    frames = []
+    found, frames = {}, {}
     for name, path in markers.items():
-        trial = trials[name]
-        counted[trial.box_mass_kg] += 1
+        options = {"trial": trials[name], "name": name, "settings": lifting, "static": static, "data": data}
         try:
-            found = lift(
-                path,
-                subject,
-                trial.box_mass_kg,
-                trial=trial,
-                name=name,
-                settings=lifting,
-                static=static,
-                data=data,
-            )
-            values = _values(found, stability)
+            found[name] = lift(path, subject, trials[name].box_mass_kg, **options)
+            frames[name] = measure_movement(found[name], settings=stability).values
         except LumbarError as error:
-            values = _unmeasured(str(error))
-        frames.append(
-            values.assign(
-                lift=name,
-                person=subject.name,
-                box_mass_kg=trial.box_mass_kg,
-                trial=counted[trial.box_mass_kg],
-            )
-        )
-    return pd.concat(frames, ignore_index=True)[list(COLUMNS)]
+            found.pop(name, None)
+            frames[name] = _unmeasured(str(error))
+    areas = _basin_areas(found, stability)
+    counted: Counter = Counter()
+    tables = []
+    for name, values in frames.items():
+        mass = trials[name].box_mass_kg
+        counted[mass] += 1
+        table = pd.concat([values, areas[areas["lift"] == name]], ignore_index=True)
+        tables.append(table.assign(lift=name, person=subject.name, box_mass_kg=mass, trial=counted[mass]))
+    return pd.concat(tables, ignore_index=True)[list(COLUMNS)]
 
 
-def _values(found: Lift, settings: StabilitySettings) -> pd.DataFrame:
+def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.DataFrame:
+    """Average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
     import pandas as pd
 
-    from lumbar.interface.movement import measure_movement
-
-    return pd.concat(
-        [measure_movement(found, settings=settings).values, _basin_areas(found, settings)], ignore_index=True
-    )
-
-
-def _basin_areas(found: Lift, settings: StabilitySettings) -> pd.DataFrame:
-    """Average cross-sections of the basins (exact method), both signs of gravity."""
-    import pandas as pd
-
-    from lumbar.stability.comparison.percent_differences import varied_areas
     from lumbar.stability.model.failures import all_or_each
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
-    trajectories, failures = trajectories_of_lift(found.states, found.facts, settings.pendulum.mass)
-    rows = []
-    for sign in ("inverted", "hanging"):
-        signed = replace(settings, pendulum=replace(settings.pendulum, sign=sign))
-        results, failed = all_or_each(
-            lambda items, own=signed: varied_areas(items, own, ["base"])["base"], trajectories, basin=sign
+    owner, rows = {}, []
+    for name, found in lifts.items():
+        trajectories, failures = trajectories_of_lift(found.states, found.facts, settings.pendulum.mass)
+        owner |= {id(item): (name, item) for item in trajectories}
+        rows += [(name, item, [float("nan")] * len(SIGNS), item.reason) for item in failures]
+    # All at once: the integration takes as many steps for one basin as for a hundred.
+    results, failures = all_or_each(
+        _areas_of, [item for _, item in owner.values()], settings, basin="exact, both signs"
+    )
+    reasons = {(item.box_mass_kg, item.com, item.plane): item.reason for item in failures}
+    computed = {id(item): pair for items, areas in results for item, pair in zip(items, areas.T, strict=True)}
+    for key, (name, item) in owner.items():
+        missing = reasons.get((item.box_mass_kg, item.com, item.plane), "")
+        areas = computed.get(key)
+        rows.append(
+            (
+                name,
+                item,
+                [float("nan")] * len(SIGNS) if areas is None else areas,
+                missing if areas is None else "",
+            )
         )
-        rows += [
-            (f"basin_area_{item.com}_{sign}", item.plane, area, "")
-            for items, areas in results
-            for item, area in zip(items, areas, strict=True)
-        ]
-        rows += [
-            (f"basin_area_{item.com}_{sign}", item.plane, float("nan"), item.reason)
-            for item in (*failures, *failed)
-        ]
-    frame = pd.DataFrame(rows, columns=["measure", "plane", "value", "reason"])
+    frame = pd.DataFrame(
+        [
+            (name, f"basin_area_{item.com}_{sign}", item.plane, area, reason)
+            for name, item, areas, reason in rows
+            for sign, area in zip(SIGNS, areas, strict=True)
+        ],
+        columns=["lift", "measure", "plane", "value", "reason"],
+    )
     return frame.assign(unit="rad²/s", safer="higher", source=BASIN_SOURCE)
+
+
+def _areas_of(trajectories: list[Trajectory], settings: StabilitySettings) -> np.ndarray:
+    """Average cross-sections, shape (signs, trajectories)."""
+    from lumbar.stability.basins import weights_of
+    from lumbar.stability.funnel.funnel import exact_funnels, regulate
+    from lumbar.stability.model.pendulum_loop import gather
+
+    items, count = trajectories * len(SIGNS), len(trajectories)
+    signs = [sign for sign in SIGNS for _ in range(count)]
+    pendulum = settings.pendulum
+    pendulums = gather(
+        items, signs, [pendulum.damping_N_m_s] * len(items), pendulum.gravity_m_s2, settings.limits.knots
+    )
+    funnels = exact_funnels(regulate(pendulums, weights_of(settings)), settings.goal_level)
+    return funnels.mean_area.reshape(len(SIGNS), count)
 
 
 def _unmeasured(reason: str) -> pd.DataFrame:
@@ -151,7 +162,7 @@ def _unmeasured(reason: str) -> pd.DataFrame:
     ]
     rows += [
         (f"basin_area_{com}_{sign}", plane, "rad²/s", "higher", BASIN_SOURCE)
-        for sign in ("inverted", "hanging")
+        for sign in SIGNS
         for com in COMS
         for plane in PLANES
     ]
