@@ -33,6 +33,8 @@ COLUMNS = (
     "reason",
 )
 SIGNS = ("inverted", "hanging")
+ABSENT = (float("nan"),) * len(SIGNS)
+NO_BASIN = "no basin with one of the signs"
 BASIN_SOURCE = "lumbar.stability: exact funnel of Eq. 4.1 with the regulator of the configuration"
 
 
@@ -72,14 +74,16 @@ def measure_person(
     from lumbar.interface.movement import measure_movement
     from lumbar.interface.person import lift
 
-    found, frames = {}, {}
+    found: dict[str, Lift] = {}
+    frames: dict[str, pd.DataFrame] = {}
     for name, path in markers.items():
-        options = {"trial": trials[name], "name": name, "settings": lifting, "static": static, "data": data}
         try:
-            found[name] = lift(path, subject, trials[name].box_mass_kg, **options)
-            frames[name] = measure_movement(found[name], settings=stability).values
+            one = lift(
+                path, subject, trial=trials[name], name=name, settings=lifting, static=static, data=data
+            )
+            frames[name] = measure_movement(one, settings=stability).values
+            found[name] = one
         except LumbarError as error:
-            found.pop(name, None)
             frames[name] = _unmeasured(str(error))
     areas = _basin_areas(found, stability)
     counted: Counter = Counter()
@@ -99,28 +103,18 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
     from lumbar.stability.model.failures import all_or_each
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
-    owner, rows = {}, []
+    sound: list[tuple[str, Trajectory]] = []
+    rows: list[tuple] = []
     for name, found in lifts.items():
         trajectories, failures = trajectories_of_lift(found.states, found.facts, settings.pendulum.mass)
-        owner |= {id(item): (name, item) for item in trajectories}
-        rows += [(name, item, [float("nan")] * len(SIGNS), item.reason) for item in failures]
+        sound += [(name, item) for item in trajectories]
+        rows += [(name, item, ABSENT, item.reason) for item in failures]
     # All at once: the integration takes as many steps for one basin as for a hundred.
-    results, failures = all_or_each(
-        _areas_of, [item for _, item in owner.values()], settings, basin="exact, both signs"
-    )
-    reasons = {(item.box_mass_kg, item.com, item.plane): item.reason for item in failures}
+    results, _ = all_or_each(_areas_of, [item for _, item in sound], settings, basin="exact, both signs")
     computed = {id(item): pair for items, areas in results for item, pair in zip(items, areas.T, strict=True)}
-    for key, (name, item) in owner.items():
-        missing = reasons.get((item.box_mass_kg, item.com, item.plane), "")
-        areas = computed.get(key)
-        rows.append(
-            (
-                name,
-                item,
-                [float("nan")] * len(SIGNS) if areas is None else areas,
-                missing if areas is None else "",
-            )
-        )
+    for name, item in sound:
+        areas = computed.get(id(item))
+        rows.append((name, item, ABSENT, NO_BASIN) if areas is None else (name, item, areas, ""))
     frame = pd.DataFrame(
         [
             (name, f"basin_area_{item.com}_{sign}", item.plane, area, reason)

@@ -235,7 +235,7 @@ class CohortGroup:
 
 @settings
 class CohortSettings:
-    """Synthetic people drawn from distributions; they replace the persons and lifts that are named one by one.
+    """Synthetic people drawn from distributions, in place of persons and lifts that are named one by one.
 
     Every value is drawn from a normal distribution without what lies beyond 2.5 standard deviations. A person's numbers
     hang on the twin's seed and the person's name alone: whoever is added changes nobody.
