@@ -14,7 +14,7 @@ PACKAGES = [
     ["synthetic", "survey", "fmu", "haptics", "stability", "measures", "diagnosis", "identification"],
     ["lifting", "signals", "effects"],
     ["quality"],
-    ["models", "records"],
+    ["models", "records", "population"],
     ["settings"],
 ]
 """From the top down: what stands in a row imports no row above it."""

@@ -39,6 +39,8 @@ _VERBS = {
     "inspect": "lumbar.interface.inspecting",
     "lift": "lumbar.interface.person",
     "basins": "lumbar.interface.person",
+    "compare_groups": "lumbar.interface.people",
+    "sample_size": "lumbar.interface.people",
     "measure_movement": "lumbar.interface.movement",
 }
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
@@ -49,6 +51,7 @@ __all__ = [
     "basins",
     "check_fmu",
     "compare",
+    "compare_groups",
     "design_signals",
     "diagnose",
     "doctor",
@@ -66,6 +69,7 @@ __all__ = [
     "read",
     "refine",
     "render",
+    "sample_size",
 ]
 
 

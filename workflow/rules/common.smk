@@ -42,6 +42,7 @@ CATEGORIES = {
     "lifting": "7 Lifting",
     "stability": "8 Basins of attraction",
     "perturbations": "8 Basins of attraction",
+    "population": "8 People compared",
     "claims": "9 Claims",
 }
 STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}
@@ -84,3 +85,4 @@ def in_report(name, path, label):
 
 wildcard_constraints:
     lift="|".join(study.lifts) or "none",
+    person="|".join(study.subjects) or "none",
