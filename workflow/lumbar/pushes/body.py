@@ -85,12 +85,15 @@ def bodies_of_links(masses, centres, lengths, inertias, ankle_height) -> Bodies:
 
 def mass_matrix(bodies: Bodies, angle: np.ndarray) -> np.ndarray:
     """Return M(θ) in kg·m², shape (3, 3, bodies), for angles of shape (3, bodies)."""
-    return bodies.inertia * np.cos(angle[:, None] - angle[None])
+    s, c = np.sin(angle), np.cos(angle)
+    return bodies.inertia * (c[:, None] * c + s[:, None] * s)
 
 
 def centrifugal(bodies: Bodies, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """Return Σ_j A_ij·sin(θi − θj)·θ̇j² in N·m, shape (3, bodies)."""
-    return (bodies.inertia * np.sin(angle[:, None] - angle[None]) * rate**2).sum(axis=1)
+    s, c, squared = np.sin(angle), np.cos(angle), rate**2
+    pulled = [(bodies.inertia * part).sum(axis=1) for part in (c * squared, s * squared)]
+    return s * pulled[0] - c * pulled[1]
 
 
 def weight_torque(bodies: Bodies, angle: np.ndarray) -> np.ndarray:

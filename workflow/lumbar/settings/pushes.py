@@ -146,7 +146,7 @@ class OutcomeSettings:
 
     step_s: float = key(
         "Step of the integration; a whole number of them make a command.",
-        default=0.005,
+        default=0.01,
         unit="s",
         gt=0,
         le=0.02,
