@@ -11,7 +11,7 @@ PACKAGES = [
     ["cli"],
     ["interface"],
     ["reports", "config"],
-    ["synthetic", "survey", "fmu", "haptics", "pushes", "stability", "diagnosis", "identification"],
+    ["synthetic", "survey", "fmu", "haptics", "pushes", "stability", "measures", "diagnosis", "identification"],
     ["lifting", "signals", "effects"],
     ["quality"],
     ["models", "records"],

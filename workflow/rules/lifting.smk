@@ -12,6 +12,7 @@ rule lift:
         sources=library_sources("lift.py"),
     output:
         centres="<results>/lifting/{lift}/com.csv",
+        body="<results>/lifting/{lift}/body.csv",
         states="<results>/lifting/{lift}/pendulum.csv",
         summary="<results>/lifting/{lift}/pendulum.json",
         events="<results>/lifting/{lift}/events.json",

@@ -18,7 +18,7 @@ rule basins_of_lift:
     conda:
         CONDA
     params:
-        settings=without(settings.stability, "compare"),
+        settings=without(settings.stability, "compare", "measures"),
         seed=settings.seed,
     message:
         "{wildcards.lift}: basins of attraction"

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded_athlete import ATHLETE
 
 from lumbar.lifting.lift import analyse_lift
 from lumbar.lifting.plate_check import check_against_plates, plate_check
@@ -148,24 +149,6 @@ def test_elbows_and_knees_count_where_they_are_seen(lift):
     assert (moved - straight)[0, 1:] == pytest.approx(expected[1:], abs=1e-6)
 
 
-ATHLETE = {
-    "MANUBRIUM": "STRN",
-    "XIPHOID": "XIPH",
-    "L5": "SACROL",
-    "SACRUM": {"mean": ["LPSI", "RPSI"]},
-    **{f"{side}_HIP": {"from": f"{side}ASI", "offset_m": [0, 0, -0.1]} for side in "LR"},
-    **{
-        f"{side}_{name}": {"mean": [side + label for label in labels]}
-        for side in "LR"
-        for name, labels in {
-            "SHOULDER": ["ACR"],
-            "WRIST": ["WRR", "WRU"],
-            "ELBOW": ["CUBL", "CUBM"],
-            "KNEE": ["KNEL", "KNEM"],
-            "ANKLE": ["MALL", "MALM"],
-        }.items()
-    },
-}
 QUALISYS = {
     "SACRUM": {"mean": ["L_IPS", "R_IPS"]},
     "T12": {"between": ["TV8", "SACRUM"], "share": 0.45},

@@ -28,7 +28,7 @@ def sample():
 
 
 def test_area_is_mann_whitneys_share_of_pairs(sample):
-    score, event, person = sample
+    score, event, _ = sample
     (found,) = areas(ordered(*sample), np.ones((1, 12), dtype=int))
     expected = mannwhitneyu(score[event], score[~event]).statistic / (event.sum() * (~event).sum())
     assert found == pytest.approx(expected, rel=1e-12)

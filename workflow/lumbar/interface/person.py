@@ -156,8 +156,24 @@ class Lift:
 
     @cached_property
     def facts(self) -> dict:
-        """What the pendulums are made of: masses, lengths, pivot, rules, assumptions."""
-        return lifting.summary(self.analysed, self.subject, self.trial, self.settings)
+        """What the pendulums are made of: masses, lengths, pivot, rules, assumptions; and what measures need beside."""
+        return {
+            **lifting.summary(self.analysed, self.subject, self.trial, self.settings),
+            "height_m": self.subject.height_m,
+            "no_deposit": lifting.no_deposit(self.analysed.events),
+            "missing_points": self._body[1],
+        }
+
+    @cached_property
+    def _body(self) -> tuple[pd.DataFrame, dict[str, str]]:
+        from lumbar.lifting.body import body_frame
+
+        return body_frame(self.analysed)
+
+    @property
+    def body(self) -> pd.DataFrame:
+        """Trajectories of joints, feet, hands, load and centres of mass: ``lumbar.lifting.body.body_frame``."""
+        return self._body[0]
 
     @cached_property
     def spread(self) -> pd.DataFrame:
@@ -198,13 +214,14 @@ class Lift:
         return hands_doubt(self.analysed.recording, self.analysed.events, self.settings.events)
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``quality`` and what figures need."""
+        """Write ``pendulum`` (states, facts), ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
         tables = {
             "pendulum": self.states,
             "com": lifting.centres_frame(self.analysed),
+            "body": self.body,
             "spread": self.spread,
             "gaps": lifting.gaps_frame(self.analysed),
             "motion": lifting.motion_frame(self.analysed),
