@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.lifting.carried_object import carried_object
+from lumbar.lifting.body import LOAD, WHOLE_BODY
 from lumbar.lifting.trunk_points import MID_HIP
-from lumbar.lifting.whole_body import whole_body_centre
 from lumbar.pushes.body import LINKS, Bodies, bodies_of_links, centre_of_mass
 
 if TYPE_CHECKING:
-    from lumbar.lifting.lift import AnalysedLift
+    from lumbar.measures.course import Lifter
 
 SHANK, THIGH = (0.093, 0.433, 0.302), (0.200, 0.433, 0.323)
 """Both shanks, both thighs: share of body mass; centre from the upper end and radius of gyration about it, as shares of the
@@ -76,64 +75,55 @@ class DepositMotion:
     toe_m: float
 
 
-def deposit_motion(
-    lift: AnalysedLift, subject: str, mass_kg: float, height_m: float, box_mass_kg: float
-) -> DepositMotion:
+def deposit_motion(lifter: Lifter) -> DepositMotion:
     """Return the three links' motion during the deposit of a lift.
 
     Raises
     ------
     InputError
-        The lift has no deposit, lacks ankles, heels, toes, shoulders, hips or hands, or one of them is missing within the
+        The lift has no deposit, lacks ankles, heels, toes, shoulders, hips or load, or one of them is missing within the
         deposit.
     """
-    start, stop = (lift.events[name].time_s for name in ("deposit_start", "release"))
-    if start is None or stop is None:
-        raise InputError(f"{lift.name}: no deposit, and so no posture to be pushed in")
-    feet, joints = _points(lift)
-    time = lift.recording.time
+    facts, time = lifter.facts, lifter.time
+    if facts["no_deposit"]:
+        raise InputError(f"{facts['lift']}: {facts['no_deposit']}, and so no posture to be pushed in")
+    feet, joints, centre = _points(lifter)
+    start, stop = facts["start_s"], facts["stop_s"]
     near = (time >= start - MARGIN_S) & (time <= stop + MARGIN_S)
     if not np.isfinite(joints[:, near]).all():
         raise InputError(
-            f"{lift.name}: markers of ankles, hips, shoulders or hands are missing within the deposit or {MARGIN_S:g} s of it"
+            f"{facts['lift']}: ankles, hips, shoulders or load are not seen throughout the deposit and {MARGIN_S:g} s beside it"
         )
     # Axes: x to the right, y forward, z up.
     forward, up = np.diff(joints, axis=0)[:, near, 1], np.diff(joints, axis=0)[:, near, 2]
-    within = time[near][(time[near] >= start) & (time[near] <= stop)]
-    lengths = np.hypot(forward, up)[:, (time[near] >= start) & (time[near] <= stop)].mean(axis=1)
+    here = (time >= start) & (time <= stop)
+    lengths = np.hypot(forward, up)[:, here[near]].mean(axis=1)
     if (lengths < SHORTEST_M).any():
         raise InputError(
-            f"{lift.name}: {LINKS[int(lengths.argmin())]} of {lengths.min():.3g} m have no angle"
+            f"{facts['lift']}: {LINKS[int(lengths.argmin())]} of {lengths.min():.3g} m have no angle"
         )
     spline = _smooth(time[near], np.unwrap(np.arctan2(forward, up), axis=1).T)
-    angle, rate, acceleration = (spline(within, order).T for order in range(3))
-    here = (time >= start) & (time <= stop)
-    heel, toe = (float((feet[name] - joints[0])[here, 1].mean()) for name in ("HEEL", "TOE"))
-    ankle_height = float((joints[0] - np.minimum(feet["HEEL"], feet["TOE"]))[here, 2].mean())
+    angle, rate, acceleration = (spline(time[here], order).T for order in range(3))
+    heel, toe = (float((part - joints[0])[here, 1].mean()) for part in feet)
+    ankle_height = float((joints[0] - np.minimum(*feet))[here, 2].mean())
+    mass, box = facts["body_mass_kg"], facts["box_mass_kg"]
     motion = DepositMotion(
-        *(subject, lift.name, mass_kg, height_m, box_mass_kg, within, angle, rate, acceleration, lengths),
+        *(facts["subject"], facts["lift"], mass, facts["height_m"], box),
+        *(time[here], angle, rate, acceleration, lengths),
         *(0.0, max(ankle_height, 0.0), -heel, toe),
     )
-    centre = mass_kg * whole_body_centre(lift.recording, lift.points, lift.table) + box_mass_kg * joints[-1]
-    ahead = (centre / (mass_kg + box_mass_kg) - joints[0])[here, 1]
+    ahead = ((mass * centre + box * joints[-1]) / (mass + box) - joints[0])[here, 1]
     return replace(motion, trunk_centre=_trunk_centre(motion, float(ahead.mean())))
 
 
-def _points(lift: AnalysedLift) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Middles of heels and toes, and those of ankles, hips and shoulders with box or hands, shape (4, n, 3)."""
-    recording, points = lift.recording, lift.points
-    needed = [f"{side}_{name}" for side in "LR" for name in ("ANKLE", "HEEL", "TOE", "SHOULDER")]
-    lacking = [name for name in needed if name not in recording]
-    lacking += [] if MID_HIP in points else [f"{MID_HIP} ({points.missing[MID_HIP]})"]
-    hands, _ = carried_object(recording)
-    lacking += ["box or wrists"] if hands is None else []
-    if lacking:
-        raise InputError(f"{lift.name}: a body of three links needs {', '.join(lacking)}")
-    middle = {
-        name: (recording[f"L_{name}"] + recording[f"R_{name}"]) / 2
-        for name in ("ANKLE", "HEEL", "TOE", "SHOULDER")
-    }
-    return middle, np.stack([middle["ANKLE"], points[MID_HIP], middle["SHOULDER"], hands])
+def _points(lifter: Lifter) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Middles of heels and toes; those of ankles, hips and shoulders with the load, shape (4, n, 3); centre of the body."""
+    pairs = {name: [f"{side}_{name}" for side in "LR"] for name in ("ANKLE", "SHOULDER", "HEEL", "TOE")}
+    lifter.need([*sum(pairs.values(), []), MID_HIP, LOAD, WHOLE_BODY])
+    points = lifter.points
+    middle = {name: (points[left] + points[right]) / 2 for name, (left, right) in pairs.items()}
+    joints = np.stack([middle["ANKLE"], points[MID_HIP], middle["SHOULDER"], points[LOAD]])
+    return [middle["HEEL"], middle["TOE"]], joints, points[WHOLE_BODY]
 
 
 def _smooth(time: np.ndarray, values: np.ndarray):
