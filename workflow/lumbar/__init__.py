@@ -40,6 +40,7 @@ _VERBS = {
     "lift": "lumbar.interface.person",
     "basins": "lumbar.interface.person",
     "measure_movement": "lumbar.interface.movement",
+    "push_prediction": "lumbar.interface.pushing",
 }
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
 
@@ -63,6 +64,7 @@ __all__ = [
     "locate",
     "measure_movement",
     "propose",
+    "push_prediction",
     "read",
     "refine",
     "render",

@@ -42,6 +42,7 @@ CATEGORIES = {
     "lifting": "7 Lifting",
     "stability": "8 Basins of attraction",
     "perturbations": "8 Basins of attraction",
+    "pushes": "8 Basins of attraction",
     "claims": "9 Claims",
 }
 STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}

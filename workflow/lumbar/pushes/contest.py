@@ -93,6 +93,7 @@ def hold_contest(
     seed: int,
     changed: Mapping[str, float] | None = None,
     every: int = 1,
+    equal: bool = True,
 ) -> Contest:
     """Push the bodies of some lifts and put beside each push what the measures said before it.
 
@@ -107,6 +108,8 @@ def hold_contest(
         Factors on everybody's traits, by the attributes of `Traits`: what no measure is told.
     every : int
         Only every so many of the pushes are followed.
+    equal : bool
+        Whether equal pushes are simulated too; without them their columns repeat the others.
 
     Raises
     ------
@@ -128,9 +131,11 @@ def hold_contest(
             f"pushes: {ends.steps.sum()} of {len(ends.steps)} pushes make the bodies step, and {(~steady).sum()} would step "
             "without one; both outcomes are needed: change pushes.push.forward_N_s or backward_N_s"
         )
-    equal = _equal_sizes(pushes.impulse, ends.steps)
-    again = simulate(scene, replace(pushes, impulse=equal))
-    frame = _frame(motions, levels, scene, pushes, ends, equal, again.steps)
+    sizes, again = pushes.impulse, ends
+    if equal:
+        sizes = _equal_sizes(pushes.impulse, ends.steps)
+        again = simulate(scene, replace(pushes, impulse=sizes))
+    frame = _frame(motions, levels, scene, pushes, ends, sizes, again.steps)
     return Contest(frame, len(steady), int((~steady).sum()))
 
 

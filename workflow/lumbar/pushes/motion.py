@@ -119,7 +119,7 @@ def deposit_motion(lifter: Lifter) -> DepositMotion:
 def _points(lifter: Lifter) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Middles of heels and toes; those of ankles, hips and shoulders with the load, shape (4, n, 3); centre of the body."""
     pairs = {name: [f"{side}_{name}" for side in "LR"] for name in ("ANKLE", "SHOULDER", "HEEL", "TOE")}
-    lifter.need([*sum(pairs.values(), []), MID_HIP, LOAD, WHOLE_BODY])
+    lifter.need([*(name for pair in pairs.values() for name in pair), MID_HIP, LOAD, WHOLE_BODY])
     points = lifter.points
     middle = {name: (points[left] + points[right]) / 2 for name, (left, right) in pairs.items()}
     joints = np.stack([middle["ANKLE"], points[MID_HIP], middle["SHOULDER"], points[LOAD]])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,9 +46,15 @@ COLUMNS = {
     "persons": "simulated persons",
 }
 """Columns of ``push_prediction.csv``."""
-VARIED = {"delay": "delay", "cost of torque": "effort", "strength": "strength", "foot length": "foot"}
-EVERY = 3
-"""In the table of sensitivities every third push is followed."""
+VARIED = {
+    "delay": ("delay", (0.7, 1.4)),
+    "cost of torque": ("effort", (0.1, 10.0)),
+    "strength": ("strength", (0.7, 1.4)),
+    "foot length": ("foot", (0.85, 1.15)),
+}
+"""Traits of all persons that the table of sensitivities changes, and by which factors. A costly torque makes low gains."""
+EVERY = 4
+"""In that table every fourth push is followed."""
 SENSITIVITY_COLUMNS = {
     "changed": "what no measure is told and was changed for everybody",
     "factor": "by this factor",
@@ -60,9 +66,11 @@ SENSITIVITY_COLUMNS = {
     "headline_rank": "its rank",
 }
 HOLMES = (
-    "Holmes et al. (2019), backward reachable sets of 11 recorded people standing up: more than 90 % of the failures and more than "
-    "95 % of the successes"
+    "Holmes et al. (2019), backward reachable sets of 11 recorded people standing up: more than 90 % of the failures and more "
+    "than 95 % of the successes"
 )
+NEGLIGIBLE = 0.01
+"""Difference of two areas below which one measure is as good as the other."""
 BASIS = "simulated bodies under an assumed controller, not people"
 
 
@@ -77,7 +85,7 @@ class Verdict:
     low, high : float or None
         95 % interval over persons; None with too few of them.
     tied : tuple of str
-        Measures that the same persons do not tell from it.
+        Measures than which it is not shown to be better by `NEGLIGIBLE`.
     equal : dict of str to str
         Winner by direction under equal pushes.
     sentence : str
@@ -101,14 +109,14 @@ def scores_of(frame: pd.DataFrame, name: str, contest: str) -> tuple[np.ndarray,
     return score(name, level, size, shift), frame["steps"].to_numpy(bool)
 
 
-def contestants(contest: str, direction: str) -> list[str]:
+def contestants(contest: str) -> list[str]:
     """Measures that can take part: pushes of all sizes need one that a push can enter."""
     if contest == EQUAL:
         return [name for name in PREDICTORS if name != "push_alone"]
     return [name for name, item in PREDICTORS.items() if item.push != NOTHING]
 
 
-def rows_of(frame: pd.DataFrame, contest: str, direction: str) -> pd.DataFrame:
+def rows_of(frame: pd.DataFrame, direction: str) -> pd.DataFrame:
     """Pushes of one direction, or of both."""
     return frame if direction == BOTH else frame[frame["direction"] == direction]
 
@@ -124,10 +132,10 @@ def prediction_frame(contest: Contest, scoring: ScoringSettings, seed: int) -> p
     names = sorted(frame["subject"].unique())
     weights = person_weights(len(names), scoring.resamples, [seed, 3])
     for kind, direction in ((ALL_SIZES, BOTH), *((k, d) for k in (ALL_SIZES, EQUAL) for d in DIRECTIONS)):
-        part = rows_of(frame, kind, direction)
+        part = rows_of(frame, direction)
         person = np.searchsorted(names, part["subject"].to_numpy(str))
         found = []
-        for name in contestants(kind, direction):
+        for name in contestants(kind):
             values, steps = scores_of(part, name, kind)
             if np.isfinite(values).all() and steps.any() and not steps.all():
                 found.append(_row(kind, direction, name, values, steps, person, weights, scoring, seed))
@@ -163,37 +171,38 @@ def verdict_of(contest: Contest, table: pd.DataFrame, scoring: ScoringSettings, 
     best = main[~main["measure"].isin(BASELINES)].iloc[0]
     enough = bool(best["persons"] >= scoring.fewest_persons)
     tied = _tied(contest.frame, best["measure"], list(main["measure"]), scoring, seed) if enough else ()
-    equal = {
-        direction: table[(table["contest"] == EQUAL) & (table["direction"] == direction)].iloc[0]["measure"]
-        for direction in DIRECTIONS
-        if ((table["contest"] == EQUAL) & (table["direction"] == direction)).any()
-    }
+    ranked = table[table["contest"] == EQUAL].drop_duplicates("direction").set_index("direction")
     low, high = (float(best[name]) if enough else None for name in ("auc_low", "auc_high"))
-    span = (
-        f"{low:.3f} to {high:.3f} over {best['persons']} simulated persons"
-        if enough
-        else _no_interval(best, scoring)
-    )
+    found = Verdict(best["measure"], float(best["auc"]), low, high, tied, dict(ranked["measure"]), "")
+    return replace(found, sentence=_sentence(found, best, main, ranked, scoring))
+
+
+def _sentence(
+    found: Verdict, best, main: pd.DataFrame, ranked: pd.DataFrame, scoring: ScoringSettings
+) -> str:
     alone = main[main["measure"] == "push_alone"].iloc[0]["auc"]
-    sentence = (
-        f"{best['measure']} told best who would step: it ordered {100 * best['auc']:.1f} % of the pairs rightly (area under the "
-        f"ROC {best['auc']:.3f}, {span}; the push alone {alone:.3f}), and by a threshold of other persons it was right about "
-        f"{100 * best['failures_right']:.0f} % of those who had to step and {100 * best['successes_right']:.0f} % of those who "
-        f"stood ({HOLMES}). This rests on {BASIS}."
+    span = (
+        f"{found.low:.3f} to {found.high:.3f} over {best['persons']} simulated persons"
+        if found.low is not None
+        else f"no interval: {best['persons']} persons, at least {scoring.fewest_persons} are needed"
     )
-    if tied:
-        sentence += f" The same persons do not tell it from {', '.join(tied)}."
-    return Verdict(best["measure"], float(best["auc"]), low, high, tied, equal, sentence)
-
-
-def _no_interval(row, scoring: ScoringSettings) -> str:
-    return f"no interval: {row['persons']} persons, at least {scoring.fewest_persons} are needed"
+    parts = [
+        f"{found.measure} told best who would step: of all pairs, one who steps and one who stands, it ordered "
+        f"{100 * found.auc:.1f} % rightly (area under the ROC {found.auc:.3f}, {span}; the push alone {alone:.3f}), and by a "
+        f"threshold of other persons it was right about {100 * best['failures_right']:.0f} % of those who had to step and "
+        f"{100 * best['successes_right']:.0f} % of those who stood ({HOLMES})."
+    ]
+    if found.tied:
+        parts.append(f"It is not shown to be better by {NEGLIGIBLE:g} or more than {', '.join(found.tied)}.")
+    for direction, row in ranked.iterrows():
+        parts.append(f"Under equal pushes {direction} {row['measure']} ranks people best ({row['auc']:.3f}).")
+    return " ".join([*parts, f"This rests on {BASIS}."])
 
 
 def _tied(
     frame: pd.DataFrame, best: str, names: list[str], scoring: ScoringSettings, seed: int
 ) -> tuple[str, ...]:
-    """Measures whose area differs from the best one's by an interval over persons that holds 0."""
+    """Measures than which the best one is not shown better by `NEGLIGIBLE`, by an interval over persons."""
     subjects = sorted(frame["subject"].unique())
     person = np.searchsorted(subjects, frame["subject"].to_numpy(str))
     weights = person_weights(len(subjects), scoring.resamples, [seed, 3])
@@ -203,7 +212,7 @@ def _tied(
 
     reference = resampled(best)
     differences = {name: interval(reference - resampled(name)) for name in names if name != best}
-    return tuple(name for name, (low, high) in differences.items() if low <= 0 <= high)
+    return tuple(name for name, (low, _) in differences.items() if low < NEGLIGIBLE)
 
 
 def prediction_table(contest: Contest, table: pd.DataFrame, verdict: Verdict, data: str) -> Table:
@@ -212,10 +221,12 @@ def prediction_table(contest: Contest, table: pd.DataFrame, verdict: Verdict, da
         verdict.sentence,
         f"{contest.drawn} pushes were drawn; {contest.unsteady} of them at instants at which the simulated body would step "
         "without any push, which tests nothing: they are left out",
-        "Equal pushes: " + ", ".join(f"{name} tells best {where}" for where, name in verdict.equal.items()),
-        "The bodies have three links, a delayed controller and pushes that last; the measures know one pendulum or a posture. What "
-        "they share with the bodies is the recorded movement, body mass and the markers of the feet; the spread of strength, foot, "
-        "delay and gains between persons no measure is told",
+        "Pushes backward are larger than those forward, as the body can take more of them: a measure that knows no direction "
+        "cannot tell both together, and its rows for one direction are the fair ones. Equal pushes are equal in N·s, which suits "
+        "measures in N·s better than those in m",
+        "The bodies have three links, a delayed controller and pushes that last; the measures know one pendulum or a posture. "
+        "They share the recorded movement, masses and the markers of the feet; what the bodies can do with them (reach of the "
+        "foot, strength, delay, gains, and how persons differ in these) no measure is told",
         *(f"{name}: {item.meaning}" for name, item in PREDICTORS.items() if (table["measure"] == name).any()),
     ]
     return Table(
@@ -246,7 +257,7 @@ def sensitivity_frame(
         frame = hold_contest(motions, levels, settings, seed, changed, EVERY).frame
         person = np.zeros(len(frame), dtype=int)
         found = {}
-        for name in contestants(ALL_SIZES, BOTH):
+        for name in contestants(ALL_SIZES):
             values, steps = scores_of(frame, name, ALL_SIZES)
             if name not in BASELINES and np.isfinite(values).all():
                 found[name] = float(areas(ordered(values, steps, person), np.ones((1, 1), dtype=int))[0])
@@ -264,3 +275,36 @@ def sensitivity_frame(
             }
         )
     return pd.DataFrame(rows, columns=list(SENSITIVITY_COLUMNS))
+
+
+def sensitivity_table(frame: pd.DataFrame, verdict: Verdict, data: str) -> Table:
+    """Return the contests with other bodies and controllers as a published table."""
+    same = int((frame["winner"] == verdict.measure).sum())
+    note = (
+        f"{verdict.measure} wins in {same} of {len(frame)} contests; the measures are told of none of the changes. Every "
+        f"{EVERY}th push of the contest is followed, so that the first row differs a little from it"
+    )
+    return Table(
+        title="The contest of measures with other bodies and controllers.",
+        frame=frame,
+        definitions=SENSITIVITY_COLUMNS,
+        data=data,
+        notes=(note,),
+        decimals=dict.fromkeys(("steps", "winner_auc", "headline_auc"), 3),
+    )
+
+
+def verdict_json(verdict: Verdict, data: str) -> dict:
+    """Return the winner as other pages read it: ``pushes/winner.json``."""
+    return {
+        "schema": "lumbar.push_prediction/1",
+        "measure": verdict.measure,
+        "auc": verdict.auc,
+        "auc_low": verdict.low,
+        "auc_high": verdict.high,
+        "not_shown_better_than": list(verdict.tied),
+        "equal_pushes": verdict.equal,
+        "sentence": verdict.sentence,
+        "rests_on": BASIS,
+        "data": data,
+    }

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from lumbar.settings.key import Each, key, section, settings
-
-Share = Annotated[float, Each(gt=0, le=3)]
+from lumbar.settings.key import key, section, settings
 
 
 @settings
@@ -194,8 +190,3 @@ class PushesSettings:
     push: PushSettings = section(default_factory=PushSettings)
     outcome: OutcomeSettings = section(default_factory=OutcomeSettings)
     scoring: ScoringSettings = section(default_factory=ScoringSettings)
-    sensitivity: tuple[Share, ...] = key(
-        "Factors on delay, cost of torque, strength and foot, each by itself, with which the contest is held again; empty "
-        "leaves it out.",
-        default=(0.7, 1.4),
-    )
