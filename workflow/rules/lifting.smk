@@ -5,6 +5,9 @@
 rule lift:
     input:
         markers=lambda wildcards: recording(study.lifts[wildcards.lift].trial.markers),
+        forces=lambda wildcards: [
+            recording(path) for path in [study.lifts[wildcards.lift].trial.forces] if path is not None
+        ],
         static=lambda wildcards: [
             recording(path) for path in [study.lifts[wildcards.lift].static] if path is not None
         ],

@@ -57,7 +57,7 @@ def measure_movement(
     >>> print(lumbar.measure_movement(lift))
     margin_of_stability: 0.0035 m (higher is safer)
     smallest_impulse: 1.1 N·s (higher is safer)
-    lumbar_flexion_peak, flexion_extension: 14.8 ° (lower is safer)
+    lumbar_flexion_peak: 14.8 ° (lower is safer)
     l5s1_moment_peak: 133 N·m (lower is safer)
     """
     settings = settings or StabilitySettings()
@@ -132,20 +132,15 @@ class Measures:
         write_csv(folder / "movement_course.csv", self.instants.assign(data=self.data))
 
     def __str__(self) -> str:
-        from lumbar.measures.registry import ALL, MEASURES
+        from lumbar.measures.registry import MEASURES
 
-        rows = {row.measure: row for row in self.values.itertuples() if MEASURES[row.measure].headline}
-        first = {row.measure: row for row in reversed(list(self.values.itertuples())) if row.measure in rows}
-        lines = []
-        for name in rows:
-            row = first[name]
-            where = "" if row.plane == ALL else f", {row.plane}"
-            found = (
-                f"{row.value:.3g} {row.unit} ({row.safer} is safer)"
-                if not row.reason
-                else f"none ({row.reason})"
-            )
-            lines.append(f"{name}{where}: {found}")
+        named = self.values[self.values["measure"].map(lambda name: MEASURES[name].headline)]
+        lines = [
+            f"{row.measure}: none ({row.reason})"
+            if row.reason
+            else f"{row.measure}: {row.value:.3g} {row.unit} ({row.safer} is safer)"
+            for row in named.drop_duplicates("measure").itertuples()
+        ]
         return "\n".join([*lines, *self.course.notes])
 
     def __repr__(self) -> str:

@@ -136,7 +136,10 @@ def course_of_lift(lifter: Lifter) -> Course:
     """Compute all measures at every instant; what the recording does not allow is left out with its reason."""
     import pandas as pd
 
-    columns: dict[str, np.ndarray] = {"time_s": lifter.time, "phase": lifter.body["phase"].to_numpy()}
+    columns: dict[str, np.ndarray] = {
+        "time_s": lifter.time,
+        **{name: lifter.body[name].to_numpy() for name in ("phase", "load_held")},
+    }
     missing: dict[str, str] = {}
     unseen: dict[str, tuple[str, ...]] = {}
     for part, points, names in (

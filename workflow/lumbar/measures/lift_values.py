@@ -11,7 +11,6 @@ import numpy as np
 from lumbar.measures.registry import (
     AT_RELEASE,
     CARRIED,
-    DEPOSIT,
     FARTHEST,
     INTEGRAL,
     LARGEST,
@@ -80,11 +79,10 @@ def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tup
 
 def _within(course: Course, facts: Mapping, phase: str) -> np.ndarray:
     """Which instants belong to a phase of the lift, shape (n,)."""
-    labels = course.frame["phase"]
     if facts["no_deposit"]:
-        return np.zeros(len(labels), dtype=bool)
-    allowed = {DEPOSIT: ("deposit",), CARRIED: ("lift", "carry", "deposit")}[phase]
-    return labels.isin(allowed).to_numpy()
+        return np.zeros(len(course.frame), dtype=bool)
+    carried = course.frame["load_held"] == 1
+    return (carried if phase == CARRIED else course.frame["phase"] == "deposit").to_numpy()
 
 
 def _gap(course: Course, column: str, within: np.ndarray) -> str:
