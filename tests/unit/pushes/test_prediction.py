@@ -13,6 +13,7 @@ from lumbar.interface.person import Lift
 from lumbar.interface.pushing import push_prediction, push_states
 from lumbar.lifting.lift import analyse_lift
 from lumbar.measures.course import Lifter
+from lumbar.pushes import prediction
 from lumbar.pushes.body import centre_of_mass
 from lumbar.pushes.contest import draw_pushes, scene_of
 from lumbar.pushes.levels import BASELINES, DIRECTIONS, KNOTS
@@ -143,6 +144,15 @@ def test_the_winner_says_what_it_rests_on_and_has_no_interval_of_two_persons(fou
     assert found.contest.drawn == 48
     assert len(found.pushes) == 48 - found.contest.unsteady
     assert "left out" in found.table.to_html()
+
+
+def test_longer_feet_let_fewer_step_and_the_measures_are_not_told(states, found, monkeypatch):
+    monkeypatch.setattr(prediction, "VARIED", {"foot length": ("foot", (1.1,))})
+    rows = found.sensitivity.frame
+    assert rows["changed"].tolist() == ["nothing", "foot length"]
+    assert rows["steps"].tolist() == sorted(rows["steps"], reverse=True)
+    assert rows["winner_auc"].between(0.5, 1.0).all()
+    assert rows.loc[0, "steps"] == pytest.approx(found.pushes["steps"].mean())
 
 
 def test_pushes_come_of_the_seed_and_lifts_survive_their_table(states):

@@ -53,8 +53,8 @@ VARIED = {
     "foot length": ("foot", (0.85, 1.15)),
 }
 """Traits of all persons that the table of sensitivities changes, and by which factors. A costly torque makes low gains."""
-EVERY = 4
-"""In that table every fourth push is followed."""
+FOLLOWED = 360
+"""Pushes that are followed for each row of it, about: every so many of the contest's."""
 SENSITIVITY_COLUMNS = {
     "changed": "what no measure is told and was changed for everybody",
     "factor": "by this factor",
@@ -251,10 +251,11 @@ def sensitivity_frame(
     rows = []
     cases = [("nothing", 1.0, {})]
     cases += [
-        (what, factor, {field: factor}) for what, field in VARIED.items() for factor in settings.sensitivity
+        (what, factor, {field: factor}) for what, (field, factors) in VARIED.items() for factor in factors
     ]
+    every = max(1, len(motions) * settings.push.per_lift // FOLLOWED)
     for what, factor, changed in cases:
-        frame = hold_contest(motions, levels, settings, seed, changed, EVERY).frame
+        frame = hold_contest(motions, levels, settings, seed, changed, every, equal=False).frame
         person = np.zeros(len(frame), dtype=int)
         found = {}
         for name in contestants(ALL_SIZES):
@@ -281,8 +282,8 @@ def sensitivity_table(frame: pd.DataFrame, verdict: Verdict, data: str) -> Table
     """Return the contests with other bodies and controllers as a published table."""
     same = int((frame["winner"] == verdict.measure).sum())
     note = (
-        f"{verdict.measure} wins in {same} of {len(frame)} contests; the measures are told of none of the changes. Every "
-        f"{EVERY}th push of the contest is followed, so that the first row differs a little from it"
+        f"{verdict.measure} wins in {same} of {len(frame)} contests; the measures are told of none of the changes. "
+        f"Only some {FOLLOWED} of the contest's pushes are followed, so that the first row differs a little from it"
     )
     return Table(
         title="The contest of measures with other bodies and controllers.",
