@@ -64,7 +64,11 @@ MIDLINE_SD_M = 0.006
 JOINT_SD_M = {"C7T1": 0.0115, "T12L1": 0.0115, "L5S1": 0.0115, "L_HIP_CENTRE": 0.0122, "R_HIP_CENTRE": 0.0122}
 """Error of the regressions per axis: 20 mm in space for the spine, 15 mm for the middle of the hips (declared and
 published errors of `lumbar.lifting.trunk_points`)."""
-LUMBAR_LENGTH, LUMBAR_LENGTH_SD, LUMBAR_STRETCH_SD_M = 0.095, 0.012, 0.015
+PLACEMENT_SD_M = 0.006
+"""A marker lies beside its bone by this, per axis (palpation; declared)."""
+LEVEL_SD_M = 0.008
+"""L4/L5 off its place on the line from L5/S1 to T12/L1, per axis: lumbar lordosis (declared)."""
+LUMBAR_LENGTH, LUMBAR_LENGTH_SD, LUMBAR_STRETCH_SD_M = 0.095, 0.012, 0.025
 """L5/S1 to T12/L1 as a share of stature, its spread, and how far the chord changes as the spine bends."""
 SOFT_TISSUE_SD_M = {"L_SHOULDER": 0.015, "R_SHOULDER": 0.015, "L_HIP": 0.012, "R_HIP": 0.012, "L5": 0.008}
 """Movement of skin and shoulder girdle against the part; other landmarks `SKIN_SD_M`."""
@@ -82,7 +86,7 @@ LIMBS = (
 )
 """Points of each side whose distance stays what it is, but for this standard deviation."""
 POINTS = ("SHOULDER", "ELBOW", "WRIST", "KNEE", "ANKLE", "HEEL", "TOE")
-POINT_NOISE_SD_M = 0.0015
+POINT_NOISE_SD_M = 0.001
 """Noise of the marker of a limb: the marker itself is the point."""
 GIRDLE_SD_M, GRIP_SD_M = 0.030, 0.012
 """Shoulder against the thorax, hand against the box while it is held."""

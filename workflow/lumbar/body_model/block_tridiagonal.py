@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.lapack import dtrtrs
 
 from lumbar.errors import NumericalError
 
@@ -62,9 +63,7 @@ class ArrowFactor:
         for index in range(len(blocks) - 1, -1, -1):
             if index + 1 < len(blocks):
                 blocks[index] -= self.below[index].T @ blocks[index + 1]
-            blocks[index] = solve_triangular(
-                self.diagonal[index], blocks[index], lower=True, trans="T", check_finite=False
-            )
+            blocks[index] = dtrtrs(self.diagonal[index], blocks[index], lower=1, trans=1)[0]
         return blocks.reshape(right.shape)
 
 
@@ -88,9 +87,7 @@ def factored(diagonal: np.ndarray, below: np.ndarray, border: np.ndarray, corner
     try:
         for index, block in enumerate(diagonal):
             if index:
-                under[index - 1] = solve_triangular(
-                    lower[index - 1], below[index - 1].T, lower=True, check_finite=False
-                ).T
+                under[index - 1] = dtrtrs(lower[index - 1], below[index - 1].T, lower=1)[0].T
                 block = block - under[index - 1] @ under[index - 1].T
             lower[index] = cholesky(block, lower=True)
         reduced = _forward(lower, under, border)
@@ -105,5 +102,5 @@ def _forward(diagonal: np.ndarray, below: np.ndarray, right: np.ndarray) -> np.n
     for index in range(len(blocks)):
         if index:
             blocks[index] -= below[index - 1] @ blocks[index - 1]
-        blocks[index] = solve_triangular(diagonal[index], blocks[index], lower=True, check_finite=False)
+        blocks[index] = dtrtrs(diagonal[index], blocks[index], lower=1)[0]
     return blocks.reshape(right.shape)

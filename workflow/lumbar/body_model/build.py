@@ -14,6 +14,8 @@ from lumbar.body_model.structure import Structure, Unknowns
 from lumbar.errors import InputError
 
 BOX = "box"
+LEVEL = ("pelvis", "L4L5_SHIFT")
+"""The shift of L4/L5 off the line from L5/S1 to T12/L1: a vector in the pelvis's axes and no place."""
 OFF_M, ELSEWHERE_M = 0.015, 0.035
 """A marker without a name rides on a part from which it stays this near (median); a landmark that strays further than the
 second is none of its part."""
@@ -195,6 +197,7 @@ def _assembled(time, markers, height, sex, held, parts, points, extras, unused) 
             landmarks.setdefault(name, guess)
         joints = anatomy.joints_of(part, landmarks, sex)
         places |= {(part, name): value for name, value in (landmarks | joints).items()}
+    places[LEVEL] = np.zeros(3)
     if BOX in parts:
         places |= {(BOX, name): value for name, value in parts[BOX].shape.items()}
     places |= extras
@@ -231,6 +234,8 @@ def _assembled(time, markers, height, sex, held, parts, points, extras, unused) 
         for hand, (_, when) in hands.items()
     ]
     priors = [prior for part in anatomy.TEMPLATES for prior in [_landmark_prior(structure, part, height)]]
+    where = structure.of_place(*LEVEL)
+    priors.append(Prior(np.arange(where.start, where.stop), np.zeros(3), np.eye(3) / anatomy.LEVEL_SD_M))
     priors += _loose_priors(structure, guess, extras, hands)
     guess, length_priors = _with_lengths(structure, guess, measurements, height)
     return TrialModel(time, structure, measurements, priors + length_priors, guess, sex, unused)

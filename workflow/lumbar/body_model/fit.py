@@ -22,7 +22,7 @@ from lumbar.body_model.structure import Structure, Unknowns
 ROBUST_STEPS, STEPS, ROUNDS = 6, 4, 2
 SMALLEST_STEP = 1e-4
 """Metres and radians: smaller steps change nothing."""
-ACCELERATION_S = 0.1
+ACCELERATION_S = 0.05
 """Time over which accelerations of a body are alike: their intensity is twice the variance times this."""
 LEAST_INTENSITY = {"m": 0.02, "rad": 0.2}
 FIRST_INTENSITY = {"m": 2.0, "rad": 10.0}
@@ -188,6 +188,9 @@ def _add_joints(information: Information, model: TrialModel, unknowns: Unknowns,
             at = structure.of_place(part, name)
             columns += range(at.start, at.stop)
             root.append(-np.array(slopes).T)
-        sd = anatomy.JOINT_SD_M[joint]
-        residual = -(unknowns.constants[where] - present) / sd
-        information.add_prior(np.array(columns), np.concatenate(root, axis=1) / sd, residual)
+        # Markers beside their bones move the regression's result too.
+        spread = np.concatenate(root[1:], axis=1)
+        covariance = anatomy.JOINT_SD_M[joint] ** 2 * np.eye(3) + anatomy.PLACEMENT_SD_M**2 * spread @ spread.T
+        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        residual = whiten @ (present - unknowns.constants[where])
+        information.add_prior(np.array(columns), whiten @ np.concatenate(root, axis=1), residual)

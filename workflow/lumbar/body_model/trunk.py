@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.body_model.build import BOX
+from lumbar.body_model.build import LEVEL
 from lumbar.body_model.fit import BodyFit
 from lumbar.body_model.structure import Unknowns
 from lumbar.lifting.joint_centres import unit
@@ -26,7 +26,7 @@ def model_recording(fit: BodyFit, unknowns: Unknowns, name: str = "") -> MarkerR
     positions = {
         place: unknowns.place(structure, part, place)
         for part, place in structure.places
-        if not place.startswith("HAND_")
+        if not place.startswith("HAND_") and (part, place) != LEVEL
     }
     positions |= dict(unknowns.points)
     return MarkerRecording(name, model.time, 1 / model.step, positions)
@@ -40,11 +40,12 @@ def model_points(fit: BodyFit, unknowns: Unknowns) -> TrunkPoints:
         return unknowns.place(structure, part, name)
 
     top, bottom, lowest = place("thorax", "C7T1"), place("thorax", "T12L1"), place("pelvis", "L5S1")
+    shift = unknowns.rotations["pelvis"] @ unknowns.constants[structure.of_place(*LEVEL)]
     left, right = (place("pelvis", f"{side}_HIP_CENTRE") for side in "LR")
     ends = {
         "C7T1": top,
         "T12L1": bottom,
-        "L4L5": lowest + L5_SHARE * (bottom - lowest),
+        "L4L5": lowest + L5_SHARE * (bottom - lowest) + shift,
         "L5S1": lowest,
         MID_HIP: (left + right) / 2,
     }
@@ -80,7 +81,3 @@ def predicted_marker(fit: BodyFit, name: str) -> np.ndarray:
     bridge = early[:, None] * residual[before] + late[:, None] * residual[after]
     return np.where(kept[:, None], measurement.observed, predicted + bridge)
 
-
-def box_in_model(fit: BodyFit) -> bool:
-    """Whether the box has markers enough to be a part."""
-    return BOX in fit.model.structure.parts
