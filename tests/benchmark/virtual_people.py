@@ -76,7 +76,9 @@ def virtual_trial(settings, seed: int, what: str = "complete") -> VirtualTrial:
         )  # fmt: skip
     elif what == "no_T12":
         del markers["T12"], markers["L5"]
-    centres = {com: joints[top] + share * (joints[low] - joints[top]) for com, (top, low, share) in SEGMENTS.items()}
+    centres = {
+        com: joints[top] + share * (joints[low] - joints[top]) for com, (top, low, share) in SEGMENTS.items()
+    }
     pivot = (movement.markers["L_ANKLE"] + movement.markers["R_ANKLE"]) / 2
     person = settings.people[lift.person]
     return VirtualTrial(

@@ -72,7 +72,8 @@ LUMBAR_LENGTH, LUMBAR_LENGTH_SD, LUMBAR_STRETCH_SD_M = 0.095, 0.012, 0.025
 """L5/S1 to T12/L1 as a share of stature, its spread, and how far the chord changes as the spine bends."""
 SOFT_TISSUE_SD_M = {"L_SHOULDER": 0.015, "R_SHOULDER": 0.015, "L_HIP": 0.012, "R_HIP": 0.012, "L5": 0.008}
 """Movement of skin and shoulder girdle against the part; other landmarks `SKIN_SD_M`."""
-SKIN_SD_M, EXTRA_SD_M, BOX_SD_M = 0.005, 0.006, 0.001
+SKIN_SD_M, RIDER_SD_M, BOX_SD_M = 0.005, 0.012, 0.001
+"""Riders are markers without a known landmark, as on shoulder blades and arms that happen to keep still."""
 SKIN_CORRELATION_S, JOINT_CORRELATION_S = 0.5, 2.0
 """How long skin stays displaced, before the residuals themselves say so, and how long soft joints do: a posture."""
 LIMBS = (

@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
     from lumbar.settings.stability import StabilitySettings
 
-TOGETHER = 100
+COLUMNS = (
+    *("com", "plane", "sign", "mean_area", "mean_area_low", "mean_area_high", "mean_area_sd"),
+    *("draws", "draws_without_basin"),
+)
+TOGETHER = 200
 """Basins computed at once: more only take memory."""
 
 
@@ -39,37 +43,48 @@ def basin_intervals(
     Returns
     -------
     pandas.DataFrame
-        Columns ``com, plane, sign, mean_area, mean_area_low, mean_area_high, mean_area_sd`` in rad²/s and ``draws``.
+        Columns `COLUMNS`: areas in rad²/s; draws whose pendulum has no basin (too short, say) are counted and belong to
+        no interval.
 
     Raises
     ------
     InputError
-        A pendulum that has no basin, by its label.
+        The most probable pendulum has no basin.
     NumericalError
         As `lumbar.stability.funnel.funnel.exact_funnels`.
     """
     import pandas as pd
 
     keys = list(pendulums.states)
-    trajectories = [
-        _trajectory(states, pendulums, key, settings.pendulum.mass, pivot)
+    made = [
+        (key, _trajectory(states, pendulums, key, settings.pendulum.mass, pivot))
         for states in (pendulums.states, *pendulums.draws)
         for key in keys
     ]
-    areas = np.concatenate(
-        [
-            exact_funnels(close_loops(trajectories[at : at + TOGETHER], sign, settings), settings.goal_level).mean_area
-            for at in range(0, len(trajectories), TOGETHER)
+    for _, best in made[: len(keys)]:
+        if problems := find_problems(best).entries:
+            raise InputError(f"{best.label}: {'. '.join(problems)}")
+    sound = [(key, trajectory) for key, trajectory in made if not find_problems(trajectory).entries]
+    areas = _areas([trajectory for _, trajectory in sound], settings, sign)
+    rows = []
+    for index, key in enumerate(keys):
+        drawn = [
+            area
+            for (other, _), area in zip(sound[len(keys) :], areas[len(keys) :], strict=True)
+            if other == key
         ]
-    ).reshape(-1, len(keys))
-    tail = 50 * (1 - coverage)
-    low, high = np.percentile(areas[1:], [tail, 100 - tail], axis=0)
-    rows = [
-        (*key, sign, areas[0, i], low[i], high[i], areas[1:, i].std(ddof=1), len(areas) - 1)
-        for i, key in enumerate(keys)
-    ]
-    columns = ["com", "plane", "sign", "mean_area", "mean_area_low", "mean_area_high", "mean_area_sd", "draws"]
-    return pd.DataFrame(rows, columns=columns)
+        low, high, sd = np.nan, np.nan, np.nan
+        if len(drawn) > 1:
+            low, high = np.percentile(drawn, [50 * (1 - coverage), 50 * (1 + coverage)])
+            sd = np.std(drawn, ddof=1)
+        rows.append((*key, sign, areas[index], low, high, sd, len(drawn), len(pendulums.draws) - len(drawn)))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _areas(trajectories: list[Trajectory], settings: StabilitySettings, sign: str) -> np.ndarray:
+    parts = [trajectories[at : at + TOGETHER] for at in range(0, len(trajectories), TOGETHER)]
+    loops = [close_loops(part, sign, settings) for part in parts]
+    return np.concatenate([exact_funnels(loop, settings.goal_level).mean_area for loop in loops])
 
 
 def _trajectory(
@@ -77,12 +92,8 @@ def _trajectory(
 ) -> Trajectory:
     com, plane = key
     values = states[key]
-    trajectory = Trajectory(
+    return Trajectory(
         "body model", "", 0.0, com, plane, pivot,
         values.time, values.angle, values.angular_velocity, values.angular_acceleration,
         pendulums.masses[com][mass == "with_box"], float(values.length.mean()),
     )  # fmt: skip
-    problems = find_problems(trajectory).entries
-    if problems:
-        raise InputError(f"{trajectory.label}: {'. '.join(problems)}")
-    return trajectory

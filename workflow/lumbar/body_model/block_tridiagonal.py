@@ -93,7 +93,9 @@ def factored(diagonal: np.ndarray, below: np.ndarray, border: np.ndarray, corner
         reduced = _forward(lower, under, border)
         return ArrowFactor(lower, under, reduced, cholesky(corner - reduced.T @ reduced, lower=True))
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise NumericalError(f"the body model's information matrix is not positive definite: {error}") from error
+        raise NumericalError(
+            f"the body model's information matrix is not positive definite: {error}"
+        ) from error
 
 
 def _forward(diagonal: np.ndarray, below: np.ndarray, right: np.ndarray) -> np.ndarray:

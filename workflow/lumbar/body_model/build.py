@@ -17,12 +17,12 @@ BOX = "box"
 LEVEL = ("pelvis", "L4L5_SHIFT")
 """The shift of L4/L5 off the line from L5/S1 to T12/L1: a vector in the pelvis's axes and no place."""
 OFF_M, ELSEWHERE_M = 0.015, 0.035
-"""A marker without a name rides on a part from which it stays this near (median); a landmark that strays further than the
-second is none of its part."""
+"""A marker without a name rides on the nearest part to which it keeps its place within the first (median); a landmark that
+strays further than the second is none of its part."""
 SEEN_SHARE = 0.1
 """Share of the trial that a marker is seen at least."""
-REACH_M = 0.6
-"""A marker without a name lies no further from its part's middle."""
+REACH_M, LOOSE_SD_M = 0.5, 0.1
+"""A marker without a name lies no further than the first from its part's middle; and how far it may be from its first guess."""
 
 
 @dataclass(frozen=True)
@@ -164,81 +164,76 @@ def _drop_strays(parts: dict[str, _Part], markers: Mapping[str, np.ndarray], unu
 def _riders(
     parts: dict[str, _Part], markers: Mapping[str, np.ndarray], unused: dict[str, str]
 ) -> dict[tuple[str, str], np.ndarray]:
-    """Places of markers without a name on the part that they stay nearest to."""
+    """Places of markers without a name on the nearest part to which they keep it."""
     found = {}
     for marker, points in markers.items():
-        best = None
+        near = []
         for name, part in parts.items():
             local = part.local(points)
             place = np.nanmedian(local, axis=0)
-            stray = np.nanmedian(np.linalg.norm(local - place, axis=1))
             reach = np.linalg.norm(place - np.mean(list(part.shape.values()), axis=0))
-            if reach < REACH_M and (best is None or stray < best[0]):
-                best = (stray, name, place)
-        if best is None or best[0] > OFF_M:
-            unused[marker] = "rides on no part"
+            if reach < REACH_M and np.nanmedian(np.linalg.norm(local - place, axis=1)) < OFF_M:
+                near.append((reach, name, place))
+        if near:
+            _, name, place = min(near, key=lambda found: found[0])
+            found[name, marker] = place
         else:
-            found[best[1], marker] = best[2]
+            unused[marker] = "rides on no part"
     return found
 
 
 def _assembled(time, markers, height, sex, held, parts, points, extras, unused) -> TrialModel:
+    places = _places(parts, height, sex) | extras
+    hands = _hands(parts, markers, points, held)
+    places |= {(BOX, hand): place for hand, (place, _) in hands.items()}
+    rods = _rods(places, points)
+    structure = Structure(tuple(parts), tuple(points), tuple(places), tuple(pair for _, _, pair, _ in rods))
+    guess = Unknowns(
+        {name: part.rotations for name, part in parts.items()},
+        {name: part.shifts for name, part in parts.items()},
+        {name: _filled(time, markers[name]) for name in points},
+        np.concatenate([*places.values(), np.zeros(len(rods))]),
+    )
+    measurements = _markers(structure, markers, extras, points, parts)
+    always = np.ones(len(time), dtype=bool)
+    for first, second, pair, sd in rods:
+        measurements.append(_soft("-".join(pair), first, second, sd, always, pair))
+    for name in points:
+        if ("thorax", name) in places:
+            tied = f"{name} on the thorax", (None, name), ("thorax", name)
+            measurements.append(_soft(*tied, anatomy.GIRDLE_SD_M, always))
+    for hand, (_, when) in hands.items():
+        tied = f"{hand} at the box", (None, hand.removeprefix("HAND_")), (BOX, hand)
+        measurements.append(_soft(*tied, anatomy.GRIP_SD_M, when))
+    priors = [_landmark_prior(structure, part, height) for part in anatomy.TEMPLATES]
+    priors += _loose_priors(structure, guess, extras)
+    guess, length_priors = _with_lengths(structure, guess, measurements, height)
+    return TrialModel(time, structure, measurements, priors + length_priors, guess, sex, unused)
+
+
+def _places(parts: dict[str, _Part], height: float, sex: str) -> dict[tuple[str, str], np.ndarray]:
+    """First guess of landmarks, joint centres and corners of the box, in the axes of their part."""
     places: dict[tuple[str, str], np.ndarray] = {}
     for part, template in anatomy.TEMPLATES.items():
-        known = parts[part].shape
-        fit = weighted_poses(
-            height * np.array([template[name] for name in known]),
-            np.array(list(known.values()))[None],
-            np.ones((1, len(known))),
-        )
-        landmarks = dict(known)
+        landmarks = dict(parts[part].shape)
+        standing = height * np.array([template[name] for name in landmarks])
+        seen = np.array(list(landmarks.values()))[None]
+        (turned,), (shifted,) = weighted_poses(standing, seen, np.ones((1, len(landmarks))))
         for name in anatomy.NEEDED[part]:
-            guess = fit[0][0] @ (height * np.array(template[name])) + fit[1][0]
-            landmarks.setdefault(name, guess)
+            landmarks.setdefault(name, turned @ (height * np.array(template[name])) + shifted)
         joints = anatomy.joints_of(part, landmarks, sex)
         places |= {(part, name): value for name, value in (landmarks | joints).items()}
     places[LEVEL] = np.zeros(3)
     if BOX in parts:
         places |= {(BOX, name): value for name, value in parts[BOX].shape.items()}
-    places |= extras
-    hands = _hands(parts, markers, points, held)
-    places |= {(BOX, hand): place for hand, (place, _) in hands.items()}
-    rods = _rods(places, points)
-    structure = Structure(tuple(parts), tuple(points), tuple(places), tuple(pair for _, _, pair, _ in rods))
-    trajectories = {name: _filled(time, markers[name]) for name in points}
-    guess = Unknowns(
-        {name: part.rotations for name, part in parts.items()},
-        {name: part.shifts for name, part in parts.items()},
-        trajectories,
-        np.concatenate([*places.values(), np.zeros(len(rods))]),
-    )
-    measurements = _markers(structure, markers, extras, points, parts)
-    everywhere = np.ones(len(time), dtype=bool)
-    for first, second, pair, sd in rods:
-        measurements.append(
-            Measurement("-".join(pair), first, second, None, pair, everywhere, sd, anatomy.JOINT_CORRELATION_S, False)
-        )
-    measurements += [
-        Measurement(
-            f"{name} on the thorax", (None, name), ("thorax", name), None, None, everywhere,
-            anatomy.GIRDLE_SD_M, anatomy.JOINT_CORRELATION_S, False,
-        )
-        for name in points
-        if ("thorax", name) in places
-    ]
-    measurements += [
-        Measurement(
-            f"{hand} at the box", (None, hand[5:]), (BOX, hand), None, None, when,
-            anatomy.GRIP_SD_M, anatomy.JOINT_CORRELATION_S, False,
-        )
-        for hand, (_, when) in hands.items()
-    ]
-    priors = [prior for part in anatomy.TEMPLATES for prior in [_landmark_prior(structure, part, height)]]
-    where = structure.of_place(*LEVEL)
-    priors.append(Prior(np.arange(where.start, where.stop), np.zeros(3), np.eye(3) / anatomy.LEVEL_SD_M))
-    priors += _loose_priors(structure, guess, extras, hands)
-    guess, length_priors = _with_lengths(structure, guess, measurements, height)
-    return TrialModel(time, structure, measurements, priors + length_priors, guess, sex, unused)
+    return places
+
+
+def _soft(
+    name, first, second, sd: float, when: np.ndarray, length: tuple[str, str] | None = None
+) -> Measurement:
+    """A soft joint, or a distance that hardly changes."""
+    return Measurement(name, first, second, None, length, when, sd, anatomy.JOINT_CORRELATION_S, False)
 
 
 def _filled(time: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -276,27 +271,25 @@ def _rods(places, points):
 
 
 def _markers(structure: Structure, markers, extras, points, parts) -> list[Measurement]:
+    """Every marker's measurement: on a part it tells its own noise, on a limb it is the point itself."""
     measurements = []
     for part, name in structure.places:
-        riding = name in parts[part].shape or (part, name) in extras
-        if name in points or not riding:
+        if name in points or not (name in parts[part].shape or (part, name) in extras):
             continue
-        box = part == BOX
-        sd = anatomy.EXTRA_SD_M if (part, name) in extras else anatomy.SOFT_TISSUE_SD_M.get(name, anatomy.SKIN_SD_M)
-        correlation = 0.0 if box else anatomy.SKIN_CORRELATION_S
-        seen = np.isfinite(markers[name]).all(axis=1)
-        sd = anatomy.BOX_SD_M if box else sd
-        measurements.append(
-            Measurement(name, (part, name), None, markers[name], None, seen, sd, correlation, True)
-        )
-    for name in points:
-        seen = np.isfinite(markers[name]).all(axis=1)
-        measurements.append(
-            Measurement(
-                name, (None, name), None, markers[name], None, seen, anatomy.POINT_NOISE_SD_M, 0.0, False
-            )
-        )
-    return measurements
+        sd, correlation = anatomy.SOFT_TISSUE_SD_M.get(name, anatomy.SKIN_SD_M), anatomy.SKIN_CORRELATION_S
+        if (part, name) in extras:
+            sd = anatomy.RIDER_SD_M
+        elif part == BOX:
+            sd, correlation = anatomy.BOX_SD_M, 0.0
+        measurements.append(_marker(name, (part, name), markers[name], sd, correlation, True))
+    return measurements + [
+        _marker(name, (None, name), markers[name], anatomy.POINT_NOISE_SD_M, 0.0, False) for name in points
+    ]
+
+
+def _marker(name, where, observed: np.ndarray, sd: float, correlation: float, estimated: bool) -> Measurement:
+    seen = np.isfinite(observed).all(axis=1)
+    return Measurement(name, where, None, observed, None, seen, sd, correlation, estimated)
 
 
 def _landmark_prior(structure: Structure, part: str, height: float) -> Prior:
@@ -307,7 +300,9 @@ def _landmark_prior(structure: Structure, part: str, height: float) -> Prior:
     covariance = anatomy.landmark_covariance(mean)
     middle = np.array([name[:2] not in ("L_", "R_") for name in names])
     narrow = np.where(middle, anatomy.MIDLINE_SD_M / np.sqrt(np.diag(covariance)), 1.0)
-    rows = [np.linalg.inv(np.linalg.cholesky(covariance * scale)) for scale in (np.outer(narrow, narrow), 1, 1)]
+    rows = [
+        np.linalg.inv(np.linalg.cholesky(covariance * scale)) for scale in (np.outer(narrow, narrow), 1, 1)
+    ]
     starts = np.array([structure.of_place(part, name).start for name in names])
     columns = np.concatenate([starts + axis for axis in range(3)])
     root = np.zeros((len(columns), len(columns)))
@@ -317,18 +312,20 @@ def _landmark_prior(structure: Structure, part: str, height: float) -> Prior:
     return Prior(columns, np.concatenate(list(mean.T)), root)
 
 
-def _loose_priors(structure: Structure, guess: Unknowns, extras, hands) -> list[Prior]:
-    """Markers without a name, corners of the box and hands may be anywhere near."""
-    loose = [*extras, *((BOX, name) for name in structure.names_of(BOX) if (BOX, name) not in extras)]
+def _loose_priors(structure: Structure, guess: Unknowns, extras) -> list[Prior]:
+    """Markers without a name, corners of the box and hands may be anywhere near; L4/L5 near its line."""
+    loose = dict.fromkeys([*extras, *((BOX, name) for name in structure.names_of(BOX))], LOOSE_SD_M)
     priors = []
-    for place in loose:
+    for place, sd in (loose | {LEVEL: anatomy.LEVEL_SD_M}).items():
         where = structure.of_place(*place)
         columns = np.arange(where.start, where.stop)
-        priors.append(Prior(columns, guess.constants[where].copy(), np.eye(3) / 0.1))
+        priors.append(Prior(columns, guess.constants[where].copy(), np.eye(3) / sd))
     return priors
 
 
-def _with_lengths(structure: Structure, guess: Unknowns, measurements, height) -> tuple[Unknowns, list[Prior]]:
+def _with_lengths(
+    structure: Structure, guess: Unknowns, measurements, height
+) -> tuple[Unknowns, list[Prior]]:
     """Start every length at its median; the lumbar spine's is known from the stature, others hardly."""
     constants, priors = guess.constants.copy(), []
     for measurement in measurements:

@@ -72,7 +72,7 @@ def fit(model: TrialModel) -> BodyFit:
     NumericalError
         If something is neither seen nor has a prior.
     """
-    measurements, structure, step = model.measurements, model.structure, model.step
+    measurements, structure = model.measurements, model.structure
     unknowns = model.guess
     intensity = {name: FIRST_INTENSITY[unit] for name, _, unit in _movements(structure)}
     noise = {m.name: Noise(m.sd) for m in measurements}
@@ -128,7 +128,9 @@ def _intensities(model: TrialModel, unknowns: Unknowns) -> dict[str, float]:
     """Intensity of white acceleration from the accelerations that the present estimate has."""
     bends = _bends(model.structure, unknowns)
     return {
-        name: max(LEAST_INTENSITY[unit], 2 * ACCELERATION_S * float(np.mean(bends[name] ** 2)) / model.step**4)
+        name: max(
+            LEAST_INTENSITY[unit], 2 * ACCELERATION_S * float(np.mean(bends[name] ** 2)) / model.step**4
+        )
         for name, _, unit in _movements(model.structure)
     }
 
@@ -147,7 +149,9 @@ def _noise(model: TrialModel, residuals, kept) -> dict[str, Noise]:
     return noise
 
 
-def _advanced(model: TrialModel, unknowns: Unknowns, noise, weights, intensity) -> tuple[Unknowns, float, ArrowFactor]:
+def _advanced(
+    model: TrialModel, unknowns: Unknowns, noise, weights, intensity
+) -> tuple[Unknowns, float, ArrowFactor]:
     """One Gauss-Newton step: the new unknowns, the largest change of a state, and the information's factor."""
     structure = model.structure
     n, size = len(model.time), structure.size
@@ -155,10 +159,14 @@ def _advanced(model: TrialModel, unknowns: Unknowns, noise, weights, intensity) 
     for m in model.measurements:
         residual, predicted = m.residual(structure, unknowns)
         information.add(residual, predicted.states, predicted.constants, noise[m.name], weights[m.name])
-    for (name, columns, _), bend in zip(_movements(structure), _bends(structure, unknowns).values(), strict=True):
+    for (name, columns, _), bend in zip(
+        _movements(structure), _bends(structure, unknowns).values(), strict=True
+    ):
         information.add_smoothness(columns, bend, 1 / (intensity[name] * model.step**3))
     for prior in model.priors:
-        information.add_prior(prior.columns, prior.root, prior.root @ (prior.mean - unknowns.constants[prior.columns]))
+        information.add_prior(
+            prior.columns, prior.root, prior.root @ (prior.mean - unknowns.constants[prior.columns])
+        )
     for part in anatomy.TEMPLATES:
         _add_joints(information, model, unknowns, part)
     axis = np.arange(size)
@@ -172,9 +180,7 @@ def _advanced(model: TrialModel, unknowns: Unknowns, noise, weights, intensity) 
 def _add_joints(information: Information, model: TrialModel, unknowns: Unknowns, part: str) -> None:
     """Joint centres lie where the regressions put them, but for the regressions' error."""
     structure = model.structure
-    landmarks = {
-        name: unknowns.constants[structure.of_place(part, name)] for name in anatomy.NEEDED[part]
-    }
+    landmarks = {name: unknowns.constants[structure.of_place(part, name)] for name in anatomy.NEEDED[part]}
     joints = anatomy.joints_of(part, landmarks, model.sex)
     difference = 1e-5
     for joint, present in joints.items():
@@ -190,7 +196,9 @@ def _add_joints(information: Information, model: TrialModel, unknowns: Unknowns,
             root.append(-np.array(slopes).T)
         # Markers beside their bones move the regression's result too.
         spread = np.concatenate(root[1:], axis=1)
-        covariance = anatomy.JOINT_SD_M[joint] ** 2 * np.eye(3) + anatomy.PLACEMENT_SD_M**2 * spread @ spread.T
+        covariance = (
+            anatomy.JOINT_SD_M[joint] ** 2 * np.eye(3) + anatomy.PLACEMENT_SD_M**2 * spread @ spread.T
+        )
         whiten = np.linalg.inv(np.linalg.cholesky(covariance))
         residual = whiten @ (present - unknowns.constants[where])
         information.add_prior(np.array(columns), whiten @ np.concatenate(root, axis=1), residual)

@@ -54,7 +54,11 @@ class Information:
         """
         columns = np.concatenate([np.arange(where.start, where.stop) for where, _ in states])
         slope = np.concatenate([values for _, values in states], axis=2)
-        there = np.concatenate([np.arange(where.start, where.stop) for where, _ in constants]) if constants else []
+        there = (
+            np.concatenate([np.arange(where.start, where.stop) for where, _ in constants])
+            if constants
+            else []
+        )
         fixed = np.concatenate([values for _, values in constants], axis=2) if constants else None
         after = (weight[1:] > 0) & (weight[:-1] > 0)
         chained = np.concatenate([[False], after]) if noise.phi else np.zeros(len(weight), dtype=bool)

@@ -76,12 +76,13 @@ class ModelPendulums:
     def sd(self, com: str, plane: str) -> PendulumStates:
         """Standard deviation of every state (of its time: 0), as the spread of the draws about the most probable."""
         best = self.states[com, plane]
-        return PendulumStates(
-            *(
-                np.sqrt(np.mean([(getattr(draw[com, plane], f.name) - getattr(best, f.name)) ** 2 for draw in self.draws], axis=0))
-                for f in fields(PendulumStates)
-            )
-        )
+        drawn = [draw[com, plane] for draw in self.draws]
+
+        def spread(name: str) -> np.ndarray:
+            off = [getattr(states, name) - getattr(best, name) for states in drawn]
+            return np.sqrt(np.mean(np.square(off), axis=0))
+
+        return PendulumStates(*(spread(field.name) for field in fields(PendulumStates)))
 
 
 def model_pendulums(fit: BodyFit, conditions: Conditions, draws: Sequence[Unknowns]) -> ModelPendulums:
@@ -110,7 +111,13 @@ def _states(
     recording, points = model_recording(fit, unknowns), model_points(fit, unknowns)
     events = dict(conditions.events)
     centres = centres_of_mass(
-        recording, points, conditions.table, conditions.body_mass, conditions.box_mass, conditions.share, events
+        recording,
+        points,
+        conditions.table,
+        conditions.body_mass,
+        conditions.box_mass,
+        conditions.share,
+        events,
     )
     pivot = pivot_trajectory(replace(recording, source="body model"), points, conditions.pivot)
     start, stop = events["deposit_start"].time_s, events["release"].time_s
@@ -118,6 +125,8 @@ def _states(
     for com, centre in centres.items():
         position = centre.position_with_box if conditions.in_position else centre.position
         relative = turn(position - pivot, conditions.heading)
-        planar = pendulum_states(recording.time, relative, start, stop, conditions.points, f"body model, {com}")
+        planar = pendulum_states(
+            recording.time, relative, start, stop, conditions.points, f"body model, {com}"
+        )
         states |= {(com, plane): values for plane, values in planar.items()}
     return states, {com: (centre.mass_kg, centre.mass_with_box_kg) for com, centre in centres.items()}

@@ -24,7 +24,9 @@ def cross_matrix(vectors: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def weighted_poses(shape: np.ndarray, frames: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def weighted_poses(
+    shape: np.ndarray, frames: np.ndarray, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Rotation and shift that lay a shape on frames (Kabsch, Acta Crystallogr. A 32 (1976) 922-923).
 
     Parameters
@@ -58,7 +60,9 @@ FLATTEST_M = 0.015
 """Least spread across the line that points lie nearest to: less tells no turning about it."""
 
 
-def bridged(time: np.ndarray, rotations: np.ndarray, shifts: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+def bridged(
+    time: np.ndarray, rotations: np.ndarray, shifts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
     """Fill unknown poses from the nearest known ones, evenly in time; None where none is known."""
     known = np.isfinite(rotations).all(axis=(1, 2))
     if not known.any():

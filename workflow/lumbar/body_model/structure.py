@@ -131,7 +131,9 @@ def position(structure: Structure, unknowns: Unknowns, part: str | None, name: s
     """Where a place of a part, or a point (part None), is."""
     if part is None:
         value = unknowns.points[name]
-        return Position(value, [(structure.of_point(name), np.broadcast_to(np.eye(3), (len(value), 3, 3)))], [])
+        return Position(
+            value, [(structure.of_point(name), np.broadcast_to(np.eye(3), (len(value), 3, 3)))], []
+        )
     turn, where = unknowns.rotations[part], structure.of_place(part, name)
     arm = turn @ unknowns.constants[where]
     moving = np.concatenate([np.broadcast_to(np.eye(3), turn.shape), -cross_matrix(arm)], axis=2)

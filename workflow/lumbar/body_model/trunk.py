@@ -80,4 +80,3 @@ def predicted_marker(fit: BodyFit, name: str) -> np.ndarray:
     late = np.where(~inside & (before > frames), phi**ahead, late)
     bridge = early[:, None] * residual[before] + late[:, None] * residual[after]
     return np.where(kept[:, None], measurement.observed, predicted + bridge)
-
