@@ -39,6 +39,12 @@ def add(commands) -> None:
         help="name of the lift, e.g. expert_23kg_2 (default: the subject's trial whose file this is)",
     )
     parser.add_argument("--static", type=Path, metavar="FILE", help="static trial (default: the subject's)")
+    parser.add_argument(
+        "--body-model",
+        action="store_true",
+        help="fit one model of trunk, limbs and box to all markers of the file besides: the same pendulums with standard "
+        "deviations, basin areas with 95%% intervals, markers with their noise and outliers (body_model_*.csv)",
+    )
     add_output(parser)
     add_data(parser)
     parser.set_defaults(run=run)
@@ -46,7 +52,8 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Analyse the lifts, write their pendulums, print their events and, of one, the checks of its centres of mass."""
-    settings = load_settings(*options.config).lifting
+    study = load_settings(*options.config)
+    settings = study.lifting
     if len(options.markers) > 1 or options.markers[0].is_dir():
         _run_all(options, settings)
         return
@@ -64,6 +71,10 @@ def run(options) -> None:
     found.save(options.output)
     print(found)
     print("\n".join(found.checks))
+    if options.body_model:
+        model = found.body_model(study.stability)
+        model.save(options.output)
+        print(f"body model fitted to all markers:\n{model}")
     print("\n".join(_closing(found, options.output)))
 
 
@@ -80,8 +91,10 @@ def _run_all(options, settings) -> None:
     from lumbar.interface.lift_batch import lift_all, planned_lifts
     from lumbar.interface.person import subject_of
 
-    if options.trial:
-        raise InputError("--trial names one lift of one file: give that file alone")
+    if options.trial or options.body_model:
+        raise InputError(
+            f"{'--trial' if options.trial else '--body-model'} is for one lift of one file: give that file alone"
+        )
     subject = subject_of(options.subject)
     lifts = planned_lifts(options.markers, subject)
     table, failed = lift_all(

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
+    from lumbar.interface.body_model import LiftModel
     from lumbar.lifting.plate_check import PlateCheck
     from lumbar.quality.sheet import QualitySheet
     from lumbar.settings.layout import MarkerLayout
@@ -196,6 +197,12 @@ class Lift:
     def doubt(self) -> str:
         """Whether hands that stand for the box may have made several lifts; empty where not."""
         return hands_doubt(self.analysed.recording, self.analysed.events, self.settings.events)
+
+    def body_model(self, stability: StabilitySettings | None = None) -> LiftModel:
+        """Fit one model of trunk, limbs and box to all markers: the same pendulums with standard deviations."""
+        from lumbar.interface.body_model import body_model
+
+        return body_model(self, stability)
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``quality`` and what figures need."""
