@@ -12,7 +12,7 @@ PACKAGES = [
     ["interface"],
     ["reports", "config"],
     ["body_model"],
-    ["synthetic", "survey", "fmu", "haptics", "stability", "diagnosis", "identification"],
+    ["synthetic", "survey", "fmu", "haptics", "stability", "measures", "diagnosis", "identification"],
     ["lifting", "signals", "effects"],
     ["quality"],
     ["models", "records"],

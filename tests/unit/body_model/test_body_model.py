@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lumbar.body_model import anatomy
@@ -15,16 +16,18 @@ from lumbar.body_model.pendulums import Conditions, model_pendulums
 from lumbar.body_model.trial_markers import at_nodes, measured_markers
 from lumbar.body_model.trunk import model_points, predicted_marker
 from lumbar.errors import InputError
+from lumbar.interface.body_model import body_model
 from lumbar.lifting.centre_of_mass import segment_centres
 from lumbar.lifting.events import Event
 from lumbar.lifting.gaps import KEEP, fill_gaps
+from lumbar.lifting.lift import analyse_lift
 from lumbar.lifting.pendulum_states import pendulum_states
 from lumbar.lifting.segments import WINTER
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.stability import StabilitySettings
 from lumbar.synthetic.lifting_recordings import true_movement
-from study_settings import study_settings
+from study_settings import study_settings, subject_settings
 
 RATE = 25.0
 
@@ -186,3 +189,23 @@ def test_c7_hidden_while_rising_from_a_bend_is_predicted_better_than_by_a_spline
     model, interpolated = (np.sqrt(np.mean(np.sum(error[hidden] ** 2, axis=1))) for error in errors)
     assert model < 0.03
     assert interpolated > 4 * model
+
+
+def test_a_recorded_lift_is_saved_with_deviations_and_intervals(shared, tmp_path):
+    """Of the box transfer, whose left arm, C7, T12 and L5 have no markers; the rules guess the latter from others."""
+    study, subject = study_settings("studies/box_transfer.yaml").lifting, subject_settings("box_transfer")
+    path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
+    trial = subject.trials[0]
+    lift = analyse_lift(read_markers(path, study.markers), "box", subject, trial, study)
+    settings = replace(study_settings("studies/box_transfer.yaml").stability, knots=50)
+    model = body_model(lift, subject, trial, study, "recorded", settings, draws=3)
+    model.save(tmp_path)
+    assert "not used, rides on no part: " in str(model)
+    states = pd.read_csv(tmp_path / "body_model_pendulum.csv")
+    assert (states.angle_sd_rad > 0.005).all()
+    assert len(pd.read_csv(tmp_path / "body_model_areas.csv")) == 6
+    markers = pd.read_csv(tmp_path / "body_model_markers.csv").set_index("marker")
+    assert markers.part[["L_ASIS", "T10", "BOX_1"]].tolist() == ["pelvis", "thorax", "box"]
+    for (com, plane), rules in lift.states.items():
+        rows = states[(states.com == com) & (states.plane == plane)]
+        assert (np.abs(rows.angle_rad.to_numpy() - rules.angle) < 4 * rows.angle_sd_rad.to_numpy()).all()

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.body_model.pendulums import ModelPendulums, Planar
-from lumbar.errors import InputError
 from lumbar.stability.basins import close_loops
 from lumbar.stability.funnel.funnel import exact_funnels
+from lumbar.stability.model.failures import all_or_each
 from lumbar.stability.model.trajectory import Trajectory, find_problems
 
 if TYPE_CHECKING:
@@ -21,8 +21,8 @@ COLUMNS = (
     *("com", "plane", "sign", "mean_area", "mean_area_low", "mean_area_high", "mean_area_sd"),
     *("draws", "draws_without_basin"),
 )
-TOGETHER = 200
-"""Basins computed at once: more only take memory."""
+TOGETHER = 50
+"""Basins computed at once; where one fails, these are computed one by one."""
 
 
 def basin_intervals(
@@ -43,48 +43,45 @@ def basin_intervals(
     Returns
     -------
     pandas.DataFrame
-        Columns `COLUMNS`: areas in rad²/s; draws whose pendulum has no basin (too short, say) are counted and belong to
-        no interval.
-
-    Raises
-    ------
-    InputError
-        The most probable pendulum has no basin.
-    NumericalError
-        As `lumbar.stability.funnel.funnel.exact_funnels`.
+        Columns `COLUMNS`: areas in rad²/s; draws whose pendulum has no basin (too short, or one that
+        reaches beyond any body) are counted and belong to no interval; NaN where the most probable pendulum has none.
     """
     import pandas as pd
 
-    keys = list(pendulums.states)
-    made = [
-        (key, _trajectory(states, pendulums, key, settings.pendulum.mass, pivot))
-        for states in (pendulums.states, *pendulums.draws)
-        for key in keys
-    ]
-    for _, best in made[: len(keys)]:
-        if problems := find_problems(best).entries:
-            raise InputError(f"{best.label}: {'. '.join(problems)}")
-    sound = [(key, trajectory) for key, trajectory in made if not find_problems(trajectory).entries]
-    areas = _areas([trajectory for _, trajectory in sound], settings, sign)
+    best = {
+        key: _trajectory(pendulums.states, pendulums, key, settings.pendulum.mass, pivot)
+        for key in pendulums.states
+    }
+    drawn = {
+        key: [_trajectory(draw, pendulums, key, settings.pendulum.mass, pivot) for draw in pendulums.draws]
+        for key in best
+    }
+    areas = _areas([*best.values(), *(one for many in drawn.values() for one in many)], settings, sign)
     rows = []
-    for index, key in enumerate(keys):
-        drawn = [
-            area
-            for (other, _), area in zip(sound[len(keys) :], areas[len(keys) :], strict=True)
-            if other == key
-        ]
+    for key, trajectory in best.items():
+        found = [areas[id(one)] for one in drawn[key] if id(one) in areas]
         low, high, sd = np.nan, np.nan, np.nan
-        if len(drawn) > 1:
-            low, high = np.percentile(drawn, [50 * (1 - coverage), 50 * (1 + coverage)])
-            sd = np.std(drawn, ddof=1)
-        rows.append((*key, sign, areas[index], low, high, sd, len(drawn), len(pendulums.draws) - len(drawn)))
+        if len(found) > 1:
+            low, high = np.percentile(found, [50 * (1 - coverage), 50 * (1 + coverage)])
+            sd = np.std(found, ddof=1)
+        area = areas.get(id(trajectory), np.nan)
+        rows.append((*key, sign, area, low, high, sd, len(found), len(drawn[key]) - len(found)))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def _areas(trajectories: list[Trajectory], settings: StabilitySettings, sign: str) -> np.ndarray:
-    parts = [trajectories[at : at + TOGETHER] for at in range(0, len(trajectories), TOGETHER)]
-    loops = [close_loops(part, sign, settings) for part in parts]
-    return np.concatenate([exact_funnels(loop, settings.goal_level).mean_area for loop in loops])
+def _areas(trajectories: list[Trajectory], settings: StabilitySettings, sign: str) -> dict[int, float]:
+    """Mean area of every trajectory that has a basin, by its identity."""
+    sound = [one for one in trajectories if not find_problems(one).entries]
+    areas = {}
+    for at in range(0, len(sound), TOGETHER):
+        results, _ = all_or_each(_mean_area, sound[at : at + TOGETHER], settings, sign, basin="body model")
+        for some, values in results:
+            areas.update(zip(map(id, some), values, strict=True))
+    return areas
+
+
+def _mean_area(trajectories: list[Trajectory], settings: StabilitySettings, sign: str) -> np.ndarray:
+    return exact_funnels(close_loops(trajectories, sign, settings), settings.goal_level).mean_area
 
 
 def _trajectory(

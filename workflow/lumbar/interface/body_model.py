@@ -15,8 +15,10 @@ from lumbar.lifting.lift import no_deposit
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.interface.person import Lift
+    from lumbar.lifting.lift import AnalysedLift
+    from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.stability import StabilitySettings
+    from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -25,14 +27,17 @@ class LiftModel:
 
     Attributes
     ----------
-    lift : Lift
-        By the rules.
+    name, data : str
+        Of the lift, and words for the source of its data.
+    pivot : str
     modelled : lumbar.body_model.lift_model.ModelledLift
     stability : StabilitySettings
         Of the basins.
     """
 
-    lift: Lift
+    name: str
+    data: str
+    pivot: str
     modelled: ModelledLift
     stability: StabilitySettings
 
@@ -51,16 +56,16 @@ class LiftModel:
         """Exact mean basin area of every pendulum with its 95 % interval, by the study's sign of gravity."""
         from lumbar.body_model.basin_intervals import basin_intervals
 
-        sign, pivot = self.stability.pendulum.sign, self.lift.settings.pivot
-        return basin_intervals(self.modelled.pendulums, self.stability, sign, pivot)
+        sign = self.stability.pendulum.sign
+        return basin_intervals(self.modelled.pendulums, self.stability, sign, self.pivot)
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``body_model_pendulum.csv``, ``body_model_markers.csv`` and ``body_model_areas.csv``."""
         from lumbar.files import write_csv
 
-        for name in ("pendulum", "markers", "areas"):
-            table = self.states if name == "pendulum" else getattr(self, name)
-            write_csv(Path(folder) / f"body_model_{name}.csv", table.assign(data=self.lift.data))
+        tables = {"pendulum": self.states, "markers": self.markers, "areas": self.areas}
+        for name, table in tables.items():
+            write_csv(Path(folder) / f"body_model_{name}.csv", table.assign(data=self.data))
 
     def __str__(self) -> str:
         lines = []
@@ -74,18 +79,25 @@ class LiftModel:
                 f"{row.com}, {row.plane}, {row.sign}: θ {best.angle.mean():+.3f} ± {sd.angle.mean():.3f} rad on average, "
                 f"area {row.mean_area:.4g} rad²/s (95 %: {row.mean_area_low:.4g} to {row.mean_area_high:.4g}{lost})"
             )
-        out = self.markers[self.markers.share_left_out > 0]
-        lines += [
-            f"{row.marker}: {row.remark or f'{100 * row.share_left_out:.0f} % of its frames are outliers'}"
-            for row in out.itertuples()
-        ]
+        for row in self.markers[self.markers.share_left_out.between(0, 1, inclusive="neither")].itertuples():
+            lines.append(f"{row.marker}: {100 * row.share_left_out:.0f} % of its frames are outliers")
+        for reason, rows in self.markers[self.markers.remark != ""].groupby("remark"):
+            lines.append(f"not used, {reason}: {', '.join(rows.marker)}")
         return "\n".join(lines)
 
     def __repr__(self) -> str:
-        return f"<LiftModel of {self.lift.name}>"
+        return f"<LiftModel of {self.name}>"
 
 
-def body_model(lift: Lift, stability: StabilitySettings | None = None, draws: int = DRAWS) -> LiftModel:
+def body_model(
+    analysed: AnalysedLift,
+    subject: SubjectSettings,
+    trial: TrialSettings,
+    settings: LiftingSettings,
+    data: str = "",
+    stability: StabilitySettings | None = None,
+    draws: int = DRAWS,
+) -> LiftModel:
     """Fit the body model to the file of an analysed lift.
 
     Raises
@@ -95,9 +107,10 @@ def body_model(lift: Lift, stability: StabilitySettings | None = None, draws: in
     """
     from lumbar.settings.stability import StabilitySettings
 
-    reason = no_deposit(lift.analysed.events)
+    reason = no_deposit(analysed.events)
     if reason:
-        raise InputError(f"{lift.name}: the body model's pendulums are those of the deposit, but {reason}")
-    source = lift.analysed.complete.source
-    modelled = model_of_lift(source, lift.analysed, lift.subject, lift.trial, lift.settings, draws)
-    return LiftModel(lift, modelled, stability or StabilitySettings())
+        raise InputError(
+            f"{analysed.name}: the body model's pendulums are those of the deposit, but {reason}"
+        )
+    modelled = model_of_lift(analysed.complete.source, analysed, subject, trial, settings, draws)
+    return LiftModel(analysed.name, data, settings.pivot, modelled, stability or StabilitySettings())
