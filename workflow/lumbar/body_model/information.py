@@ -20,6 +20,22 @@ class Noise:
     sd: float
     phi: float = 0.0
 
+    def whitening(self, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Factors of e(t), shape (n,), and of e(t - 1), shape (n - 1,), that make innovations of unit variance.
+
+        After a frame without a measurement the process starts anew with all its variance.
+        """
+        seen = weight > 0
+        chained = np.concatenate([[False], seen[1:] & seen[:-1]]) & (self.phi > 0)
+        scale = np.sqrt(weight) / (self.sd * np.where(chained, np.sqrt(1 - self.phi**2), 1.0))
+        return scale, (self.phi * scale * chained)[1:]
+
+
+def _joined(slopes: list[tuple[slice, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Columns, shape (k,), and derivatives by them, shape (n, m, k), in one."""
+    columns = np.concatenate([np.arange(where.start, where.stop) for where, _ in slopes])
+    return columns, np.concatenate([values for _, values in slopes], axis=2)
+
 
 class Information:
     """Normal equations of states, shape (n, size), and constants."""
@@ -52,40 +68,26 @@ class Information:
         weight : ndarray, shape (n,)
             0 where there is no measurement; between 0 and 1 where it counts less.
         """
-        columns = np.concatenate([np.arange(where.start, where.stop) for where, _ in states])
-        slope = np.concatenate([values for _, values in states], axis=2)
-        there = (
-            np.concatenate([np.arange(where.start, where.stop) for where, _ in constants])
-            if constants
-            else []
-        )
-        fixed = np.concatenate([values for _, values in constants], axis=2) if constants else None
-        after = (weight[1:] > 0) & (weight[:-1] > 0)
-        chained = np.concatenate([[False], after]) if noise.phi else np.zeros(len(weight), dtype=bool)
-        scale = np.sqrt(weight) / (noise.sd * np.where(chained, np.sqrt(1 - noise.phi**2), 1.0))
-        scale = np.where(weight > 0, scale, 0.0)
-        back = np.where(chained, noise.phi * scale, 0.0)[1:, None]
+        columns, slope = _joined(states)
+        scale, back = noise.whitening(weight)
         clean = np.where(weight[:, None] > 0, residual, 0.0)
         white = scale[:, None] * clean
-        white[1:] -= back * clean[:-1]
-        own = scale[:, None, None] * slope
-        earlier = -back[:, :, None] * slope[:-1]
-        grid = np.ix_(columns, columns)
+        white[1:] -= back[:, None] * clean[:-1]
+        own, earlier = scale[:, None, None] * slope, -back[:, None, None] * slope[:-1]
+        rows, across = columns[:, None], columns[None]
         square = np.einsum("nmi,nmj->nij", own, own)
-        if noise.phi:
-            square[:-1] += np.einsum("nmi,nmj->nij", earlier, earlier)
-            self.next[:, grid[0], grid[1]] += np.einsum("nmi,nmj->nij", own[1:], earlier)
-        self.same[:, grid[0], grid[1]] += square
-        gradient = np.einsum("nmi,nm->ni", own, white)
-        gradient[:-1] += np.einsum("nmi,nm->ni", earlier, white[1:])
-        self.states[:, columns] += gradient
-        if fixed is not None:
+        square[:-1] += np.einsum("nmi,nmj->nij", earlier, earlier)
+        self.same[:, rows, across] += square
+        self.next[:, rows, across] += np.einsum("nmi,nmj->nij", own[1:], earlier)
+        self.states[:, columns] += np.einsum("nmi,nm->ni", own, white)
+        self.states[:-1, columns] += np.einsum("nmi,nm->ni", earlier, white[1:])
+        if constants:
+            there, fixed = _joined(constants)
             shared = scale[:, None, None] * fixed
-            shared[1:] -= back[:, :, None] * fixed[:-1]
+            shared[1:] -= back[:, None, None] * fixed[:-1]
             cross = np.einsum("nmi,nmj->nij", own, shared)
             cross[:-1] += np.einsum("nmi,nmj->nij", earlier, shared[1:])
-            there = np.asarray(there)
-            self.border[:, columns[:, None], there[None]] += cross
+            self.border[:, rows, there[None]] += cross
             self.corner[np.ix_(there, there)] += np.einsum("nmi,nmj->ij", shared, shared)
             self.constants[there] += np.einsum("nmi,nm->i", shared, white)
 
