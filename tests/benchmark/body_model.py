@@ -165,12 +165,14 @@ def real(shared: Path, source: Source) -> MarkerRecording:
     return recording
 
 
-def hidden(shared: Path) -> None:
+def hidden(shared: Path, only: str | None = None) -> None:
     """Hide each marker of the trunk for a second and predict it."""
     print("| recording | marker hidden | its way, m | model, mm | spline | rigid filling | in 95 % |")
     print("|---|---|---|---|---|---|---|")
     covered = []
     for name, source in SOURCES.items():
+        if only not in (None, name):
+            continue
         recording = real(shared, source)
         candidates = [name for name in (*anatomy.THORAX, *anatomy.PELVIS) if name in recording]
         trunk = [name for name in candidates if name[2:] not in ("SHOULDER", "HIP")]
@@ -303,9 +305,15 @@ def areas(shared: Path) -> None:
 def main() -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parts = {"hidden": hidden, "centre": centre, "t12": t12, "areas": areas}
+    parts = {
+        "hidden": lambda shared: hidden(shared, options.recording),
+        "centre": centre,
+        "t12": t12,
+        "areas": areas,
+    }
     parser.add_argument("parts", nargs="*", choices=[*parts, "people", []], default=[])
     parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--recording", choices=list(SOURCES), help="hide markers of this one alone")
     parser.add_argument("--shared", type=Path, default=PROJECT.parent / "shared")
     options = parser.parse_args()
     for part in options.parts or ["people", *parts]:
