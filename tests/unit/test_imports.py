@@ -12,10 +12,20 @@ PACKAGES = [
     ["interface"],
     ["reports", "config"],
     ["body_model"],
-    ["synthetic", "survey", "fmu", "haptics", "stability", "measures", "diagnosis", "identification"],
+    [
+        "synthetic",
+        "survey",
+        "fmu",
+        "haptics",
+        "pushes",
+        "stability",
+        "measures",
+        "diagnosis",
+        "identification",
+    ],
     ["lifting", "signals", "effects"],
     ["quality"],
-    ["models", "records"],
+    ["models", "records", "population"],
     ["settings"],
 ]
 """From the top down: what stands in a row imports no row above it."""
