@@ -11,6 +11,7 @@ PACKAGES = [
     ["cli"],
     ["interface"],
     ["reports", "config"],
+    ["body_model"],
     [
         "synthetic",
         "survey",
