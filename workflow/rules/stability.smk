@@ -18,7 +18,7 @@ rule basins_of_lift:
     conda:
         CONDA
     params:
-        settings=without(settings.stability, "compare"),
+        settings=without(settings.stability, "compare", "measures"),
         seed=settings.seed,
     message:
         "{wildcards.lift}: basins of attraction"
@@ -78,3 +78,27 @@ if study.has("stability"):
             "Figures 4.3 and 4.4: basins of attraction"
         script:
             "../scripts/stability_figures.py"
+
+    rule measure_movement:
+        input:
+            body=[f"<results>/lifting/{lift}/body.csv" for lift in study.lifts],
+            facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
+            events=[f"<results>/lifting/{lift}/events.json" for lift in study.lifts],
+            sources=library_sources("measure_movement.py"),
+        output:
+            **published("movement_measures", "movement_course", "base_of_support"),
+            courses=[f"<results>/measures/{lift}.csv" for lift in study.lifts],
+        log:
+            "<logs>/measure_movement.log",
+        benchmark:
+            "<benchmarks>/measure_movement.tsv"
+        conda:
+            CONDA
+        params:
+            settings={key: plain(settings.stability)[key] for key in ("pendulum", "measures")},
+            labels=study.labels,
+            data=DATA,
+        message:
+            "Margins of stability, impulse to a step, posture and moment about L5/S1 of every lift"
+        script:
+            "../scripts/measure_movement.py"

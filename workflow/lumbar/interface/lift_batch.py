@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 from lumbar.errors import InputError, LumbarError
 from lumbar.interface.person import Lift, lift, without_pendulum
 from lumbar.interface.trials import lift_names, marker_files
-from lumbar.lifting.events import EVENTS, found_by
+from lumbar.lifting.event import EVENTS
+from lumbar.lifting.events import found_by
+from lumbar.records.unpacking import stem_of
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
@@ -60,16 +62,16 @@ def planned_lifts(paths: Sequence[Path], subject: SubjectSettings) -> list[Plann
     lifts = []
     for path in paths:
         if not path.is_dir():
-            lifts.append(PlannedLift(path.stem, path, None))
+            lifts.append(PlannedLift(stem_of(path), path, None))
             continue
-        files = marker_files(path)
+        files = marker_files(path, tables=bool(subject.trials))
         if subject.trials:
             lifts += [
                 PlannedLift(name, _found(trial, files), trial) for name, trial in lift_names(subject).items()
             ]
         else:
             static = Path(subject.static).name if subject.static else None
-            lifts += [PlannedLift(file.stem, file, None) for file in files if file.name != static]
+            lifts += [PlannedLift(stem_of(file), file, None) for file in files if file.name != static]
     names = [item.name for item in lifts]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

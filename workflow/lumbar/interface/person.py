@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
 from lumbar.interface.data_label import NOT_SAID, data_label
-from lumbar.interface.trials import static_of, trial_of
+from lumbar.interface.trials import forces_of, static_of, trial_of
 from lumbar.lifting import lift as lifting
 from lumbar.lifting.events import found_by, hands_doubt
+from lumbar.lifting.file_events import comparison
 from lumbar.lifting.rigid_filling import BodyFilling
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
@@ -42,6 +43,7 @@ def lift(
     name: str | None = None,
     settings: LiftingSettings | None = None,
     static: str | os.PathLike | None = None,
+    forces: str | os.PathLike | None = None,
     data: str = "",
 ) -> Lift:
     """Find the events, centres of mass and pendulum states of one lift.
@@ -49,7 +51,7 @@ def lift(
     Parameters
     ----------
     markers : path
-        C3D, TRC, CSV or BVH file.
+        C3D, TRC, CSV, MAT or BVH file, also packed (``.gz``).
     subject : SubjectSettings or path
         The person: settings, or a file as in ``config/subjects``.
     box_mass_kg : float, optional
@@ -62,6 +64,9 @@ def lift(
     settings : LiftingSettings, optional
     static : path, optional
         Marker file of a static trial; default the subject's, looked for below the folder that the trial's file lies below.
+    forces : path, optional
+        File of the ground reaction forces (``.mot`` or C3D); default the trial's, and without one the plates of the marker
+        file itself.
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
@@ -92,6 +97,7 @@ def lift(
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
     name = name or found
     static = static or static_of(subject, trial, Path(markers))
+    forces = forces or forces_of(subject, trial, Path(markers))
     bodies = BodyFilling(settings, None if static is None else labelled_markers(static, settings.markers))
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     return Lift(
@@ -101,6 +107,7 @@ def lift(
         settings,
         data_label(data, [recording.source]),
         sheet,
+        None if forces is None else Path(forces),
     )
 
 
@@ -135,6 +142,8 @@ class Lift:
     data : str
     quality : lumbar.quality.sheet.QualitySheet
         What is in the recording and what in it cannot be a body: such stretches were left out.
+    forces : Path or None
+        File of the ground reaction forces, where it is not the recording's own.
     """
 
     analysed: lifting.AnalysedLift
@@ -143,6 +152,7 @@ class Lift:
     settings: LiftingSettings
     data: str
     quality: QualitySheet
+    forces: Path | None = None
 
     @property
     def name(self) -> str:
@@ -156,8 +166,24 @@ class Lift:
 
     @cached_property
     def facts(self) -> dict:
-        """What the pendulums are made of: masses, lengths, pivot, rules, assumptions."""
-        return lifting.summary(self.analysed, self.subject, self.trial, self.settings)
+        """What the pendulums are made of: masses, lengths, pivot, rules, assumptions; and what measures need beside."""
+        return {
+            **lifting.summary(self.analysed, self.subject, self.trial, self.settings),
+            "height_m": self.subject.height_m,
+            "no_deposit": lifting.no_deposit(self.analysed.events),
+            "missing_points": self._body[1],
+        }
+
+    @cached_property
+    def _body(self) -> tuple[pd.DataFrame, dict[str, str]]:
+        from lumbar.lifting.body import body_frame
+
+        return body_frame(self.analysed)
+
+    @property
+    def body(self) -> pd.DataFrame:
+        """Trajectories of joints, feet, hands, load and centres of mass: ``lumbar.lifting.body.body_frame``."""
+        return self._body[0]
 
     @cached_property
     def spread(self) -> pd.DataFrame:
@@ -168,10 +194,15 @@ class Lift:
 
     @cached_property
     def plates(self) -> PlateCheck | None:
-        """What the recording's force plates say of the centre of mass; None without plates."""
+        """What the force plates of the recording, or of the trial's file of forces, say of the centre of mass; None without."""
         from lumbar.lifting.plate_check import plate_check
 
-        return plate_check(self.analysed, self.subject, self.trial, self.settings)
+        return plate_check(self.analysed, self.subject, self.trial, self.settings, self.forces)
+
+    @property
+    def sheet(self) -> QualitySheet:
+        """The quality sheet, after what the force plates tell of the rate."""
+        return self.quality.told_by_plates(self.plates.rate_factor if self.plates else None)
 
     @property
     def checks(self) -> list[str]:
@@ -197,14 +228,20 @@ class Lift:
         """Whether hands that stand for the box may have made several lifts; empty where not."""
         return hands_doubt(self.analysed.recording, self.analysed.events, self.settings.events)
 
+    @property
+    def file_events(self) -> list[str]:
+        """Lines on the events that the file itself holds, beside those detected."""
+        return comparison(self.analysed.recording, self.analysed.events, self.settings.events.labels)
+
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` (states and facts), ``com``, ``spread``, ``events``, ``gaps``, ``quality`` and what figures need."""
+        """Write ``pendulum`` (states, facts), ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
         tables = {
             "pendulum": self.states,
             "com": lifting.centres_frame(self.analysed),
+            "body": self.body,
             "spread": self.spread,
             "gaps": lifting.gaps_frame(self.analysed),
             "motion": lifting.motion_frame(self.analysed),
@@ -214,9 +251,12 @@ class Lift:
             write_csv(folder / f"{name}.csv", frame.assign(**label))
         events = {name: event.as_dict() for name, event in self.analysed.events.items()}
         rules = plain(self.settings.events)
-        write_json(folder / "events.json", {"lift": self.name, "events": events, "rules": rules, **label})
+        in_file = {"file": self.file_events} if self.file_events else {}
+        write_json(
+            folder / "events.json", {"lift": self.name, "events": events, **in_file, "rules": rules, **label}
+        )
         checked = {"force_plates": self.plates.as_dict() if self.plates else None}
-        write_json(folder / "quality.json", {"lift": self.name, **self.quality.as_dict(), **label})
+        write_json(folder / "quality.json", {"lift": self.name, **self.sheet.as_dict(), **label})
         write_json(folder / "pendulum.json", {**self.facts, **checked, **label})
 
     def __str__(self) -> str:
@@ -237,7 +277,7 @@ class Lift:
             lines.append(
                 "the hands stand for the box, which has no markers; whether they hold anything is not known"
             )
-        return [*lines, *filter(None, [self.doubt])]
+        return [*lines, *filter(None, [self.doubt]), *self.file_events]
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"

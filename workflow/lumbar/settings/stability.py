@@ -159,6 +159,29 @@ class CompareSettings:
 
 
 @settings
+class MeasureSettings:
+    """Measures that see movement (margin of stability, impulse to a step, capturability, posture, moment about L5/S1)."""
+
+    functional_share: float = key(
+        "How far towards the edge of their feet people lean: the functional base of support, as a share of the whole one's "
+        "distance from its centre (0.6 with loads, Holbein and Redfern 1997; 1 takes the whole).",
+        default=0.6,
+        gt=0,
+        le=1,
+    )
+    contact_height_m: float = key(
+        "How far above its lowest level heel or toe still stand on the ground.",
+        default=0.03,
+        unit="m",
+        gt=0,
+        le=0.2,
+    )
+    contact_speed_m_s: float = key(
+        "Speed below which heel or toe stand on the ground.", default=0.3, unit="m/s", gt=0, le=5
+    )
+
+
+@settings
 class StabilitySettings:
     """From pendulum states to basins of attraction."""
 
@@ -174,6 +197,7 @@ class StabilitySettings:
     attack: AttackSettings = section(default_factory=AttackSettings)
     limits: LimitSettings = section(default_factory=LimitSettings)
     compare: CompareSettings = section(default_factory=CompareSettings)
+    measures: MeasureSettings = section(default_factory=MeasureSettings)
     lyapunov_shares: tuple[Share, ...] = key(
         "Shares λ of the decay Q + KᵀRK among which the best Lyapunov function is searched; 1 is the "
         "Riccati solution.",
