@@ -78,7 +78,7 @@ class TabRequests:
     def _save(self, effects: list[str]) -> tuple[dict, None]:
         refit, folder = self.explored.refitted(effects), self.explored.output
         written = save_refinement(refit, folder)
-        return {"text": f"Written to {folder}: {', '.join(written)}."}, None
+        return {"text": f"{len(written)} files written to {folder}."}, None
 
     def _keep(self, effects: list[str]) -> tuple[dict, None]:
         if self.explored.study_file is None:

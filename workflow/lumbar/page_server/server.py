@@ -53,7 +53,7 @@ def new_server(sets: Sequence[ExploredSet], port: int) -> Server:
             port=port,
             address=HOST,
             allow_websocket_origin=[f"{HOST}:{port}", f"localhost:{port}"] if port else None,
-            websocket_max_message_size_bytes=MOST_BYTES,
+            websocket_max_message_size=MOST_BYTES,
         )
     except OSError as error:
         raise InputError(f"port {port}: {error.strerror or error}; choose another with --port") from error

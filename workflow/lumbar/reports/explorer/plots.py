@@ -86,6 +86,8 @@ def _source(name: str, columns: Sequence[str]) -> ColumnDataSource:
 
 
 def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDataSource) -> list[figure]:
+    from bokeh.models import CustomJS
+
     output, moved = (
         f"{experiment.output_quantity.capitalize()} ({experiment.output_unit})",
         experiment.input_quantity,
@@ -114,6 +116,8 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
         (plane, "position", "velocity"),
     ):
         picture.scatter(across, up, source=brushed, size=4, color=SERIES[2], alpha=0.6)
+        told = CustomJS(code=f"window.lumbar.brush('{across}', '{up}', cb_obj)")
+        picture.js_on_event("selectiongeometry", told)
     return [course, residual, loop, plane, _spectrum(experiment)]
 
 
