@@ -23,7 +23,7 @@ title: A blind experiment
 data: recordings
 data_root: {folder}
 data_source: {{name: a blind experiment, licence: the project's, obtain: beside the project}}
-chapters: [surgeon, signals, tissue]
+chapters: [tissue, improvement]
 tissue:
   # the page may add to this file
   records:
