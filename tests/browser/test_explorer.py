@@ -33,6 +33,7 @@ tissue:
   training: [multisine]
 improvement:
   train: multisine
+  record_sets: [{{name: tissue}}]
 """
 WAIT_MS = 120_000
 """For jobs of a machine that is shared with others; nothing is asserted of time."""

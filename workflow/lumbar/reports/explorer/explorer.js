@@ -9,6 +9,7 @@ window.lumbar = (() => {
   let added = page.selected.slice();
   const past = [];
   let asked = 0;
+  let windowed; // record of which the beginning was shown already
 
   const named = (name) => pictures.get_model_by_name(name);
   const keyOf = (effects) => effects.slice().sort().join("+") || "base";
@@ -27,6 +28,12 @@ window.lumbar = (() => {
     };
     const lines = named("spectrum:" + record).data;
     named("lines").data = { frequency: lines.frequency, noise: lines.noise, first: lines[first], second: lines[second] };
+    const duration = data.time[data.time.length - 1];
+    if (record !== windowed) {
+      const end = Math.min(duration, page.window_s);
+      named("course").x_range.setv({ start: 0, end, reset_start: 0, reset_end: duration });
+    }
+    windowed = record;
     shade();
     brushed([]);
     merits(record, first, second);

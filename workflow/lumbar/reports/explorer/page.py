@@ -43,6 +43,8 @@ PICTURES = (
     ("spectrum", "Spectrum of the error; grey: noise", True),
 )
 """Name, caption, and whether it takes the page's whole width."""
+_FIRST_SHOWN_S = 10.0
+"""Seconds that are shown at first of records that do not repeat; of others a period."""
 _UNIQUE = re.compile(r"\b[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}\b")
 _NUMBERED = re.compile(r"\bp\d{4,}\b")
 
@@ -152,6 +154,7 @@ class ExplorerPage:
         return {
             "unit": verdict.experiment.output_unit,
             "noise_rms": None if floor is None else floor.rms,
+            "window_s": _FIRST_SHOWN_S if floor is None else floor.period,
             "base": model_name(verdict.base.fit),
             "selected": list(verdict.selected),
             "served": served,

@@ -86,7 +86,7 @@ def _source(name: str, columns: Sequence[str]) -> ColumnDataSource:
 
 
 def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDataSource) -> list[figure]:
-    from bokeh.models import CustomJS
+    from bokeh.models import CustomJS, Range1d
 
     output, moved = (
         f"{experiment.output_quantity.capitalize()} ({experiment.output_unit})",
@@ -95,7 +95,7 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
     position = f"{moved.capitalize()} ({experiment.input_unit})"
     velocity = f"Velocity ({experiment.input_unit}/s)"
     error = f"Error ({experiment.output_unit})"
-    course = _figure("course", "Time (s)", output)
+    course = _figure("course", "Time (s)", output, x_range=Range1d(0, 1))  # the page's script sets it
     residual = _figure("residual", "Time (s)", error, x_range=course.x_range)
     loop = _figure("loop", position, output)
     plane = _figure("plane", position, velocity, x_range=loop.x_range)
@@ -143,6 +143,7 @@ def _figure(name: str, across: str, up: str, **more) -> figure:
         **more,
     )
     picture.toolbar.logo = None
+    picture.min_border_left, picture.outline_line_color = 70, None
     picture.background_fill_alpha = picture.border_fill_alpha = 0.0
     return picture
 
