@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
+    from lumbar.interface.body_model import LiftModel
     from lumbar.lifting.other_pivots import OtherPivot
     from lumbar.lifting.plate_check import PlateCheck
     from lumbar.quality.sheet import QualitySheet
@@ -251,6 +252,12 @@ class Lift:
     def doubt(self) -> str:
         """Whether hands that stand for the box may have made several lifts; empty where not."""
         return hands_doubt(self.analysed.recording, self.analysed.events, self.settings.events)
+
+    def body_model(self, stability: StabilitySettings | None = None) -> LiftModel:
+        """Fit one model of trunk, limbs and box to all markers: the same pendulums with standard deviations."""
+        from lumbar.interface.body_model import body_model
+
+        return body_model(self.analysed, self.subject, self.trial, self.settings, self.data, stability)
 
     @property
     def file_events(self) -> list[str]:
