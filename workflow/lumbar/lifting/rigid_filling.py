@@ -57,17 +57,17 @@ def fitted(shape: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    shape : ndarray, shape (m, 3)
-    frames : ndarray, shape (n, k, 3)
-        Where its first k ≤ m points are.
+    shape : ndarray, shape (m, 3) or (n, m, 3)
+    frames : ndarray, shape (n, k, 3) or (k, 3)
+        Where its first k ≤ m points are. One of both may be the same in all frames.
 
     Returns
     -------
     ndarray, shape (n, m, 3)
     """
-    known = shape[: frames.shape[1]]
-    middle, centres = known.mean(axis=0), frames.mean(axis=1, keepdims=True)
-    covariance = np.einsum("ki,nkj->nij", known - middle, frames - centres)
+    known = shape[..., : frames.shape[-2], :]
+    middle, centres = known.mean(axis=-2, keepdims=True), frames.mean(axis=-2, keepdims=True)
+    covariance = np.einsum("...ki,...kj->...ij", known - middle, frames - centres)
     left, _, right = np.linalg.svd(covariance)
     turned = np.linalg.det(left @ right)
     left[:, :, 2] *= turned[:, None]
@@ -94,8 +94,7 @@ def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source
         return None
     shape = frames[0]
     for _ in range(ALIGNMENTS):
-        # The frames laid on the shape, which is the shape laid on the frames the other way round.
-        shape = np.mean([fitted(frame, shape[None])[0] for frame in _few(frames)], axis=0)
+        shape = fitted(_few(frames), shape).mean(axis=0)
     residual = float(np.sqrt(np.mean(np.sum((fitted(shape, frames) - frames) ** 2, axis=2))))
     return BodyShape(names, shape, residual, source)
 
@@ -178,6 +177,8 @@ def carried_by_the_body(
     frames : dict of str to int
         Frames filled, of the markers that have any.
     """
+    if all(np.isfinite(points).all() for points in markers.values()):
+        return markers, {}
     shape = body_shape(markers, markers, "")
     if shape is None:
         return markers, {}
