@@ -16,6 +16,8 @@ import yaml
 from lumbar.cli.command import COMMANDS
 from study_settings import study_settings
 
+pytestmark = pytest.mark.usefixtures("quick_pictures")
+
 
 @pytest.fixture(scope="module")
 def tissue(tmp_path_factory):
@@ -257,7 +259,7 @@ def test_lift_and_basin_follow_each_other(run, project, tmp_path):
     assert facts["box_mass_kg"] == 23
     study = tmp_path / "fewer.yaml"
     study.write_text(
-        "stability: {attack: {starts: 20}, sum_of_squares: {knots: 5}, thesis_method: {knots: 3}}\n"
+        "stability: {knots: 101, attack: {starts: 20}, sum_of_squares: {knots: 5}, thesis_method: {knots: 3}}\n"
     )
     status, out, err = run("basin", output / "pendulum.csv", "--output", output, "--config", study)
     assert status == 0, err
