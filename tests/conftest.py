@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,9 @@ import pytest
 from lumbar.environment import use_one_thread
 from making_once import MadeOnce
 
+# In containers that leave no bytecode behind every program that a test starts would compile the library again.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 use_one_thread()  # as in the workflow, and before numpy is imported: workers would fight for the cores
 
 TESTS = Path(__file__).resolve().parent
