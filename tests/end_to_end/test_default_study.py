@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from running import FORKING, ZIG_CACHE, copy_project, snakemake
+from running import ZIG_CACHE, copy_project, snakemake
 
 # Wall-clock readings differ between runs; everything else is compared byte for byte.
 VOLATILE = ("logs", "benchmarks")
@@ -175,7 +175,7 @@ def run_varied(folder: Path, cores: int) -> dict[str, str]:
     change_mass(folder, "expert")
     leave_out_lighter_box(folder)
     (folder / "config" / "coarse.yaml").write_text(COARSE, encoding="utf-8")
-    run = snakemake(folder, "--cores", str(cores), "--configfile", "config/coarse.yaml", program=FORKING)
+    run = snakemake(folder, "--cores", str(cores), "--configfile", "config/coarse.yaml")
     assert run.status == 0, run.text[-6000:]
     return digests(results(folder))
 
@@ -225,9 +225,7 @@ def test_only_the_mass_changed_moves_that_persons_basins_alone(varied_on_one_cor
     boa = results(folder) / "stability" / "boa.csv"
     before = pd.read_csv(boa)
     change_mass(folder, "expert")
-    run = snakemake(
-        folder, "--cores", "2", "table_4_1", "--configfile", "config/coarse.yaml", program=FORKING
-    )
+    run = snakemake(folder, "--cores", "2", "table_4_1", "--configfile", "config/coarse.yaml")
     assert run.status == 0, run.text[-6000:]
     frames = (before, pd.read_csv(boa))
     # The check by cvxpy solves the programmes of all people at once: at its tolerance it moves with the others.
