@@ -11,7 +11,7 @@ PACKAGES = [
     ["cli"],
     ["interface"],
     ["reports", "config"],
-    ["synthetic", "survey", "fmu", "haptics", "stability", "diagnosis", "identification"],
+    ["synthetic", "survey", "fmu", "haptics", "stability", "measures", "diagnosis", "identification"],
     ["lifting", "signals", "effects"],
     ["quality"],
     ["models", "records"],

@@ -39,6 +39,7 @@ _VERBS = {
     "inspect": "lumbar.interface.inspecting",
     "lift": "lumbar.interface.person",
     "basins": "lumbar.interface.person",
+    "measure_movement": "lumbar.interface.movement",
 }
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
 
@@ -60,6 +61,7 @@ __all__ = [
     "load_settings",
     "load_subject",
     "locate",
+    "measure_movement",
     "propose",
     "read",
     "refine",

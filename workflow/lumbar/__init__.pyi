@@ -13,6 +13,7 @@ from lumbar.interface.fmu_checking import check_fmu as check_fmu
 from lumbar.interface.identification import identify as identify
 from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.inspecting import inspect as inspect
+from lumbar.interface.movement import measure_movement as measure_movement
 from lumbar.interface.participants import analyse_survey as analyse_survey
 from lumbar.interface.person import basins as basins
 from lumbar.interface.person import lift as lift

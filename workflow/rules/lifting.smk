@@ -5,6 +5,9 @@
 rule lift:
     input:
         markers=lambda wildcards: recording(study.lifts[wildcards.lift].trial.markers),
+        forces=lambda wildcards: [
+            recording(path) for path in [study.lifts[wildcards.lift].trial.forces] if path is not None
+        ],
         static=lambda wildcards: [
             recording(path) for path in [study.lifts[wildcards.lift].static] if path is not None
         ],
@@ -12,8 +15,10 @@ rule lift:
         sources=library_sources("lift.py"),
     output:
         centres="<results>/lifting/{lift}/com.csv",
+        body="<results>/lifting/{lift}/body.csv",
         states="<results>/lifting/{lift}/pendulum.csv",
         summary="<results>/lifting/{lift}/pendulum.json",
+        other_states="<results>/lifting/{lift}/other_pivots.csv",
         events="<results>/lifting/{lift}/events.json",
         gaps="<results>/lifting/{lift}/gaps.csv",
         spread="<results>/lifting/{lift}/spread.csv",

@@ -21,6 +21,7 @@ def main(input, output, params):
         trial=trial,
         name=params.lift,
         static=next(iter(input.static), None),
+        forces=next(iter(input.forces), None),
         settings=typed(LiftingSettings, params.settings),
         data=params.data,
     )

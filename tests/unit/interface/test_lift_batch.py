@@ -98,6 +98,10 @@ def test_a_folder_of_lifts_is_analysed_whatever_one_of_them_is(recording, tmp_pa
     assert "still moves when it is seen last" in rows.at["ann_15kg", "remark"]
     written = pd.read_csv(tmp_path / "out" / "lifts.csv")
     assert written["lift"].tolist() == table["lift"].tolist()
+    measured = pd.read_csv(tmp_path / "out" / "movement_measures.csv").set_index("lift")
+    assert set(measured.index) == {"ann_23kg", "ann_15kg"}
+    assert measured.loc["ann_23kg", "value"].notna().all()
+    assert measured.loc["ann_15kg", "reason"].str.contains("the deposit is not known").all()
     assert (tmp_path / "out" / "ann_15kg" / "com.csv").is_file()
     assert not (tmp_path / "out" / "ann_10kg").exists()
 
@@ -329,3 +333,36 @@ def test_events_say_what_they_were_found_in_and_hands_that_nothing_is_known_of_w
     assert doubt not in said["box"]
     trial = TrialSettings(23, "box.c3d", events=LATE)
     assert "deposit_start: 6.300 s (set by hand)" in str(lumbar.lift(tmp_path / "box.c3d", person(trial)))
+
+
+def test_forces_of_the_same_name_packed_files_and_tables_become_trials(tmp_path):
+    """A TRC with its .mot, a packed C3D and a CSV file without a unit; a table of something else is no recording."""
+    import gzip
+
+    from lumbar.interface.new_study import new_study
+
+    lifted(tmp_path, lift=lambda markers: {name: points[::4] for name, points in markers.items()})
+    (tmp_path / "packed.c3d.gz").write_bytes(gzip.compress((tmp_path / "lift.c3d").read_bytes()))
+    points = lumbar.read(tmp_path / "lift.c3d").positions
+    table = np.hstack([1000 * values for values in points.values()])
+    names = [f"{name}_{axis}" for name in points for axis in "xyz"]
+    rows = np.column_stack([np.arange(len(table)) / 100, table])
+    np.savetxt(tmp_path / "table.csv", rows, "%.8g", ",", header=",".join(["time_s", *names]), comments="")
+    (tmp_path / "moment.csv").write_text("time_s,angle_rad\n0,1\n1,2\n2,3\n")
+    columns = "\t".join(f"ground_force_v{axis}" for axis in "xyz")
+    for name in ("lift_grf.mot", "other.mot"):
+        (tmp_path / name).write_text(f"GRF\nendheader\ntime\t{columns}\n0\t1\t2\t3\n")
+    (tmp_path / "packed.mot").write_text("angles\nendheader\ntime\tknee\n0\t1\n")
+    study, subject = new_study(tmp_path, "s").files.values()
+    assert "    unit: mm  # by the body's size: some files state none" in study
+    assert "which no trial names: other.mot, packed.mot" in study
+    assert "markers: lift.c3d, forces: lift_grf.mot}" in subject
+    assert "markers: packed.c3d.gz}" in subject and "markers: table.csv}" in subject
+    assert "moment.csv" not in study + subject
+    own = person(TrialSettings(23, "table.csv", forces="lift_grf.mot"))
+    [planned] = planned_lifts([tmp_path], own)
+    assert planned.markers == tmp_path / "table.csv"
+    with pytest.raises(InputError, match=r"forces of a trial of ann is lost\.mot, and there is no file"):
+        lumbar.lift(tmp_path / "lift.c3d", person(TrialSettings(23, "lift.c3d", forces="lost.mot")))
+    found = lumbar.lift(tmp_path / "lift.c3d", person(TrialSettings(23, "lift.c3d", forces="lift_grf.mot")))
+    assert "lift_grf.mot: time does not run evenly" in found.plates.findings[0]

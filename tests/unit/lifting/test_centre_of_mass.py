@@ -7,7 +7,7 @@ import pytest
 
 from lumbar.errors import InputError
 from lumbar.lifting.centre_of_mass import absent_segments, box_shares, centres_of_mass, segment_centres
-from lumbar.lifting.events import Event
+from lumbar.lifting.event import Event
 from lumbar.lifting.segments import DE_LEVA, WINTER
 from lumbar.lifting.trunk_points import trunk_points
 from lumbar.records.markers import MarkerRecording, read_markers

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded_athlete import ATHLETE
 
 from lumbar.lifting.lift import analyse_lift
 from lumbar.lifting.plate_check import check_against_plates, plate_check
@@ -148,24 +149,6 @@ def test_elbows_and_knees_count_where_they_are_seen(lift):
     assert (moved - straight)[0, 1:] == pytest.approx(expected[1:], abs=1e-6)
 
 
-ATHLETE = {
-    "MANUBRIUM": "STRN",
-    "XIPHOID": "XIPH",
-    "L5": "SACROL",
-    "SACRUM": {"mean": ["LPSI", "RPSI"]},
-    **{f"{side}_HIP": {"from": f"{side}ASI", "offset_m": [0, 0, -0.1]} for side in "LR"},
-    **{
-        f"{side}_{name}": {"mean": [side + label for label in labels]}
-        for side in "LR"
-        for name, labels in {
-            "SHOULDER": ["ACR"],
-            "WRIST": ["WRR", "WRU"],
-            "ELBOW": ["CUBL", "CUBM"],
-            "KNEE": ["KNEL", "KNEM"],
-            "ANKLE": ["MALL", "MALM"],
-        }.items()
-    },
-}
 QUALISYS = {
     "SACRUM": {"mean": ["L_IPS", "R_IPS"]},
     "T12": {"between": ["TV8", "SACRUM"], "share": 0.45},
@@ -174,8 +157,8 @@ QUALISYS = {
 }
 
 
-def real(path, aliases, mass, **changes):
-    layout = {"aliases": aliases, "check_axes": False}
+def real(path, aliases, mass, rate_Hz=None, **changes):
+    layout = {"aliases": aliases, "check_axes": False, "rate_Hz": rate_Hz}
     settings = changed(LiftingSettings(), markers=layout, **changes)
     subject = SubjectSettings(name="x", sex="female", mass_kg=mass, height_m=1.6, experience="unknown")
     trial = TrialSettings(box_mass_kg=0, markers=path.name)
@@ -205,3 +188,37 @@ def test_the_force_follows_a_person_who_walks(shared):
     assert found.rmse_N < 25
     assert abs(found.forward_mm) < 30
     assert not found.findings
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.5, 2.0])
+def test_plates_tell_the_rate_of_the_markers_of_a_person_who_walks(shared, factor):
+    """Accelerations grow with the square of the rate: a file of 200 Hz that says otherwise is seen, and its true rate told."""
+    path = shared / "real" / "lifting" / "qualisys_ior_gait" / "Qualisys.c3d"
+    found = real(path, QUALISYS, 66.8, rate_Hz=200 * factor)
+    assert found.rate_factor == pytest.approx(factor, rel=0.03)
+    assert found.plates_kg == pytest.approx(66.8, rel=0.02)
+    said = [finding for finding in found.findings if "set markers.rate_Hz" in finding]
+    assert found.findings == tuple(said)
+    assert len(said) == (factor != 1)
+    assert all(190 < float(text.split("at about ")[1].split()[0]) < 210 for text in said)
+
+
+def test_forces_of_a_file_of_their_own_are_compared_and_one_in_other_axes_is_named(lift, tmp_path):
+    def written(name, columns):
+        table = np.column_stack([np.arange(0, 6, 0.001), columns])
+        heads = [f"ground_force_{kind}{axis}" for kind in "vp" for axis in "xyz"]
+        heads += [f"ground_torque_{axis}" for axis in "xyz"]
+        head = "GRF\nendheader\n" + "\t".join(["time", *heads])
+        np.savetxt(tmp_path / name, table, fmt="%.6g", delimiter="\t", header=head, comments="")
+        return tmp_path / name
+
+    own = plate(lift)
+    columns = np.hstack([own.force, own.centre_of_pressure, 0 * own.force])
+    found = plate_check(*lift, written("forces.mot", columns))
+    assert found.correlation > 0.999 and not found.findings
+    turned = np.hstack([own.force[:, [0, 2, 1]], own.centre_of_pressure[:, [0, 2, 1]], 0 * own.force])
+    found = plate_check(*lift, written("opensim.mot", turned))
+    assert "the forces push along +y, but markers.up is +z" in found.findings[0]
+    late = plate(lift)
+    [said] = check(lift, replace(late, time=late.time + 5.9)).findings
+    assert "for 0.00 s only" in said

@@ -1,11 +1,13 @@
 """The messages on the page of marker files are those that files with these faults end in."""
 
 import gzip
+import io
 import re
 
 import numpy as np
 import pytest
 from c3d_builder import build_c3d
+from scipy.io import savemat
 
 import lumbar
 from lumbar.errors import InputError
@@ -47,6 +49,12 @@ def table(text=TABLE, unit="mm"):
     return "lift.csv", text.encode(), MarkerLayout(unit=unit)
 
 
+def matlab(**content):
+    stream = io.BytesIO()
+    savemat(stream, content)
+    return "lift.mat", stream.getvalue(), None
+
+
 def plate(**change):
     return c3d(
         analog=np.zeros((40, 6)), extra={**PLATE, **{f"FORCE_PLATFORM:{k}": v for k, v in change.items()}}
@@ -83,6 +91,9 @@ FILES = {
     "the clock and the rate disagree": trc(rate=60),
     "no column of times": table(TABLE.replace("time_s", "frame")),
     "C7: has the columns": table(TABLE.replace("C7_z", "height")),
+    "no markers (": matlab(force=np.zeros((50, 6))),
+    "label the trajectories": matlab(FrameRate=100.0, Trajectories={"Unidentified": 1}),
+    "neither time nor rate": matlab(C7=POINTS[:, 0], SACRUM=POINTS[:, 1], unit="mm"),
     "Frames: 21;": ("lift.bvh", BVH + b"0\n" * 20, None),
     "force plate 1: the corners": plate(CORNERS=CORNERS[:6] + CORNERS[9:] + CORNERS[6:9]),
     "z of the plate,": plate(CORNERS=[*CORNERS[9:], *CORNERS[6:9], *CORNERS[3:6], *CORNERS[:3]]),

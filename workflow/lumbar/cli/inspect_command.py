@@ -18,7 +18,11 @@ def add(commands) -> None:
         "lumbar inspect expert_23kg.c3d --height 1.75 --picture expert_23kg.svg",
     )
     parser.add_argument(
-        "files", type=Path, nargs="+", metavar="FILE", help="C3D, TRC, CSV or BVH file with markers"
+        "files",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help="C3D, TRC, CSV, MAT or BVH file with markers (.gz too)",
     )
     parser.add_argument(
         "--height", type=float, metavar="M", help="stature: lengths of the body are compared with it"

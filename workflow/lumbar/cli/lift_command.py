@@ -26,7 +26,7 @@ def add(commands) -> None:
         type=Path,
         nargs="+",
         metavar="MARKERS",
-        help="C3D, TRC, CSV or BVH file; several files, or a folder with C3D and TRC files: each lift has a folder "
+        help="C3D, TRC, CSV, MAT or BVH file (.gz too); several files, or a folder: each lift has a folder "
         "of its own in DIR, and lifts.csv lists all",
     )
     parser.add_argument("--subject", type=Path, required=True, metavar="YAML", help="as in config/subjects")
@@ -38,6 +38,12 @@ def add(commands) -> None:
         metavar="LIFT",
         help="name of the lift, e.g. expert_23kg_2 (default: the subject's trial whose file this is)",
     )
+    parser.add_argument(
+        "--forces",
+        type=Path,
+        metavar="FILE",
+        help="ground reaction forces of one lift, .mot or C3D (default: the trial's, or those in the file)",
+    )
     parser.add_argument("--static", type=Path, metavar="FILE", help="static trial (default: the subject's)")
     add_output(parser)
     add_data(parser)
@@ -45,11 +51,13 @@ def add(commands) -> None:
 
 
 def run(options) -> None:
-    """Analyse the lifts, write their pendulums, print their events and, of one, the checks of its centres of mass."""
-    settings = load_settings(*options.config).lifting
+    """Analyse the lifts, write their pendulums, print their events and, of one, measures and checks of its centres of mass."""
+    study = load_settings(*options.config)
+    settings = study.lifting
     if len(options.markers) > 1 or options.markers[0].is_dir():
-        _run_all(options, settings)
+        _run_all(options, study)
         return
+    from lumbar.interface.movement import measure_movement
     from lumbar.interface.person import lift
 
     found = lift(
@@ -59,10 +67,14 @@ def run(options) -> None:
         trial=options.trial,
         settings=settings,
         static=options.static,
+        forces=options.forces,
         data=options.data or options.markers[0].name,
     )
     found.save(options.output)
+    measures = measure_movement(found, settings=study.stability)
+    measures.save(options.output)
     print(found)
+    print(measures)
     print("\n".join(found.checks))
     print("\n".join(_closing(found, options.output)))
 
@@ -74,22 +86,29 @@ def _closing(found: Lift, output: Path) -> list[str]:
     return [f"no pendulum: pendulum.csv in {output} has no rows", *found.without_pendulum]
 
 
-def _run_all(options, settings) -> None:
+def _run_all(options, study) -> None:
     """Analyse several lifts; end with an error that names those without a result, after the others are written."""
     from lumbar.errors import InputError
     from lumbar.interface.lift_batch import lift_all, planned_lifts
     from lumbar.interface.person import subject_of
 
-    if options.trial:
-        raise InputError("--trial names one lift of one file: give that file alone")
+    if options.trial or options.forces:
+        raise InputError("--trial and --forces are those of one lift of one file: give that file alone")
     subject = subject_of(options.subject)
     lifts = planned_lifts(options.markers, subject)
     table, failed = lift_all(
-        lifts, subject, options.box_mass, settings, options.output, options.data, options.static
+        lifts,
+        subject,
+        options.box_mass,
+        study.lifting,
+        options.output,
+        options.data,
+        options.static,
+        study.stability,
     )
     for row in table.itertuples():
         print(f"{row.lift}: {row.pendulums} pendulums" + (f"; {row.remark}" if row.remark else ""))
-    print(f"{len(lifts) - len(failed)} lifts and lifts.csv are in {options.output}")
+    print(f"{len(lifts) - len(failed)} lifts, lifts.csv and movement_measures.csv are in {options.output}")
     empty = [row.lift for row in table.itertuples() if not row.pendulums and row.lift not in failed]
     if empty:
         print(f"no pendulum at all: {', '.join(empty)}; why stands above and in lifts.csv")

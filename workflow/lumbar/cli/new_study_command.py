@@ -16,7 +16,10 @@ def add(commands) -> None:
         "lumbar new-study recordings --name my_lab",
     )
     parser.add_argument(
-        "folder", type=Path, metavar="FOLDER", help="marker files (C3D, TRC); a folder below it is a person"
+        "folder",
+        type=Path,
+        metavar="FOLDER",
+        help="marker files (C3D, TRC, BVH, CSV, MAT; .gz too); a folder below it is a person",
     )
     parser.add_argument("--name", metavar="NAME", help="of the study (default: the folder's)")
     parser.add_argument(

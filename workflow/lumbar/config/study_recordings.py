@@ -28,7 +28,7 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
         "lifting": [
             file
             for lift in study.lifts.values()
-            for file in (lift.trial.markers, lift.trial.hip_moment, lift.static)
+            for file in (lift.trial.markers, lift.trial.hip_moment, lift.trial.forces, lift.static)
             if file is not None
         ],
     }

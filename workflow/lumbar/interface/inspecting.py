@@ -37,7 +37,7 @@ def inspect(
     Parameters
     ----------
     path : path
-        C3D, TRC, CSV or BVH file with markers.
+        C3D, TRC, CSV, MAT or BVH file with markers, also packed (``.gz``).
     settings : LiftingSettings, optional
         How markers are read and gaps filled.
     height_m : float, optional
@@ -112,11 +112,12 @@ def _prefixes(path: Path, layout) -> tuple[str, ...]:
 
 def _read(path: Path, layout, screening):
     from lumbar.records.markers import read_markers
+    from lumbar.records.unpacking import ending_of
 
     try:
         return read_markers(path, layout, screen=screening)
     except InputError as error:
-        if path.suffix.lower() in (".csv", ".txt") and _is_record(path):
+        if ending_of(path) in (".csv", ".txt", ".mat") and _is_record(path):
             raise InputError(
                 f"{path}: a record of a force and a position, no markers; lumbar doctor {path.parent} examines records"
             ) from error

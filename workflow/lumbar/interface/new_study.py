@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,13 +16,29 @@ from lumbar.config.validation import FILL_IN
 from lumbar.errors import InputError, LumbarError
 from lumbar.interface.marker_set import MarkerSet, alias_text, joined_aliases, marker_set
 from lumbar.interface.trials import marker_files
+from lumbar.records.marker_file import NoMarkers
+from lumbar.records.unpacking import stem_of
 
 if TYPE_CHECKING:
     from lumbar.records.markers import MarkerRecording
 
 STILL_M = 0.05
 """A recording in which no marker leaves a cube of this size is a static trial."""
+_STATURES_M = (1.2, 2.3)
 FORCE_FILES = (".mot", ".sto", ".forces", ".anc")
+_KIND_OF_FILE = (
+    "grf",
+    "grfs",
+    "force",
+    "forces",
+    "ground",
+    "reaction",
+    "reactions",
+    "marker",
+    "markers",
+    "mocap",
+)
+"""Words in the name of a file that say what it holds and not of which trial."""
 SCHEMA = "# yaml-language-server: $schema=../../workflow/lumbar/config/study.schema.json"
 NOTHING = MarkerSet({}, None)
 
@@ -45,6 +61,10 @@ class FoundRecording:
         Whether nothing moves throughout.
     events : str
         Events that the file itself holds.
+    forces : str
+        File of ground reaction forces with the same name, below the folder; empty without one.
+    unit : str
+        Of length, by the body's size; empty where the file states it.
     set : MarkerSet
     """
 
@@ -56,6 +76,8 @@ class FoundRecording:
     labels: frozenset[str] = frozenset()
     static: bool = False
     events: str = ""
+    forces: str = ""
+    unit: str = ""
     set: MarkerSet = NOTHING
 
     @property
@@ -132,7 +154,8 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
     name = _as_name(name or folder.resolve().name)
-    recordings = [_looked_at(path, folder, name) for path in marker_files(folder)]
+    found = [_looked_at(path, folder, name) for path in marker_files(folder, tables=True)]
+    recordings = [item for item in found if item is not None]
     read = [item for item in recordings if not item.problem]
     if not read:
         raise InputError(
@@ -140,7 +163,7 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
                 [f"{folder}: no marker file can be read", *(f"  - {item.problem}" for item in recordings)]
             )
         )
-    axes = _axes(read, folder)
+    axes, unit = _axes(read, folder), _unit(read, folder)
     people = {
         person: list(items)
         for person, items in groupby(
@@ -148,7 +171,7 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
         )
     }
     people = {person: items for person, items in people.items() if not all(item.problem for item in items)}
-    files = {f"config/studies/{name}.yaml": _study_text(name, folder, axes, people)}
+    files = {f"config/studies/{name}.yaml": _study_text(name, folder, axes, unit, people)}
     for person, items in people.items():
         files[f"config/subjects/{person}.yaml"] = _subject_text(name, person, items)
     return NewStudy(name, files, recordings)
@@ -158,18 +181,15 @@ def _as_name(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_-") or "study"
 
 
-def _looked_at(path: Path, folder: Path, study: str) -> FoundRecording:
-    from lumbar.records.markers import read_markers
-    from lumbar.settings.layout import MarkerLayout
-
+def _looked_at(path: Path, folder: Path, study: str) -> FoundRecording | None:
+    """What is in one file; None for a table without markers."""
     below = path.relative_to(folder)
     person = study if len(below.parts) == 1 else f"{study}_{_as_name(below.parts[0])}"
     try:
-        # Axes are not known yet: these are those of the file.
-        recording = read_markers(
-            path, MarkerLayout(check_axes=False, subject_prefix="keep"), minimum_frames=1
-        )
+        recording, unit = _read(path)
         found = marker_set(recording)
+    except NoMarkers:
+        return None
     except LumbarError as error:
         return FoundRecording(str(below), person, str(error).splitlines()[0])
     times = sorted({f"{event.label} at {event.time:.2f} s" for event in recording.events})
@@ -181,8 +201,86 @@ def _looked_at(path: Path, folder: Path, study: str) -> FoundRecording:
         labels=frozenset(label.rpartition(":")[2] for label in recording.positions),
         static=_stands_still(recording),
         events=f"events in the file: {', '.join(times)}" if times else "",
+        forces=_forces_beside(path, folder),
+        unit=unit,
         set=found,
     )
+
+
+def _read(path: Path) -> tuple[MarkerRecording, str]:
+    """A recording in its own axes, which are not known yet, and the unit of length that it does not state itself."""
+    from lumbar.records.markers import METRES, read_markers
+    from lumbar.settings.layout import MarkerLayout
+
+    layout = MarkerLayout(check_axes=False, subject_prefix="keep")
+    try:
+        return read_markers(path, layout, minimum_frames=1), ""
+    except NoMarkers:
+        raise
+    except InputError as stated:
+        for unit in METRES:
+            try:
+                recording = read_markers(path, replace(layout, unit=unit), minimum_frames=1)
+            except InputError:
+                continue
+            if _is_a_persons_size(recording):
+                return recording, unit
+        raise stated
+
+
+def _is_a_persons_size(recording: MarkerRecording) -> bool:
+    from lumbar.quality.body import stature_found
+    from lumbar.quality.landmarks import landmarks
+
+    named = {label: landmark for landmark, label in landmarks(recording.positions).items()}
+    stature, lengths = stature_found(recording.positions, named)
+    return lengths > 1 and _STATURES_M[0] < stature < _STATURES_M[1]
+
+
+def _unit(read: Sequence[FoundRecording], folder: Path) -> str:
+    """The unit that some files do not state; empty where all do. Those that do must state the same."""
+    from lumbar.records.markers import read_markers
+    from lumbar.settings.layout import MarkerLayout
+
+    units = sorted({item.unit for item in read if item.unit})
+    if not units:
+        return ""
+    layout = MarkerLayout(check_axes=False, subject_prefix="keep", unit=units[0])
+    others = [item.path for item in read if item.unit not in ("", units[0])]
+    for item in read:
+        try:
+            if not item.unit:
+                read_markers(folder / item.path, layout, minimum_frames=1)
+        except InputError:
+            others.append(item.path)
+    if others:
+        raise InputError(
+            f"{folder}: files that state no unit are in {units[0]} by the body's size, and others are not: {', '.join(others)}; "
+            "make a study of each group"
+        )
+    return units[0]
+
+
+def _forces_beside(path: Path, folder: Path) -> str:
+    """The one ``.mot`` file with ground reaction forces whose name is that of a marker file, but for words such as ``grf``."""
+    named = [
+        file
+        for file in sorted(path.parent.rglob("*"))
+        if file.suffix.lower() == ".mot" and _words(file) == _words(path) and _holds_forces(file)
+    ]
+    return str(named[0].relative_to(folder)) if len(named) == 1 else ""
+
+
+def _words(path: Path) -> tuple[str, ...]:
+    """Words of a file's name that tell the trial."""
+    words = re.split(r"[^a-z0-9]+", stem_of(path).lower())
+    return tuple(word for word in words if word and word not in _KIND_OF_FILE)
+
+
+def _holds_forces(path: Path) -> bool:
+    from lumbar.records.mot_file import names_forces
+
+    return names_forces(path)
 
 
 def _stands_still(recording: MarkerRecording) -> bool:
@@ -220,13 +318,16 @@ def _study_text(
     name: str,
     folder: Path,
     axes: tuple[str, str, float],
+    unit: str,
     people: Mapping[str, Sequence[FoundRecording]],
 ) -> str:
     items = [item for group in people.values() for item in group if not item.problem]
     aliases = joined_aliases([item.set for item in items])
+    named = {item.forces for item in items}
     forces = sorted(
         str(path.relative_to(folder)) for path in folder.rglob("*") if path.suffix.lower() in FORCE_FILES
     )
+    forces = [path for path in forces if path not in named]
     unread = [
         f"#   {item.path}: {item.problem}" for group in people.values() for item in group if item.problem
     ]
@@ -248,6 +349,7 @@ def _study_text(
         "lifting:",
         f"  subjects: [{', '.join(people)}]",
         "  markers:",
+        *([f"    unit: {unit}  # by the body's size: some files state none"] if unit else []),
         f'    up: "{axes[0]}"  # as the body stands in the files',
         f'    forward: "{axes[1]}"  # as the person faces'
         + (f"; {axes[2]:.0f} degrees away from this axis" if axes[2] >= 1 else ""),
@@ -346,9 +448,13 @@ def _subject_text(study: str, person: str, items: Sequence[FoundRecording]) -> s
     for item in trials:
         lines += [
             f"    # {item.facts}" + ("; nothing moves" if item.static else ""),
-            f"    - {{box_mass_kg: {FILL_IN}, markers: {_quoted(item.path)}}}",
+            f"    - {{box_mass_kg: {FILL_IN}, markers: {_quoted(item.path)}{_forces_entry(item)}}}",
         ]
     return "\n".join([*lines, ""])
+
+
+def _forces_entry(item: FoundRecording) -> str:
+    return f", forces: {_quoted(item.forces)}" if item.forces else ""
 
 
 def _quoted(text: str) -> str:

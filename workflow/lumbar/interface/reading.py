@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from lumbar.errors import InputError
 from lumbar.records.record_set import RecordSet
+from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import ColumnLayout, MarkerLayout, RecordSettings
 
 if TYPE_CHECKING:
@@ -73,10 +74,10 @@ def read(
     Parameters
     ----------
     source : path or iterable of path
-        A folder with one file per record, a file, or several files: CSV, TXT, MAT (also gzip), C3D, TRC, BVH.
+        A folder with one file per record, a file, or several files: CSV, TXT, MAT, C3D, TRC, BVH (also gzip).
     kind : str, optional
         What was recorded: ``tissue`` (position, force), ``pendulum`` (angle, moment), ``surgeon`` (position),
-        ``markers`` (also of CSV) or ``survey``. Default: ``markers`` for C3D, TRC and BVH files, else ``tissue``.
+        ``markers`` (also of CSV and MAT) or ``survey``. Default: ``markers`` for C3D, TRC and BVH files, else ``tissue``.
     layout : layout of `lumbar.settings.layout`, optional
         Columns with their units, or labels and axes of markers; default that of the kind.
     rate : float, optional
@@ -109,7 +110,7 @@ def read(
     <Record zigzag: 1000 samples at 100 Hz, 10 s; position (mm), force (N)>
     """
     files = [Path(source)] if isinstance(source, str | os.PathLike) else [Path(item) for item in source]
-    if len(files) == 1 and kind is None and files[0].suffix.lower() in MARKER_ENDINGS:
+    if len(files) == 1 and kind is None and ending_of(files[0]) in MARKER_ENDINGS:
         kind = "markers"
     if kind == "markers":
         from lumbar.records.markers import read_markers
@@ -204,5 +205,5 @@ def is_column_file(path: Path) -> bool:
 
 
 def is_marker_file(path: Path) -> bool:
-    """Whether the name is that of a marker file."""
-    return path.suffix.lower() in MARKER_ENDINGS
+    """Whether the name is that of a marker file, which a table or a MATLAB file may be but need not."""
+    return ending_of(path) in MARKER_ENDINGS

@@ -6,25 +6,32 @@ from dataclasses import replace
 from pathlib import Path
 
 from lumbar.errors import InputError
+from lumbar.interface.reading import MARKER_ENDINGS
+from lumbar.records.unpacking import ending_of
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
-MARKER_FILES = (".c3d", ".trc")
-"""Endings of marker files in a folder; a table may be anything, and is named by itself."""
+TABLES = (".csv", ".mat")
+"""Endings of files that may hold markers or anything else: in a folder they count where a trial names them."""
 
 
-def marker_files(folder: Path) -> list[Path]:
+def marker_files(folder: Path, tables: bool = False) -> list[Path]:
     """Marker files in a folder and the folders below it, in order of their paths.
+
+    Parameters
+    ----------
+    folder : Path
+    tables : bool
+        Whether CSV and MAT files count too.
 
     Raises
     ------
     InputError
         If there is none.
     """
-    files = sorted(
-        path for path in folder.rglob("*") if path.suffix.lower() in MARKER_FILES and path.is_file()
-    )
+    endings = (*MARKER_ENDINGS, *(TABLES if tables else ()))
+    files = sorted(path for path in folder.rglob("*") if ending_of(path) in endings and path.is_file())
     if not files:
-        raise InputError(f"{folder}: no marker file ({', '.join(MARKER_FILES)}) in this folder")
+        raise InputError(f"{folder}: no marker file ({', '.join(endings)}) in this folder")
     return files
 
 
@@ -116,15 +123,24 @@ def static_of(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> 
     InputError
         Naming the places where it was looked for.
     """
-    if subject.static is None:
+    return _beside(f"subject.static of {subject.name}", subject.static, trial, markers)
+
+
+def forces_of(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> Path | None:
+    """Return the file of the trial's ground reaction forces; otherwise as `static_of`."""
+    return _beside(f"forces of a trial of {subject.name}", trial.forces, trial, markers)
+
+
+def _beside(key: str, named: str | None, trial: TrialSettings, markers: Path) -> Path | None:
+    """Return a file that is named relative to the folder which the trial's file is named relative to."""
+    if named is None:
         return None
     path, parts = markers.resolve(), Path(trial.markers).parts
     root = path.parents[len(parts) - 1] if path.parts[-len(parts) :] == parts else path.parent
-    places = [root / subject.static, path.parent / Path(subject.static).name]
+    places = [root / named, path.parent / Path(named).name]
     found = next((place for place in places if place.is_file()), None)
     if found is None:
         raise InputError(
-            f"subject.static of {subject.name} is {subject.static}, and there is no file "
-            + " or ".join(map(str, dict.fromkeys(places)))
+            f"{key} is {named}, and there is no file " + " or ".join(map(str, dict.fromkeys(places)))
         )
     return found

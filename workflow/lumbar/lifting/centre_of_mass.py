@@ -8,7 +8,7 @@ import numpy as np
 
 from lumbar.errors import InputError
 from lumbar.lifting.carried_object import carried_object
-from lumbar.lifting.events import Event
+from lumbar.lifting.event import Event
 from lumbar.lifting.joint_centres import unit
 from lumbar.lifting.segments import COMS, SegmentTable
 from lumbar.lifting.trunk_points import TrunkPoints

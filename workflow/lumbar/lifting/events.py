@@ -8,14 +8,16 @@ there are no markers on the box, the hands stand for it. An event that a recordi
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from lumbar.errors import Problems
+from lumbar.errors import InputError, Problems
 from lumbar.lifting.carried_object import WRISTS, carried_object, longest_seen, speed, wrist_centre
+from lumbar.lifting.event import ABSENT, DECLARED, DETECTED, EVENTS, IN_FILE, Event
+from lumbar.lifting.file_events import SeveralEvents, described, file_event, refuse_without
 from lumbar.lifting.filtering import derivative
 from lumbar.lifting.hands import great_rises, hands_lifted, hands_lowered
 from lumbar.records.markers import MarkerRecording
@@ -25,45 +27,9 @@ if TYPE_CHECKING:
     from lumbar.settings.lifting import EventSettings
     from lumbar.settings.subject import DeclaredEvents
 
-EVENTS = ("lift_off", "toe_off", "deposit_start", "release")
-"""In the order in which they happen. Any of them may be absent: a lifter deposits without a step, or not at all."""
-DETECTED, DECLARED, ABSENT = "detected", "declared", "absent"
 TOES = ("L_TOE", "R_TOE")
 ONSET = 0.1
 """What rises or descends for good has begun to, without doubt, once it has gone this share of the way."""
-
-
-@dataclass(frozen=True)
-class Event:
-    """One event and how it was found.
-
-    Attributes
-    ----------
-    time_s : float or None
-        On the recording's clock; None for an event that does not happen or cannot be told.
-    method : {"detected", "declared", "absent"}
-    how : str
-        The rule and the numbers behind it, or why there is no such event, for the reader.
-    detected_s : float or None
-        What detection says where the event is declared by hand; None where it finds nothing.
-    earliest_s, latest_s : float or None
-        Between these the event has happened whatever the threshold: the last instant of no movement in its direction, and a
-        tenth of the way done; None where the rule knows no such instants.
-    thesis_s : float or None
-        What the thesis's own rule finds; None where it has no other, or finds nothing.
-    """
-
-    time_s: float | None
-    method: str
-    how: str
-    detected_s: float | None = None
-    earliest_s: float | None = None
-    latest_s: float | None = None
-    thesis_s: float | None = None
-
-    def as_dict(self) -> dict:
-        """Plain data for JSON."""
-        return asdict(self)
 
 
 class NotFound(Exception):
@@ -71,9 +37,9 @@ class NotFound(Exception):
 
 
 def found_by(recording: MarkerRecording, events: dict[str, Event]) -> dict[str, str]:
-    """What each event was found in: box, hands or toes; set by hand; or absent."""
+    """What each event was found in: box, hands or toes; set by hand; marked in the file; or absent."""
     _, carried = carried_object(recording)
-    words = {DECLARED: "set by hand", ABSENT: ABSENT}
+    words = {DECLARED: "set by hand", IN_FILE: "marked in the file", ABSENT: ABSENT}
     return {
         name: words.get(event.method, "toes" if name == "toe_off" else carried)
         for name, event in events.items()
@@ -81,17 +47,19 @@ def found_by(recording: MarkerRecording, events: dict[str, Event]) -> dict[str, 
 
 
 def find_events(
-    recording: MarkerRecording, settings: EventSettings, declared: DeclaredEvents | None = None
+    recording: MarkerRecording,
+    settings: EventSettings,
+    declared: DeclaredEvents | Literal["file"] | None = None,
 ) -> dict[str, Event]:
-    """Find the events of a lift; those declared by hand replace detected ones.
+    """Find the events of a lift; those declared by hand, or marked in the file where it is asked for, replace detected ones.
 
     Parameters
     ----------
     recording : MarkerRecording
         Filtered.
     settings : EventSettings
-        Thresholds.
-    declared : DeclaredEvents, optional
+        Thresholds, and labels of the events in files.
+    declared : DeclaredEvents or "file", optional
         Of the trial in the subject's file.
 
     Returns
@@ -102,8 +70,12 @@ def find_events(
     Raises
     ------
     InputError
-        If declared events are out of order with the others or lie outside the recording.
+        If declared events are out of order with the others or lie outside the recording; if the file's are to be taken and
+        it has none, or several of a kind.
     """
+    from_file = settings.taken_from == IN_FILE or declared == IN_FILE
+    if from_file:
+        refuse_without(recording, settings.labels, EVENTS)
     times = {name: getattr(declared, f"{name}_s", None) for name in EVENTS}
     given = {name: time for name, time in times.items() if time is not None}
     _check_order(recording, given)
@@ -111,10 +83,9 @@ def find_events(
     for name in ("lift_off", "release", "toe_off", "deposit_start"):
         found = search.event(name)
         if name in given:
-            says = "detection finds none" if found.time_s is None else f"detection says {found.time_s:.2f} s"
-            how = f"set in the subject's file ({declared.reason or 'no reason given'}); {says}"
+            how = f"set in the subject's file ({declared.reason or 'no reason given'}); {_detection_says(found)}"
             found = Event(given[name], DECLARED, how, found.time_s)
-        search.found[name] = found
+        search.found[name] = _with_file(recording, settings, name, found, search, from_file)
     times = {name: search.found[name].time_s for name in EVENTS}
     _check_order(recording, {name: time for name, time in times.items() if time is not None})
     events = {name: search.found[name] for name in EVENTS}
@@ -122,6 +93,36 @@ def find_events(
     if doubt:
         events["release"] = replace(events["release"], how=f"{events['release'].how}; {doubt}")
     return events
+
+
+def _with_file(
+    recording: MarkerRecording,
+    settings: EventSettings,
+    name: str,
+    event: Event,
+    search: _Search,
+    from_file: bool,
+) -> Event:
+    """An event with what the file says of it, which replaces a detected one where it is asked for."""
+    if name == "toe_off" and not search.anything_is_lifted():
+        return event
+    try:
+        marked = file_event(recording, settings.labels, name, search.begin, search.end)
+    except SeveralEvents as several:
+        if from_file and event.method != DECLARED:
+            raise InputError(f"{recording.source}: {name} in the file: {several}") from several
+        return replace(event, file=str(several))
+    if marked is None:
+        return event
+    said = {"file_s": marked.time, "file": described(marked)}
+    if event.method == DECLARED or not from_file:
+        return replace(event, **said)
+    how = f"marked in the file as {described(marked)}; {_detection_says(event)}"
+    return Event(marked.time, IN_FILE, how, event.time_s, **said)
+
+
+def _detection_says(found: Event) -> str:
+    return "detection finds none" if found.time_s is None else f"detection says {found.time_s:.2f} s"
 
 
 def hands_doubt(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
@@ -151,7 +152,7 @@ class _Search:
     def event(self, name: str) -> Event:
         """One event by its name in `EVENTS`."""
         try:
-            if name in ("toe_off", "deposit_start") and not self._anything_is_lifted():
+            if name in ("toe_off", "deposit_start") and not self.anything_is_lifted():
                 raise NotFound("neither a lift-off nor a release")
             if name == "toe_off":
                 return _toe_off(self.whole, self.settings, self.begin, self.end)
@@ -166,19 +167,20 @@ class _Search:
             words.append(f"the {self.what} is seen without a gap from {first:.2f} to {last:.2f} s")
         return replace(found, how="; ".join([*words, found.how]))
 
-    def _anything_is_lifted(self) -> bool:
+    def anything_is_lifted(self) -> bool:
+        """Whether a lift-off or a release is known."""
         return any(self.found[name].time_s is not None for name in ("lift_off", "release"))
 
     @property
     def begin(self) -> float:
         """Lift-off, or the start of a recording without one."""
-        time = self.found["lift_off"].time_s
+        time = self.found["lift_off"].time_s if "lift_off" in self.found else None
         return float(self.whole.time[0]) if time is None else time
 
     @property
     def end(self) -> float:
         """Release, or the end of a recording without one."""
-        time = self.found["release"].time_s
+        time = self.found["release"].time_s if "release" in self.found else None
         return float(self.whole.time[-1]) if time is None else time
 
     def _lift_off(self) -> Event:

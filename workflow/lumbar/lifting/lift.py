@@ -11,7 +11,8 @@ import numpy as np
 from lumbar.errors import InputError, LumbarError, Problems
 from lumbar.lifting.carried_object import WRISTS, best_seen, box_centre, carried_object, speed, wrist_centre
 from lumbar.lifting.centre_of_mass import CentreOfMass, absent_segments, centres_of_mass
-from lumbar.lifting.events import EVENTS, TOES, Event, find_events, phases
+from lumbar.lifting.event import DECLARED, EVENTS, IN_FILE, Event
+from lumbar.lifting.events import TOES, find_events, phases
 from lumbar.lifting.filtering import filter_markers, shortest_stretch
 from lumbar.lifting.gaps import ERROR, KEEP, Gap, fill_gaps, refuse_open_gaps, without_islands
 from lumbar.lifting.missing_samples import why_missing
@@ -299,10 +300,15 @@ def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
 
 def states_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Pendulum states of the deposit, one row per centre of mass, plane and instant."""
+    return planar_frame(lift.states)
+
+
+def planar_frame(pendulums: dict[tuple[str, str], PendulumStates]) -> pd.DataFrame:
+    """Pendulum states by centre of mass and plane as rows of `STATES_COLUMNS`."""
     import pandas as pd
 
     frames = [pd.DataFrame(columns=list(STATES_COLUMNS))]
-    for (com, plane), states in lift.states.items():
+    for (com, plane), states in pendulums.items():
         values = (states.time, states.angle, states.angular_velocity, states.angular_acceleration)
         columns = [com, plane, *values, states.length, states.length_rate]
         frames.append(pd.DataFrame(dict(zip(STATES_COLUMNS, columns, strict=True))))
@@ -432,8 +438,8 @@ def assumptions(
         )
     said += [f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())]
     said += [
-        f"{name} is set by hand: {event.how}"
+        f"{name} is {words}: {event.how}"
         for name, event in lift.events.items()
-        if event.method == "declared"
+        if (words := {DECLARED: "set by hand", IN_FILE: "the file's own"}.get(event.method))
     ]
     return said

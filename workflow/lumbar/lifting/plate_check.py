@@ -17,6 +17,7 @@ from lumbar.lifting.whole_body import whole_body_centre
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from lumbar.lifting.lift import AnalysedLift
     from lumbar.records.force_plates import ForcePlate
@@ -35,6 +36,11 @@ MOVING_N = 20.0
 """Standard deviation of the expected force from which on its course can be compared."""
 FOLLOWS = 0.8
 """Correlation below which the force does not follow the movement."""
+TELLS_RATE = 0.9
+"""Correlation of force and acceleration from which on the ratio of both tells the rate of the markers."""
+OTHER_RATE = 1.25
+"""Factor by which the rate may be off before it is said: the model of the body takes up to a tenth."""
+_ROUNDS = 5
 OFF_MM, ELSEWHERE_MM = 60.0, 300.0
 """Mean distance of centre of pressure and centre of mass that says the centre is off, or the plates lie elsewhere."""
 _TEN = "a unit is wrong by ten, or one of both is in kilograms and the other in newtons"
@@ -66,6 +72,9 @@ class PlateCheck:
         Of the vertical force with mass × (g + acceleration of the centre of mass); None where hardly anything moves.
     rmse_N : float or None
         RMS difference of both.
+    rate_factor : float or None
+        Stated rate over the one at which the accelerations are those of the force; None where hardly anything moves or the
+        force does not follow closely.
     forward_mm, right_mm : float or None
         Mean place of the centre of pressure as seen from the projection of the centre of mass.
     sway_mm : float or None
@@ -82,6 +91,7 @@ class PlateCheck:
     declared_kg: float | None = None
     correlation: float | None = None
     rmse_N: float | None = None
+    rate_factor: float | None = None
     forward_mm: float | None = None
     right_mm: float | None = None
     sway_mm: float | None = None
@@ -105,18 +115,24 @@ class PlateCheck:
 
 
 def plate_check(
-    lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
+    lift: AnalysedLift,
+    subject: SubjectSettings,
+    trial: TrialSettings,
+    settings: LiftingSettings,
+    forces: Path | None = None,
 ) -> PlateCheck | None:
-    """Compare a lift with the force plates of its own file; None where the file has none.
+    """Compare a lift with the force plates of its own file, or with a file of forces; None where there are none.
 
     Plates that cannot be read refuse no lift: what is wrong with them is a finding.
     """
     from lumbar.records.force_plates import read_force_plates
 
     try:
-        plates = read_force_plates(lift.recording.source, settings.markers)
+        plates = read_force_plates(forces or lift.recording.source, settings.markers)
     except LumbarError as error:
         return PlateCheck(0, findings=(f"not read: {error}",))
+    if forces is not None and not plates:
+        return PlateCheck(0, findings=(f"not read: {forces} has no columns of ground reaction forces",))
     return check_against_plates(lift, plates, subject, trial, settings)
 
 
@@ -178,16 +194,27 @@ def _compared(lift, plates, subject, trial, settings, notes) -> PlateCheck:
     ahead = np.sum(offset * np.cross([0.0, 0.0, 1.0], right), axis=1)
     aside = np.sum(offset * right, axis=1)
     moves = np.std(weight[stands]) > MOVING_N
+    still = GRAVITY * mass[stands]
+    share, rate_factor = _rate_factor(weight[stands] - still, force[stands], still) if moves else (None, None)
+    if rate_factor is None or not _other_rate(rate_factor):
+        share = force[stands].mean() / weight[stands].mean()
     result = {
-        "plates_kg": float(mass[stands].mean() * force[stands].mean() / weight[stands].mean()),
+        "plates_kg": float(mass[stands].mean() * share),
         "declared_kg": float(mass[stands].mean()),
         "correlation": float(np.corrcoef(force[stands], weight[stands])[0, 1]) if moves else None,
         "rmse_N": float(np.sqrt(np.mean((force - weight)[stands] ** 2))),
+        "rate_factor": rate_factor,
         "forward_mm": float(np.nanmean(ahead)),
         "right_mm": float(np.nanmean(aside)),
         "sway_mm": float(np.sqrt(np.nanvar(ahead) + np.nanvar(aside))),
     }
-    return PlateCheck(len(plates), seconds, **result, findings=tuple(_findings(**result)), notes=notes)
+    return PlateCheck(
+        len(plates),
+        seconds,
+        **result,
+        findings=tuple(_findings(**result, rate_Hz=recording.rate)),
+        notes=notes,
+    )
 
 
 def _turned(plate: ForcePlate, angle: float) -> ForcePlate:
@@ -199,6 +226,26 @@ def _turned(plate: ForcePlate, angle: float) -> ForcePlate:
         centre_of_pressure=turn(plate.centre_of_pressure, angle),
         corners=corners,
     )
+
+
+def _rate_factor(
+    inertial: np.ndarray, force: np.ndarray, still: np.ndarray
+) -> tuple[float | None, float | None]:
+    """Mass on the plates over the declared one, and the stated rate over the true one; None where that is not told.
+
+    Accelerations grow with the square of the rate, forces do not depend on it: force = share × (still + inertial / factor²).
+    """
+    if np.corrcoef(inertial + still, force)[0, 1] < TELLS_RATE:
+        return None, None
+    share = force.mean() / still.mean()
+    for _ in range(_ROUNDS):
+        slope = np.std(force - share * still) / np.std(inertial)
+        share = (force.mean() - slope * inertial.mean()) / still.mean()
+    return float(share), float(np.sqrt(share / slope))
+
+
+def _other_rate(factor: float) -> bool:
+    return not 1 / OTHER_RATE < factor < OTHER_RATE
 
 
 def _vertical_acceleration(points: np.ndarray, rate: float) -> np.ndarray:
@@ -216,10 +263,16 @@ def _at_frames(
         vertical = low_pass(plate.force[:, 2], plate.rate, smoothing.cutoff_Hz, smoothing.order)
         arm = np.nan_to_num(plate.centre_of_pressure) * plate.force[:, 2:]
         arm = low_pass(arm, plate.rate, smoothing.cutoff_Hz, smoothing.order)
-        force += np.interp(time, plate.time, vertical)
-        moment += np.transpose([np.interp(time, plate.time, column) for column in arm.T])
+        force += _sampled(time, plate, vertical)
+        moment += np.transpose([_sampled(time, plate, column) for column in arm.T])
     with np.errstate(divide="ignore", invalid="ignore"):
         return force, np.where(force[:, None] > LOADED_N, moment / force[:, None], np.nan)
+
+
+def _sampled(time: np.ndarray, plate: ForcePlate, values: np.ndarray) -> np.ndarray:
+    """Values of a plate at other instants; NaN where it did not measure."""
+    early, late = plate.time[0] - 0.5 / plate.rate, plate.time[-1] + 0.5 / plate.rate
+    return np.where((time >= early) & (time <= late), np.interp(time, plate.time, values), np.nan)
 
 
 def _on_plates(lift: AnalysedLift, plates: Sequence[ForcePlate]) -> np.ndarray:
@@ -241,7 +294,9 @@ def _above(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.all((points[:, :2] >= low) & (points[:, :2] <= high), axis=1)
 
 
-def _findings(plates_kg, declared_kg, correlation, rmse_N, forward_mm, right_mm, sway_mm):
+def _findings(
+    plates_kg, declared_kg, correlation, rmse_N, rate_factor, forward_mm, right_mm, sway_mm, rate_Hz
+):
     """Yield what does not fit, with what that means."""
     ratio = plates_kg / declared_kg
     if abs(ratio - 1) > MASS_TOLERANCE:
@@ -259,6 +314,13 @@ def _findings(plates_kg, declared_kg, correlation, rmse_N, forward_mm, right_mm,
         yield (
             f"the force does not follow the movement (r = {correlation:.2f}): the plates are of another trial or person, their "
             "clock is shifted, or something else carries part of the weight"
+        )
+    if rate_factor is not None and _other_rate(rate_factor):
+        large = rate_factor > 1
+        times = f"{(rate_factor if large else 1 / rate_factor) ** 2:.2g} times too {'large' if large else 'small'}"
+        yield (
+            f"the force follows the movement, but the accelerations at {rate_Hz:g} Hz are {times} for it: the markers were taken "
+            f"at about {rate_Hz / rate_factor:.3g} Hz, or their unit is wrong; set markers.rate_Hz"
         )
     distance = float(np.hypot(forward_mm, right_mm))
     if distance > ELSEWHERE_MM:

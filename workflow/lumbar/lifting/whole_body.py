@@ -14,11 +14,16 @@ TRUNK_SHARE, HEAD_SHARE = 0.497, 0.081
 """Masses of trunk, and of head with neck, as shares of the body's (Winter, 2009, Table 4.1)."""
 HEAD_BEYOND = 0.35
 """The ear canal, centre of head and neck, lies beyond C7/T1 by this share of the line from the hips to C7/T1."""
-_ARM = (("SHOULDER", "ELBOW", 0.028, 0.436), ("ELBOW", "WRIST", 0.022, 0.682))
+ARM = (("SHOULDER", "ELBOW", 0.028, 0.436), ("ELBOW", "WRIST", 0.022, 0.682))
 _LEG = ((MID_HIP, "KNEE", 0.100, 0.433), ("KNEE", "ANKLE", 0.061, 0.606))
-_STRAIGHT_ARM, _STRAIGHT_LEG = ("SHOULDER", "WRIST", 0.050, 0.530), (MID_HIP, "ANKLE", 0.161, 0.447)
+STRAIGHT_ARM, _STRAIGHT_LEG = ("SHOULDER", "WRIST", 0.050, 0.530), (MID_HIP, "ANKLE", 0.161, 0.447)
 """Segments of each side with mass and place of the centre (Winter, 2009, Table 4.1); straight ones where no marker shows
 the joint between."""
+
+
+def head_centre(points: TrunkPoints) -> np.ndarray:
+    """Centre of head and neck, shape (n, 3) in metres, from C7/T1 and the middle of the hips."""
+    return points["C7T1"] + HEAD_BEYOND * (points["C7T1"] - points[MID_HIP])
 
 
 def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: SegmentTable) -> np.ndarray:
@@ -44,11 +49,10 @@ def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: Se
     if lacking:
         raise InputError(f"no {', '.join(lacking)}")
     trunk = trunk_centre(segment_centres(points, table), table)
-    head = points["C7T1"] + HEAD_BEYOND * (points["C7T1"] - points[MID_HIP])
-    moment = TRUNK_SHARE * trunk + HEAD_SHARE * head
+    moment = TRUNK_SHARE * trunk + HEAD_SHARE * head_centre(points)
     for side in "LR":
         elbow, knee = (f"{side}_{joint}" in recording for joint in ("ELBOW", "KNEE"))
-        parts = (*(_ARM if elbow else (_STRAIGHT_ARM,)), *(_LEG if knee else (_STRAIGHT_LEG,)))
+        parts = (*(ARM if elbow else (STRAIGHT_ARM,)), *(_LEG if knee else (_STRAIGHT_LEG,)))
         for start, end, mass, share in parts:
             first = points[MID_HIP] if start == MID_HIP else recording[f"{side}_{start}"]
             moment = moment + mass * (first + share * (recording[f"{side}_{end}"] - first))

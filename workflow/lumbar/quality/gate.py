@@ -14,7 +14,7 @@ from lumbar.quality.landmarks import landmarks
 from lumbar.quality.leaps import Leap, find_leaps, step_sizes
 from lumbar.quality.lengths import length, off_its_part, rigid_mates
 from lumbar.quality.missing_frames import missing_frames
-from lumbar.quality.tempo import HIGHEST_HZ, LOWEST_HZ, USUAL_HZ, frequency_scale
+from lumbar.quality.tempo import FINE_RATE, HIGHEST_HZ, LOWEST_HZ, USUAL_HZ, frequency_scale
 from lumbar.quality.trajectories import LABORATORY_M, beyond_laboratory, copied, frozen
 
 _WRONG_UNIT = 1.8
@@ -123,6 +123,7 @@ def unchecked(
         found["order along the trunk"] = "the labels name no trunk"
     if frequency_scale(points, rate) is None:
         found["rate"] = "too short, or the person hardly moves"
+    found[FINE_RATE] = "only force plates under a person who moves tell it: lumbar lift compares them"
     return found
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from lumbar.quality.finding import Finding
+from lumbar.quality.tempo import FINE_RATE
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
@@ -83,6 +84,13 @@ class QualitySheet:
     def missing_share(self) -> float:
         """Share of all samples of all markers that were not seen."""
         return sum(gap.missing_share for gap in self.gaps) / max(1, len(self.markers))
+
+    def told_by_plates(self, rate_factor: float | None) -> QualitySheet:
+        """The sheet after a comparison with force plates: by them the rate is known, where they tell it."""
+        if rate_factor is None:
+            return self
+        told = {what: reason for what, reason in self.unchecked.items() if what not in ("rate", FINE_RATE)}
+        return replace(self, unchecked=told)
 
     def as_dict(self) -> dict:
         """Return the sheet as data for JSON."""

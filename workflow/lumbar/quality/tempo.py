@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+FINE_RATE = "rate off by less than four times"
+"""What the tempo does not tell."""
 LOWEST_HZ, HIGHEST_HZ = 0.2, 1.6
 """Half of the lowest and twice the highest frequency scale of real movements, about."""
 USUAL_HZ = 0.57

@@ -9,6 +9,7 @@ from lumbar.errors import InputError
 from lumbar.records.c3d_force_plates import read_c3d_plates
 from lumbar.records.force_plate import ForcePlate
 from lumbar.records.mot_file import read_mot
+from lumbar.records.unpacking import ending_of, unpacked
 from lumbar.settings.layout import MarkerLayout
 
 
@@ -18,7 +19,7 @@ def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = Non
     Parameters
     ----------
     path : path
-        C3D file, or OpenSim's ``.mot`` with ground reaction forces.
+        C3D file, or OpenSim's ``.mot`` with ground reaction forces, also packed (``.gz``).
     layout : MarkerLayout, optional
         Axes and unit, as of the markers; a ``.mot`` file is in metres.
 
@@ -36,6 +37,8 @@ def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = Non
     path, layout = Path(path), layout or MarkerLayout()
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    if path.suffix.lower() == ".mot":
-        return read_mot(path, layout)
-    return read_c3d_plates(path, layout) if path.suffix.lower() == ".c3d" else []
+    ending = ending_of(path)
+    if ending not in (".mot", ".c3d"):
+        return []
+    with unpacked(path) as plain:
+        return read_mot(plain, layout) if ending == ".mot" else read_c3d_plates(plain, layout)

@@ -69,7 +69,7 @@ def check_up(upward: np.ndarray, layout: MarkerLayout, source: str, seen_by: str
     if not _contradicts(upward, 2):
         return
     problems = Problems(source)
-    found = _file_axis(upward, rotation_to_standard(layout.up, layout.forward))
+    found = file_axis(upward, rotation_to_standard(layout.up, layout.forward))
     problems.add(
         "markers.up", f"{layout.up}, but the body stands along {found}{seen_by}", f'set up: "{found}"'
     )
@@ -102,7 +102,7 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
     if feet:
         facing = np.mean(feet, axis=0) * [1, 1, 0]
         if _contradicts(facing, 1):
-            found = _file_axis(facing, rotation)
+            found = file_axis(facing, rotation)
             declared = layout.forward
             problems.add(
                 "markers.forward",
@@ -134,8 +134,8 @@ def _sides_advice(facing: np.ndarray, ahead: list[np.ndarray], layout: MarkerLay
     """
     skip = "(check_axes: false skips this check)"
     rotation = rotation_to_standard(layout.up, layout.forward)
-    faces = _file_axis(facing, rotation)
-    front = _file_axis(np.sum(ahead, axis=0) * [1, 1, 0], rotation) if ahead else None
+    faces = file_axis(facing, rotation)
+    front = file_axis(np.sum(ahead, axis=0) * [1, 1, 0], rotation) if ahead else None
     if front == layout.forward:
         return f"left and right labels are swapped {skip}"
     if front == faces:
@@ -178,7 +178,7 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str, float] | None
     upward = upright(positions)
     if upward is None:
         return None
-    up = _file_axis(upward, np.eye(3))
+    up = file_axis(upward, np.eye(3))
     vertical = axis_vector(up, "up")
     across = [_segment(positions, (f"L_{part}",), (f"R_{part}",)) for part in (*_SIDES, "ASIS", "PSIS")]
     facing = [np.cross(vertical, vector) for vector in across if vector is not None]
@@ -186,7 +186,7 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str, float] | None
     if not facing:
         return None
     level = np.sum(facing, axis=0) * (vertical == 0)
-    forward = _file_axis(level, np.eye(3))
+    forward = file_axis(level, np.eye(3))
     cosine = level @ axis_vector(forward, "forward") / np.linalg.norm(level)
     return up, forward, float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
@@ -217,8 +217,8 @@ def _contradicts(vector: np.ndarray, axis: int) -> bool:
     return bool(np.abs(vector).max() > _CLEARLY * vector[axis])
 
 
-def _file_axis(vector: np.ndarray, rotation: np.ndarray) -> str:
-    """Signed axis of the file along which a vector in standard axes mostly lies."""
+def file_axis(vector: np.ndarray, rotation: np.ndarray) -> str:
+    """Return the signed axis of the file along which a vector in standard axes mostly lies."""
     in_file = rotation.T @ vector
     largest = int(np.abs(in_file).argmax())
     return f"{'+' if in_file[largest] > 0 else '-'}{'xyz'[largest]}"

@@ -6,6 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lumbar.errors import InputError
+
+
+class NoMarkers(InputError):
+    """A table or a MATLAB file that holds something else than markers."""
+
 
 @dataclass(frozen=True)
 class RecordedEvent:

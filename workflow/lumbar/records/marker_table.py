@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.errors import InputError, Problems
-from lumbar.records.marker_file import MarkerFile, mark_missing
+from lumbar.records.marker_file import MarkerFile, NoMarkers, mark_missing
 from lumbar.records.numbers import number
 from lumbar.records.point_kinds import split_points
 from lumbar.records.record import LARGEST
@@ -64,7 +64,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
         time = np.arange(len(table)) / rate
     else:
         position, seconds = time_column
-        time, rate = _clock(path, table[:, position] * seconds, rate)
+        time, rate = even_clock(path, table[:, position] * seconds, rate)
     points = np.stack([table[:, columns] for columns in markers.values()], axis=1)
     used = {column for columns in markers.values() for column in columns}
     others = [name for column, name in enumerate(header) if column not in used and name]
@@ -137,10 +137,8 @@ def _columns(path: Path, header: list[str]) -> tuple[tuple[int, float] | None, d
         if len(axes) < 3:
             problems.add(marker, f"has the columns {', '.join(sorted(axes))}", "x, y and z are needed")
     if not markers:
-        problems.add(
-            "",
-            f"no column of a marker among {', '.join(header[:12])}",
-            "names such as C7_x, C7_y, C7_z are needed",
+        raise NoMarkers(
+            f"{path}: no column of a marker among {', '.join(header[:12])}; names such as C7_x, C7_y, C7_z are needed"
         )
     if len(units) > 1:
         problems.add("", f"units {', '.join(sorted(units))} in the header", "all columns need the same")
@@ -174,8 +172,23 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], width: int, decimal_
     return np.array(table)
 
 
-def _clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
-    """Instants of an even clock and its rate, checked against the printed times."""
+def even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
+    """Return the instants of an even clock and its rate, checked against the printed times.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    printed : ndarray, shape (n_frames,)
+        Seconds.
+    declared : float or None
+        ``markers.rate_Hz``, with which they must agree.
+
+    Raises
+    ------
+    InputError
+        A frame without a time, a clock that does not run forward, or not evenly.
+    """
     if not np.isfinite(printed).all():
         raise InputError(f"{path}: frame {int((~np.isfinite(printed)).argmax()) + 1} has no time")
     span = printed[-1] - printed[0]

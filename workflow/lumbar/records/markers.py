@@ -1,4 +1,4 @@
-"""Marker recordings: C3D, TRC, CSV and BVH files as positions in metres under standard names.
+"""Marker recordings: C3D, TRC, CSV, MAT and BVH files as positions in metres under standard names.
 
 Axes are those of the thesis's chapter 4: x lateral (to the right), y forward, z up; right-handed. The layout
 is plain data from a study's YAML::
@@ -29,6 +29,7 @@ import numpy as np
 
 from lumbar.errors import InputError
 from lumbar.records.marker_file import MarkerFile, RecordedEvent
+from lumbar.records.unpacking import stem_of, unpacked
 from lumbar.settings.layout import MarkerLayout
 
 Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
@@ -113,12 +114,12 @@ def read_markers(
     screen: Screen | None = None,
     mend: Mend | None = None,
 ) -> MarkerRecording:
-    """Read a C3D, TRC, CSV or BVH file.
+    """Read a C3D, TRC, CSV, MAT or BVH file.
 
     Parameters
     ----------
     path : path
-        The suffix decides: ``.c3d``, ``.trc``, ``.csv`` or ``.bvh``.
+        The suffix decides: ``.c3d``, ``.trc``, ``.csv``, ``.mat`` or ``.bvh``, each also packed (``.gz``).
     layout : MarkerLayout, optional
         See the module's description. Without aliases every marker keeps its label.
     name : str, optional
@@ -149,7 +150,9 @@ def read_markers(
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    file = _at_rate(select_subject(_read_file(path, layout), layout.subject_prefix), layout.rate_Hz)
+    with unpacked(path) as plain:
+        file = replace(_read_file(plain, layout), source=str(path))
+    file = _at_rate(select_subject(file, layout.subject_prefix), layout.rate_Hz)
     if len(file.time) < minimum_frames:
         raise InputError(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
@@ -172,7 +175,7 @@ def read_markers(
     if layout.check_axes:
         check_axes(resolved.positions, layout, file.source)
     return MarkerRecording(
-        name=name or path.stem,
+        name=name or stem_of(path),
         time=file.time,
         rate=file.rate,
         positions=resolved.positions,
@@ -204,8 +207,13 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
         from lumbar.records.bvh_file import read_bvh
 
         return read_bvh(path)
+    if suffix == ".mat":
+        from lumbar.records.mat_markers import read_mat_markers
+
+        return read_mat_markers(path, layout.rate_Hz)
     raise InputError(
-        f"{path}: markers are read from .c3d, .trc, .csv and .bvh files, not {suffix or 'a file without suffix'!r}"
+        f"{path}: markers are read from .c3d, .trc, .csv, .mat and .bvh files, also with .gz, not "
+        f"{suffix or 'a file without suffix'!r}"
     )
 
 

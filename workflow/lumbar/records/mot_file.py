@@ -10,13 +10,14 @@ import numpy as np
 
 from lumbar.errors import InputError, Problems
 from lumbar.records.force_plate import UNLOADED_N, ForcePlate
-from lumbar.records.marker_axes import rotation_to_standard
+from lumbar.records.marker_axes import file_axis, rotation_to_standard
 from lumbar.records.record import LARGEST
 from lumbar.settings.layout import MarkerLayout
 
 _FORCE = re.compile(r"^(.*?)_?vx(_?\d*)$", re.IGNORECASE)
 """Name of a plate's first column: what stands before and after is the plate's name."""
 _MOST_PROBLEMS = 20
+_HEADER_CHARACTERS = 100_000
 _EVEN = 0.05
 """How far a step of the clock may be from the median step, as a share of it."""
 
@@ -38,7 +39,8 @@ def read_mot(path: str | os.PathLike, layout: MarkerLayout) -> list[ForcePlate]:
     Raises
     ------
     InputError
-        No OpenSim header, a row that is cut short, no number, a clock that is not even, columns that lack their fellows.
+        No OpenSim header, a row that is cut short, no number, a clock that is not even, columns that lack their fellows,
+        forces that do not push upwards.
     """
     path = Path(path)
     names, table = _table(path)
@@ -60,7 +62,27 @@ def read_mot(path: str | os.PathLike, layout: MarkerLayout) -> list[ForcePlate]:
         point[unloaded] = np.nan
         free = np.where(unloaded, np.nan, torque[:, 2])
         plates.append(ForcePlate(stem + number, time, force, point, free, rate))
+    _check_upward(path, plates, rotation, layout)
     return plates
+
+
+def names_forces(path: Path) -> bool:
+    """Whether the header of a motion file names columns of ground reaction forces; joint angles have the same ending."""
+    with path.open(encoding="utf-8-sig", errors="replace") as stream:
+        lines = stream.readlines(_HEADER_CHARACTERS)
+    ends = [number for number, line in enumerate(lines) if line.strip().lower() == "endheader"]
+    names = next((line.split() for line in lines[ends[0] + 1 :] if line.strip()), []) if ends else []
+    return any(map(_FORCE.match, names))
+
+
+def _check_upward(path: Path, plates: list[ForcePlate], rotation: np.ndarray, layout: MarkerLayout) -> None:
+    """Raise when the ground does not push upwards on the whole: the axes are not those of the markers."""
+    total = np.sum([plate.force.mean(axis=0) for plate in plates], axis=0)
+    if plates and np.linalg.norm(total) > UNLOADED_N and total[2] <= np.abs(total[:2]).max():
+        raise InputError(
+            f"{path}: the forces push along {file_axis(total, rotation)}, but markers.up is {layout.up}; forces of the ground on "
+            "the person are needed, in the axes of the markers: export both in the same"
+        )
 
 
 def _vectors(

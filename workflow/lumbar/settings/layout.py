@@ -79,7 +79,7 @@ MarkerName = Annotated[str, Each(pattern="^[A-Z][A-Z0-9_]*$")]
 
 @settings
 class MarkerLayout:
-    """How marker files (C3D, TRC, CSV, BVH) are read."""
+    """How marker files (C3D, TRC, CSV, MAT, BVH; also .gz) are read."""
 
     unit: Literal["file", "m", "cm", "mm"] = key(
         "Unit of length: file takes the one the file states; any other one must not contradict it.",
@@ -106,7 +106,7 @@ class MarkerLayout:
         default=True,
     )
     rate_Hz: float | None = key(
-        "Frames per second of a CSV file that has no times, or where the rate that a file states is wrong; null "
+        "Frames per second of a CSV or MAT file that has no times, or where the rate that a file states is wrong; null "
         "takes them from the file.",
         default=None,
         unit="Hz",

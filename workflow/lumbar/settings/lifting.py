@@ -103,9 +103,30 @@ class FilterSettings:
 
 
 @settings
-class EventSettings:
-    """Thresholds by which the events of a lift are found."""
+class EventLabels:
+    """Labels of events in the file (C3D, MAT) that stand for those of a lift, without regard to case and spaces."""
 
+    lift_off: tuple[str, ...] = key("Box leaves its support.", default=("lift off", "box off", "pick up"))
+    toe_off: tuple[str, ...] = key(
+        "End of the lift: the first of these between lift-off and release.",
+        default=("foot off", "toe off", "LTO", "RTO"),
+    )
+    deposit_start: tuple[str, ...] = key(
+        "Start of the deposit.", default=("deposit start", "start of deposit")
+    )
+    release: tuple[str, ...] = key("Box is released.", default=("release", "box release", "end of deposit"))
+
+
+@settings
+class EventSettings:
+    """How the events of a lift are found."""
+
+    taken_from: Literal["detection", "file"] = key(
+        "detection: by the rules below; file: those that somebody marked in the recording's own file, each that it has. The "
+        "difference is told either way.",
+        default="detection",
+    )
+    labels: EventLabels = section(default_factory=EventLabels)
     box_speed_m_s: float = key("Speed above which the box moves.", default=0.05, unit="m/s", gt=0, le=1)
     box_rest_m_s: float = key(
         "Speed below which the box rests: its movement starts and ends there.",

@@ -23,15 +23,24 @@ class TrialSettings:
     """One recorded lift."""
 
     box_mass_kg: float = required("Mass of the box.", unit="kg", ge=0, le=100)
-    markers: str = required("Marker file (C3D, TRC, CSV, BVH).")
+    markers: str = required("Marker file (C3D, TRC, CSV, MAT, BVH; also .gz).")
     hip_moment: str | None = key("Hip moment beside it (time_s, angle_rad, moment_Nm).", default=None)
+    forces: str | None = key(
+        "File with the ground reaction forces of this trial where the marker file holds none (.mot, on the same clock and in "
+        "the same axes; or another C3D): the centre of mass is checked against them.",
+        default=None,
+    )
     window_s: tuple[float, float] | None = key(
         "Start and end of the part of the recording that is this lift, on the file's own clock; null takes all of it. It "
         "is cut after filtering, so that its ends are no ends of the filter.",
         default=None,
         unit="s",
     )
-    events: DeclaredEvents | None = key("Times set by hand; they replace the detected ones.", default=None)
+    events: DeclaredEvents | Literal["file"] | None = key(
+        "Times set by hand, which replace the detected ones; or file: the events that the recording's own file holds replace "
+        "them (lifting.events.labels).",
+        default=None,
+    )
 
     def __post_init__(self):
         if self.window_s is not None and not self.window_s[0] < self.window_s[1]:
@@ -57,8 +66,8 @@ class SubjectSettings:
         default=(),
     )
     static: str | None = key(
-        "Marker file of a static trial (C3D, TRC, CSV, BVH), below data_root like the others: it gives the shape of the "
-        "pelvis and the box where markers of them are hidden for long.",
+        "Marker file of a static trial (C3D, TRC, CSV, MAT, BVH; also .gz), below data_root like the others: it gives the "
+        "shape of the pelvis and the box where markers of them are hidden for long.",
         default=None,
     )
     assumed: tuple[str, ...] = key("Keys of this file that are assumptions and not measurements.", default=())
