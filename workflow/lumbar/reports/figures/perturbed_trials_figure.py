@@ -94,7 +94,10 @@ def _draw_counts(axis, by_weight: pd.DataFrame, stability: StabilitySettings) ->
         )
     axis.axvline(stability.regulator.control_weight, color="#777777", linewidth=0.8, linestyle=":")
     axis.set_xscale("log")
-    axis.set_ylim(-0.4, None)
+    # Room above the counts for the legend.
+    most = int(by_weight["inside"].max())
+    axis.set_ylim(-0.4, 1.7 * max(most, 1))
+    axis.set_yticks(range(most + 1))
     axis.set_xlabel("R (1/(N²·m²·s))")
     axis.set_ylabel("Trials inside throughout")
-    axis.legend(fontsize=5.5, loc="center left")
+    axis.legend(fontsize=5.5, loc="upper center")

@@ -149,7 +149,7 @@ def alternate(
     """
     certificate, level_step = Certificate(degree, accuracy), LevelStep(degree, accuracy)
     chosen = even_knots(loops.knots, knots)
-    pendulums, reference = loops.pendulums, reference_of(loops.pendulums)
+    pendulums, reference = loops.pendulums, reference_of(loops.pendulums, saturation.bias)
     require_torque(pendulums, reference, saturation)
     reference = SaturationReference(reference.torque[2 * chosen], reference.velocity[2 * chosen])
     cost = cost_to_go_euler(pendulums, loops.weights)[chosen]
