@@ -11,10 +11,20 @@ PACKAGES = [
     ["cli"],
     ["interface"],
     ["reports", "config"],
-    ["synthetic", "survey", "fmu", "haptics", "stability", "measures", "diagnosis", "identification"],
+    [
+        "synthetic",
+        "survey",
+        "fmu",
+        "haptics",
+        "pushes",
+        "stability",
+        "measures",
+        "diagnosis",
+        "identification",
+    ],
     ["lifting", "signals", "effects"],
     ["quality"],
-    ["models", "records"],
+    ["models", "records", "population"],
     ["settings"],
 ]
 """From the top down: what stands in a row imports no row above it."""
