@@ -104,7 +104,12 @@ class ThesisMethodSettings:
     ratio: float = key(
         "Ratio of the geometric progression by which ρ is decreased.", default=0.8, ge=0.1, le=0.99
     )
-    alternations: int = key("Alternations (the thesis: 2).", default=2, ge=1, le=20)
+    alternations: int = key(
+        "Alternations (the thesis: 2); from the second on hardly a knot has a multiplier, and ρ stays (column unsolved_share).",
+        default=2,
+        ge=1,
+        le=20,
+    )
 
 
 @settings

@@ -82,7 +82,8 @@ def _draw(axis, shown: list[Trajectory], settings: StabilitySettings) -> bool:
         limit(-extent, extent)
     share = 100 * sections["exact"].initial_area[0] / _enclosed(reached[:, 0])
     words = f"exact: {share:.2g} % of all that reach the goal"
-    axis.text(0.98, 0.96, words, transform=axis.transAxes, ha="right", va="top", fontsize=6)
+    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+    axis.text(0.98, 0.96, words, transform=axis.transAxes, ha="right", va="top", fontsize=6, bbox=white)
     return True
 
 
