@@ -110,7 +110,7 @@ class Contrast:
         first, second, both = (self._quantile**2 * value for value in self.variances)
         square = self.second**2 - second
         if square <= 0:
-            return Interval(remark="no interval: the mean that it is a percentage of may be 0")
+            return Interval(remark="no interval of the percentage: the second mean may be 0")
         middle = self.first * self.second - both
         root = np.sqrt(middle**2 - square * (self.first**2 - first))
         low, high = (100 * ((middle + sign * root) / square - 1) for sign in (-1, 1))
