@@ -30,9 +30,7 @@ stability:
   knots: 250
   regulator: {control_weight: 10.0} # a loop as slow as so few knots resolve
   attack: {starts: 20}
-  proof: null
-  sum_of_squares: null
-  thesis_method: null
+  checks: []
   lyapunov_shares: [0.0, 1.0]
   limits: {knots: 200}
 """

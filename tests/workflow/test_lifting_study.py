@@ -17,9 +17,7 @@ lifting: {points: 200}
 stability:
   knots: 101
   attack: {starts: 2}
-  proof: null
-  sum_of_squares: null
-  thesis_method: null
+  checks: []
   lyapunov_shares: [1.0]
   limits: {knots: 84}
 """

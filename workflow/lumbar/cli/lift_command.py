@@ -55,7 +55,7 @@ def run(options) -> None:
     study = load_settings(*options.config)
     settings = study.lifting
     if len(options.markers) > 1 or options.markers[0].is_dir():
-        _run_all(options, settings)
+        _run_all(options, study)
         return
     from lumbar.interface.movement import measure_movement
     from lumbar.interface.person import lift
@@ -86,7 +86,7 @@ def _closing(found: Lift, output: Path) -> list[str]:
     return [f"no pendulum: pendulum.csv in {output} has no rows", *found.without_pendulum]
 
 
-def _run_all(options, settings) -> None:
+def _run_all(options, study) -> None:
     """Analyse several lifts; end with an error that names those without a result, after the others are written."""
     from lumbar.errors import InputError
     from lumbar.interface.lift_batch import lift_all, planned_lifts
@@ -97,11 +97,18 @@ def _run_all(options, settings) -> None:
     subject = subject_of(options.subject)
     lifts = planned_lifts(options.markers, subject)
     table, failed = lift_all(
-        lifts, subject, options.box_mass, settings, options.output, options.data, options.static
+        lifts,
+        subject,
+        options.box_mass,
+        study.lifting,
+        options.output,
+        options.data,
+        options.static,
+        study.stability,
     )
     for row in table.itertuples():
         print(f"{row.lift}: {row.pendulums} pendulums" + (f"; {row.remark}" if row.remark else ""))
-    print(f"{len(lifts) - len(failed)} lifts and lifts.csv are in {options.output}")
+    print(f"{len(lifts) - len(failed)} lifts, lifts.csv and movement_measures.csv are in {options.output}")
     empty = [row.lift for row in table.itertuples() if not row.pendulums and row.lift not in failed]
     if empty:
         print(f"no pendulum at all: {', '.join(empty)}; why stands above and in lifts.csv")

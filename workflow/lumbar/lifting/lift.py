@@ -300,10 +300,15 @@ def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
 
 def states_frame(lift: AnalysedLift) -> pd.DataFrame:
     """Pendulum states of the deposit, one row per centre of mass, plane and instant."""
+    return planar_frame(lift.states)
+
+
+def planar_frame(pendulums: dict[tuple[str, str], PendulumStates]) -> pd.DataFrame:
+    """Pendulum states by centre of mass and plane as rows of `STATES_COLUMNS`."""
     import pandas as pd
 
     frames = [pd.DataFrame(columns=list(STATES_COLUMNS))]
-    for (com, plane), states in lift.states.items():
+    for (com, plane), states in pendulums.items():
         values = (states.time, states.angle, states.angular_velocity, states.angular_acceleration)
         columns = [com, plane, *values, states.length, states.length_rate]
         frames.append(pd.DataFrame(dict(zip(STATES_COLUMNS, columns, strict=True))))
