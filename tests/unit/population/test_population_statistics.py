@@ -104,6 +104,7 @@ def test_few_persons_have_no_interval():
     assert found.p_value is None and not found.interval.known
     assert found.interval.remark == "no interval: 2 persons (expert), at least 3 are needed"
     assert not percent_interval({"ann": [1.0] * 30}, {"bob": [2.0] * 30}, paired=False).known
+    assert "nobody" in percent_interval({"ann": [1.0]}, {"bob": [2.0]}, paired=True).remark
     assert "bootstrap" in cluster_bootstrap(two.mean, five.mean, 1).remark
 
 

@@ -34,6 +34,8 @@ def percent_interval(
     (8.1, 13.5)
     """
     sides = [PersonMeans.of(trials) for trials in (first, second)]
+    if not all(map(len, sides)) or (paired and set(sides[0].persons).isdisjoint(sides[1].persons)):
+        return Interval(remark="no interval: nobody to compare")
     if paired:
         return within_persons(*sides, name=names[0]).percent_interval
     return between_groups(*sides, variance_components(sides).variance_ratio, names=names).percent_interval
