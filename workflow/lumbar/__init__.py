@@ -42,6 +42,7 @@ _VERBS = {
     "compare_groups": "lumbar.interface.people",
     "sample_size": "lumbar.interface.people",
     "measure_movement": "lumbar.interface.movement",
+    "push_prediction": "lumbar.interface.pushing",
 }
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
 
@@ -66,6 +67,7 @@ __all__ = [
     "locate",
     "measure_movement",
     "propose",
+    "push_prediction",
     "read",
     "refine",
     "render",

@@ -20,6 +20,7 @@ from lumbar.interface.people import sample_size as sample_size
 from lumbar.interface.person import basins as basins
 from lumbar.interface.person import lift as lift
 from lumbar.interface.proposing import propose as propose
+from lumbar.interface.pushing import push_prediction as push_prediction
 from lumbar.interface.reading import read as read
 from lumbar.interface.rendering import render as render
 from lumbar.interface.surgeons import bandwidth as bandwidth

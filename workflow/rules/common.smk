@@ -43,6 +43,7 @@ CATEGORIES = {
     "stability": "8 Basins of attraction",
     "perturbations": "8 Basins of attraction",
     "population": "8 People compared",
+    "pushes": "8 Basins of attraction",
     "claims": "9 Claims",
 }
 STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}

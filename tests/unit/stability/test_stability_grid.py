@@ -226,7 +226,7 @@ def test_controls_hold_the_headline_within_its_range(made, study):
     first = rows.set_index(["com", "plane"]).loc[("pelvis", "flexion_extension"), "percent"]
     shown = table.frame.set_index(["comparison", "com"]).loc[("expert_vs_novice", "pelvis")]
     assert first == shown["flexion_extension_headline_percent"]
-    assert rows["verdict"].str.contains("no interval: 1 person").all()
+    assert rows["verdict"].str.contains("no interval").all()
     html = controls.to_html()
     assert "body mass ±10 %" in html and "neither varies the segment table" in html
     in_grid = grid.query(

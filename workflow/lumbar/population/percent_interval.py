@@ -34,8 +34,11 @@ def percent_interval(
     (8.1, 13.5)
     """
     sides = [PersonMeans.of(trials) for trials in (first, second)]
-    if not all(map(len, sides)) or (paired and set(sides[0].persons).isdisjoint(sides[1].persons)):
-        return Interval(remark="no interval: nobody to compare")
+    absent = [name for name, side in zip(names, sides, strict=True) if not len(side)]
+    if absent:
+        return Interval(remark=f"no interval: nobody of {' and of '.join(absent)}")
+    if paired and set(sides[0].persons).isdisjoint(sides[1].persons):
+        return Interval(remark="no interval: nobody is on both sides")
     if paired:
         return within_persons(*sides, name=names[0]).percent_interval
     return between_groups(*sides, variance_components(sides).variance_ratio, names=names).percent_interval

@@ -10,6 +10,7 @@ from lumbar.settings.key import NAME, UNIQUE, key, required, section, settings
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.perturbations import PerturbationsSettings
 from lumbar.settings.population import PopulationSettings
+from lumbar.settings.pushes import PushesSettings
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.seed import SEED
 from lumbar.settings.signals import SignalsSettings
@@ -31,6 +32,7 @@ Chapter = Literal[
     "stability",
     "perturbations",
     "population",
+    "pushes",
     "claims",
 ]
 
@@ -88,5 +90,6 @@ class StudySettings:
         "Trials with and without perturbation; null where a study has none.", default=None
     )
     population: PopulationSettings = section(default_factory=PopulationSettings)
+    pushes: PushesSettings = section(default_factory=PushesSettings)
     twin: TwinSettings = section(default_factory=TwinSettings)
     hidden_effects: HiddenEffectsSettings = section(default_factory=HiddenEffectsSettings)

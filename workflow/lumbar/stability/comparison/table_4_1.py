@@ -441,10 +441,9 @@ def _interval(areas: pd.DataFrame, compared_sides: list[tuple], row: dict, plane
         ]
         for experience, mass in (after, before)
     ]
-    same_people = before[0] == after[0]
     return percent_interval(
         *({person: values.to_numpy() for person, values in side} for side in sides),
-        paired=same_people,
+        paired=before[0] == after[0],
         names=(after[0], before[0]),
     )
 
