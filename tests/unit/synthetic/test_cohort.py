@@ -73,6 +73,9 @@ def test_a_cohort_is_a_study_of_its_people(project):
     renamed = laid_over(config, {"stability": {"compare": {"groups": ["trained", "novice"]}}})
     with pytest.raises(InputError, match=r"nobody is labelled 'trained'.*expert, novice"):
         load_study(renamed, project)
+    alone = {**config, "twin": {"lifting": {"cohort": {"groups": {"expert": {"persons": 4}}}}}}
+    with pytest.raises(InputError, match="nobody is labelled 'novice'"):
+        load_study(alone, project)
 
 
 def test_people_are_drawn_as_declared(cohort):
