@@ -7,7 +7,7 @@ import json
 import pandas as pd
 import pytest
 
-from running import FORKING, ZIG_CACHE, copy_project, snakemake
+from running import ZIG_CACHE, copy_project, snakemake
 
 STUDIES = ("davinci_tool", "friction_damper", "box_transfer", "sit_to_stand")
 
@@ -42,7 +42,6 @@ def run_study(folder, shared, study, *overlays):
         folder,
         *("--cores", "2", "--configfile", *files),
         env={"LUMBAR_DATA": str(shared / "real")},
-        program=FORKING,
     )
     assert run.status == 0, run.text[-6000:]
     return folder / "results" / study
