@@ -9,6 +9,7 @@ import pytest
 
 PACKAGES = [
     ["cli"],
+    ["page_server"],
     ["interface"],
     ["reports", "config"],
     ["body_model"],
