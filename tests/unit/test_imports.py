@@ -24,7 +24,7 @@ PACKAGES = [
     ],
     ["lifting", "signals", "effects"],
     ["quality"],
-    ["models", "records"],
+    ["models", "records", "population"],
     ["settings"],
 ]
 """From the top down: what stands in a row imports no row above it."""

@@ -39,6 +39,8 @@ _VERBS = {
     "inspect": "lumbar.interface.inspecting",
     "lift": "lumbar.interface.person",
     "basins": "lumbar.interface.person",
+    "compare_groups": "lumbar.interface.people",
+    "sample_size": "lumbar.interface.people",
     "measure_movement": "lumbar.interface.movement",
     "push_prediction": "lumbar.interface.pushing",
 }
@@ -50,6 +52,7 @@ __all__ = [
     "basins",
     "check_fmu",
     "compare",
+    "compare_groups",
     "design_signals",
     "diagnose",
     "doctor",
@@ -68,6 +71,7 @@ __all__ = [
     "read",
     "refine",
     "render",
+    "sample_size",
 ]
 
 

@@ -42,6 +42,7 @@ CATEGORIES = {
     "lifting": "7 Lifting",
     "stability": "8 Basins of attraction",
     "perturbations": "8 Basins of attraction",
+    "population": "8 People compared",
     "pushes": "8 Basins of attraction",
     "claims": "9 Claims",
 }
@@ -85,3 +86,4 @@ def in_report(name, path, label):
 
 wildcard_constraints:
     lift="|".join(study.lifts) or "none",
+    person="|".join(study.subjects) or "none",

@@ -12,6 +12,7 @@ NEEDS = {
     "improvement": ["tissue"],
     "runtime": ["tissue"],
     "stability": ["lifting"],
-    "pushes": ["lifting"],
 }
 """Chapters that build on another one of the same study."""
+LIFTED = {"lifting", "population"}
+"""Chapters that begin with the recorded lifts."""

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lumbar.config.artefacts import read_artefacts
-from lumbar.config.chapters import NEEDS
+from lumbar.config.chapters import LIFTED, NEEDS
 from lumbar.config.consistency import check_consistency
 from lumbar.config.study import TWIN, RecordedLift, Study
 from lumbar.config.validation import Origins, validated
@@ -65,7 +65,7 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
             if row.chapter in chapters
         ],
         data_root=_data_root(settings, root, problems, origins),
-        lifts=lifts if "lifting" in chapters else {},
+        lifts=lifts if LIFTED & set(chapters) else {},
     )
     check_consistency(study, root, origins, problems)
     problems.raise_if_any()
@@ -90,6 +90,9 @@ def _check_chapters(settings: StudySettings, problems: Problems, origins: Origin
         if missing:
             found = f"{chapter} without {', '.join(missing)}"
             problems.add(origins.place(("chapters",)), found, "it builds on it: add it")
+    if "pushes" in chapters and LIFTED.isdisjoint(chapters):
+        found = "pushes without lifts"
+        problems.add(origins.place(("chapters",)), found, f"add {' or '.join(sorted(LIFTED))}")
     if "perturbations" in chapters and settings.perturbations is None:
         problems.add(origins.place(("perturbations",)), "null", "the chapter needs its trials")
 
@@ -124,10 +127,14 @@ def _load_subjects(
             config.get("lifting", {}).get("subjects", []) if isinstance(config.get("lifting"), dict) else []
         )
         names = [] if "subject" in config or not isinstance(names, list) else filter(_is_name, names)
-    elif "lifting" not in settings.chapters:
+    elif not LIFTED & set(settings.chapters):
         return {}
     elif settings.subject:
         return {settings.subject.name: settings.subject}
+    elif settings.data == TWIN and settings.twin.lifting.cohort:
+        from lumbar.synthetic.cohort import cohort_subjects
+
+        return cohort_subjects(settings.twin.lifting.cohort, settings.twin.seed)
     else:
         names = settings.lifting.subjects
     subjects = {}

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import NumericalError
+from lumbar.population.contrast import Interval
+from lumbar.population.percent_interval import percent_interval
 from lumbar.settings.plain import plain
 from lumbar.stability.basins import COLUMNS
 from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
@@ -25,7 +27,7 @@ from lumbar.stability.comparison.percent_differences import (
     taylor_areas,
     varied_areas,
 )
-from lumbar.stability.comparison.verdicts import bootstrap_percent, verdict
+from lumbar.stability.comparison.verdicts import verdict
 from lumbar.stability.model.failures import Failure, all_or_each, failures_frame, joined
 from lumbar.stability.model.trajectory import PLANES, Trajectory
 from lumbar.tables import Table
@@ -131,7 +133,7 @@ def table_4_1(
     other_mass : list of Trajectory
         The same with the other convention for the box's mass.
     seed : int
-        Of the bootstrap.
+        Of nothing any more: intervals over persons are not drawn.
     failures : pandas.DataFrame, optional
         Basins of the lifts that could not be computed, columns `failures.COLUMNS`.
 
@@ -161,7 +163,7 @@ def table_4_1(
     sides = list(comparisons(columns["percent"], missing, groups))
     exponents = {plane: compared_exponents(trajectories, plane, sides) for plane in PLANES}
     rows = [
-        _row(index, compared, varied, columns["percent"], sides, exponents, seed)
+        _row(index, compared, varied, columns["percent"], sides, exponents)
         for index in range(len(compared["percent"]))
     ]
     frame = pd.DataFrame(rows)
@@ -186,7 +188,6 @@ def _row(
     areas: pd.DataFrame,
     sides: list[tuple],
     exponents: dict[str, dict],
-    seed: int,
 ) -> dict:
     """Return one row of the table: a comparison for one COM, both planes."""
     row = compared["percent"][index]
@@ -213,7 +214,7 @@ def _row(
         if row["status"].startswith("no basin") and _number(row[plane]) is None:
             entry[f"{plane}_verdict"] = row["status"]
             continue
-        interval = _interval(areas, sides, row["comparison"], row["com"], plane, seed)
+        interval = _interval(areas, sides, row["comparison"], row["com"], plane)
         entry[f"{plane}_verdict"] = verdict(_number(row[plane]), null, others, interval)
     return entry
 
@@ -222,18 +223,25 @@ def _number(value) -> float | None:
     return None if value is None or np.isnan(value) else float(value)
 
 
-def _interval(areas: pd.DataFrame, compared: list[tuple], comparison: str, com: str, plane: str, seed: int):
-    """Bootstrap interval over trials of one percentage, or None where the trials are too few."""
+def _interval(areas: pd.DataFrame, compared: list[tuple], comparison: str, com: str, plane: str) -> Interval:
+    """Interval over persons of one percentage, or why there is none."""
     found = {name: (before, after) for name, before, after, _ in compared}
     before, after = found[comparison]
     if before is None:
-        return None
+        return Interval(remark="nothing to compare")
     here = areas[(areas["com"] == com) & (areas["plane"] == plane)]
     sides = [
-        here[(here["experience"] == experience) & (here["box_mass_kg"] == mass)]["mean_area"].to_numpy()
-        for experience, mass in (before, after)
+        here[(here["experience"] == experience) & (here["box_mass_kg"] == mass)].groupby("subject")[
+            "mean_area"
+        ]
+        for experience, mass in (after, before)
     ]
-    return bootstrap_percent(*sides, seed)
+    same_people = before[0] == after[0]
+    return percent_interval(
+        *({person: values.to_numpy() for person, values in side} for side in sides),
+        paired=same_people,
+        names=(after[0], before[0]),
+    )
 
 
 def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
