@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from lumbar.errors import LumbarError
@@ -86,6 +86,8 @@ def measure_person(
             )
             frames[name] = measure_movement(one, settings=stability).values
             found[name] = one
+            if each is not None:
+                each(one)
         except LumbarError as error:
             frames[name] = _unmeasured(str(error))
     areas = _basin_areas(found, stability)
