@@ -5,6 +5,7 @@ from job import run, stem
 
 def main(input, output, params):
     """Read all trials, compare them, write table and figure."""
+    from lumbar.pushes.trial_separation import body_trial, separation_frame, separation_table, values_of
     from lumbar.quality.screening import read_screened
     from lumbar.reports.figures.perturbed_trials_figure import trials_figure
     from lumbar.reports.figures.style import save
@@ -16,13 +17,22 @@ def main(input, output, params):
 
     settings = typed(PerturbationsSettings, params.settings)
     stability, lifting = typed(StabilitySettings, params.stability), typed(LiftingSettings, params.lifting)
-    trials = [
-        trial_of(read_screened(path, settings.markers)[0], group, settings, lifting)
+    recordings = [
+        (read_screened(path, settings.markers)[0], group)
         for group in ("unperturbed", "perturbed")
         for path in input[group]
     ]
+    trials = [trial_of(recording, group, settings, lifting) for recording, group in recordings]
     frame = compare_trials(trials, settings, stability)
     trials_table(frame, trials, settings, stability, params.data).write(stem(output.perturbed_trials))
+    found = [{"basin": value} for value in frame["largest_value"]]
+    if settings.legs:
+        for values, (recording, group) in zip(found, recordings, strict=True):
+            values |= values_of(body_trial(recording, group, settings, lifting), settings)
+    groups = [group for _, group in recordings]
+    separation_table(separation_frame(found, groups), groups, params.data).write(
+        stem(output.trial_separation)
+    )
     figure = trials_figure(trials, settings, stability)
     save(figure, stem(output.perturbed_trials_figure), params.data)
 
