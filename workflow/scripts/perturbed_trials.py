@@ -5,6 +5,7 @@ from job import run, stem
 
 def main(input, output, params):
     """Read all trials, compare them, write table and figure."""
+    from lumbar.pushes.feedback import feedback_sentence
     from lumbar.pushes.trial_separation import body_trial, separation_frame, separation_table, values_of
     from lumbar.quality.screening import read_screened
     from lumbar.reports.figures.perturbed_trials_figure import trials_figure
@@ -30,9 +31,9 @@ def main(input, output, params):
         for values, (recording, group) in zip(found, recordings, strict=True):
             values |= values_of(body_trial(recording, group, settings, lifting), settings)
     groups = [group for _, group in recordings]
-    separation_table(separation_frame(found, groups), groups, params.data).write(
-        stem(output.trial_separation)
-    )
+    feedback = feedback_sentence(trials, settings, stability)
+    separation = separation_table(separation_frame(found, groups), groups, params.data, feedback)
+    separation.write(stem(output.trial_separation))
     figure = trials_figure(trials, settings, stability)
     save(figure, stem(output.perturbed_trials_figure), params.data)
 

@@ -253,7 +253,8 @@ def sensitivity_frame(
     cases += [
         (what, factor, {field: factor}) for what, (field, factors) in VARIED.items() for factor in factors
     ]
-    every = max(1, len(motions) * settings.push.per_lift // FOLLOWED)
+    # Directions take turns: an even stride would follow those of one alone.
+    every = (len(motions) * settings.push.per_lift // FOLLOWED) | 1
     for what, factor, changed in cases:
         frame = hold_contest(motions, levels, settings, seed, changed, every, equal=False).frame
         person = np.zeros(len(frame), dtype=int)

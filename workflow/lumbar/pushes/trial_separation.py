@@ -192,8 +192,8 @@ def separation_frame(found: list[dict[str, float]], groups: list[str]) -> pd.Dat
     return frame[list(COLUMNS)]
 
 
-def separation_table(frame: pd.DataFrame, groups: list[str], data: str) -> Table:
-    """Return the comparison as a published table that says what one person can and cannot show."""
+def separation_table(frame: pd.DataFrame, groups: list[str], data: str, feedback: str = "") -> Table:
+    """Return the comparison as a published table that says what one person can and cannot show; `feedback` is one note more."""
     apart = [row.measure for row in frame.itertuples() if row.auc in (0.0, 1.0)]
     said = (
         f"{', '.join(apart)} separate{'s' if len(apart) == 1 else ''} all trials"
@@ -207,6 +207,7 @@ def separation_table(frame: pd.DataFrame, groups: list[str], data: str) -> Table
         "would do so of anyone else",
         "Body mass is assumed, both legs are taken to move as the marked one, and the centre of mass is that of trunk with head "
         "and arms, thighs, shanks and feet (Winter 2009, Table 4.1)",
+        *([feedback] if feedback else []),
     )
     return Table(
         title="Perturbed and unperturbed trials told apart, measure by measure.",
