@@ -30,9 +30,7 @@ stability:
   knots: 250
   regulator: {control_weight: 10.0} # a loop as slow as so few knots resolve
   attack: {starts: 20}
-  proof: null
-  sum_of_squares: null
-  thesis_method: null
+  checks: []
   lyapunov_shares: [0.0, 1.0]
   limits: {knots: 200}
 """
@@ -118,3 +116,5 @@ def test_sit_to_stand(folder, shared):
     page = (results / "tables" / "perturbed_trials.html").read_text(encoding="utf-8")
     assert "insufficient data: 5 trials" in page and "assumed 70 kg" in page
     assert page.count("trials lie inside throughout") == 2
+    quality = pd.read_csv(results / "tables" / "quality_of_trials.csv")
+    assert len(quality) == 10 and set(quality.findings) == {"none"}

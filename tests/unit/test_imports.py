@@ -9,8 +9,10 @@ import pytest
 
 PACKAGES = [
     ["cli"],
+    ["page_server"],
     ["interface"],
     ["reports", "config"],
+    ["body_model"],
     [
         "synthetic",
         "survey",

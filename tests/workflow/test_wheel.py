@@ -19,7 +19,7 @@ PACKED = ("pyproject.toml", "README.md", "LICENSE", "workflow")
 FEWER = """
 surgeon: {bandwidth: {resamples: 200}}
 survey: {resamples: 1000}
-stability: {knots: 101, attack: {starts: 20}, proof: null, sum_of_squares: null, thesis_method: null}
+stability: {knots: 101, attack: {starts: 20}, checks: [simulation]}
 """
 
 MAIN = "import sys; from lumbar.cli import main; sys.exit(main())"

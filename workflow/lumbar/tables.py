@@ -57,6 +57,9 @@ class Table:
         Digits after the point in LaTeX and HTML (default: four significant digits).
     may_be_empty : frozenset of str
         Columns in which a cell may be empty ("not applicable").
+    headers : dict of str to str
+        Words that stand over the columns in LaTeX and HTML; where there are any, the columns without stand in the CSV
+        file alone. Default: all columns under their own names.
     """
 
     title: str
@@ -66,6 +69,7 @@ class Table:
     notes: tuple[str, ...] = ()
     decimals: dict[str, int] = field(default_factory=dict)
     may_be_empty: frozenset[str] = frozenset()
+    headers: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self):
         undefined = [column for column in self.frame.columns if column not in self.definitions]
@@ -111,16 +115,24 @@ class Table:
             return f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}"
         return str(value)
 
+    @property
+    def _shown(self) -> dict[str, str]:
+        """Columns in print and the words over them."""
+        return self.headers or {str(column): str(column) for column in self.frame.columns}
+
     def _rows(self):
-        for record in self.frame.itertuples(index=False):
-            yield [self.cell(column, value) for column, value in zip(self.frame.columns, record, strict=True)]
+        for record in self.frame[list(self._shown)].itertuples(index=False):
+            yield [self.cell(column, value) for column, value in zip(self._shown, record, strict=True)]
+
+    def _remarks(self):
+        return [(self._shown[name], text) for name, text in self.definitions.items() if name in self._shown]
 
     def to_latex(self) -> str:
         """Return a ``booktabs`` table environment."""
-        columns = [str(column).translate(_TEX_ESCAPES) for column in self.frame.columns]
-        numeric = [self.frame[column].dtype.kind in "fi" for column in self.frame.columns]
+        columns = [name.translate(_TEX_ESCAPES) for name in self._shown.values()]
+        numeric = [self.frame[column].dtype.kind in "fi" for column in self._shown]
         body = [" & ".join(cell.translate(_TEX_ESCAPES) for cell in row) + r" \\" for row in self._rows()]
-        remarks = [f"{name}: {text}" for name, text in self.definitions.items() if name in self.frame.columns]
+        remarks = [f"{name}: {text}" for name, text in self._remarks()]
         notes = " ".join(f"{text.rstrip('.')}." for text in (*self.notes, *remarks)).translate(_TEX_ESCAPES)
         caption = f"{self.title} Data: {self.data}.".translate(_TEX_ESCAPES)
         lines = [
@@ -144,8 +156,8 @@ class Table:
         return template("table.html.jinja").render(
             title=self.title,
             data=self.data,
-            columns=list(self.frame.columns),
+            columns=list(self._shown.values()),
             rows=self._rows(),
             notes=self.notes,
-            definitions=[item for item in self.definitions.items() if item[0] in self.frame.columns],
+            definitions=self._remarks(),
         )

@@ -64,6 +64,7 @@ EVIDENCE = {
     "survey": ("survey", "survey/survey.json"),
     "table_3_2": ("survey", "tables/table_3_2.csv"),
     "table_4_1": ("stability", "tables/table_4_1.csv"),
+    "table_4_1_grid": ("stability", "tables/table_4_1_grid.csv"),
     "boa": ("stability", "stability/boa.csv"),
 }
 EVIDENCE = {name: path for name, (chapter, path) in EVIDENCE.items() if study.has(chapter)}

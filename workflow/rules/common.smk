@@ -47,6 +47,7 @@ CATEGORIES = {
     "claims": "9 Claims",
 }
 STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}
+QUALITY = ("quality", "quality_of_trials")
 BENCHMARKS = Path("results") / STUDY / "benchmarks"
 RUN = {}  # what is told of the run under way
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
@@ -79,7 +80,7 @@ def in_report(name, path, label):
     return report(
         f"<results>/{path}",
         caption=str(WORKFLOW / "report" / f"{name}.rst"),
-        category=CATEGORIES["twin" if name == "quality" else SHEET[name].chapter],  # recordings come first
+        category=CATEGORIES["twin" if name in QUALITY else SHEET[name].chapter],  # recordings come first
         labels={"artefact": label},
     )
 

@@ -18,6 +18,7 @@ rule lift:
         body="<results>/lifting/{lift}/body.csv",
         states="<results>/lifting/{lift}/pendulum.csv",
         summary="<results>/lifting/{lift}/pendulum.json",
+        other_states="<results>/lifting/{lift}/other_pivots.csv",
         events="<results>/lifting/{lift}/events.json",
         gaps="<results>/lifting/{lift}/gaps.csv",
         spread="<results>/lifting/{lift}/spread.csv",

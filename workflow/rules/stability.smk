@@ -5,10 +5,12 @@ rule basins_of_lift:
     input:
         states="<results>/lifting/{lift}/pendulum.csv",
         facts="<results>/lifting/{lift}/pendulum.json",
+        others="<results>/lifting/{lift}/other_pivots.csv",
         sources=library_sources("basins_of_lift.py"),
     output:
         boa="<results>/stability/{lift}/boa.csv",
         funnel="<results>/stability/{lift}/funnel.csv",
+        grid="<results>/stability/{lift}/grid.csv",
         extended="<results>/stability/{lift}/extended.csv",
         failures="<results>/stability/{lift}/failures.csv",
     log:
@@ -31,13 +33,18 @@ if study.has("stability"):
     rule stability_tables:
         input:
             boa=[f"<results>/stability/{lift}/boa.csv" for lift in study.lifts],
+            grid=[f"<results>/stability/{lift}/grid.csv" for lift in study.lifts],
             extended=[f"<results>/stability/{lift}/extended.csv" for lift in study.lifts],
             failures=[f"<results>/stability/{lift}/failures.csv" for lift in study.lifts],
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
+            published="resources/thesis/table_4_1.csv",
             sources=library_sources("stability_tables.py"),
         output:
-            **published("table_4_1", "basin_areas", "extended_basins", "missing_basins"),
+            **published(
+                *("table_4_1", "table_4_1_controls", "table_4_1_grid", "grid_figure"),
+                *("basin_areas", "extended_basins", "missing_basins"),
+            ),
             boa="<results>/stability/boa.csv",
             failures="<results>/stability/failures.csv",
         log:
@@ -52,7 +59,7 @@ if study.has("stability"):
             labels=study.labels,
             data=DATA,
         message:
-            "Table 4.1 and the areas of all basins"
+            "Table 4.1, its grid and the areas of all basins"
         script:
             "../scripts/stability_tables.py"
 

@@ -1,4 +1,4 @@
-"""Perturbed and unperturbed trials against the basin of the unperturbed mean."""
+"""Perturbed and unperturbed trials against the basin of the unperturbed mean, and the quality of their recordings."""
 
 from job import run, stem
 
@@ -7,6 +7,7 @@ def main(input, output, params):
     """Read all trials, compare them, write table and figure."""
     from lumbar.pushes.feedback import feedback_sentence
     from lumbar.pushes.trial_separation import body_trial, separation_frame, separation_table, values_of
+    from lumbar.quality.quality_table import quality_table
     from lumbar.quality.screening import read_screened
     from lumbar.reports.figures.perturbed_trials_figure import trials_figure
     from lumbar.reports.figures.style import save
@@ -18,12 +19,14 @@ def main(input, output, params):
 
     settings = typed(PerturbationsSettings, params.settings)
     stability, lifting = typed(StabilitySettings, params.stability), typed(LiftingSettings, params.lifting)
-    recordings = [
-        (read_screened(path, settings.markers)[0], group)
-        for group in ("unperturbed", "perturbed")
-        for path in input[group]
-    ]
-    trials = [trial_of(recording, group, settings, lifting) for recording, group in recordings]
+    trials, sheets, recordings = [], [], []
+    for group in ("unperturbed", "perturbed"):
+        for number, path in enumerate(input[group], start=1):
+            recording, sheet = read_screened(path, settings.markers)
+            trials.append(trial_of(recording, group, settings, lifting))
+            recordings.append((recording, group))
+            sheets.append({"lift": f"{group}_{number}", **sheet.as_dict()})
+    quality_table(sheets, params.data).write(stem(output.quality_of_trials))
     frame = compare_trials(trials, settings, stability)
     trials_table(frame, trials, settings, stability, params.data).write(stem(output.perturbed_trials))
     found = [{"basin": value} for value in frame["largest_value"]]

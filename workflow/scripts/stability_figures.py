@@ -26,7 +26,9 @@ def main(input, output, params):
     )
     save(figure_4_4(funnels), stem(output.figure_4_4), params.data)
     states = pd.read_csv(input.states[chosen])
-    trajectories, _ = trajectories_of_lift(states, facts[chosen], settings.pendulum.mass)
+    trajectories, _ = trajectories_of_lift(
+        states, facts[chosen], settings.pendulum.mass, settings.pendulum.time
+    )
     comparison = comparison_figure(trajectories, settings)
     save(comparison, stem(output.basin_comparison), params.data)
 

@@ -12,18 +12,13 @@ from stability_cases import minimum_jerk
 from lumbar.errors import InputError
 from lumbar.reports.figures.stability_figures import ellipses, shown_lift
 from lumbar.settings.plain import typed
-from lumbar.settings.stability import CompareSettings, StabilitySettings
-from lumbar.stability.basins import COLUMNS, basins_of_lift, close_loops
+from lumbar.settings.stability import StabilitySettings
+from lumbar.stability.basins import CHECK_COLUMNS, COLUMNS, basins_of_lift, close_loops
 from lumbar.stability.comparison.basin_areas import areas_table
-from lumbar.stability.comparison.percent_differences import (
-    comparison_names,
-    percent_differences,
-    varied_areas,
-)
-from lumbar.stability.comparison.table_4_1 import table_4_1
+from lumbar.stability.comparison.percent_differences import percent_differences, varied_areas
 from lumbar.stability.funnel.funnel import exact_funnels
 from lumbar.stability.model.lift_trajectories import trajectories_of_lift
-from lumbar.stability.model.trajectory import COMS, PLANES, find_problems
+from lumbar.stability.model.trajectory import COMS, PLANES, find_problems, in_unit_time
 from study_settings import changed
 
 SETTINGS = typed(
@@ -37,6 +32,7 @@ SETTINGS = typed(
         },
         "goal_level": 1.0,
         "knots": 201,
+        "checks": ["simulation", "thesis_method", "sum_of_squares", "proof"],
         "proof": {"margin_1_s": 0.05},
         "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5},
         "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
@@ -46,7 +42,6 @@ SETTINGS = typed(
             "mass_share": 0.05,
             "knots": 101,
             "certified_knots": 5,
-            "proved": False,
         },
         "lyapunov_shares": [0.0, 1.0],
         "sensitivity_factor": 2,
@@ -85,13 +80,14 @@ def states_and_facts(items):
         "pivot": "mid_ankle",
         "mass_kg": {com: {"with_box": 40.0, "without_box": 17.0} for com in COMS},
         "length_m": {com: dict.fromkeys(PLANES, 1.1) for com in COMS},
+        "box": {"share": "by_mass"},
     }
     return pd.concat(frames), facts
 
 
 @pytest.fixture(scope="module")
 def basins():
-    return basins_of_lift(lift(), SETTINGS, seed=1)
+    return basins_of_lift(lift(), SETTINGS, 1, [in_unit_time(item) for item in lift()])
 
 
 def test_mass_with_and_without_the_box():
@@ -138,16 +134,17 @@ def test_unsound_trajectories_drop_out_alone_and_named():
     assert {item.subject for item in failures} == {"expert"} and len(failures) == 3
 
 
-def test_summary_holds_every_engine_and_sign(basins):
+def test_summary_holds_every_engine_and_convention(basins):
     summary = basins.summary
     assert list(summary.columns) == list(COLUMNS)
-    counts = summary.groupby(["method", "sign"]).size().to_dict()
+    counts = summary.groupby(["method", "time"]).size().to_dict()
     assert counts == {
-        ("exact", "hanging"): 6,
-        ("exact", "inverted"): 6,
-        ("sum_of_squares", "hanging"): 6,
-        ("thesis", "hanging"): 6,
+        ("exact", "real"): 6,
+        ("exact", "unit"): 6,
+        ("sum_of_squares", "real"): 6,
+        ("thesis", "unit"): 6,
     }
+    assert set(summary.loc[summary["time"] == "unit", "duration_s"]) == {1.0}
     areas = summary[["mean_area", "initial_area", "minimum_area", "final_area"]]
     assert np.isfinite(areas).all(axis=None) and (areas > 0).all(axis=None)
     exact = summary[summary["method"] == "exact"]
@@ -166,14 +163,20 @@ def test_funnel_file_gives_the_areas(basins):
     assert mean == pytest.approx(row["mean_area"], rel=1e-4)
 
 
-def test_same_seed_same_rows_and_engines_may_be_left_out(basins):
-    settings = changed(SETTINGS, sum_of_squares=None, thesis_method=None)
+def test_same_seed_same_rows_and_checks_may_be_left_out(basins):
+    settings = replace(SETTINGS, checks=("simulation", "proof"))
     again = basins_of_lift(lift(), settings, seed=1).summary
-    exact = basins.summary[basins.summary["method"] == "exact"].reset_index(drop=True)
+    exact = basins.summary.query("method == 'exact' and time == 'real'").reset_index(drop=True)
     pd.testing.assert_frame_equal(again, exact, check_dtype=False)
     other = basins_of_lift(lift(), settings, seed=2).summary
     assert (other["exits"] == 0).all()
     assert other["control_exits"].tolist() != again["control_exits"].tolist()
+    bare = basins_of_lift(lift(), replace(SETTINGS, checks=()), seed=1).summary
+    assert bare["mean_area"].to_numpy() == pytest.approx(again["mean_area"].to_numpy(), rel=1e-12)
+    for names in CHECK_COLUMNS.values():
+        assert bare[list(names)].isna().all(axis=None)
+    page = areas_table(bare, replace(SETTINGS, checks=()), "test")
+    assert "exits" not in page.frame and "not chosen: simulation" in page.to_html()
 
 
 def rows_of(values):
@@ -211,42 +214,10 @@ def test_what_a_study_lacks_is_said():
     assert apart[0]["status"] == "not testable: no box mass in common"
 
 
-def test_table_4_1_of_a_study_and_of_one_lift(project, basins):
-    published = pd.read_csv(project / "resources" / "thesis" / "table_4_1.csv")
-    light = basins_of_lift(lift(box=15.0, mass=28.0), SETTINGS, seed=1).summary
-    items = [*lift(), *lift(box=15.0, mass=28.0)]
-    both = table_4_1(pd.concat([basins.summary, light]), items, SETTINGS, "test", items, 1)[0].frame
-    assert both[["comparison", "com"]].equals(published[["comparison", "com"]])
-    assert set(published.columns) <= set(both.columns)
-    computed = both[both["status"] == "computed"]
-    assert computed["comparison"].unique().tolist() == ["decrease_in_mass_expert"]
-    for plane in PLANES:
-        low, value, high = (computed[f"{plane}_{name}percent"] for name in ("lowest_", "", "highest_"))
-        assert ((low <= value) & (value <= high)).all()
-    alone = table_4_1(basins.summary, lift(), SETTINGS, "test", lift(), 1)[0]
-    assert alone.frame["status"].str.startswith("not testable").all()
-    assert alone.frame["lateral_bending_percent"].isna().all()
-    assert "–" in alone.to_html() and "nan" not in alone.to_latex()
-
-
-def test_repeated_trials_give_an_interval(basins):
-    """Three trials with each box, 1 % apart: the verdict carries a bootstrap interval about the percentage."""
-    settings = changed(SETTINGS, sum_of_squares=None, thesis_method=None, proof=None)
-    rows, items = [], []
-    for box, mass in ((23.0, 33.0), (15.0, 28.0)):
-        for repetition in range(3):
-            items += lift(box=box, mass=mass * (1 + 0.01 * repetition))
-            rows.append(basins_of_lift(items[-6:], settings, seed=1).summary)
-    frame = table_4_1(pd.concat(rows), items, settings, "test", items, 1)[0].frame
-    row = frame[frame["comparison"] == "decrease_in_mass_expert"].iloc[0]
-    low, high = map(float, row["lateral_bending_verdict"].split("[")[1].split("]")[0].split(","))
-    assert low < row["lateral_bending_percent"] < high
-    assert high - low < 10
-
-
 def test_variants_are_what_they_say():
     items = lift()[:2]
-    varied = varied_areas(items, SETTINGS)
+    fine = replace(SETTINGS, limits=replace(SETTINGS.limits, knots=SETTINGS.knots))
+    varied = varied_areas(items, fine)
     doubled = changed(SETTINGS, pendulum={"damping_N_m_s": 2.0})
     assert varied["b*"] == pytest.approx(
         exact_funnels(close_loops(items, "hanging", doubled)).mean_area, rel=1e-7
@@ -263,8 +234,8 @@ def test_variants_are_what_they_say():
 
 
 def test_areas_table_says_what_every_column_is(basins):
-    html = areas_table(basins.summary, "test").to_html()
-    for name in COLUMNS:
+    html = areas_table(basins.summary, SETTINGS, "test").to_html()
+    for name in set(COLUMNS) - set(CHECK_COLUMNS["cvxpy"]):
         assert f"<dt>{name}</dt>" in html
 
 
@@ -289,26 +260,3 @@ def test_shown_lift_is_the_groups_heaviest_that_has_a_deposit():
     assert shown_lift(facts, labels, "untrained") == 0
     assert shown_lift(facts[:1], labels, "trained") == 0
     assert shown_lift(facts[3:], labels, "trained") == 0
-
-
-def test_table_4_1_compares_the_groups_that_are_named(basins):
-    """The lifters' names are changed, so the numbers stay; the thesis's names are nowhere."""
-    light = basins_of_lift(lift(box=15.0, mass=28.0), SETTINGS, seed=1).summary
-    names = {"expert": "trained", "novice": "untrained"}
-    boa = pd.concat([basins.summary, light])
-    boa = pd.concat([boa, boa.assign(subject="b", experience="novice", mean_area=1.1 * boa["mean_area"])])
-    items = [*lift(), *lift(box=15.0, mass=28.0)]
-    items += [replace(item, subject="b", experience="novice") for item in items]
-    settings = replace(SETTINGS, compare=CompareSettings(groups=("trained", "untrained")))
-    thesis = table_4_1(boa, items, SETTINGS, "test", items, 1)[0]
-    renamed = [replace(item, experience=names[item.experience]) for item in items]
-    boa = boa.assign(experience=boa["experience"].map(names))
-    named = table_4_1(boa, renamed, settings, "test", renamed, 1)[0]
-    assert named.frame["comparison"].tolist() == [
-        comparison_names(("trained", "untrained"))[name] for name in thesis.frame["comparison"]
-    ]
-    for plane in PLANES:
-        column = f"{plane}_percent"
-        assert named.frame[column].tolist() == thesis.frame[column].tolist()
-    assert named.frame["lateral_bending_percent"].iloc[0] == pytest.approx(100 * (1 / 1.1 - 1))
-    assert "expert" not in named.to_html() and "novice" not in named.to_html()

@@ -34,7 +34,7 @@ def run(options) -> None:
     settings = load_settings(*options.config)
     facts = read_json(options.facts) if options.facts else None
     found = basins(options.states, facts=facts, settings=settings.stability, seed=settings.seed)
-    found.save(options.output, extended=False)
+    found.save(options.output)
     print(f"{len(found.areas)} basins are in {options.output / 'boa.csv'}")
-    if len(found.failures(extended=False)):
+    if len(found.failures()):
         raise NumericalError(announcement(options.output / "failures.csv"))

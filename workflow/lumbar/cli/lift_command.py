@@ -45,6 +45,12 @@ def add(commands) -> None:
         help="ground reaction forces of one lift, .mot or C3D (default: the trial's, or those in the file)",
     )
     parser.add_argument("--static", type=Path, metavar="FILE", help="static trial (default: the subject's)")
+    parser.add_argument(
+        "--body-model",
+        action="store_true",
+        help="fit one model of trunk, limbs and box to all markers of the file besides: the same pendulums with standard "
+        "deviations, basin areas with 95%% intervals, markers with their noise and outliers (body_model_*.csv)",
+    )
     add_output(parser)
     add_data(parser)
     parser.set_defaults(run=run)
@@ -55,7 +61,7 @@ def run(options) -> None:
     study = load_settings(*options.config)
     settings = study.lifting
     if len(options.markers) > 1 or options.markers[0].is_dir():
-        _run_all(options, settings)
+        _run_all(options, study)
         return
     from lumbar.interface.movement import measure_movement
     from lumbar.interface.person import lift
@@ -76,6 +82,10 @@ def run(options) -> None:
     print(found)
     print(measures)
     print("\n".join(found.checks))
+    if options.body_model:
+        model = found.body_model(study.stability)
+        model.save(options.output)
+        print(f"body model fitted to all markers:\n{model}")
     print("\n".join(_closing(found, options.output)))
 
 
@@ -86,22 +96,31 @@ def _closing(found: Lift, output: Path) -> list[str]:
     return [f"no pendulum: pendulum.csv in {output} has no rows", *found.without_pendulum]
 
 
-def _run_all(options, settings) -> None:
+def _run_all(options, study) -> None:
     """Analyse several lifts; end with an error that names those without a result, after the others are written."""
     from lumbar.errors import InputError
     from lumbar.interface.lift_batch import lift_all, planned_lifts
     from lumbar.interface.person import subject_of
 
-    if options.trial or options.forces:
-        raise InputError("--trial and --forces are those of one lift of one file: give that file alone")
+    if options.trial or options.forces or options.body_model:
+        raise InputError(
+            "--trial, --forces and --body-model are those of one lift of one file: give that file alone"
+        )
     subject = subject_of(options.subject)
     lifts = planned_lifts(options.markers, subject)
     table, failed = lift_all(
-        lifts, subject, options.box_mass, settings, options.output, options.data, options.static
+        lifts,
+        subject,
+        options.box_mass,
+        study.lifting,
+        options.output,
+        options.data,
+        options.static,
+        study.stability,
     )
     for row in table.itertuples():
         print(f"{row.lift}: {row.pendulums} pendulums" + (f"; {row.remark}" if row.remark else ""))
-    print(f"{len(lifts) - len(failed)} lifts and lifts.csv are in {options.output}")
+    print(f"{len(lifts) - len(failed)} lifts, lifts.csv and movement_measures.csv are in {options.output}")
     empty = [row.lift for row in table.itertuples() if not row.pendulums and row.lift not in failed]
     if empty:
         print(f"no pendulum at all: {', '.join(empty)}; why stands above and in lifts.csv")

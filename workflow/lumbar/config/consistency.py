@@ -162,6 +162,13 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
         from lumbar.stability.model.riccati import weight_problems
 
         problems.extend(weight_problems(**vars(settings.stability.regulator)))
+        checks = settings.stability.checks
+        if "cvxpy" in checks and "sum_of_squares" not in checks:
+            add(
+                "stability.checks",
+                "cvxpy without sum_of_squares",
+                "it checks those certificates: choose both",
+            )
     _check_recordings(study, add)
 
 

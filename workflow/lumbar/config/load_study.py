@@ -14,7 +14,7 @@ from lumbar.config.artefacts import read_artefacts
 from lumbar.config.chapters import LIFTED, NEEDS
 from lumbar.config.consistency import check_consistency
 from lumbar.config.study import TWIN, RecordedLift, Study
-from lumbar.config.validation import Origins, validated
+from lumbar.config.validation import Origins, laid_over, validated
 from lumbar.errors import Problems
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings
@@ -70,6 +70,21 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
     check_consistency(study, root, origins, problems)
     problems.raise_if_any()
     return study
+
+
+DEFAULT_FILES = (Path("config/config.yaml"), Path("config/twin.yaml"))
+"""What every study of a project is laid over."""
+
+
+def load_study_file(root: Path, file: Path | None = None) -> Study:
+    """Return the study of a project's default files, with a study's file laid over them; errors as of `load_study`."""
+    files = [root / path for path in DEFAULT_FILES if (root / path).is_file()]
+    files += [] if file is None else [file]
+    problems, content = Problems("configuration"), {}
+    for path in files:
+        content = laid_over(content, read_yaml(path, problems).content)
+    problems.raise_if_any()
+    return load_study(content, root, files)
 
 
 def _below(root: Path, file: str | Path) -> Path:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.settings.lifting import LiftingSettings
+    from lumbar.settings.stability import StabilitySettings
 
 COLUMNS = (
     *("lift", "file", "box_mass_kg"),
@@ -96,6 +97,7 @@ def lift_all(
     output: Path,
     data: str | None = None,
     static: Path | None = None,
+    stability: StabilitySettings | None = None,
 ) -> tuple[pd.DataFrame, list[str]]:
     """Analyse lifts one after the other; one that fails does not keep the others from their results.
 
@@ -107,11 +109,13 @@ def lift_all(
         Default that of the trials.
     settings : LiftingSettings
     output : Path
-        Folder: a folder of its own for every lift, and ``lifts.csv``.
+        Folder: a folder of its own for every lift, ``lifts.csv``, and ``movement_measures.csv`` with the measures of all.
     data : str, optional
         Words for the source of the data; default each file's name.
     static : Path, optional
         Marker file of a static trial; default the subject's.
+    stability : StabilitySettings, optional
+        Of the measures.
 
     Returns
     -------
@@ -123,8 +127,10 @@ def lift_all(
     import pandas as pd
 
     from lumbar.files import write_csv
+    from lumbar.interface.movement import measure_movement
+    from lumbar.measures.lift_values import long_table
 
-    rows, failed = [], []
+    rows, failed, measured = [], [], []
     for item in lifts:
         try:
             if item.markers is None:
@@ -140,6 +146,9 @@ def lift_all(
                 data=data or item.markers.name,
             )
             found.save(output / item.name)
+            measures = measure_movement(found, settings=stability)
+            measures.save(output / item.name)
+            measured.append((measures.values, found.facts))
             rows.append(_row(item, found))
         except LumbarError as error:
             failed.append(item.name)
@@ -148,6 +157,7 @@ def lift_all(
             )
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     write_csv(output / "lifts.csv", table)
+    write_csv(output / "movement_measures.csv", long_table(measured, {subject.name: subject.experience}))
     return table, failed
 
 

@@ -26,11 +26,14 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
+    from lumbar.interface.body_model import LiftModel
+    from lumbar.lifting.other_pivots import OtherPivot
     from lumbar.lifting.plate_check import PlateCheck
     from lumbar.quality.sheet import QualitySheet
     from lumbar.settings.layout import MarkerLayout
     from lumbar.stability.basins import LiftBasins
     from lumbar.stability.model.failures import Failure
+    from lumbar.stability.model.lift_trajectories import LiftStates
     from lumbar.stability.model.trajectory import Trajectory
 
 
@@ -98,8 +101,10 @@ def lift(
     name = name or found
     static = static or static_of(subject, trial, Path(markers))
     forces = forces or forces_of(subject, trial, Path(markers))
-    bodies = BodyFilling(settings, None if static is None else labelled_markers(static, settings.markers))
+    standing = None if static is None else labelled_markers(static, settings.markers, subject.height_m)
+    bodies = BodyFilling(settings, standing)
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
+    sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
     return Lift(
         lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings),
         subject,
@@ -111,12 +116,18 @@ def lift(
     )
 
 
-def labelled_markers(path: str | os.PathLike, layout: MarkerLayout) -> dict[str, np.ndarray]:
-    """Markers of a file by their own labels, in metres and standard axes; of one frame at least."""
+def labelled_markers(path: str | os.PathLike, layout: MarkerLayout, height_m: float) -> dict[str, np.ndarray]:
+    """Markers of a static trial by their own labels, in metres and standard axes, without what cannot be a body's."""
+    from lumbar.quality.screening import Screening
     from lumbar.records.markers import read_markers
 
     bare = replace(layout, aliases={}, required=None, check_axes=False)
-    return read_markers(path, bare, minimum_frames=1).positions
+    screening = Screening(height_m, layout.aliases)
+    try:
+        return read_markers(path, bare, minimum_frames=1, screen=screening).positions
+    except InputError as error:
+        text = str(error)
+        raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error
 
 
 def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
@@ -166,13 +177,27 @@ class Lift:
 
     @cached_property
     def facts(self) -> dict:
-        """What the pendulums are made of: masses, lengths, pivot, rules, assumptions; and what measures need beside."""
+        """What the pendulums are made of: masses, lengths, pivots, rules, assumptions; and what measures need beside."""
         return {
             **lifting.summary(self.analysed, self.subject, self.trial, self.settings),
+            "other_pivots": {name: about.facts for name, about in self._other_pivots.items()},
             "height_m": self.subject.height_m,
             "no_deposit": lifting.no_deposit(self.analysed.events),
             "missing_points": self._body[1],
         }
+
+    @cached_property
+    def _other_pivots(self) -> dict[str, OtherPivot]:
+        from lumbar.lifting.other_pivots import other_pivots
+
+        return other_pivots(self.analysed, self.settings)
+
+    @cached_property
+    def other_states(self) -> pd.DataFrame:
+        """Pendulum states about the pivots that conclusions are compared about, beside the study's own."""
+        from lumbar.lifting.other_pivots import other_states_frame
+
+        return other_states_frame(self._other_pivots)
 
     @cached_property
     def _body(self) -> tuple[pd.DataFrame, dict[str, str]]:
@@ -228,18 +253,25 @@ class Lift:
         """Whether hands that stand for the box may have made several lifts; empty where not."""
         return hands_doubt(self.analysed.recording, self.analysed.events, self.settings.events)
 
+    def body_model(self, stability: StabilitySettings | None = None) -> LiftModel:
+        """Fit one model of trunk, limbs and box to all markers: the same pendulums with standard deviations."""
+        from lumbar.interface.body_model import body_model
+
+        return body_model(self.analysed, self.subject, self.trial, self.settings, self.data, stability)
+
     @property
     def file_events(self) -> list[str]:
         """Lines on the events that the file itself holds, beside those detected."""
         return comparison(self.analysed.recording, self.analysed.events, self.settings.events.labels)
 
     def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum`` (states, facts), ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
+        """Write ``pendulum``, ``other_pivots``, ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
         from lumbar.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
         tables = {
             "pendulum": self.states,
+            "other_pivots": self.other_states,
             "com": lifting.centres_frame(self.analysed),
             "body": self.body,
             "spread": self.spread,
@@ -304,7 +336,7 @@ def basins(
     seed: int = SEED,
     data: str = "",
 ) -> Basins:
-    """Compute the basins of attraction of one lift, by all methods of the settings.
+    """Compute the basins of attraction of one lift, with the checks of the settings.
 
     Parameters
     ----------
@@ -328,34 +360,48 @@ def basins(
     >>> from lumbar.settings.stability import StabilitySettings
     >>> from lumbar.synthetic.examples import example_lift
     >>> lift = lumbar.lift("lift.c3d", example_lift("lift.c3d"), box_mass_kg=15)
-    >>> exact_alone = StabilitySettings(knots=51, proof=None, sum_of_squares=None, thesis_method=None)
+    >>> exact_alone = StabilitySettings(knots=51, checks=())
     >>> basins = lumbar.basins(lift, settings=exact_alone)
     >>> print(basins)
-    thorax, lateral_bending, hanging: 0.2194 rad²/s on average, 0.3508 at first
-    thorax, flexion_extension, hanging: 0.2186 rad²/s on average, 0.3491 at first
-    thorax, lateral_bending, inverted: 0.4545 rad²/s on average, 0.6201 at first
-    thorax, flexion_extension, inverted: 0.4301 rad²/s on average, 0.5512 at first
+    thorax, lateral_bending, inverted, real time: 0.4545 rad²/s on average, 0.6201 at first
+    thorax, flexion_extension, inverted, real time: 0.4301 rad²/s on average, 0.5512 at first
+    abdomen, lateral_bending, inverted, real time: 1.104 rad²/s on average, 1.745 at first
+    abdomen, flexion_extension, inverted, real time: 1.065 rad²/s on average, 1.621 at first
+    pelvis, lateral_bending, inverted, real time: 1.374 rad²/s on average, 2.101 at first
+    pelvis, flexion_extension, inverted, real time: 1.338 rad²/s on average, 1.978 at first
+    thorax, lateral_bending, hanging, unit time: 0.2745 rad²/s on average, 0.4887 at first
+    thorax, flexion_extension, hanging, unit time: 0.2734 rad²/s on average, 0.4861 at first
+    abdomen, lateral_bending, hanging, unit time: 0.6901 rad²/s on average, 1.47 at first
+    abdomen, flexion_extension, hanging, unit time: 0.6885 rad²/s on average, 1.466 at first
+    pelvis, lateral_bending, hanging, unit time: 0.8897 rad²/s on average, 1.928 at first
+    pelvis, flexion_extension, hanging, unit time: 0.889 rad²/s on average, 1.925 at first
     """
-    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
+    from lumbar.stability.model.lift_trajectories import LiftStates
 
     settings = settings or StabilitySettings()
     if isinstance(lift, Lift):
-        states, facts, data = lift.states, lift.facts, data or lift.data
+        states, data = LiftStates(lift.states, lift.facts, lift.other_states), data or lift.data
     else:
-        states, facts = _read_states(Path(lift), facts)
-        data = data or facts.get("data", "")
-    trajectories, failures = trajectories_of_lift(states, facts, settings.pendulum.mass)
-    return Basins(trajectories, settings, seed, failures, data or NOT_SAID)
+        states = _read_states(Path(lift), facts)
+        data = data or states.facts.get("data", "")
+    return Basins(states, settings, seed, data or NOT_SAID)
 
 
-def _read_states(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping]:
-    import pandas as pd
-
+def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
+    """Read ``pendulum.csv``, the facts beside it unless they are given, and ``other_pivots.csv`` where it is there."""
     from lumbar.files import read_json
+    from lumbar.stability.model.lift_trajectories import LiftStates
 
     facts = facts or read_json(path.with_suffix(".json"))
+    others = path.with_name("other_pivots.csv")
+    return LiftStates(_read_table(path), facts, _read_table(others) if others.is_file() else None)
+
+
+def _read_table(path: Path) -> pd.DataFrame:
+    import pandas as pd
+
     try:
-        return pd.read_csv(path), facts
+        return pd.read_csv(path)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a table of pendulum states ({error})") from error
 
@@ -366,26 +412,48 @@ class Basins:
 
     Attributes
     ----------
-    trajectories : list of Trajectory
+    states : LiftStates
     settings : StabilitySettings
     seed : int
-    without_trajectory : list of Failure
-        Pendulums whose states cannot be used.
     data : str
     """
 
-    trajectories: list[Trajectory]
+    states: LiftStates
     settings: StabilitySettings
     seed: int
-    without_trajectory: list[Failure]
     data: str
+
+    @cached_property
+    def _found(self) -> tuple[list[Trajectory], list[Failure]]:
+        from lumbar.stability.comparison.grid import headline
+
+        return self.states.trajectories(headline(self.settings, self.states.facts["pivot"]))
+
+    @property
+    def trajectories(self) -> list[Trajectory]:
+        """The sound trajectories of the headline."""
+        return self._found[0]
+
+    @property
+    def without_trajectory(self) -> list[Failure]:
+        """Pendulums of the headline whose states cannot be used."""
+        return self._found[1]
 
     @cached_property
     def computed(self) -> LiftBasins:
         """Areas, funnels and what could not be computed."""
         from lumbar.stability.basins import basins_of_lift
+        from lumbar.stability.model.convention import THESIS
 
-        return basins_of_lift(self.trajectories, self.settings, self.seed)
+        as_in_thesis, _ = self.states.trajectories(THESIS)
+        return basins_of_lift(self.trajectories, self.settings, self.seed, as_in_thesis)
+
+    @cached_property
+    def grid(self) -> pd.DataFrame:
+        """Average cross-sections under every convention, each with its null control (θ0 = 0)."""
+        from lumbar.stability.comparison.grid import grid_areas
+
+        return grid_areas(self.states, self.settings)
 
     @property
     def areas(self) -> pd.DataFrame:
@@ -399,37 +467,39 @@ class Basins:
 
     @cached_property
     def _extended(self) -> tuple[pd.DataFrame, list[Failure]]:
-        from lumbar.stability.extended_basins import extended_basins
+        from lumbar.stability.extended_basins import extended_basins, nothing_extended
 
+        if "extended" not in self.settings.checks:
+            return nothing_extended(), []
         return extended_basins(self.trajectories, self.settings, self.seed)
 
     @property
     def extended(self) -> pd.DataFrame:
-        """The same basins with limited torque, uncertain mass and a better V."""
+        """The same basins with limited torque, uncertain mass and a better V; empty unless among the checks."""
         return self._extended[0]
 
-    def failures(self, extended: bool = True) -> pd.DataFrame:
-        """Basins that could not be computed, with their reasons; with those of `extended` or without."""
+    def failures(self) -> pd.DataFrame:
+        """Basins that could not be computed, with their reasons."""
         from lumbar.stability.model.failures import failures_frame
 
-        beyond = self._extended[1] if extended else []
-        return failures_frame([*self.without_trajectory, *self.computed.failures, *beyond])
+        return failures_frame([*self.without_trajectory, *self.computed.failures, *self._extended[1]])
 
-    def save(self, folder: str | os.PathLike, extended: bool = True) -> None:
-        """Write ``boa.csv``, ``funnel.csv``, ``failures.csv`` and, unless told otherwise, ``extended.csv``."""
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``boa.csv``, ``funnel.csv``, ``grid.csv``, ``extended.csv`` and ``failures.csv``."""
         from lumbar.files import write_csv
 
         folder = Path(folder)
         write_csv(folder / "boa.csv", self.areas)
         write_csv(folder / "funnel.csv", self.funnels)
-        if extended:
-            write_csv(folder / "extended.csv", self.extended)
-        write_csv(folder / "failures.csv", self.failures(extended))
+        write_csv(folder / "grid.csv", self.grid)
+        write_csv(folder / "extended.csv", self.extended)
+        write_csv(folder / "failures.csv", self.failures())
 
     def __str__(self) -> str:
         shown = self.areas[self.areas["method"] == "exact"]
         return "\n".join(
-            f"{row.com}, {row.plane}, {row.sign}: {row.mean_area:.4g} rad²/s on average, {row.initial_area:.4g} at first"
+            f"{row.com}, {row.plane}, {row.sign}, {row.time} time: {row.mean_area:.4g} rad²/s on average, "
+            f"{row.initial_area:.4g} at first"
             for row in shown.itertuples()
         )
 

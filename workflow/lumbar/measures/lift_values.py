@@ -67,7 +67,9 @@ def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tup
     if not np.isfinite(values).all():
         return np.nan, _gap(course, column, within)
     if measure.how == INTEGRAL:
-        return float(np.trapezoid(values, time)), ""
+        from scipy.integrate import trapezoid
+
+        return float(trapezoid(values, time)), ""
     reduce = {
         SMALLEST: np.min,
         LARGEST: np.max,

@@ -34,6 +34,9 @@ def percent_interval(
     (8.1, 13.5)
     """
     sides = [PersonMeans.of(trials) for trials in (first, second)]
+    absent = [name for name, side in zip(names, sides, strict=True) if not len(side)]
+    if absent:
+        return Interval(remark=f"no interval: nobody of {' and of '.join(absent)}")
     if paired:
         return within_persons(*sides, name=names[0]).percent_interval
     return between_groups(*sides, variance_components(sides).variance_ratio, names=names).percent_interval

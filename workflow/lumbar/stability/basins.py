@@ -1,4 +1,4 @@
-"""All basins of one lift: three methods, both signs of gravity, and what was checked of each.
+"""All basins of one lift: the headline's and those of the thesis's wording, and what was checked of each.
 
 Settings are the section ``stability`` of a study's configuration.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,9 +16,10 @@ import numpy as np
 from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, reachable_area, regulate
 from lumbar.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.stability.funnel.saturation import UNSATURATED, Saturation, disturbance_of
-from lumbar.stability.methods import METHODS, MethodResult, chosen_methods
+from lumbar.stability.methods import METHODS, MethodResult, headline_methods, thesis_methods
+from lumbar.stability.model.convention import THESIS
 from lumbar.stability.model.failures import Failure, all_or_each
-from lumbar.stability.model.pendulum_loop import SIGNS, feedforward_torque, gather
+from lumbar.stability.model.pendulum_loop import feedforward_torque, gather
 from lumbar.stability.model.riccati import Weights, check_weights
 from lumbar.stability.model.trajectory import Trajectory
 from lumbar.stability.programme.bilinear_alternation import RESOLUTION
@@ -38,9 +40,11 @@ COLUMNS = {
     "the multiplier that a solver happens to return and have the digits printed, ±"
     + ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())
     + ")",
-    "sign": "sign of gravity in Eq. 4.1: hanging (as published) or inverted",
+    "sign": "sign of gravity in Eq. 4.1: hanging (as published) or inverted (as people stand)",
+    "time": "real: the movement lasts as long as it was recorded; unit: it is played in one second",
+    "mass": "whether the box counts to the pendulum's mass: with_box or without_box",
     "pivot": "point about which the pendulum turns",
-    "duration_s": "duration T of the trajectory",
+    "duration_s": "duration T of the trajectory as it is played",
     "mass_kg": "mass m of the pendulum",
     "length_m": "mean length ℓ of the pendulum",
     "peak_torque_N_m": "largest |u0| of the feedforward",
@@ -68,7 +72,16 @@ COLUMNS = {
     "unsolved_share": "share of the thesis's programmes without multiplier or maximum",
     "euler_error": "relative error of the initial ellipse's area by Euler integration of Eq. 4.2",
 }
-"""Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method."""
+"""Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method or was not chosen."""
+
+CHECK_COLUMNS = {
+    "simulation": ("simulated_starts", "exits", "exits_high", "control_exits"),
+    "thesis_method": ("violation_share", "unsolved_share", "euler_error"),
+    "sum_of_squares": ("sos_margin_difference", "sos_taylor_difference", "sos_taylor_optimism"),
+    "cvxpy": ("sos_cvxpy_difference",),
+    "proof": ("proved_share", "proved_area_ratio"),
+}
+"""Columns that each of ``stability.checks`` fills."""
 
 FUNNEL_COLUMNS = (
     "com",
@@ -85,7 +98,7 @@ FUNNEL_COLUMNS = (
 )
 """Columns of ``funnel.csv``."""
 
-DTYPES = {"control_exits": "Int64"}
+DTYPES = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
 """Types that pandas cannot tell from a ``boa.csv``: counts with empty cells."""
 
 
@@ -96,9 +109,9 @@ class LiftBasins:
     Attributes
     ----------
     summary : pandas.DataFrame
-        One row per COM, plane, method and sign; columns `COLUMNS`.
+        One row per COM, plane, method and convention; columns `COLUMNS`.
     funnels : pandas.DataFrame
-        The exact funnels with the study's sign, knot by knot; columns `FUNNEL_COLUMNS`.
+        The exact funnels of the headline, knot by knot; columns `FUNNEL_COLUMNS`.
     failures : list of Failure
         Basins that could not be computed: they have no row.
     """
@@ -124,16 +137,23 @@ def close_loops(trajectories: list[Trajectory], sign: str, settings: StabilitySe
     return regulate(pendulums, weights_of(settings))
 
 
-def basins_of_lift(trajectories: list[Trajectory], settings: StabilitySettings, seed: int) -> LiftBasins:
+def basins_of_lift(
+    trajectories: list[Trajectory],
+    settings: StabilitySettings,
+    seed: int,
+    as_in_thesis: Sequence[Trajectory] = (),
+) -> LiftBasins:
     """Compute and check every basin of one lift.
 
     Parameters
     ----------
     trajectories : list of Trajectory
-        Of one subject and box.
+        Of one subject and box, in the headline's convention.
     settings : StabilitySettings
     seed : int
         Of the simulated starts.
+    as_in_thesis : sequence of Trajectory
+        The same in the convention `THESIS`: exactly and, where ``thesis_method`` is among the checks, by its own method.
 
     Returns
     -------
@@ -147,20 +167,25 @@ def basins_of_lift(trajectories: list[Trajectory], settings: StabilitySettings, 
     import pandas as pd
 
     weights_of(settings)
-    published = settings.pendulum.sign
     rows: list[dict] = []
     frames: list[pd.DataFrame] = []
     failures: list[Failure] = []
-    for sign in sorted(SIGNS, key=lambda name: name != published):
-        for method in chosen_methods(settings) if sign == published else ["exact"]:
-            results, failed = all_or_each(
-                method_basins, trajectories, method, sign, settings, seed, basin=f"{method}, {sign}"
-            )
-            failures += failed
-            for items, (loops, funnels, own) in results:
-                rows += own
-                if sign == published and method == "exact":
-                    frames.append(_funnel_frame(items, loops, funnels, settings))
+    sign = settings.pendulum.sign
+    plans = [(trajectories, method, sign) for method in headline_methods(settings)]
+    methods = thesis_methods(settings)
+    same = sign == THESIS.sign and [_identity(item) for item in trajectories] == [
+        _identity(item) for item in as_in_thesis
+    ]
+    plans += [(list(as_in_thesis), method, THESIS.sign) for method in (methods[1:] if same else methods)]
+    for number, (items, method, gravity) in enumerate(plans):
+        results, failed = all_or_each(
+            method_basins, items, method, gravity, settings, seed, basin=f"{method}, {gravity}"
+        )
+        failures += failed
+        for some, (loops, funnels, own) in results:
+            rows += own
+            if number == 0:
+                frames.append(_funnel_frame(some, loops, funnels, settings))
     summary = pd.DataFrame(rows, columns=list(COLUMNS)).astype(DTYPES)
     empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
     return LiftBasins(summary, pd.concat(frames, ignore_index=True) if frames else empty, failures)
@@ -197,20 +222,22 @@ def basin_rows(
     name = f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}"
     stream = [seed, zlib.crc32((name if not saturation.active else f"{name} {saturation}").encode())]
     starts = settings.attack.starts
-    disturbance = disturbance_of(loops, saturation, starts, [*stream, 1]) if saturation.active else None
-    checked = monte_carlo_check(loops, funnels, starts, stream, disturbance)
     columns = {
         "mean_area": funnels.mean_area,
         "initial_area": funnels.initial_area,
         "minimum_area": funnels.minimum_area,
         "final_area": funnels.area[-1],
         "liouville_area": reachable_area(loops, settings.goal_level),
-        "exits": checked.exits,
-        "exits_high": checked.share_high,
         **result.checks,
     }
-    if result.control is not None:
-        columns["control_exits"] = monte_carlo_check(loops, result.control, starts, stream, disturbance).exits
+    if "simulation" in settings.checks:
+        disturbance = disturbance_of(loops, saturation, starts, [*stream, 1]) if saturation.active else None
+        checked = monte_carlo_check(loops, funnels, starts, stream, disturbance)
+        columns |= {"simulated_starts": np.full(len(trajectories), starts), "exits": checked.exits}
+        columns["exits_high"] = checked.share_high
+        if result.control is not None:
+            control = monte_carlo_check(loops, result.control, starts, stream, disturbance)
+            columns["control_exits"] = control.exits
     pendulum = settings.pendulum
     return [
         {
@@ -218,7 +245,6 @@ def basin_rows(
             "method": funnels.method,
             "sign": sign,
             "peak_torque_N_m": float(np.abs(_torque(item, sign, pendulum)).max()),
-            "simulated_starts": starts,
             **{
                 name: meaningful(values[index].item(), result.resolution.get(name))
                 for name, values in columns.items()
@@ -237,7 +263,8 @@ def meaningful(value: float, resolution: float | None) -> float:
 
 def _identity(item: Trajectory) -> dict:
     names = ("subject", "experience", "box_mass_kg", "com", "plane", "pivot", "mass_kg", "length_m")
-    return {**{name: getattr(item, name) for name in names}, "duration_s": item.duration}
+    convention = {"time": item.clock, "mass": item.mass_counted}
+    return {**{name: getattr(item, name) for name in names}, **convention, "duration_s": item.duration}
 
 
 def _torque(item: Trajectory, sign: str, pendulum: PendulumSettings) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from lumbar.stability.basins import COLUMNS as BASIN_COLUMNS
 from lumbar.stability.basins import basin_rows, close_loops, meaningful
+from lumbar.stability.comparison.basin_areas import as_counts
 from lumbar.stability.funnel.funnel import ClosedLoops, exact_funnels
 from lumbar.stability.funnel.lyapunov_family import best_of_family
 from lumbar.stability.funnel.saturation import Saturation
@@ -53,7 +54,7 @@ COLUMNS = {
 }
 """Columns of ``extended.csv`` with their definitions; a cell is empty where a check belongs to another method."""
 
-COUNTS = {"control_exits": "Int64"}
+COUNTS = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
 
 
 def saturated_loops(settings: StabilitySettings) -> dict[str, Saturation]:
@@ -113,6 +114,13 @@ def extended_basins(
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COUNTS), failures
 
 
+def nothing_extended() -> pd.DataFrame:
+    """Return the table of a study that did not choose the check ``extended``: no rows."""
+    import pandas as pd
+
+    return pd.DataFrame(columns=list(COLUMNS)).astype(COUNTS)
+
+
 class NominalLoops:
     """Loops without limits and their exact areas with one sign of gravity, each computed once."""
 
@@ -163,44 +171,42 @@ def _result(
     """Run one method; a better V changes the loops that are checked too."""
     if name != "better_v":
         return loops, METHODS[method](loops, settings, saturation), {}
-    proof = settings.proof
+    proved = "proof" in settings.checks
     best = best_of_family(
         loops,
         settings.goal_level,
         settings.lyapunov_shares,
-        proof.margin_1_s if proof else 0.0,
+        settings.proof.margin_1_s if proved else 0.0,
         settings.attack.control_overstated,
     )
     checks = {}
-    if proof:
+    if proved:
         checks["proved_share"] = proved_share(best.loops, best.with_margin)
         checks["proved_area_ratio"] = best.with_margin.mean_area / best.funnels.mean_area
     return best.loops, MethodResult(best.funnels, checks, best.negative_control), {"best_share": best.share}
 
 
 def _with_fewer_knots(settings: StabilitySettings) -> StabilitySettings:
-    """Return the settings with knots and proof of the section ``limits`` for every method."""
+    """Return the settings with the knots of the section ``limits`` for every method."""
     saturation = settings.limits
-    certified = settings.sum_of_squares and replace(settings.sum_of_squares, knots=saturation.certified_knots)
-    proof = settings.proof if saturation.proved else None
-    return replace(settings, knots=saturation.knots, sum_of_squares=certified, proof=proof)
+    certified = replace(settings.sum_of_squares, knots=saturation.certified_knots)
+    return replace(settings, knots=saturation.knots, sum_of_squares=certified)
 
 
 def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
-    """Return the extended basins of all lifts as a published table."""
-    import pandas as pd
-
+    """Return the extended basins of all lifts as a published table; without the check it says so and has no rows."""
     saturation = settings.limits
-    counts = pd.Series(
-        [None if pd.isna(item) else int(item) for item in frame["control_exits"]], dtype=object
+    optional = set(_SHARED) - {"initial_area"}
+    notes = (
+        () if "extended" in settings.checks else ("Not computed: 'extended' is not among stability.checks",)
     )
-    optional = set(_SHARED) - {"initial_area", "simulated_starts", "exits"}
     return Table(
         title="Basins of attraction with limited torque, with an uncertain mass, and with a better V.",
-        frame=frame.assign(control_exits=counts.to_numpy()),
+        frame=frame.assign(**{name: as_counts(frame[name]) for name in COUNTS}),
         definitions=COLUMNS,
         data=data,
         notes=(
+            *notes,
             f"U = {saturation.torque_N_m:g} N·m, the same for all; the mass lies within "
             f"±{100 * saturation.mass_share:g} % of the nominal one, the pendulum's mass "
             f"{settings.pendulum.mass.replace('_', ' ')}; λ tried: "

@@ -58,8 +58,10 @@ def exact(
 ) -> MethodResult:
     """Compute the largest funnels and prove those with a margin between the knots."""
     goal, negative_control = settings.goal_level, settings.attack.control_overstated
-    proof = settings.proof
-    margin = proof.margin_1_s if proof else 0.0
+    proved = "proof" in settings.checks
+    margin = settings.proof.margin_1_s if proved else 0.0
+    if "simulation" not in settings.checks:
+        negative_control = 0.0
     if saturation.active:
         found = saturated_funnels(loops, goal, saturation, margin, negative_control)
         for label, reason in zip(loops.pendulums.labels, found.reason, strict=True):
@@ -69,10 +71,10 @@ def exact(
     else:
         largest, smaller, control = funnel_variants(loops, goal, margin, negative_control)
     checks = {}
-    if proof:
+    if proved:
         checks["proved_share"] = proved_share(loops, smaller, saturation)
         checks["proved_area_ratio"] = smaller.mean_area / largest.mean_area
-    return MethodResult(largest, checks, control)
+    return MethodResult(largest, checks, control if negative_control else None)
 
 
 def sum_of_squares(
@@ -118,7 +120,16 @@ METHODS: dict[str, Callable[[ClosedLoops, dict, Saturation], MethodResult]] = {
 """By the name in the column ``method``."""
 
 
+def headline_methods(settings: StabilitySettings) -> list[str]:
+    """Names of the methods that a configuration asks for on the headline's pendulums; the exact one always."""
+    return ["exact", *(["sum_of_squares"] if "sum_of_squares" in settings.checks else [])]
+
+
+def thesis_methods(settings: StabilitySettings) -> list[str]:
+    """Names of the methods that a configuration asks for on the pendulums of the thesis's wording; the exact one always."""
+    return ["exact", *(["thesis"] if "thesis_method" in settings.checks else [])]
+
+
 def chosen_methods(settings: StabilitySettings) -> list[str]:
-    """Names of the methods a configuration asks for; the exact one always."""
-    optional = {"sum_of_squares": settings.sum_of_squares, "thesis": settings.thesis_method}
-    return ["exact", *(name for name, options in optional.items() if options)]
+    """Names of all methods a configuration asks for."""
+    return list(dict.fromkeys([*headline_methods(settings), *thesis_methods(settings)]))

@@ -60,7 +60,7 @@ def comparison_figure(trajectories: list[Trajectory], settings: StabilitySetting
 def _draw(axis, shown: list[Trajectory], settings: StabilitySettings) -> bool:
     """Draw the sections of one trajectory; return whether it has an exact basin."""
     # A picture needs no more knots than the other variants, and no proof.
-    fewer = replace(settings, knots=settings.limits.knots, proof=None)
+    fewer = replace(settings, knots=settings.limits.knots, checks=())
     sections = {}
     for name in (*chosen_methods(settings), "best"):
         results, _ = all_or_each(_funnels, shown, name, fewer, basin=name)

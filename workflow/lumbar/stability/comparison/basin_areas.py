@@ -4,27 +4,40 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lumbar.stability.basins import COLUMNS
+from lumbar.stability.basins import CHECK_COLUMNS, COLUMNS, DTYPES
 from lumbar.tables import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.stability import StabilitySettings
 
-def areas_table(boa: pd.DataFrame, data: str) -> Table:
-    """Return the areas of all basins and their checks as a published table."""
+
+def as_counts(column: pd.Series):
+    """Return counts with empty cells as objects, which print as whole numbers."""
     import pandas as pd
 
-    # Counts with empty cells: as objects they print as whole numbers.
-    counts = pd.Series([None if pd.isna(item) else int(item) for item in boa["control_exits"]], dtype=object)
-    frame = boa[list(COLUMNS)].assign(control_exits=counts.to_numpy())
-    optional = {"control_exits", "proved_share", "proved_area_ratio"}
-    optional |= {name for name in COLUMNS if name.startswith("sos_")}
-    optional |= {"violation_share", "unsolved_share", "euler_error"}
+    return pd.Series([None if pd.isna(item) else int(item) for item in column], dtype=object).to_numpy()
+
+
+def checks_note(settings: StabilitySettings) -> str:
+    """Say which checks were made; what belongs to another has no column."""
+    others = [check for check in (*CHECK_COLUMNS, "extended") if check not in settings.checks]
+    return f"Checks made (stability.checks): {', '.join(settings.checks) or 'none'}; not chosen: {', '.join(others) or 'none'}"
+
+
+def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
+    """Return the areas of all basins and their checks as a published table, without the columns of checks not chosen."""
+    chosen = [check for check in CHECK_COLUMNS if check in settings.checks]
+    left_out = {name for check in CHECK_COLUMNS if check not in chosen for name in CHECK_COLUMNS[check]}
+    shown = [name for name in COLUMNS if name not in left_out]
+    optional = {name for check in chosen for name in CHECK_COLUMNS[check]}
+    frame = boa[shown].assign(**{name: as_counts(boa[name]) for name in DTYPES if name in shown})
     return Table(
         title="Areas of all basins of attraction, and what was checked of each.",
         frame=frame,
         definitions=COLUMNS,
         data=data,
+        notes=(checks_note(settings),),
         may_be_empty=frozenset(optional),
     )

@@ -172,7 +172,8 @@ def varied_areas(
     weights = Weights(base.state * scale["Q"][:, None], base.control * scale["R"], base.terminal)
     damping = pendulum.damping_N_m_s * scale["b"]
     signs = [pendulum.sign] * len(items)
-    pendulums = gather(items, signs, list(damping), pendulum.gravity_m_s2, settings.knots)
+    knots = settings.limits.knots
+    pendulums = gather(items, signs, list(damping), pendulum.gravity_m_s2, knots)
     areas = exact_funnels(regulate(pendulums, weights), settings.goal_level).mean_area
     return dict(zip(names, areas.reshape(len(names), count), strict=True))
 
@@ -185,7 +186,6 @@ def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, de
     NumericalError
         The polynomial has no basin that is finite.
     """
-    # Percentages need no more knots than the other variants.
     fewer = replace(settings, knots=settings.limits.knots)
     loops = close_loops(trajectories, settings.pendulum.sign, fewer)
     goal = np.full(len(trajectories), np.log(settings.goal_level))

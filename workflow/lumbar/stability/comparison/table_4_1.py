@@ -1,14 +1,15 @@
-"""Table 4.1: percent differences of average cross-sections, with what they rest on.
+"""Table 4.1: percent differences of average cross-sections, published, in the thesis's wording, and as people stand.
 
-Beside each percentage stand the same number from the thesis's own method, of the sections at t = 0 and of the
-smallest ones, with the other sign of gravity and the other convention for the box's mass, the null control, its
-range when Q, R and b are halved and doubled and with the sine's Taylor polynomials, the maximum Lyapunov exponents
-of the movements compared, and a sentence that says whether it survives all this. A basin that could not be computed
-is named in place of its number.
+The first table holds the published percentages beside those of this study under the thesis's own convention
+(`convention.THESIS`) and under the headline's. The second holds what the headline rests on, a row per difference: its null
+control, its range when weights, damping, body mass and the sharing of the box are changed one at a time, and a sentence
+that says whether it survives this and the grid. A basin that could not be computed is named in place of its number.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,17 +19,22 @@ from lumbar.population.contrast import Interval
 from lumbar.population.percent_interval import percent_interval
 from lumbar.settings.plain import plain
 from lumbar.stability.basins import COLUMNS
+from lumbar.stability.comparison.grid import headline
+from lumbar.stability.comparison.grid_table import compared, grid_differences, survival_sentence
 from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.stability.comparison.percent_differences import (
     TAYLOR_DEGREES,
     VARIANTS,
+    comparison_names,
     comparisons,
     percent_differences,
     taylor_areas,
     varied_areas,
 )
 from lumbar.stability.comparison.verdicts import verdict
+from lumbar.stability.model.convention import THESIS, Convention
 from lumbar.stability.model.failures import Failure, all_or_each, failures_frame, joined
+from lumbar.stability.model.lift_trajectories import LiftStates
 from lumbar.stability.model.trajectory import PLANES, Trajectory
 from lumbar.tables import Table
 
@@ -40,31 +46,117 @@ if TYPE_CHECKING:
 THESIS_DECIMALS = 1
 """Digits after the point that the thesis's engine has in a percentage: with areas of the digits they have
 (`bilinear_alternation.RESOLUTION`) it may be off by some tenths."""
+BODY_MASS_SHARE = 0.1
+"""By how much of it everybody's body mass is raised and lowered."""
 
 _KEYS = ("subject", "experience", "box_mass_kg", "com", "plane")
 TAYLOR = {f"taylor_{degree}": degree for degree in TAYLOR_DEGREES}
 """Degree of the sine's polynomial by change."""
 _CHANGES = {
     "null": "null control",
-    "other_sign": "the other sign of gravity",
-    "other_mass": "the box's mass counted the other way",
+    "lighter": "lighter bodies",
+    "heavier": "heavier bodies",
+    "box_share": "the box shared the other way",
     **{f"{name}/": f"{name} divided" for name in ("Q", "R", "b")},
     **{f"{name}*": f"{name} multiplied" for name in ("Q", "R", "b")},
     **{name: f"Taylor degree {degree}" for name, degree in TAYLOR.items()},
 }
+_LABELS = {"lateral_bending": "Lateral", "flexion_extension": "Flexion"}
 
 
-def variants(
-    trajectories: list[Trajectory], other_mass: list[Trajectory], settings: StabilitySettings
-) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
-    """Return average cross-sections under every change that Table 4.1 is examined with.
+@dataclass(frozen=True)
+class Study:
+    """What the tables of a study are made of.
 
-    Parameters
+    Attributes
     ----------
-    trajectories : list of Trajectory
-    other_mass : list of Trajectory
-        The same with the other convention for the box's mass.
+    lifts : list of LiftStates
+        With ``experience`` among their facts.
+    boa, grid : pandas.DataFrame
+        ``boa.csv`` and ``grid.csv`` of all lifts, with a column ``experience``.
     settings : StabilitySettings
+    published : pandas.DataFrame
+        The thesis's Table 4.1.
+    data : str
+        Where the data come from.
+    """
+
+    lifts: Sequence[LiftStates]
+    boa: pd.DataFrame
+    grid: pd.DataFrame
+    settings: StabilitySettings
+    published: pd.DataFrame
+    data: str
+
+    @property
+    def people(self) -> pd.DataFrame:
+        """Label and box of every lift: it counts also where all its basins are missing."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {"experience": lift.facts["experience"], "box_mass_kg": lift.facts["box_mass_kg"]}
+                for lift in self.lifts
+            ]
+        )
+
+    def trajectories(self, mass=None) -> list[Trajectory]:
+        """Sound trajectories of the headline, of all lifts; `mass` changes their masses (of the facts)."""
+        lifts = self.lifts if mass is None else [replace(lift, facts=mass(lift.facts)) for lift in self.lifts]
+        return [
+            item
+            for lift in lifts
+            for item in lift.trajectories(headline(self.settings, lift.facts["pivot"]))[0]
+        ]
+
+    def areas(self, method: str, convention: Convention) -> pd.DataFrame:
+        """Rows of `boa` of one method and convention (its pivot is the study's own)."""
+        boa = self.boa
+        return boa[
+            (boa["method"] == method)
+            & (boa["sign"] == convention.sign)
+            & (boa["time"] == convention.time)
+            & (boa["mass"] == convention.mass)
+        ]
+
+
+def _body_mass(factor: float):
+    """Return what changes the masses of a lift's facts as if everybody weighed `factor` times as much."""
+
+    def changed(facts):
+        masses = {
+            com: {"without_box": factor * own["without_box"]}
+            | {"with_box": own["with_box"] + (factor - 1) * own["without_box"]}
+            for com, own in facts["mass_kg"].items()
+        }
+        return {**facts, "mass_kg": masses}
+
+    return changed
+
+
+def _box_share(facts):
+    """Share the box the other way: whole to every centre of mass instead of in proportion, or the reverse."""
+    box, own = (
+        float(facts["box_mass_kg"]),
+        {com: item["without_box"] for com, item in facts["mass_kg"].items()},
+    )
+    whole = facts["box"]["share"] == "by_mass"
+    masses = {
+        com: {"without_box": mass, "with_box": mass + (box if whole else box * mass / sum(own.values()))}
+        for com, mass in own.items()
+    }
+    return {**facts, "mass_kg": masses}
+
+
+OTHER_MASSES = {
+    "lighter": _body_mass(1 - BODY_MASS_SHARE),
+    "heavier": _body_mass(1 + BODY_MASS_SHARE),
+    "box_share": _box_share,
+}
+
+
+def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
+    """Return average cross-sections under every change that the headline is examined with.
 
     Returns
     -------
@@ -73,14 +165,15 @@ def variants(
     failures : list of Failure
         Areas that could not be computed: they have no row.
     """
+    trajectories, settings = study.trajectories(), study.settings
     # All changes of weights at once are fastest; only where one has no basin is each computed by itself.
     try:
         at_once = varied_areas(trajectories, settings) if trajectories else {}
     except NumericalError:
         at_once = {}
     areas, failures = {}, []
-    for name in (*VARIANTS, *TAYLOR, "other_mass"):
-        items = other_mass if name == "other_mass" else trajectories
+    for name in (*VARIANTS, *TAYLOR, *OTHER_MASSES):
+        items = study.trajectories(OTHER_MASSES[name]) if name in OTHER_MASSES else trajectories
         if name in at_once:
             results = [(items, at_once[name])]
         else:
@@ -96,7 +189,7 @@ def variant_areas(trajectories: list[Trajectory], name: str, settings: Stability
     """Average cross-sections of some trajectories under one change."""
     if name in TAYLOR:
         return taylor_areas(trajectories, settings, TAYLOR[name])
-    return varied_areas(trajectories, settings, ["base" if name == "other_mass" else name]).popitem()[1]
+    return varied_areas(trajectories, settings, ["base" if name in OTHER_MASSES else name]).popitem()[1]
 
 
 def _areas_frame(results: list[tuple[list[Trajectory], np.ndarray]]) -> pd.DataFrame:
@@ -110,136 +203,247 @@ def _areas_frame(results: list[tuple[list[Trajectory], np.ndarray]]) -> pd.DataF
     return pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
 
 
-def table_4_1(
-    boa: pd.DataFrame,
-    trajectories: list[Trajectory],
-    settings: StabilitySettings,
-    data: str,
-    other_mass: list[Trajectory],
-    seed: int,
-    failures: pd.DataFrame | None = None,
-) -> tuple[Table, pd.DataFrame]:
-    """Return Table 4.1 with its controls, and all basins that could not be computed.
+def tables_4_1(
+    study: Study, failures: pd.DataFrame | None = None
+) -> tuple[Table, Table, pd.DataFrame, pd.DataFrame]:
+    """Return Table 4.1, the table of its controls, the differences of its grid, and all basins that are missing.
 
     Parameters
     ----------
-    boa : pandas.DataFrame
-        Summaries of all lifts, columns `lumbar.stability.basins.COLUMNS`.
-    trajectories : list of Trajectory
-        The sound ones of all lifts.
-    settings : StabilitySettings
-    data : str
-        Where the data come from.
-    other_mass : list of Trajectory
-        The same with the other convention for the box's mass.
-    seed : int
-        Of nothing any more: intervals over persons are not drawn.
+    study : Study
     failures : pandas.DataFrame, optional
         Basins of the lifts that could not be computed, columns `failures.COLUMNS`.
 
     Returns
     -------
-    table : Table
+    table, controls : Table
+    grid : pandas.DataFrame
+        Of `grid_differences`.
     failures : pandas.DataFrame
         Those given and those of the controls.
     """
+    groups = study.settings.compare.groups
+    varied, failed = variants(study)
+    missing = joined([*([] if failures is None else [failures]), failures_frame(failed)])
+    shown = headline(study.settings, THESIS.pivot)
+    areas = {
+        "": study.areas("exact", THESIS),
+        "headline": study.areas("exact", shown),
+        "thesis_method": study.areas("thesis", THESIS),
+        **varied,
+    }
+    found = {
+        name: percent_differences(frame, missing=study.people, groups=groups) for name, frame in areas.items()
+    }
+    for name in ("initial", "minimum"):
+        found[name] = percent_differences(areas["headline"], f"{name}_area", study.people, groups)
+    grid = grid_differences(study.grid, groups)
+    table = _first_table(study, found, grid, missing)
+    return table, _controls(study, found, areas["headline"], grid), grid, missing
+
+
+def _first_table(study: Study, found: dict, grid: pd.DataFrame, missing: pd.DataFrame) -> Table:
     import pandas as pd
 
-    sign, groups = settings.pendulum.sign, settings.compare.groups
-    exact, published = boa["method"] == "exact", boa["sign"] == sign
-    columns = {"percent": boa[exact & published], "other_sign": boa[exact & ~published]}
-    if settings.thesis_method:
-        columns["thesis_method"] = boa[(boa["method"] == "thesis") & published]
-    varied, failed = variants(trajectories, other_mass, settings)
-    missing = joined([*([] if failures is None else [failures]), failures_frame(failed)])
-    compared = {
-        name: percent_differences(areas, missing=missing, groups=groups)
-        for name, areas in {**columns, **varied}.items()
-    }
-    for row in compared.get("thesis_method", ()):
-        row |= {plane: None if row[plane] is None else round(row[plane], THESIS_DECIMALS) for plane in PLANES}
-    for name in ("initial", "minimum"):
-        compared[name] = percent_differences(columns["percent"], f"{name}_area", missing, groups)
-    sides = list(comparisons(columns["percent"], missing, groups))
-    exponents = {plane: compared_exponents(trajectories, plane, sides) for plane in PLANES}
-    rows = [
-        _row(index, compared, varied, columns["percent"], sides, exponents)
-        for index in range(len(compared["percent"]))
-    ]
+    settings = study.settings
+    engine = "thesis_method" in settings.checks
+    names = comparison_names(settings.compare.groups)
+    printed = study.published.assign(comparison=study.published["comparison"].map(names))
+    printed = printed.set_index(["comparison", "com"])
+    rows = []
+    for index, row in enumerate(found["headline"]):
+        entry = {"comparison": row["comparison"], "com": row["com"]}
+        entry |= {f"{plane}_percent": found[""][index][plane] for plane in PLANES}
+        for plane in PLANES:
+            here = (row["comparison"], row["com"])
+            entry[f"{plane}_published_percent"] = printed[f"{plane}_percent"].get(here, np.nan)
+            if engine:
+                value = _number(found["thesis_method"][index][plane])
+                entry[f"{plane}_thesis_method_percent"] = (
+                    None if value is None else round(value, THESIS_DECIMALS)
+                )
+            entry[f"{plane}_headline_percent"] = row[plane]
+        rows.append(entry | {"status": row["status"]})
     frame = pd.DataFrame(rows)
-    numbers = frozenset(name for name in frame.columns if name.endswith("percent"))
-    table = Table(
+    numbers = [name for name in frame.columns if name.endswith("percent")]
+    frame = frame.astype(dict.fromkeys(numbers, float))
+    headers = {"comparison": "Comparison", "com": "Centre of mass"}
+    for plane, label in _LABELS.items():
+        headers[f"{plane}_published_percent"] = f"{label}, published (%)"
+        headers[f"{plane}_percent"] = f"{label}, thesis's wording (%)"
+        headers[f"{plane}_headline_percent"] = f"{label}, {_shown_as(settings)} (%)"
+    if (frame["status"] != "computed").any():
+        headers["status"] = "Status"
+    return Table(
         title="Table 4.1: percent difference in average cross-sectional area of the basin of attraction.",
         frame=frame,
         definitions=_definitions(settings),
-        data=data,
-        notes=(*_notes(frame, settings), *_missing_notes(missing)),
+        data=study.data,
+        notes=(
+            survival_sentence(grid),
+            published_sentence(study.published),
+            *_null_notes(grid, settings, [lift.facts["pivot"] for lift in study.lifts]),
+            _regulator(settings),
+            *_missing_notes(missing),
+        ),
         decimals=dict.fromkeys(numbers, 2)
         | {f"{plane}_thesis_method_percent": THESIS_DECIMALS for plane in PLANES},
-        may_be_empty=numbers,
+        may_be_empty=frozenset(numbers),
+        headers=headers,
     )
-    return table, missing
 
 
-def _row(
-    index: int,
-    compared: dict[str, list[dict]],
-    varied: dict,
-    areas: pd.DataFrame,
-    sides: list[tuple],
-    exponents: dict[str, dict],
-) -> dict:
-    """Return one row of the table: a comparison for one COM, both planes."""
-    row = compared["percent"][index]
-    entry = {"comparison": row["comparison"], "com": row["com"]}
-    entry |= {f"{plane}_percent": row[plane] for plane in PLANES} | {"status": row["status"]}
-    ranged = [name for name in varied if name not in ("null", "other_mass")]
+def _shown_as(settings: StabilitySettings) -> str:
+    pendulum = settings.pendulum
+    sign = {"inverted": "as people stand", "hanging": "hanging"}[pendulum.sign]
+    return ", ".join([sign, f"{pendulum.time} time", pendulum.mass.replace("_", " ")])
+
+
+def published_sentence(published: pd.DataFrame) -> str:
+    """Say how the two published columns agree with one another, computed from them."""
+    lateral, forward = (published[f"{plane}_percent"].to_numpy(float) for plane in PLANES)
+    opposite = int((lateral * forward < 0).sum())
+    return (
+        f"The published columns correlate {np.corrcoef(lateral, forward)[0, 1]:+.2f} with one another, and {opposite} of "
+        f"{len(lateral)} rows have opposite signs in the two planes. Mass and duration are the same in both planes and the "
+        "length nearly so: no effect of mass, length and duration alone makes such columns"
+    )
+
+
+def _null_notes(grid: pd.DataFrame, settings: StabilitySettings, pivots: list[str]) -> list[str]:
+    """Say for both signs what the differences owe to the movement, in the headline's time and mass about its pivot."""
+    cells, notes = compared(grid), []
+    pendulum = settings.pendulum
+    here = (cells["time"] == pendulum.time) & (cells["mass"] == pendulum.mass) & cells["pivot"].isin(pivots)
+    for sign in ("inverted", "hanging"):
+        rows = cells[here & (cells["sign"] == sign)]
+        if len(rows) > 2 and np.ptp(rows["percent"]) > 0 and np.ptp(rows["null_percent"]) > 0:
+            correlation = np.corrcoef(rows["percent"], rows["null_percent"])[0, 1]
+            notes.append(
+                f"{sign.capitalize()}, {pendulum.time} time, {pendulum.mass.replace('_', ' ')}: correlation with the null "
+                f"control {correlation:.3f}, at most {rows['movement_points'].abs().max():.2f} percentage points come from "
+                "the movement"
+            )
+    return notes
+
+
+def _regulator(settings: StabilitySettings) -> str:
+    regulator, pendulum = settings.regulator, settings.pendulum
+    return (
+        f"Regulator of all basins: Q = {plain(regulator.state_weight)}, R = {regulator.control_weight:g}, "
+        f"Qf = {plain(regulator.terminal_weight)}; b = {pendulum.damping_N_m_s:g} N·m·s/rad; it is assumed, the same for all"
+    )
+
+
+def _controls(study: Study, found: dict, areas: pd.DataFrame, grid: pd.DataFrame) -> Table:
+    """Return what stands behind the headline: a row per comparison, centre of mass and plane."""
+    import pandas as pd
+
+    settings = study.settings
+    sides = list(comparisons(areas, study.people, settings.compare.groups))
+    trajectories = study.trajectories()
+    rows = []
     for plane in PLANES:
-        for name in ("initial", "minimum", "thesis_method", "other_sign", "other_mass", "null"):
-            if name in compared:
-                entry[f"{plane}_{name}_percent"] = compared[name][index][plane]
-        spread = [_number(compared[name][index][plane]) for name in ranged]
-        spread = [value for value in spread if value is not None]
-        entry[f"{plane}_lowest_percent"] = min(spread, default=None)
-        entry[f"{plane}_highest_percent"] = max(spread, default=None)
-    for plane in PLANES:
-        entry[f"{plane}_exponents"] = exponents[plane][row["comparison"], row["com"]]
-    for plane in PLANES:
-        others = {
-            _CHANGES.get(name, name): _number(compared[name][index][plane])
-            for name in (*varied, "other_sign")
-        }
-        null = others.pop(_CHANGES["null"])
-        del others["base"]
-        if row["status"].startswith("no basin") and _number(row[plane]) is None:
-            entry[f"{plane}_verdict"] = row["status"]
-            continue
-        interval = _interval(areas, sides, row["comparison"], row["com"], plane)
-        entry[f"{plane}_verdict"] = verdict(_number(row[plane]), null, others, interval)
-    return entry
+        exponents = compared_exponents(trajectories, plane, sides)
+        for index, row in enumerate(found["headline"]):
+            cells = compared(grid)
+            cells = cells[
+                (cells["comparison"] == row["comparison"])
+                & (cells["com"] == row["com"])
+                & (cells["plane"] == plane)
+            ]
+            entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
+            entry |= _controls_of(index, plane, found, cells["percent"].to_numpy())
+            entry["exponents"] = exponents[row["comparison"], row["com"]]
+            entry["verdict"] = _verdict(index, plane, found, cells, _interval(areas, sides, row, plane))
+            rows.append(entry)
+    frame = pd.DataFrame(rows)
+    numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
+    frame = frame.astype(dict.fromkeys(numbers, float))
+    return Table(
+        title="Table 4.1, the headline's controls.",
+        frame=frame,
+        definitions=_control_definitions(settings),
+        data=study.data,
+        notes=(_what_varies(settings), _regulator(settings)),
+        decimals=dict.fromkeys(numbers, 2),
+        may_be_empty=frozenset(numbers),
+        headers={
+            "comparison": "Comparison",
+            "com": "Centre of mass",
+            "plane": "Plane",
+            "percent": "Difference (%)",
+            "null_percent": "Null control (%)",
+            "movement_share": "Movement's share",
+            "initial_percent": "At t = 0 (%)",
+            "minimum_percent": "Smallest section (%)",
+            "lowest_percent": "Lowest (%)",
+            "highest_percent": "Highest (%)",
+            "grid_lowest_percent": "Lowest of the grid (%)",
+            "grid_highest_percent": "Highest of the grid (%)",
+            "verdict": "Verdict",
+        },
+    )
+
+
+def _controls_of(index: int, plane: str, found: dict, in_grid: np.ndarray) -> dict:
+    def of(name):
+        return _number(found[name][index][plane])
+
+    percent, null = of("headline"), of("null")
+    spread = [of(name) for name in found if name in _CHANGES and name != "null"]
+    spread = [value for value in (percent, *spread) if value is not None]
+    share = None if percent is None or null is None or not percent else (percent - null) / percent
+    return {
+        "percent": percent,
+        "null_percent": null,
+        "movement_share": share,
+        "initial_percent": of("initial"),
+        "minimum_percent": of("minimum"),
+        "lowest_percent": min(spread, default=None),
+        "highest_percent": max(spread, default=None),
+        "grid_lowest_percent": in_grid.min(initial=np.inf) if in_grid.size else None,
+        "grid_highest_percent": in_grid.max(initial=-np.inf) if in_grid.size else None,
+    }
+
+
+def _verdict(index: int, plane: str, found: dict, cells: pd.DataFrame, interval) -> str:
+    row = found["headline"][index]
+    percent = _number(row[plane])
+    if row["status"].startswith("no basin") and percent is None:
+        return row["status"]
+    changed = {
+        words: _number(found[name][index][plane])
+        for name, words in _CHANGES.items()
+        if name in found and name != "null"
+    }
+    if percent:
+        turned = int((cells["percent"] * percent <= 0).sum())
+        if turned:
+            changed[f"{turned} of the grid's {len(cells)} conventions"] = -percent
+    return verdict(percent, _number(found["null"][index][plane]), changed, interval)
 
 
 def _number(value) -> float | None:
     return None if value is None or np.isnan(value) else float(value)
 
 
-def _interval(areas: pd.DataFrame, compared: list[tuple], comparison: str, com: str, plane: str) -> Interval:
+def _interval(areas: pd.DataFrame, compared_sides: list[tuple], row: dict, plane: str) -> Interval:
     """Interval over persons of one percentage, or why there is none."""
-    found = {name: (before, after) for name, before, after, _ in compared}
-    before, after = found[comparison]
+    found = {name: (before, after) for name, before, after, _ in compared_sides}
+    before, after = found[row["comparison"]]
     if before is None:
         return Interval(remark="nothing to compare")
-    here = areas[(areas["com"] == com) & (areas["plane"] == plane)]
+    here = areas[(areas["com"] == row["com"]) & (areas["plane"] == plane)]
     sides = [
         here[(here["experience"] == experience) & (here["box_mass_kg"] == mass)].groupby("subject")[
             "mean_area"
         ]
         for experience, mass in (after, before)
     ]
-    same_people = before[0] == after[0]
     return percent_interval(
         *({person: values.to_numpy() for person, values in side} for side in sides),
-        paired=same_people,
+        paired=before[0] == after[0],
         names=(after[0], before[0]),
     )
 
@@ -252,60 +456,62 @@ def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
     )
 
 
-def _definitions(settings: StabilitySettings) -> dict[str, str]:
-    factor, (first, second) = settings.sensitivity_factor, settings.compare.groups
-    definitions = {
-        "comparison": f"{first}_vs_{second}: 100(A_{first} − A_{second})/A_{second} with the heaviest box of both; "
-        "decrease_in_mass_…: 100(A_light − A_heavy)/A_heavy with that lifter's heaviest and lightest box; "
-        "A = (1/T)∫πρ/√det S dt in rad²/s",
-        "com": COLUMNS["com"],
-        "status": "computed, or why the study cannot tell",
-    }
-    texts = {
-        "percent": f"percent difference in {{}}, exact method, {settings.pendulum.sign} pendulum",
-        "thesis_method_percent": "the same in {} by the thesis's alternation (Eqs 4.5–4.7), "
-        "which is no certificate; its areas, and so these percentages, have no more digits",
-        "other_sign_percent": "the same in {} with the other sign of gravity in Eq. 4.1",
-        "null_percent": "null control: the same in {} with every trajectory replaced by θ0 = 0, so that only "
-        "duration, mass and length are left",
-        "initial_percent": "the same in {} of the cross-sections at t = 0",
-        "minimum_percent": "the same in {} of the smallest cross-sections (the goal set's, equal for all, unless "
-        "the basin narrows before the end)",
-        "other_mass_percent": "the same in {} with the box's mass counted the other way (without instead of with, or "
-        "the reverse)",
-        "lowest_percent": f"smallest percentage in {{}} with Q, R or b divided or multiplied by {factor:g} and with "
-        "the sine's Taylor polynomials of degree 3, 5 and 7",
-        "highest_percent": f"largest percentage in {{}} with Q, R or b divided or multiplied by {factor:g} and with "
-        "the sine's Taylor polynomials of degree 3, 5 and 7",
-        "exponents": "maximum Lyapunov exponents of the movements compared in {} in 1/s, before and after, where trials "
-        "repeat often enough; otherwise how many there are",
-        "verdict": "whether the difference in {} survives: same sign under every change listed, and at least half of "
-        "it not in the null control",
-    }
-    for plane in PLANES:
-        for name, text in texts.items():
-            definitions[f"{plane}_{name}"] = text.format(plane.replace("_", " "))
-    return definitions
-
-
-def _notes(frame: pd.DataFrame, settings: StabilitySettings) -> tuple[str, ...]:
-    regulator, pendulum = settings.regulator, settings.pendulum
-    notes = [
-        f"Regulator of all basins: Q = {plain(regulator.state_weight)}, R = {regulator.control_weight:g}, "
-        f"Qf = {plain(regulator.terminal_weight)}; b = {pendulum.damping_N_m_s:g} N·m·s/rad; pendulum's mass "
-        f"{pendulum.mass.replace('_', ' ')}"
-    ]
-    values, null = (
-        np.concatenate([frame[f"{plane}_{name}"].to_numpy(float) for plane in PLANES])
-        for name in ("percent", "null_percent")
+def _comparison_definition(settings: StabilitySettings) -> str:
+    first, second = settings.compare.groups
+    return (
+        f"{first}_vs_{second}: 100(A_{first} − A_{second})/A_{second} with the heaviest box of both; decrease_in_mass_…: "
+        "100(A_light − A_heavy)/A_heavy with that lifter's heaviest and lightest box; A = (1/T)∫πρ/√det S dt in rad²/s"
     )
-    # A basin may be missing and its null control be there.
-    known = np.isfinite(values) & np.isfinite(null)
-    values, null = values[known], null[known]
-    if len(values) > 2 and np.ptp(values) > 0 and np.ptp(null) > 0:
-        correlation = np.corrcoef(values, null)[0, 1]
-        notes.append(
-            f"Correlation of the percentages with the null control: {correlation:.3f}; near 1 they tell "
-            "of durations, masses and lengths and not of the movement"
-        )
-    return tuple(notes)
+
+
+def _definitions(settings: StabilitySettings) -> dict[str, str]:
+    texts = {
+        "published_percent": "percent difference in {} as the thesis prints it",
+        "percent": f"the same in {{}} from this study's lifts in the thesis's wording ({THESIS}), exact method",
+        "thesis_method_percent": "as before in {} by the thesis's alternation (Eqs 4.5–4.7), which is no certificate; its "
+        "areas, and so these percentages, have no more digits",
+        "headline_percent": f"headline: the same in {{}}, {_shown_as(settings)}, about the study's pivot, exact method",
+    }
+    definitions = {
+        "comparison": _comparison_definition(settings),
+        "com": COLUMNS["com"],
+        **{
+            f"{plane}_{name}": text.format(plane.replace("_", " "))
+            for plane in PLANES
+            for name, text in texts.items()
+        },
+    }
+    return definitions | {"status": "computed, or why the study cannot tell"}
+
+
+def _what_varies(settings: StabilitySettings) -> str:
+    factor = settings.sensitivity_factor
+    return (
+        f"Lowest and highest: one at a time, Q, R or b divided or multiplied by {factor:g}, everybody's body mass "
+        f"±{100 * BODY_MASS_SHARE:g} %, the box shared the other way (whole or by mass), the sine's Taylor polynomials of "
+        "degree 3, 5 and 7. The grid varies sign, time, mass and pivot; neither varies the segment table (see "
+        "spread.csv of a lift) nor two things of this list at once"
+    )
+
+
+def _control_definitions(settings: StabilitySettings) -> dict[str, str]:
+    return {
+        "comparison": _comparison_definition(settings),
+        "com": COLUMNS["com"],
+        "plane": COLUMNS["plane"],
+        "percent": f"percent difference, headline ({_shown_as(settings)})",
+        "null_percent": "null control: the same with every trajectory replaced by θ0 = 0, so that only duration, mass and "
+        "length are left",
+        "movement_share": "(percent − null)/percent: the share that comes from the movement",
+        "initial_percent": "the same of the cross-sections at t = 0",
+        "minimum_percent": "the same of the smallest cross-sections (the goal set's, equal for all, unless the basin narrows "
+        "before the end)",
+        "lowest_percent": "smallest under the changes named in the note",
+        "highest_percent": "largest under them",
+        "grid_lowest_percent": "smallest over the grid's conventions",
+        "grid_highest_percent": "largest over them",
+        "exponents": "maximum Lyapunov exponents of the movements compared in 1/s, before and after, where trials repeat "
+        "often enough; otherwise how many there are",
+        "verdict": "whether the difference survives: same sign under every change and convention, and at least half of it not "
+        "in the null control",
+    }

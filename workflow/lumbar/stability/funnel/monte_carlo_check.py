@@ -16,7 +16,9 @@ LEVEL_TOLERANCE = 1e-6
 """Relative excess of V over ρ that still counts as the boundary: starts lie on it."""
 LARGEST_STEP = 0.25
 """Largest rate of the closed loop times the step of the simulation, by Runge–Kutta of order 4."""
-LONGEST_STRIDE = 3
+COMFORTABLE_STEP = 0.1
+"""The same for a step over several knots: its error is below the tolerance by a factor of ten."""
+LONGEST_STRIDE = 9
 """Knots that one step of the simulation may span."""
 
 
@@ -104,7 +106,7 @@ def simulate(loops: ClosedLoops, start: np.ndarray, disturbance: Callable | None
     Yields
     ------
     knot : int
-        Every one, or every second or third where the closed loop is slow enough.
+        Every one, or every few where the closed loop is slow enough.
     state : numpy.ndarray, shape (2, pendulums, starts)
 
     Raises
@@ -179,7 +181,8 @@ def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> i
     rate = np.maximum(np.abs(damping), np.sqrt(np.abs(stiffness))).max(axis=0)
     advance = rate * loops.step
     for stride in range(LONGEST_STRIDE, 0, -1):
-        if (loops.knots - 1) % stride == 0 and advance.max() * stride <= LARGEST_STEP:
+        largest = LARGEST_STEP if stride == 1 else COMFORTABLE_STEP
+        if (loops.knots - 1) % stride == 0 and advance.max() * stride <= largest:
             return stride
     index = int(advance.argmax())
     raise NumericalError(

@@ -3,17 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from lumbar.stability.model.failures import NO_TRAJECTORY, Failure
-from lumbar.stability.model.trajectory import COMS, PLANES, Trajectory, find_problems
+from lumbar.stability.model.trajectory import COMS, PLANES, Trajectory, find_problems, in_unit_time
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.stability.model.convention import Convention
+
+
+@dataclass(frozen=True)
+class LiftStates:
+    """Pendulum states of one lift about every pivot that was taken.
+
+    Attributes
+    ----------
+    states : pandas.DataFrame
+        ``pendulum.csv``: about the study's pivot.
+    facts : mapping
+        ``pendulum.json``; ``other_pivots`` holds ``length_m`` and ``missing`` of the further pivots by name.
+    others : pandas.DataFrame or None
+        ``other_pivots.csv``: column ``pivot`` and those of `states`; None where there is no such file.
+    """
+
+    states: pd.DataFrame
+    facts: Mapping
+    others: pd.DataFrame | None = None
+
+    def trajectories(self, convention: Convention) -> tuple[list[Trajectory], list[Failure]]:
+        """Return the sound trajectories of one convention, and what is wrong with the others."""
+        pivot, mass, time = convention.pivot, convention.mass, convention.time
+        if pivot == self.facts["pivot"]:
+            return trajectories_of_lift(self.states, self.facts, mass, time)
+        further = self.facts.get("other_pivots", {})
+        if self.others is None or pivot not in further:
+            reason = f"no pendulum states about the pivot {pivot}: 'lumbar lift' writes other_pivots.csv"
+            lost = {**self.facts, "missing": dict.fromkeys(COMS, reason)}
+            return trajectories_of_lift(self.states, lost, mass, time)
+        rows = self.others[self.others["pivot"] == pivot]
+        return trajectories_of_lift(rows, {**self.facts, "pivot": pivot, **further[pivot]}, mass, time)
+
 
 def trajectories_of_lift(
-    states: pd.DataFrame, facts: Mapping, mass: str
+    states: pd.DataFrame, facts: Mapping, mass: str, time: str = "real"
 ) -> tuple[list[Trajectory], list[Failure]]:
     """Return the sound ones of a lift's six trajectories, and what is wrong with the others.
 
@@ -26,6 +61,8 @@ def trajectories_of_lift(
         and plane); ``experience`` where it is known, and ``missing``, the reasons of COMs without a pendulum.
     mass : {"with_box", "without_box"}
         Whether the box counts to the pendulum's mass.
+    time : {"real", "unit"}
+        Whether the movement lasts as long as it was recorded or one second.
 
     Returns
     -------
@@ -54,10 +91,11 @@ def trajectories_of_lift(
                 angular_acceleration=rows["angular_acceleration_rad_s2"].to_numpy(float),
                 mass_kg=float(facts["mass_kg"][com][mass]),
                 length_m=float(facts["length_m"][com][plane]),
+                mass_counted=mass,
             )
             problems = find_problems(trajectory).entries
             if problems:
                 failures.append(Failure.of(trajectory, NO_TRAJECTORY, ". ".join(problems)))
             else:
-                trajectories.append(trajectory)
+                trajectories.append(in_unit_time(trajectory) if time == "unit" else trajectory)
     return trajectories, failures

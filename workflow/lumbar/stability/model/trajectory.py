@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,10 @@ class Trajectory:
         θ0, θ̇0 and θ̈0 in rad, rad/s and rad/s².
     mass_kg, length_m : float
         Mass and (mean) length of the pendulum.
+    mass_counted : str
+        ``with_box`` or ``without_box``: what `mass_kg` holds.
+    clock : str
+        ``real``, or ``unit`` where the recorded movement is played in one second.
     """
 
     subject: str
@@ -50,6 +54,8 @@ class Trajectory:
     angular_acceleration: np.ndarray
     mass_kg: float
     length_m: float
+    mass_counted: str = "with_box"
+    clock: str = "real"
 
     @property
     def label(self) -> str:
@@ -60,6 +66,22 @@ class Trajectory:
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return float(self.time[-1] - self.time[0])
+
+
+def in_unit_time(trajectory: Trajectory) -> Trajectory:
+    """Return the same path played in one second, as the thesis has it ("to non-dimensionalize time", section 4.2.3.1).
+
+    The pendulum keeps its mass, length, damping and gravity, and the regulator its weights: this is another movement and
+    no change of units. In other units of time every area would only be multiplied by the duration.
+    """
+    duration = trajectory.duration
+    return replace(
+        trajectory,
+        time=(trajectory.time - trajectory.time[0]) / duration,
+        angular_velocity=trajectory.angular_velocity * duration,
+        angular_acceleration=trajectory.angular_acceleration * duration**2,
+        clock="unit",
+    )
 
 
 def find_problems(trajectory: Trajectory) -> Problems:
