@@ -43,10 +43,14 @@ WAIT_MS = 120_000
 def browser():
     if CHROMIUM is None:
         pytest.skip("no Chromium here: install it (Debian: apt-get install chromium)")
-    sync_playwright = pytest.importorskip("playwright.sync_api", reason="the extra 'develop' has it").sync_playwright
+    sync_playwright = pytest.importorskip(
+        "playwright.sync_api", reason="the extra 'develop' has it"
+    ).sync_playwright
     with sync_playwright() as driver:
         # Root may start a browser only without its sandbox, as in most containers; the pages are our own.
-        started = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"] if os.getuid() == 0 else [])
+        started = driver.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox"] if os.getuid() == 0 else []
+        )
         yield started
         started.close()
 
@@ -153,7 +157,16 @@ def served(shared, tmp_path):
     project = copy_project(tmp_path / "project")
     study = project / "config" / "studies" / "blind.yaml"
     study.write_text(STUDY.format(folder=shared / "hidden_effects" / CASE), encoding="utf-8")
-    command = [sys.executable, "-m", "lumbar", "explore", "config/studies/blind.yaml", "--port", "0", "--no-browser"]
+    command = [
+        sys.executable,
+        "-m",
+        "lumbar",
+        "explore",
+        "config/studies/blind.yaml",
+        "--port",
+        "0",
+        "--no-browser",
+    ]
     server = subprocess.Popen(command, cwd=project, stdout=subprocess.PIPE, text=True)
     yield project, server.stdout.readline().strip()
     server.terminate()
@@ -173,7 +186,9 @@ def test_from_a_blind_experiment_to_the_workflow(new_page, served):
     page.wait_for_selector("#diff:has-text('coulomb_friction')")
     page.get_by_role("button", name="Write it").click()
     page.wait_for_function("document.getElementById('message').textContent.includes('is written')")
-    kept = page.evaluate("JSON.parse(document.getElementById('page-data').textContent).models.coulomb_friction")
+    kept = page.evaluate(
+        "JSON.parse(document.getElementById('page-data').textContent).models.coulomb_friction"
+    )
     run = snakemake(
         project,
         *("--cores", "1", "results/blind/tissue/models.json", "--configfile", "config/studies/blind.yaml"),
@@ -183,4 +198,6 @@ def test_from_a_blind_experiment_to_the_workflow(new_page, served):
     written = json.loads(Path(project, "results/blind/tissue/models.json").read_text(encoding="utf-8"))
     model = next(item for item in written["models"] if item["name"] == "KB+coulomb_friction")
     assert model["scores"]["test_rms"] == pytest.approx(kept["test_rms"], rel=1e-6)
-    assert "# the page may add to this file" in (project / "config/studies/blind.yaml").read_text(encoding="utf-8")
+    assert "# the page may add to this file" in (project / "config/studies/blind.yaml").read_text(
+        encoding="utf-8"
+    )

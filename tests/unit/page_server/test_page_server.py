@@ -44,7 +44,9 @@ def test_a_model_that_was_not_fitted_is(tab, explored):
     assert (answer["number"], answer["key"]) == (7, "coulomb_friction+inertia")
     assert answer["model"]["test_rms"] == pytest.approx(refined.path[-1].test_rms, rel=1e-9)
     assert len(model.values["other"]) == len(explored.page.records[1].columns["time"])
-    assert explored.refitted(["inertia", "coulomb_friction"]) is explored.refitted(["coulomb_friction", "inertia"])
+    assert explored.refitted(["inertia", "coulomb_friction"]) is explored.refitted(
+        ["coulomb_friction", "inertia"]
+    )
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,9 @@ EVIL = "</script><script>alert(1)</script>"
 
 @pytest.fixture(scope="module")
 def diagnosis():
-    return lumbar.diagnose(example_records(), settings=ImprovementSettings(most_effects=1), data=f"a lab {EVIL}")
+    return lumbar.diagnose(
+        example_records(), settings=ImprovementSettings(most_effects=1), data=f"a lab {EVIL}"
+    )
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.page_server.explored_set import ExploredSet
 
+
 def add(commands) -> None:
     """Add the command to the parser."""
     parser = new_command(

@@ -33,7 +33,12 @@ class Change:
     def diff(self) -> str:
         """The change as a unified diff; empty where nothing changes."""
         lines = difflib.unified_diff(
-            self.before.splitlines(), self.after.splitlines(), self.path.name, self.path.name, lineterm="", n=2
+            self.before.splitlines(),
+            self.after.splitlines(),
+            self.path.name,
+            self.path.name,
+            lineterm="",
+            n=2,
         )
         return "\n".join(lines)
 
@@ -46,7 +51,9 @@ class Change:
             If the file was changed by somebody else meanwhile.
         """
         if self.path.read_text(encoding="utf-8") != self.before:
-            raise InputError(f"{self.path}: changed since the difference was shown; nothing is written: look at it again")
+            raise InputError(
+                f"{self.path}: changed since the difference was shown; nothing is written: look at it again"
+            )
         write_text(self.path, self.after)
 
 
@@ -92,7 +99,9 @@ def _edited(text: str, value: str) -> str:
         ends = text[: old.end_mark.index].rstrip()
         return text[: old.start_mark.index] + value + text[len(ends) :]
     if not isinstance(content, yaml.MappingNode) or not content.value:  # "improvement:" without content
-        return f"{text[: name.end_mark.index]}:\n  {KEY}: {value}\n{text[content.end_mark.index :].lstrip(': ')}"
+        return (
+            f"{text[: name.end_mark.index]}:\n  {KEY}: {value}\n{text[content.end_mark.index :].lstrip(': ')}"
+        )
     first = content.value[0][0].start_mark
     return f"{text[: first.index]}{KEY}: {value}\n{' ' * first.column}{text[first.index :]}"
 

@@ -93,7 +93,9 @@ class TabRequests:
             raise InputError("no change was shown that could be written")
         change, self.proposed = self.proposed, None
         change.write()
-        return {"text": f"{change.path} is written; 'snakemake' now makes the model with these effects."}, None
+        return {
+            "text": f"{change.path} is written; 'snakemake' now makes the model with these effects."
+        }, None
 
 
 def save_refinement(refit: Refinement, folder) -> list[str]:

@@ -72,7 +72,9 @@ def how_sure(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     if evidence.separation is not None:
         lines.append(separation_sentence(evidence.separation, diagnosis))
     if diagnosis.experiment.floor is None:
-        lines.append("No record repeats: how much of the error is noise is unknown, and so is whether all is found.")
+        lines.append(
+            "No record repeats: how much of the error is noise is unknown, and so is whether all is found."
+        )
     return lines
 
 
