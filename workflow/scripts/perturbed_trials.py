@@ -15,7 +15,12 @@ def main(input, output, params):
     from lumbar.settings.perturbations import PerturbationsSettings
     from lumbar.settings.plain import typed
     from lumbar.settings.stability import StabilitySettings
-    from lumbar.stability.comparison.perturbed_trials import compare_trials, trial_of, trials_table
+    from lumbar.stability.comparison.perturbed_trials import (
+        compare_trials,
+        inside_by_weight,
+        trial_of,
+        trials_table,
+    )
 
     settings = typed(PerturbationsSettings, params.settings)
     stability, lifting = typed(StabilitySettings, params.stability), typed(LiftingSettings, params.lifting)
@@ -28,7 +33,10 @@ def main(input, output, params):
             sheets.append({"lift": f"{group}_{number}", **sheet.as_dict()})
     quality_table(sheets, params.data).write(stem(output.quality_of_trials))
     frame = compare_trials(trials, settings, stability)
-    trials_table(frame, trials, settings, stability, params.data).write(stem(output.perturbed_trials))
+    by_weight = inside_by_weight(trials, settings, stability)
+    trials_table(frame, by_weight, trials, settings, stability, params.data).write(
+        stem(output.perturbed_trials)
+    )
     found = [{"basin": value} for value in frame["largest_value"]]
     if settings.legs:
         for values, (recording, group) in zip(found, recordings, strict=True):
@@ -37,7 +45,7 @@ def main(input, output, params):
     feedback = feedback_sentence(trials, settings, stability)
     separation = separation_table(separation_frame(found, groups), groups, params.data, feedback)
     separation.write(stem(output.trial_separation))
-    figure = trials_figure(trials, settings, stability)
+    figure = trials_figure(trials, by_weight, settings, stability)
     save(figure, stem(output.perturbed_trials_figure), params.data)
 
 
