@@ -42,8 +42,8 @@ def saved_lift(folder: str | os.PathLike) -> SavedLift:
     from lumbar.files import read_json
 
     folder = Path(folder)
-    tables = [pd.read_csv(folder / name) for name in ("body.csv", "pendulum.csv")]
-    return SavedLift(*tables, read_json(folder / "pendulum.json"))
+    body, states = (pd.read_csv(folder / name) for name in ("body.csv", "pendulum.csv"))
+    return SavedLift(body, states, read_json(folder / "pendulum.json"))
 
 
 def push_states(
