@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,9 @@ import pytest
 from lumbar.environment import use_one_thread
 from making_once import MadeOnce
 
+# In containers that leave no bytecode behind every program that a test starts would compile the library again.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 use_one_thread()  # as in the workflow, and before numpy is imported: workers would fight for the cores
 
 TESTS = Path(__file__).resolve().parent
@@ -60,12 +64,12 @@ def default_run(made_once):
 
     Three of its results are made first as users make them, every job a Python of its own, and not made again.
     """
-    from running import FORKING, PLAIN, copy_project, snakemake
+    from running import copy_project, snakemake
 
     def run_default_study(folder):
         copy_project(folder)
-        for program, targets in ((PLAIN, ("bandwidth", "table_2_1", "table_3_2")), (FORKING, ())):
-            run = snakemake(folder, "--cores", "2", *targets, program=program)
+        for plain, targets in ((True, ("bandwidth", "table_2_1", "table_3_2")), (False, ())):
+            run = snakemake(folder, "--cores", "2", *targets, plain=plain)
             assert run.status == 0, run.text[-6000:]
         assert not {"surgeon_motion", "viscoelastic_models", "survey_tables"} & set(run.jobs)
         return run

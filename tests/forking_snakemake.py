@@ -1,6 +1,6 @@
-"""Snakemake whose scripts are forked from one process that has imported their libraries: a second less for every job.
+"""Snakemake and the scripts of its jobs, each forked from one process that has imported their libraries: seconds less each.
 
-As a program it takes Snakemake's own arguments. The scripts run as they are, each in a process of its own.
+What `run` starts runs as ``python -m snakemake`` does, its scripts as they are, in processes of their own.
 """
 
 from __future__ import annotations
@@ -11,36 +11,96 @@ import runpy
 import subprocess
 import sys
 from collections import defaultdict
+from collections.abc import Sequence
+from multiprocessing import forkserver
+from pathlib import Path
 
-FORKING = multiprocessing.get_context("forkserver")
-IMPORTED_ONCE = [
-    "snakemake.script",
-    "pandas",
-    "pandera.pandas",
-    "pydantic",
-    "scipy.signal",
-    "scipy.integrate",
-    "matplotlib.backends.backend_pdf",
-    "matplotlib.backends.backend_svg",
-    "fontTools.subset",
-    "clarabel",
-    "control",
-    "jinja2",
-    "c3d",
-]
+SERVER = multiprocessing.get_context("forkserver")
+SERVER.set_forkserver_preload(
+    [
+        "snakemake.cli",
+        "snakemake.report.html_reporter",
+        "snakemake.scheduling.job_scheduler",
+        "snakemake.script",
+        "smart_open",
+        "pandas",
+        "pandera.pandas",
+        "pydantic",
+        "scipy.signal",
+        "scipy.integrate",
+        "matplotlib.backends.backend_pdf",
+        "matplotlib.backends.backend_svg",
+        "fontTools.subset",
+        "clarabel",
+        "control",
+        "jinja2",
+        "c3d",
+    ]
+)
 
 
-def run_script(path: str) -> None:
+def run(folder: Path, arguments: Sequence[str], environment: dict[str, str], output: Path) -> int:
+    """Run Snakemake in a folder; return its status.
+
+    Parameters
+    ----------
+    folder : Path
+    arguments : sequence of str
+        Its own.
+    environment : dict of str to str
+        All variables of it and its jobs.
+    output : Path
+        File to which all that it and its jobs say is added.
+    """
+    forkserver.ensure_running()
+    address = forkserver._forkserver._forkserver_address
+    process = SERVER.Process(target=_snakemake, args=(folder, list(arguments), environment, output, address))
+    process.start()
+    process.join()
+    return process.exitcode
+
+
+def _at(folder: Path, environment: dict[str, str], output: Path) -> None:
+    """Become what a program started there would be."""
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(environment)
+    with output.open("ab") as stream:
+        os.dup2(stream.fileno(), 1)
+        os.dup2(stream.fileno(), 2)
+    # The project's library is that of the folder; this file, last, is what scripts begin in.
+    here = Path(__file__).parent
+    others = [path for path in sys.path if Path(path) not in (Path(), here, here.parent / "workflow")]
+    sys.path[:] = [str(folder), *others, str(here)]
+
+
+def _snakemake(folder, arguments, environment, output, address) -> None:
+    from snakemake.cli import main
+    from snakemake.scheduling.job_scheduler import JobScheduler
+    from snakemake.script import PythonScript
+
+    # The scripts are forked from the same process.
+    forkserver._forkserver._forkserver_address = address
+    forkserver._forkserver.ensure_running = lambda: None
+    _at(folder, environment, output)
+    PythonScript.execute_script = lambda script, name, edit=False: execute_script(script, name, output)
+    JobScheduler.update_input_sizes = no_input_sizes
+    sys.argv = ["snakemake", *arguments]
+    main()
+
+
+def _script(path: str, folder: Path, environment: dict[str, str], output: Path) -> None:
     """Run a script as Python would when started with its path."""
+    _at(folder, environment, output)
     sys.argv = [path]
     runpy.run_path(path, run_name="__main__")
 
 
-def execute_script(script, fname: str, edit: bool = False) -> None:
+def execute_script(script, path: str, output: Path) -> None:
     """In place of `snakemake.script.PythonScript.execute_script`."""
     from snakemake.benchmark import benchmarked
 
-    process = FORKING.Process(target=run_script, args=(fname,))
+    process = SERVER.Process(target=_script, args=(path, Path.cwd(), dict(os.environ), output))
     process.start()
     if script.bench_record is None:
         process.join()
@@ -48,7 +108,7 @@ def execute_script(script, fname: str, edit: bool = False) -> None:
         with benchmarked(process.pid, script.bench_record):
             process.join()
     if process.exitcode:
-        raise subprocess.CalledProcessError(process.exitcode, [sys.executable, fname])
+        raise subprocess.CalledProcessError(process.exitcode, [sys.executable, path])
 
 
 async def no_input_sizes(scheduler, jobs) -> None:
@@ -57,20 +117,3 @@ async def no_input_sizes(scheduler, jobs) -> None:
     Sizes break ties between jobs that may start; with a library's hundreds of sources as inputs they take half a second a job.
     """
     scheduler._input_sizes = defaultdict(int)
-
-
-def main() -> None:
-    """Start Snakemake as ``python -m snakemake`` does."""
-    from snakemake.cli import main as snakemake
-    from snakemake.scheduling.job_scheduler import JobScheduler
-    from snakemake.script import PythonScript
-
-    sys.path[0] = os.getcwd()  # noqa: PTH109 - as with -m
-    FORKING.set_forkserver_preload(IMPORTED_ONCE)
-    PythonScript.execute_script = execute_script
-    JobScheduler.update_input_sizes = no_input_sizes
-    snakemake()
-
-
-if __name__ == "__main__":
-    main()

@@ -7,9 +7,11 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import forking_snakemake
 from lumbar.fmu.build.compiler import cache_folder
 
 PROJECT = Path(__file__).resolve().parent.parent
@@ -18,9 +20,6 @@ ZIG_CACHE = cache_folder(None)
 """The cache that the workflow uses too, the user's; a cold one costs seconds and has a test of its own."""
 NOT_INHERITED = ("PYTHONPATH", "LUMBAR_DATA", "PYTHONDONTWRITEBYTECODE")
 """Without bytecode, as in many containers, every job would compile the library again; a copy of the project may hold it."""
-PLAIN = ("-m", "snakemake")
-FORKING = (str(PROJECT / "tests" / "forking_snakemake.py"),)
-"""Its jobs do not import their libraries anew; a part of the default study runs as users run it."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +52,30 @@ def copy_project(folder: Path) -> Path:
     return folder
 
 
-def snakemake(
-    folder: Path, *arguments: str, env: dict[str, str] | None = None, program: tuple[str, ...] = PLAIN
-) -> Run:
-    """Call Snakemake in a project folder and return its status and output."""
-    command = [sys.executable, *program, "--nocolor", *arguments]
-    environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED}
-    done = subprocess.run(
-        command, cwd=folder, env=environment | (env or {}), capture_output=True, text=True, check=False
-    )
-    return Run(done.returncode, done.stdout + done.stderr)
+def snakemake(folder: Path, *arguments: str, env: dict[str, str] | None = None, plain: bool = False) -> Run:
+    """Call Snakemake in a project folder and return its status and output.
+
+    Parameters
+    ----------
+    folder : Path
+    *arguments : str
+        Snakemake's.
+    env : dict of str to str, optional
+        Variables beside the inherited ones.
+    plain : bool
+        Start it, and a Python for each of its jobs, as users do. Else all are forked from a process that has imported their
+        libraries.
+    """
+    environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED} | (env or {})
+    with tempfile.TemporaryDirectory() as name:
+        output = Path(name) / "output"
+        if plain:
+            with output.open("wb") as stream:
+                command = [sys.executable, "-m", "snakemake", "--nocolor", *arguments]
+                done = subprocess.run(
+                    command, cwd=folder, env=environment, stdout=stream, stderr=stream, check=False
+                )
+            status = done.returncode
+        else:
+            status = forking_snakemake.run(folder, ["--nocolor", *arguments], environment, output)
+        return Run(status, output.read_text(encoding="utf-8"))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from running import FORKING, ZIG_CACHE, copy_project, snakemake
+from running import ZIG_CACHE, copy_project, snakemake
 
 # Wall-clock readings differ between runs; everything else is compared byte for byte.
 VOLATILE = ("logs", "benchmarks")
@@ -150,7 +150,7 @@ runtime: {{compiler_cache: {ZIG_CACHE}, check_samples: 200, models: [IL, KB]}}
 stability:
   knots: 101
   checks: [simulation, thesis_method, sum_of_squares, cvxpy, proof, extended]
-  proof: {{margin_1_s: 0.05}}
+  proof: {{margin_1_s: 0.5}} # with little more room ten times the boxes are looked at
   sum_of_squares: {{knots: 5}}
   thesis_method: {{knots: 5}}
   attack: {{starts: 50}}
@@ -176,7 +176,7 @@ def run_varied(folder: Path, cores: int) -> dict[str, str]:
     change_mass(folder, "expert")
     leave_out_lighter_box(folder)
     (folder / "config" / "coarse.yaml").write_text(COARSE, encoding="utf-8")
-    run = snakemake(folder, "--cores", str(cores), "--configfile", "config/coarse.yaml", program=FORKING)
+    run = snakemake(folder, "--cores", str(cores), "--configfile", "config/coarse.yaml")
     assert run.status == 0, run.text[-6000:]
     return digests(results(folder))
 
@@ -226,9 +226,7 @@ def test_only_the_mass_changed_moves_that_persons_basins_alone(varied_on_one_cor
     boa = results(folder) / "stability" / "boa.csv"
     before = pd.read_csv(boa)
     change_mass(folder, "expert")
-    run = snakemake(
-        folder, "--cores", "2", "table_4_1", "--configfile", "config/coarse.yaml", program=FORKING
-    )
+    run = snakemake(folder, "--cores", "2", "table_4_1", "--configfile", "config/coarse.yaml")
     assert run.status == 0, run.text[-6000:]
     frames = (before, pd.read_csv(boa))
     # The check by cvxpy solves the programmes of all people at once: at its tolerance it moves with the others.

@@ -17,6 +17,21 @@ def zig_cache():
     return ZIG_CACHE
 
 
+@pytest.fixture
+def quick_pictures(monkeypatch):
+    """Save pictures without layout and without PDF where they only have to be there: their own tests say how they look."""
+    from lumbar.reports.figures import style
+
+    monkeypatch.setattr(style, "_settle_layout", lambda figure: figure.set_layout_engine("none"))
+    monkeypatch.setattr(style.FigureCanvasPdf, "print_pdf", lambda _, path, **__: path.write_bytes(b"%PDF-"))
+
+
+@pytest.fixture
+def without_plots(monkeypatch):
+    """Leave the plot out of the pages of FMUs that are built to be played: it takes longer than all else in them."""
+    monkeypatch.setattr("lumbar.fmu.build.documentation.reference_plot", lambda *_: "<svg></svg>")
+
+
 @pytest.fixture(scope="session")
 def fmu_models():
     """Return models for export."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from running import FORKING, copy_project, snakemake
+from running import copy_project, snakemake
 
 STUDY = """
 study: groups
@@ -31,9 +31,7 @@ def relabel(folder: Path, name: str, label: str) -> None:
 
 
 def plan(folder: Path, *arguments: str):
-    return snakemake(
-        folder, "--cores", "1", *arguments, "--configfile", "config/groups.yaml", program=FORKING
-    )
+    return snakemake(folder, "--cores", "1", *arguments, "--configfile", "config/groups.yaml")
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from lumbar.interface.new_study import new_study
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.subject import SubjectSettings
-from running import FORKING, copy_project, snakemake
+from running import copy_project, snakemake
 
 FILLED = {
     "name": "shelf of a laboratory",
@@ -76,7 +76,7 @@ def test_nothing_runs_before_it_is_filled_in_and_the_chapter_runs_after(laborato
     for path in paths:
         fill_in(path)
     assert snakemake(project, "--dry-run", *planned).jobs["lift"] == 1
-    run = snakemake(project, *planned, program=FORKING)
+    run = snakemake(project, *planned)
     assert run.status == 0, run.text[-6000:]
     facts = project / "results" / "my_lab" / "lifting" / "my_lab_6kg" / "pendulum.json"
     assert json.loads(facts.read_text(encoding="utf-8"))["missing"] == {}
@@ -94,7 +94,7 @@ def test_a_lift_without_pendulum_is_told_as_it_runs_and_once_more_at_the_end(lab
     text = subject.read_text(encoding="utf-8").replace("box_mass_kg: 6,", "box_mass_kg: 6, window_s: [0, 3],")
     subject.write_text(text, encoding="utf-8")
     study = "config/studies/my_lab.yaml"
-    run = snakemake(project, "--cores", "1", "lifting", "--configfile", study, program=FORKING)
+    run = snakemake(project, "--cores", "1", "lifting", "--configfile", study)
     assert run.status == 0, run.text[-6000:]
     assert run.text.count("WARNING: my_lab_6kg has no pendulum:\n  no pendulum of thorax") == 2
 

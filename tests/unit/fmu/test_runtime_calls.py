@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from runtime_models import SETTINGS, TARGET, models_json, selected
 from test_runtime_defects import BINARY, contents, edited
-from test_runtime_file_check import CORE, defective
+from test_runtime_file_check import CORE, defective, played_here  # noqa: F401 - a fixture
 
 from lumbar import __version__
 from lumbar.fmu.build.package import export_fmus, write_fmu
@@ -100,6 +100,7 @@ def put_in(path: Path, library: bytes, version: int, folder: Path) -> Path:
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", LIBRARY)
+@pytest.mark.usefixtures("played_here")
 def test_calls_must_mean_what_they_say(name, version, fmu_models, fmu_folder, zig_cache, workshop, tmp_path):
     changes, words = LIBRARY[name]
     model = next(model for model in fmu_models if model.name == "KB")
@@ -111,6 +112,7 @@ def test_calls_must_mean_what_they_say(name, version, fmu_models, fmu_folder, zi
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("name", PASSIVE)
+@pytest.mark.usefixtures("played_here")
 def test_energy_must_be_what_is_taken_in(
     name, version, passive_model, passive_folder, zig_cache, workshop, tmp_path
 ):

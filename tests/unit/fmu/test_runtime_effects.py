@@ -24,6 +24,7 @@ on_x86_64_linux = pytest.mark.skipif(
 
 
 @on_x86_64_linux
+@pytest.mark.usefixtures("without_plots")
 def test_finished_fmus_give_these_forces_in_both_versions(zig_cache, tmp_path):
     """Through fmpy: FMI 3.0 at once, FMI 2.0 one sample late; schema and lint find nothing."""
     models = [exported(effect_entry(*structure)) for structure in COMBINATIONS[:2]]

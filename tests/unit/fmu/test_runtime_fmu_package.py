@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from contextlib import nullcontext
 from pathlib import Path
 
 import fmpy
@@ -16,7 +17,7 @@ from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import SETTINGS, TARGET, entry, models_json, selected
 
 from lumbar.errors import InputError
-from lumbar.fmu.build import package
+from lumbar.fmu.build import compiler, package
 from lumbar.fmu.build.compiler import TARGETS, compile_library
 from lumbar.fmu.build.package import compile_model, export_fmus, write_fmu
 from lumbar.fmu.build.sources import c_files, source_files
@@ -133,6 +134,13 @@ def test_a_refused_compilation_says_what_the_compiler_said(fmu_models, zig_cache
         export_fmus(fmu_models[:1], tmp_path, "", ["pdp11"], zig_cache)
 
 
+@pytest.fixture
+def nothing_compiled():
+    """Let this process forget what it has compiled."""
+    compiler.library_of.cache_clear()
+
+
+@pytest.mark.usefixtures("nothing_compiled")
 def test_a_compiler_that_fails_without_a_word_is_an_error(fmu_models, zig_cache, tmp_path, monkeypatch):
     """Killed, or done without a library: both leave no FMU."""
     (tmp_path / "ziglang").mkdir()
@@ -145,6 +153,7 @@ def test_a_compiler_that_fails_without_a_word_is_an_error(fmu_models, zig_cache,
     assert not (tmp_path / "fmu").exists()
 
 
+@pytest.mark.usefixtures("nothing_compiled")
 def test_places_that_cannot_be_written_are_named(fmu_models, fmu_folder, zig_cache, tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("")
@@ -152,8 +161,10 @@ def test_places_that_cannot_be_written_are_named(fmu_models, fmu_folder, zig_cac
         export_fmus(fmu_models[:1], tmp_path, "", TARGET, blocked / "cache")
     with pytest.raises(InputError, match="cannot be written"):
         export_fmus(fmu_models[:1], blocked / "fmu", "", TARGET, zig_cache)
-    with pytest.raises(InputError, match="TMPDIR"):
-        compile_model(fmu_models[0], TARGET, zig_cache, tmp_path / "absent")
+    compiler.library_of.cache_clear()
+    with monkeypatch.context() as within, pytest.raises(InputError, match="TMPDIR"):
+        within.setattr(compiler.tempfile, "TemporaryDirectory", lambda **_: nullcontext(tmp_path / "absent"))
+        compile_model(fmu_models[0], TARGET, zig_cache)
     monkeypatch.setattr("lumbar.fmu.build.compiler.find_spec", lambda _: None)
     with pytest.raises(InputError, match="ziglang"):
         export_fmus(fmu_models[:1], tmp_path, "", TARGET, zig_cache)
@@ -234,8 +245,7 @@ def test_accumulated_steps_are_never_mistimed(start, zig_cache, tmp_path):
     shutil.which("cmake") is None, reason="no CMake, with which fmpy compiles FMUs: apt-get install cmake"
 )
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler: apt-get install gcc libc6-dev")
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("name", ["KB", "KB+coulomb_friction"])
+@pytest.mark.parametrize(("name", "version"), [("KB", 3), ("KB+coulomb_friction", 2)])
 def test_fmpy_compiles_the_sources_alone(name, version, fmu_folder, fmu_positions, tmp_path):
     """Without binaries, with another compiler: the sources in the FMU are complete, and give the same bits."""
     from fmpy.build import build_platform_binary

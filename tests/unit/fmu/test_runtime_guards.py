@@ -32,9 +32,12 @@ from lumbar.fmu.build.reference_response import reference_output
 from lumbar.fmu.check.fmu_check import check_fmus, simulate_fmu
 from study_settings import changed
 
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
-)
+pytestmark = [
+    pytest.mark.skipif(
+        not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
+    ),
+    pytest.mark.usefixtures("without_plots"),
+]
 DEVICE = changed(
     SETTINGS, models=["IL", "MW", "KB", "HO"], rate_Hz=1000.0, moving_average_ms=3.0, start="first_position"
 )
@@ -74,7 +77,7 @@ def exported(settings, folder, cache, *names):
 )
 def test_fmus_at_1_khz_pass_all_checks(guards, zig_cache, tmp_path):
     """Delays, models several times over, effects and every guard: FMU against Python, in both versions."""
-    names = ("HO", EFFECTS["name"]) if len(guards) == 1 else ()
+    names = ("HO", EFFECTS["name"]) if len(guards) == 1 else ("IL", "MW", "HO", EFFECTS["name"])
     chosen = exported(changed(DEVICE, **guards), tmp_path, zig_cache, *names)
     for check in check_fmus(chosen, tmp_path, 1500, seed=4):
         # An inverted model that cannot pull gives no force at all.
@@ -114,7 +117,7 @@ def test_guarded_forces_differ_in_no_bit(name, version, zig_cache, tmp_path):
 def test_a_model_starts_at_rest_where_it_is_first_touched(rate, zig_cache, tmp_path):
     """Thesis's start for comparison: from the offset, where a first position of 3 mm is a jump."""
     settings = changed(DEVICE, rate_Hz=rate, moving_average_ms=30.0)
-    chosen = exported(settings, tmp_path, zig_cache)
+    chosen = exported(settings, tmp_path, zig_cache, "KB", "HO", EFFECTS["name"])
     for model in chosen:
         time = np.arange(60) * model.sampling_time
         for version in ("2.0", "3.0"):
@@ -167,10 +170,17 @@ def test_the_force_changes_no_faster_than_its_limit(version, zig_cache, tmp_path
     assert 'unit="N/s" min="0.0" max="300.0" nominal="300.0" start="300.0"' in text
 
 
-@pytest.mark.parametrize("settings", [DEVICE, changed(SETTINGS, start="first_position")])
-def test_device_and_fmu_never_give_out_more_than_they_took_in(settings, zig_cache, tmp_path):
+@pytest.mark.parametrize(
+    ("settings", "names"),
+    [
+        (DEVICE, ("IL", "KB", "HO", EFFECTS["name"])),
+        (changed(SETTINGS, start="first_position"), ("HO", EFFECTS["name"])),
+    ],
+    ids=["1 kHz", "100 Hz"],
+)
+def test_device_and_fmu_never_give_out_more_than_they_took_in(settings, names, zig_cache, tmp_path):
     """A hand that means harm takes a hundred thousand steps; the energies are those that it counts itself."""
-    chosen = exported(changed(settings, device_damping=DAMPING), tmp_path, zig_cache)
+    chosen = exported(changed(settings, device_damping=DAMPING), tmp_path, zig_cache, *names)
     client = loader_program(CLIENT, TARGET[0], tmp_path, zig_cache)
     for model in chosen:
         found = energies(client, model, tmp_path, 100_000)

@@ -71,6 +71,7 @@ def held_to_its_simulation(model, folder, cache) -> None:
 
 @on_x86_64_linux
 @pytest.mark.parametrize(("form", "amplitude", "nonlinear"), [("sphere", 0.7, []), ("power", 0.4, [1.7])])
+@pytest.mark.usefixtures("without_plots")
 def test_the_example_becomes_an_fmu(form, amplitude, nonlinear, project, zig_cache, tmp_path):
     catalogue = catalogue_with([project / "examples" / "own_effect" / "hertzian_contact.py"])
     model = exported(catalogue, ("hertzian_contact", form, [amplitude], nonlinear))
@@ -83,6 +84,7 @@ def test_the_example_becomes_an_fmu(form, amplitude, nonlinear, project, zig_cac
 
 @on_x86_64_linux
 @pytest.mark.parametrize("rate", [None, 1000])
+@pytest.mark.usefixtures("without_plots")
 def test_effects_with_memory_at_every_place_become_an_fmu(rate, zig_cache, tmp_path):
     (tmp_path / "own.py").write_text(WRITTEN, encoding="utf-8")
     catalogue = catalogue_with([tmp_path / "own.py"])
@@ -139,6 +141,7 @@ def test_what_the_file_lacks_is_named(old, new, words, tmp_path):
 
 
 @on_x86_64_linux
+@pytest.mark.usefixtures("without_plots")
 def test_c_code_that_says_something_else_than_the_simulation_is_refused(zig_cache, tmp_path):
     catalogue = rewritten(tmp_path, "creep_stiffness * (next[1] / next[0])", "creep_stiffness * next[1]")
     model = exported(catalogue, ("creep", "mean", [0.3], []))

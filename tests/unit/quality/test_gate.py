@@ -25,6 +25,8 @@ RECORDINGS = {
     **{f"sts_trunk_flexion_trc/sts_perturbed_{trial}.trc": ("+y", CHAIR) for trial in range(1, 6)},
     **{f"sts_trunk_flexion_trc/sts_unperturbed_{trial}.trc": ("+y", CHAIR) for trial in range(1, 6)},
 }
+EACH_LABORATORY = [name for name in RECORDINGS if "sts_" not in name or name.endswith("perturbed_2.trc")]
+"""Of ten trials alike, one disturbed and one not."""
 SYNTHETIC = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")
 STANDING_STILL = ("athlete_static_full_spine/c3dfile1.c3d", "ktk_pig_com_oracle/static.c3d")
 """Of people who do not move, no rate is implausible."""
@@ -58,7 +60,7 @@ def test_nothing_is_found_in_an_untouched_recording(recordings, name):
 
 
 @pytest.mark.parametrize("corruption", CORRUPTIONS)
-@pytest.mark.parametrize("name", [*RECORDINGS, *SYNTHETIC[:1]])
+@pytest.mark.parametrize("name", [*EACH_LABORATORY, *SYNTHETIC[:1]])
 def test_a_silent_corruption_is_named_with_its_markers_and_frames(recordings, name, corruption):
     if "rate" in corruption and name in STANDING_STILL:
         pytest.skip("a person who stands still has no tempo")
@@ -152,3 +154,32 @@ def test_a_box_that_stands_in_a_coarse_file_is_not_frozen():
     points = {label: np.round(corner + shift, 3) for label, corner in corners.items()}
     points |= {label: place + rng.normal(0, 1e-4, (400, 3)) for label, place in body.items()}
     assert [f for f in examine(points, frames / 100, 100.0) if f.kind == "frozen"] == []
+
+
+@pytest.fixture(scope="module")
+def walk(shared):
+    path = shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d"
+    recording = read_markers(path, MarkerLayout(check_axes=False))
+    return recording.positions, recording.time, recording.rate
+
+
+def test_both_legs_that_change_sides_during_a_walk_are_named_pair_by_pair_and_from_the_frame_on(walk):
+    """All leap at once, each to where its fellow was and near to where others were."""
+    points, time, rate = walk
+    pairs = [(f"L{part}", f"R{part}") for part in ("THI", "KNE", "TIB", "ANK", "HEE", "TOE")]
+    spoilt = {label: positions.copy() for label, positions in points.items()}
+    for left, right in pairs:
+        spoilt[left][200:], spoilt[right][200:] = points[right][200:], points[left][200:]
+    found = examine(spoilt, time, rate)
+    assert {finding.kind for finding in found} == {"exchanged"}
+    assert sorted(tuple(sorted(finding.markers)) for finding in found) == sorted(pairs)
+    assert {(finding.first_frame, finding.frames.stop) for finding in found} == {(200, len(time))}
+
+
+def test_noise_of_all_markers_is_one_finding(walk):
+    points, time, rate = walk
+    rng = np.random.default_rng(0)
+    (found,) = examine({k: v + rng.normal(0, 5e-3, v.shape) for k, v in points.items()}, time, rate)
+    assert (found.kind, found.markers) == ("jitter", ())
+    words = found.evidence.split()
+    assert [float(words[3]), float(words[5])] == pytest.approx([np.sqrt(3) * 5] * 2, rel=0.1)

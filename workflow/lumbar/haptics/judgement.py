@@ -98,8 +98,9 @@ def _run_of_fmu(exported: ExportModel, meets: RenderedModel, settings: RuntimeSe
     from lumbar.haptics.fmu_step import UnpackedFmu
 
     with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
-        files = export_fmus([exported], Path(folder), "", ["host"], cache_folder(settings.compiler_cache))
-        with UnpackedFmu(files[-1]) as fmu, fmu.stepping() as step:
+        cache = cache_folder(settings.compiler_cache)
+        (file,) = export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])
+        with UnpackedFmu(file) as fmu, fmu.stepping() as step:
             return run_loop(meets, settings.device, step)
 
 

@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -212,3 +213,39 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
             f"compiling for {target} failed (exit code {done.returncode}); where the compiler's words do not help, "
             f"remove its cache {cache} and try again. It said:\n{said}"
         )
+
+
+@lru_cache(maxsize=64)
+def library_of(
+    sources: tuple[tuple[str, bytes], ...], listed: tuple[str, ...], name: str, target: str, cache: Path
+) -> bytes:
+    """Library of these sources; a process that checks what it has just built does not build it twice.
+
+    Parameters
+    ----------
+    sources : tuple of tuple
+        Name and contents of each C file and header.
+    listed : tuple of str
+        Names of the C files to compile, in their order.
+    name : str
+        File name of the library.
+    target, cache
+        As of `compile_library`.
+
+    Raises
+    ------
+    InputError
+        No room for the sources, or as `compile_library`.
+    """
+    with tempfile.TemporaryDirectory(prefix="lumbar-fmu-") as folder:
+        try:
+            for file, content in sources:
+                (Path(folder) / file).write_bytes(content)
+        except OSError as error:
+            raise InputError(
+                f"{folder}: sources cannot be written there for the compiler ({error.strerror}); let TMPDIR name a folder "
+                "with free space"
+            ) from error
+        library = Path(folder) / name
+        compile_library([Path(folder) / file for file in listed], library, target, cache)
+        return library.read_bytes()

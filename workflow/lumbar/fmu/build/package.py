@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from lumbar.errors import InputError
 from lumbar.files import replacing
-from lumbar.fmu.build.compiler import TARGETS, compile_library, resolve_targets, warm_cache
+from lumbar.fmu.build.compiler import TARGETS, library_of, resolve_targets, warm_cache
 from lumbar.fmu.build.description import FMI_VERSIONS, build_description, model_description
 from lumbar.fmu.build.documentation import documentation_html
 from lumbar.fmu.build.export_model import ExportModel
@@ -24,7 +23,7 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """The earliest date a ZIP file can hold: FMUs carry no date."""
 
 
-def compile_model(model: ExportModel, targets: list[str], cache: Path, folder: Path) -> dict[str, bytes]:
+def compile_model(model: ExportModel, targets: Sequence[str], cache: Path) -> dict[str, bytes]:
     """Compile one library per target; it serves both FMI versions.
 
     Parameters
@@ -34,9 +33,6 @@ def compile_model(model: ExportModel, targets: list[str], cache: Path, folder: P
         Platforms, keys of `lumbar.fmu.build.compiler.TARGETS`, or ``"host"``.
     cache : Path
         Folder of the compiler's cache.
-    folder : Path
-        Where sources and libraries are put. Models compiled in the same folder, one after the other, share
-        what is compiled of the sources that they have in common.
 
     Returns
     -------
@@ -48,22 +44,13 @@ def compile_model(model: ExportModel, targets: list[str], cache: Path, folder: P
     InputError
         Unknown target, no compiler, no room for the sources, or sources that do not compile.
     """
-    libraries = {}
-    try:
-        for file, text in source_files(model).items():
-            path = folder / file
-            if not path.is_file() or path.read_text(encoding="utf-8") != text:
-                path.write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise InputError(
-            f"{folder}: sources cannot be written there for the compiler ({error.strerror}); let TMPDIR name a folder "
-            "with free space"
-        ) from error
-    for target in resolve_targets(targets):
-        library = folder / f"{model.identifier}{TARGETS[target].suffix}"
-        compile_library([folder / file for file in c_files(model)], library, target, cache)
-        libraries[target] = library.read_bytes()
-    return libraries
+    sources = tuple(sorted((file, text.encode("utf-8")) for file, text in source_files(model).items()))
+    return {
+        target: library_of(
+            sources, tuple(c_files(model)), f"{model.identifier}{TARGETS[target].suffix}", target, cache
+        )
+        for target in resolve_targets(targets)
+    }
 
 
 def fmu_contents(
@@ -123,7 +110,12 @@ def write_fmu(path: Path, files: dict[str, bytes]) -> None:
 
 
 def export_fmus(
-    models: list[ExportModel], folder: Path, data: str, targets: Sequence[str], cache: Path
+    models: list[ExportModel],
+    folder: Path,
+    data: str,
+    targets: Sequence[str],
+    cache: Path,
+    versions: Sequence[str] = FMI_VERSIONS,
 ) -> list[Path]:
     """Compile each model once and write its FMUs, ``<name>_fmi2.fmu`` and ``<name>_fmi3.fmu``; say how far it is.
 
@@ -138,6 +130,8 @@ def export_fmus(
         Platforms, keys of `lumbar.fmu.build.compiler.TARGETS`, or ``"host"``.
     cache : Path
         Folder of the compiler's cache.
+    versions : sequence of str
+        Of FMI.
 
     Returns
     -------
@@ -151,13 +145,12 @@ def export_fmus(
     """
     written = []
     warm_cache(targets, cache)
-    with tempfile.TemporaryDirectory(prefix="lumbar-fmu-") as name:
-        for model in track(models, "FMUs compiled"):
-            libraries = compile_model(model, targets, cache, Path(name))
-            for version in FMI_VERSIONS:
-                path = folder / fmu_name(model.name, version)
-                write_fmu(path, fmu_contents(model, version, data, libraries))
-                written.append(path)
+    for model in track(models, "FMUs compiled"):
+        libraries = compile_model(model, targets, cache)
+        for version in versions:
+            path = folder / fmu_name(model.name, version)
+            write_fmu(path, fmu_contents(model, version, data, libraries))
+            written.append(path)
     return written
 
 

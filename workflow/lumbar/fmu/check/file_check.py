@@ -8,11 +8,10 @@ import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 
 from lumbar.errors import InputError, Problems
-from lumbar.fmu.build.compiler import TARGETS, compile_library, host_target
+from lumbar.fmu.build.compiler import TARGETS, host_target, library_of
 from lumbar.fmu.check.lint import lint_fmu
 from lumbar.fmu.check.playing import played
 
@@ -153,21 +152,8 @@ def _built(shipped: Path, library: Path, folder: Path, cache: Path) -> Path:
     # buildDescription.xml is FMI 3.0's alone and nothing to compile.
     files = sorted(file for file in (shipped / "sources").iterdir() if file.suffix != ".xml")
     sources = tuple((file.name, file.read_bytes()) for file in files)
-    built.write_bytes(_compiled(sources, _listed(shipped), library.name, cache))
+    built.write_bytes(library_of(sources, _listed(shipped), library.name, host_target(), cache))
     return built
-
-
-@lru_cache(maxsize=1)
-def _compiled(
-    sources: tuple[tuple[str, bytes], ...], listed: tuple[str, ...], name: str, cache: Path
-) -> bytes:
-    """Library of these sources; the FMUs of one model for both versions of FMI have the same."""
-    with tempfile.TemporaryDirectory(prefix="lumbar-check-") as folder:
-        for file, content in sources:
-            (Path(folder) / file).write_bytes(content)
-        built = Path(folder) / name
-        compile_library([Path(folder) / file for file in listed], built, host_target(), cache)
-        return built.read_bytes()
 
 
 def _listed(folder: Path) -> tuple[str, ...]:

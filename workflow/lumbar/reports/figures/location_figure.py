@@ -197,10 +197,12 @@ def _draw_map(figure, axis, view: View, location: Location) -> None:
     chance = np.abs(table["z_score"].reshape(mean.shape)) < SIGNIFICANT_Z
     if view.p_value < SIGNIFICANT and no_cell_stands_out(view):
         chance[:] = False  # the pattern is none of chance, though each of its cells alone may be
-    for row, column in np.argwhere(chance):
+    row, column = np.nonzero(chance)
+    if len(row):
         axis.plot(
             (columns[column] + columns[column + 1]) / 2,
             (rows[row] + rows[row + 1]) / 2,
+            linestyle="none",
             marker="x",
             markersize=2.5,
             markeredgewidth=0.6,
