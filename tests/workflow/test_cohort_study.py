@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pandas as pd
 import pytest
 
@@ -9,6 +11,7 @@ from running import FORKING, copy_project, snakemake
 
 SMALL = """
 stability: {limits: {knots: 84}}
+pushes: {push: {per_lift: 16}, outcome: {horizon_s: 0.8}}
 twin:
   lifting:
     rate_Hz: 50
@@ -46,8 +49,19 @@ def test_groups_of_drawn_people_are_compared(study):
     assert (planning["persons_with_1_trial"] >= 3).all()
 
 
+def test_drawn_people_are_pushed_and_a_measure_wins(study):
+    results = study / "results" / "cohort"
+    winner = json.loads((results / "pushes" / "winner.json").read_text(encoding="utf-8"))
+    table = pd.read_csv(results / "tables" / "push_prediction.csv")
+    assert winner["measure"] in set(table["measure"]) and 0.5 < winner["auc"] <= 1
+    assert "6 persons, at least 8 are needed" in winner["sentence"] and table["auc_low"].isna().all()
+    pushes = pd.read_csv(results / "pushes" / "pushes.csv")
+    assert pushes["subject"].nunique() == 6 and 0 < pushes["steps"].mean() < 1
+    assert (results / "figures" / "push_prediction.svg").is_file()
+
+
 def test_one_person_more_is_all_that_is_made(study):
     planned = run_study(study, 4, "--dry-run")
     assert planned.status == 0, planned.text[-3000:]
     made = {name: count for name, count in planned.jobs.items() if name not in ("all", "total")}
-    assert made == {"twin_person": 1, "measure_person": 1, "compare_people": 1}
+    assert made == {"twin_person": 1, "measure_person": 1, "compare_people": 1, "predict_steps": 1}

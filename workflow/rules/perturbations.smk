@@ -10,7 +10,9 @@ if study.has("perturbations"):
             checked="<results>/checked/perturbations.json",
             sources=library_sources("perturbed_trials.py"),
         output:
-            **published("quality_of_trials", "perturbed_trials", "perturbed_trials_figure"),
+            **published(
+                "quality_of_trials", "perturbed_trials", "trial_separation", "perturbed_trials_figure"
+            ),
         log:
             "<logs>/perturbed_trials.log",
         benchmark:

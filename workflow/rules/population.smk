@@ -17,6 +17,7 @@ if study.has("population"):
             checked=ALL_CHECKED,
             sources=library_sources("measure_person.py"),
         output:
+            **({"states": "<results>/pushes/persons/{person}.csv"} if study.has("pushes") else {}),
             measures="<results>/population/persons/{person}.csv",
         log:
             "<logs>/measure_person/{person}.log",
@@ -31,11 +32,12 @@ if study.has("population"):
             trials=lambda wildcards: {
                 name: plain(lift.trial) for name, lift in PERSON_LIFTS[wildcards.person].items()
             },
-            lifting=without(settings.lifting, "subjects", "moment_layout"),
+            lifting=without(settings.lifting, "subjects", "moment_layout", "body_model"),
             stability={
                 key: plain(getattr(settings.stability, key))
                 for key in ("pendulum", "regulator", "goal_level", "limits", "measures")
             },
+            push_share=settings.pushes.push.height_share if study.has("pushes") else None,
             data=DATA,
         message:
             "{wildcards.person}: measures of every lift"

@@ -3,11 +3,18 @@
 
 if study.has("pushes"):
 
+    # Where whole lifts are analysed one by one, their folders; where persons are, what was kept of theirs.
+    if study.has("lifting"):
+        PUSHED = {"bodies": [f"<results>/lifting/{lift}/body.csv" for lift in study.lifts]}
+        PUSHED["pendulums"] = [
+            f"<results>/lifting/{lift}/pendulum.{kind}" for lift in study.lifts for kind in ("csv", "json")
+        ]
+    else:
+        PUSHED = {"persons": [f"<results>/pushes/persons/{person}.csv" for person in study.subjects]}
+
     rule predict_steps:
         input:
-            bodies=[f"<results>/lifting/{lift}/body.csv" for lift in study.lifts],
-            states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
-            facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
+            **PUSHED,
             sources=library_sources("push_prediction.py"),
         output:
             **published("push_prediction", "push_sensitivity", "push_figure"),

@@ -1,4 +1,4 @@
-"""Measures of every lift of one person."""
+"""Measures of every lift of one person, and what pushes need of it."""
 
 from job import run
 
@@ -12,6 +12,7 @@ def main(input, output, params):
     from lumbar.settings.stability import StabilitySettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 
+    analysed = []
     trials = {name: typed(TrialSettings, trial) for name, trial in params.trials.items()}
     table = measure_person(
         dict(zip(trials, input.markers, strict=True)),
@@ -21,8 +22,14 @@ def main(input, output, params):
         typed(StabilitySettings, params.stability),
         static=next(iter(input.static), None),
         data=params.data,
+        each=analysed.append,
     )
     write_csv(output.measures, table)
+    if params.push_share is not None:
+        from lumbar.interface.pushing import push_states
+
+        states = push_states(analysed, typed(StabilitySettings, params.stability), params.push_share)
+        write_csv(output.states, states)
 
 
 run(main, snakemake)

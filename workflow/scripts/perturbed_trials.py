@@ -5,6 +5,8 @@ from job import run, stem
 
 def main(input, output, params):
     """Read all trials, compare them, write table and figure."""
+    from lumbar.pushes.feedback import feedback_sentence
+    from lumbar.pushes.trial_separation import body_trial, separation_frame, separation_table, values_of
     from lumbar.quality.quality_table import quality_table
     from lumbar.quality.screening import read_screened
     from lumbar.reports.figures.perturbed_trials_figure import trials_figure
@@ -22,11 +24,12 @@ def main(input, output, params):
 
     settings = typed(PerturbationsSettings, params.settings)
     stability, lifting = typed(StabilitySettings, params.stability), typed(LiftingSettings, params.lifting)
-    trials, sheets = [], []
+    trials, sheets, recordings = [], [], []
     for group in ("unperturbed", "perturbed"):
         for number, path in enumerate(input[group], start=1):
             recording, sheet = read_screened(path, settings.markers)
             trials.append(trial_of(recording, group, settings, lifting))
+            recordings.append((recording, group))
             sheets.append({"lift": f"{group}_{number}", **sheet.as_dict()})
     quality_table(sheets, params.data).write(stem(output.quality_of_trials))
     frame = compare_trials(trials, settings, stability)
@@ -34,6 +37,14 @@ def main(input, output, params):
     trials_table(frame, by_weight, trials, settings, stability, params.data).write(
         stem(output.perturbed_trials)
     )
+    found = [{"basin": value} for value in frame["largest_value"]]
+    if settings.legs:
+        for values, (recording, group) in zip(found, recordings, strict=True):
+            values |= values_of(body_trial(recording, group, settings, lifting), settings)
+    groups = [group for _, group in recordings]
+    feedback = feedback_sentence(trials, settings, stability)
+    separation = separation_table(separation_frame(found, groups), groups, params.data, feedback)
+    separation.write(stem(output.trial_separation))
     figure = trials_figure(trials, by_weight, settings, stability)
     save(figure, stem(output.perturbed_trials_figure), params.data)
 

@@ -4,8 +4,10 @@ from job import run, stem
 
 
 def main(input, output, params):
-    """Read the movement of all lifts, push, score, write tables and figure."""
+    """Read what was kept of all lifts, push, score, write tables and figure."""
     from pathlib import Path
+
+    import pandas as pd
 
     from lumbar.files import write_csv, write_json
     from lumbar.interface.pushing import push_prediction, push_states, saved_lift
@@ -16,7 +18,12 @@ def main(input, output, params):
     from lumbar.settings.stability import StabilitySettings
 
     settings, stability = typed(PushesSettings, params.settings), typed(StabilitySettings, params.stability)
-    states = push_states([saved_lift(Path(path).parent) for path in input.bodies], stability, settings)
+    if hasattr(input, "persons"):
+        kept = [pd.read_csv(path) for path in input.persons if Path(path).stat().st_size > 1]
+        states = pd.concat(kept, ignore_index=True) if kept else pd.DataFrame()
+    else:
+        lifts = [saved_lift(Path(path).parent) for path in input.bodies]
+        states = push_states(lifts, stability, settings.push.height_share)
     found = push_prediction(
         states, settings=settings, stability=stability, seed=params.seed, data=params.data
     )

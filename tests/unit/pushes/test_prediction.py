@@ -52,7 +52,7 @@ def lifts():
 
 @pytest.fixture(scope="module")
 def states(lifts):
-    return push_states(lifts, STABILITY, SETTINGS)
+    return push_states(lifts, STABILITY, SETTINGS.push.height_share)
 
 
 @pytest.fixture(scope="module")

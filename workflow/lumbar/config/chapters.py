@@ -12,7 +12,6 @@ NEEDS = {
     "improvement": ["tissue"],
     "runtime": ["tissue"],
     "stability": ["lifting"],
-    "pushes": ["lifting"],
 }
 """Chapters that build on another one of the same study."""
 LIFTED = {"lifting", "population"}

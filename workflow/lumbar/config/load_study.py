@@ -105,6 +105,9 @@ def _check_chapters(settings: StudySettings, problems: Problems, origins: Origin
         if missing:
             found = f"{chapter} without {', '.join(missing)}"
             problems.add(origins.place(("chapters",)), found, "it builds on it: add it")
+    if "pushes" in chapters and LIFTED.isdisjoint(chapters):
+        found = "pushes without lifts"
+        problems.add(origins.place(("chapters",)), found, f"add {' or '.join(sorted(LIFTED))}")
     if "perturbations" in chapters and settings.perturbations is None:
         problems.add(origins.place(("perturbations",)), "null", "the chapter needs its trials")
 

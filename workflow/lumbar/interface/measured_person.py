@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from lumbar.errors import LumbarError
@@ -47,6 +47,7 @@ def measure_person(
     *,
     static: str | os.PathLike | None = None,
     data: str = "",
+    each: Callable[[Lift], object] | None = None,
 ) -> pd.DataFrame:
     """Measure every lift of a person: balance, posture, load of the back, and areas of the basins with either sign.
 
@@ -63,6 +64,8 @@ def measure_person(
         Marker file of a static trial.
     data : str
         Words for the source of the data.
+    each : callable, optional
+        Called with every lift that could be analysed.
 
     Returns
     -------
@@ -83,6 +86,8 @@ def measure_person(
             )
             frames[name] = measure_movement(one, settings=stability).values
             found[name] = one
+            if each is not None:
+                each(one)
         except LumbarError as error:
             frames[name] = _unmeasured(str(error))
     areas = _basin_areas(found, stability)

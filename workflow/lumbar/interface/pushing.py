@@ -47,11 +47,18 @@ def saved_lift(folder: str | os.PathLike) -> SavedLift:
 
 
 def push_states(
-    lifts: Iterable[Lift | SavedLift], stability: StabilitySettings, settings: PushesSettings
+    lifts: Iterable[Lift | SavedLift], stability: StabilitySettings, push_share: float
 ) -> pd.DataFrame:
     """Return what the pushes need of some lifts: motion and levels of the measures, one row per instant of a deposit.
 
     A lift from which no body can be made (no deposit, no feet, no shoulders) is left out.
+
+    Parameters
+    ----------
+    lifts : list of Lift or SavedLift
+    stability : StabilitySettings
+    push_share : float
+        Where the trunk is pushed, between hips and shoulders (``pushes.push.height_share``).
     """
     from lumbar.measures.course import Lifter
     from lumbar.pushes.levels import levels_of
@@ -70,7 +77,7 @@ def push_states(
         sound, _ = trajectories_of_lift(item.states, item.facts, stability.pendulum.mass)
         chosen = [one for one in sound if (one.com, one.plane) == ("abdomen", "flexion_extension")]
         trajectories.append(next(iter(chosen), None))
-    levels = levels_of(lifters, motions, trajectories, stability, settings.push.height_share)
+    levels = levels_of(lifters, motions, trajectories, stability, push_share)
     return states_frame(motions, levels)
 
 
@@ -113,7 +120,10 @@ def push_prediction(
         frame, sources = lifts, []
     else:
         lifts = list(lifts)
-        frame, sources = push_states(lifts, stability, settings), [item.data for item in lifts]
+        frame, sources = (
+            push_states(lifts, stability, settings.push.height_share),
+            [item.data for item in lifts],
+        )
     motions, levels = from_states(frame)
     if not motions:
         raise InputError(

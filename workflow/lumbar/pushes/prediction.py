@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lumbar.errors import InputError
 from lumbar.pushes.contest import Contest, hold_contest
 from lumbar.pushes.levels import BASELINES, DIRECTIONS, NOTHING, PREDICTORS, score
 from lumbar.pushes.roc import (
@@ -253,9 +254,15 @@ def sensitivity_frame(
     cases += [
         (what, factor, {field: factor}) for what, (field, factors) in VARIED.items() for factor in factors
     ]
-    every = max(1, len(motions) * settings.push.per_lift // FOLLOWED)
+    # Directions take turns: an even stride would follow those of one alone.
+    every = (len(motions) * settings.push.per_lift // FOLLOWED) | 1
     for what, factor, changed in cases:
-        frame = hold_contest(motions, levels, settings, seed, changed, every, equal=False).frame
+        try:
+            frame = hold_contest(motions, levels, settings, seed, changed, every, equal=False).frame
+        except InputError:
+            # Nobody steps any more, or everybody: there is nothing to tell.
+            rows.append({"changed": what, "factor": factor, "pushes": 0})
+            continue
         person = np.zeros(len(frame), dtype=int)
         found = {}
         for name in contestants(ALL_SIZES):
@@ -271,11 +278,11 @@ def sensitivity_frame(
                 "steps": float(frame["steps"].mean()),
                 "winner": ranking[0],
                 "winner_auc": found[ranking[0]],
-                "headline_auc": found[verdict.measure],
-                "headline_rank": ranking.index(verdict.measure) + 1,
+                "headline_auc": found.get(verdict.measure),
+                "headline_rank": ranking.index(verdict.measure) + 1 if verdict.measure in found else None,
             }
         )
-    return pd.DataFrame(rows, columns=list(SENSITIVITY_COLUMNS))
+    return pd.DataFrame(rows, columns=list(SENSITIVITY_COLUMNS)).astype({"headline_rank": "Int64"})
 
 
 def sensitivity_table(frame: pd.DataFrame, verdict: Verdict, data: str) -> Table:
@@ -283,7 +290,8 @@ def sensitivity_table(frame: pd.DataFrame, verdict: Verdict, data: str) -> Table
     same = int((frame["winner"] == verdict.measure).sum())
     note = (
         f"{verdict.measure} wins in {same} of {len(frame)} contests; the measures are told of none of the changes. "
-        f"Only some {FOLLOWED} of the contest's pushes are followed, so that the first row differs a little from it"
+        f"Only some {FOLLOWED} of the contest's pushes are followed, so that the first row differs a little from it; empty "
+        "where all of them end alike"
     )
     return Table(
         title="The contest of measures with other bodies and controllers.",
@@ -292,6 +300,7 @@ def sensitivity_table(frame: pd.DataFrame, verdict: Verdict, data: str) -> Table
         data=data,
         notes=(note,),
         decimals=dict.fromkeys(("steps", "winner_auc", "headline_auc"), 3),
+        may_be_empty=frozenset({"steps", "winner", "winner_auc", "headline_auc", "headline_rank"}),
     )
 
 

@@ -4,8 +4,18 @@ from __future__ import annotations
 
 from typing import Literal
 
-from lumbar.settings.key import required, section, settings
+from lumbar.settings.key import key, required, section, settings
 from lumbar.settings.layout import MarkerLayout
+
+
+@settings
+class LegMarkers:
+    """Markers of legs and feet, for measures of the whole body; null leaves them out."""
+
+    knee: tuple[str, ...] = required("Markers (standard names) whose mean is the knee.", min_length=1)
+    ankle: tuple[str, ...] = required("Markers whose mean is the ankle.", min_length=1)
+    heel: tuple[str, ...] = required("Markers whose mean is the heel's end of the foot.", min_length=1)
+    toe: tuple[str, ...] = required("Markers whose mean is the toes' end.", min_length=1)
 
 
 @settings
@@ -25,4 +35,7 @@ class PerturbationsSettings:
     plane: Literal["lateral_bending", "flexion_extension"] = required("Plane of the pendulum.")
     unperturbed: tuple[str, ...] = required("Files of the unperturbed trials.", min_length=3)
     perturbed: tuple[str, ...] = required("Files of the perturbed trials.", min_length=1)
+    legs: LegMarkers | None = key(
+        "Markers of legs and feet, for measures of the whole body; null leaves them out.", default=None
+    )
     markers: MarkerLayout = section(default_factory=MarkerLayout)
