@@ -56,7 +56,7 @@ def test_labels_that_are_not_compared_end_the_run_before_anything_runs(study):
 def test_another_label_recomputes_no_basin(study):
     (study / "config" / "groups.yaml").write_text(STUDY + NAMED, encoding="utf-8")
     planned = set(plan(study, "--dry-run", "stability").jobs)
-    assert planned == {"stability", "stability_tables", "stability_figures"}
+    assert planned == {"stability", "stability_tables", "stability_figures", "measure_movement"}
     run = plan(study, "stability")
     assert run.status == 0, run.text[-6000:]
     table = pd.read_csv(study / "results" / "groups" / "tables" / "table_4_1.csv")
