@@ -37,7 +37,8 @@ def main(input, output, params):
     trials_table(frame, by_weight, trials, settings, stability, params.data).write(
         stem(output.perturbed_trials)
     )
-    found = [{"basin": value} for value in frame["largest_value"]]
+    standing = frame[frame["sign"] == "inverted"].set_index("trial")["largest_value"]
+    found = [{"basin": float(standing[recording.name])} for recording, _ in recordings]
     if settings.legs:
         for values, (recording, group) in zip(found, recordings, strict=True):
             values |= values_of(body_trial(recording, group, settings, lifting), settings)

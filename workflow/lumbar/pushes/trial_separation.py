@@ -38,8 +38,8 @@ MEASURES = {
     "smallest_impulse_forward": "m·ω0 times the first, in N·s",
     "trunk_inclination": "largest inclination of the trunk in °",
     "hip_moment": "largest net moment in N·m of trunk, head and arms about the pelvis",
-    "basin": "largest V/ρ in the exact basin of the mean of the other unperturbed trials, the study's sign and regulator: a "
-    "distance from the unperturbed movement by its definition",
+    "basin": "largest V/ρ in the exact basin of the mean of the other unperturbed trials (inverted, the study's regulator): "
+    "a distance from the unperturbed movement by its definition",
     "duration": "length of the recording in s",
 }
 COLUMNS = {
