@@ -54,6 +54,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	snakemake --cores $(CORES) lifting tissue
 	python tests/benchmark/run.py
 	python tests/benchmark/stability.py
+	python tests/benchmark/population.py
 	python tests/benchmark/runtime.py
 	python tests/benchmark/pendulum.py
 	python tests/benchmark/calibration.py --markdown docs/acceptance.md

@@ -115,3 +115,5 @@ def test_sit_to_stand(folder, shared):
     page = (results / "tables" / "perturbed_trials.html").read_text(encoding="utf-8")
     assert "insufficient data: 5 trials" in page and "assumed 70 kg" in page
     assert page.count("trials lie inside throughout") == 2
+    quality = pd.read_csv(results / "tables" / "quality_of_trials.csv")
+    assert len(quality) == 10 and set(quality.findings) == {"none"}

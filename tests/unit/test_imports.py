@@ -9,12 +9,24 @@ import pytest
 
 PACKAGES = [
     ["cli"],
+    ["page_server"],
     ["interface"],
     ["reports", "config"],
-    ["synthetic", "survey", "fmu", "haptics", "stability", "measures", "diagnosis", "identification"],
+    ["body_model"],
+    [
+        "synthetic",
+        "survey",
+        "fmu",
+        "haptics",
+        "pushes",
+        "stability",
+        "measures",
+        "diagnosis",
+        "identification",
+    ],
     ["lifting", "signals", "effects"],
     ["quality"],
-    ["models", "records"],
+    ["models", "records", "population"],
     ["settings"],
 ]
 """From the top down: what stands in a row imports no row above it."""

@@ -11,7 +11,7 @@ import pytest
 from lumbar.config.chapters import CHAPTERS
 from running import copy_project, snakemake
 
-DEFAULT_CHAPTERS = [name for name in CHAPTERS if name != "perturbations"]
+DEFAULT_CHAPTERS = [name for name in CHAPTERS if name not in ("perturbations", "population", "pushes")]
 
 
 @pytest.fixture(scope="module")

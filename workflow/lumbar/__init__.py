@@ -39,7 +39,10 @@ _VERBS = {
     "inspect": "lumbar.interface.inspecting",
     "lift": "lumbar.interface.person",
     "basins": "lumbar.interface.person",
+    "compare_groups": "lumbar.interface.people",
+    "sample_size": "lumbar.interface.people",
     "measure_movement": "lumbar.interface.movement",
+    "push_prediction": "lumbar.interface.pushing",
 }
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
 
@@ -49,6 +52,7 @@ __all__ = [
     "basins",
     "check_fmu",
     "compare",
+    "compare_groups",
     "design_signals",
     "diagnose",
     "doctor",
@@ -63,9 +67,11 @@ __all__ = [
     "locate",
     "measure_movement",
     "propose",
+    "push_prediction",
     "read",
     "refine",
     "render",
+    "sample_size",
 ]
 
 

@@ -15,9 +15,12 @@ from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.inspecting import inspect as inspect
 from lumbar.interface.movement import measure_movement as measure_movement
 from lumbar.interface.participants import analyse_survey as analyse_survey
+from lumbar.interface.people import compare_groups as compare_groups
+from lumbar.interface.people import sample_size as sample_size
 from lumbar.interface.person import basins as basins
 from lumbar.interface.person import lift as lift
 from lumbar.interface.proposing import propose as propose
+from lumbar.interface.pushing import push_prediction as push_prediction
 from lumbar.interface.reading import read as read
 from lumbar.interface.rendering import render as render
 from lumbar.interface.surgeons import bandwidth as bandwidth

@@ -42,9 +42,12 @@ CATEGORIES = {
     "lifting": "7 Lifting",
     "stability": "8 Basins of attraction",
     "perturbations": "8 Basins of attraction",
+    "population": "8 People compared",
+    "pushes": "8 Basins of attraction",
     "claims": "9 Claims",
 }
 STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}
+QUALITY = ("quality", "quality_of_trials")
 BENCHMARKS = Path("results") / STUDY / "benchmarks"
 RUN = {}  # what is told of the run under way
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
@@ -77,10 +80,11 @@ def in_report(name, path, label):
     return report(
         f"<results>/{path}",
         caption=str(WORKFLOW / "report" / f"{name}.rst"),
-        category=CATEGORIES["twin" if name == "quality" else SHEET[name].chapter],  # recordings come first
+        category=CATEGORIES["twin" if name in QUALITY else SHEET[name].chapter],  # recordings come first
         labels={"artefact": label},
     )
 
 
 wildcard_constraints:
     lift="|".join(study.lifts) or "none",
+    person="|".join(study.subjects) or "none",

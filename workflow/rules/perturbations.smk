@@ -10,7 +10,7 @@ if study.has("perturbations"):
             checked="<results>/checked/perturbations.json",
             sources=library_sources("perturbed_trials.py"),
         output:
-            **published("perturbed_trials", "perturbed_trials_figure"),
+            **published("quality_of_trials", "perturbed_trials", "perturbed_trials_figure"),
         log:
             "<logs>/perturbed_trials.log",
         benchmark:

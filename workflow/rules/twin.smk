@@ -40,7 +40,38 @@ rule twin_surgeon:
         "../scripts/twin_surgeon.py"
 
 
-if study.synthetic and study.has("lifting"):
+if study.cohort:
+
+    from lumbar.synthetic.cohort import lifts_of, marker_file, own_part
+
+    COHORT_LIFTS = list(lifts_of(study.cohort))
+
+    rule twin_person:
+        input:
+            sources=library_sources("twin_person.py"),
+        output:
+            markers=[f"<results>/twin/{marker_file('{person}', *lift)}" for lift in COHORT_LIFTS],
+        log:
+            "<logs>/twin_person/{person}.log",
+        benchmark:
+            "<benchmarks>/twin_person/{person}.tsv"
+        conda:
+            CONDA
+        params:
+            # Without the other groups and the numbers of persons: whoever is added makes nobody anew.
+            settings=without(settings.twin.lifting, "cohort", "people", "lifts", "hip_moment"),
+            cohort=lambda wildcards: plain(
+                own_part(study.cohort, study.subjects[wildcards.person].experience)
+            ),
+            person="{person}",
+            group=lambda wildcards: study.subjects[wildcards.person].experience,
+            seed=settings.twin.seed,
+        message:
+            "{wildcards.person}: synthetic lifts"
+        script:
+            "../scripts/twin_person.py"
+
+elif study.synthetic and study.lifts:
 
     rule twin_lifting:
         input:

@@ -1,10 +1,11 @@
-"""Perturbed and unperturbed trials against the basin of the unperturbed mean."""
+"""Perturbed and unperturbed trials against the basin of the unperturbed mean, and the quality of their recordings."""
 
 from job import run, stem
 
 
 def main(input, output, params):
     """Read all trials, compare them, write table and figure."""
+    from lumbar.quality.quality_table import quality_table
     from lumbar.quality.screening import read_screened
     from lumbar.reports.figures.perturbed_trials_figure import trials_figure
     from lumbar.reports.figures.style import save
@@ -16,11 +17,13 @@ def main(input, output, params):
 
     settings = typed(PerturbationsSettings, params.settings)
     stability, lifting = typed(StabilitySettings, params.stability), typed(LiftingSettings, params.lifting)
-    trials = [
-        trial_of(read_screened(path, settings.markers)[0], group, settings, lifting)
-        for group in ("unperturbed", "perturbed")
-        for path in input[group]
-    ]
+    trials, sheets = [], []
+    for group in ("unperturbed", "perturbed"):
+        for number, path in enumerate(input[group], start=1):
+            recording, sheet = read_screened(path, settings.markers)
+            trials.append(trial_of(recording, group, settings, lifting))
+            sheets.append({"lift": f"{group}_{number}", **sheet.as_dict()})
+    quality_table(sheets, params.data).write(stem(output.quality_of_trials))
     frame = compare_trials(trials, settings, stability)
     trials_table(frame, trials, settings, stability, params.data).write(stem(output.perturbed_trials))
     figure = trials_figure(trials, settings, stability)

@@ -39,7 +39,7 @@ def main(input, output, params):
     study = Study(lifts, boa, grid, settings, pd.read_csv(input.published), params.data)
     boa, disagreements = cross_checked(boa, study.trajectories(), settings)
     failures = joined([failures, failures_frame(disagreements)])
-    table, controls, differences, failures = tables_4_1(study, params.seed, failures)
+    table, controls, differences, failures = tables_4_1(study, failures)
     extended = joined([pd.read_csv(path, dtype=COUNTS) for path in input.extended])
     write_csv(output.boa, boa)
     write_csv(output.failures, failures)

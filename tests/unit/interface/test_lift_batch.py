@@ -97,7 +97,7 @@ def test_a_folder_of_lifts_is_analysed_whatever_one_of_them_is(recording, tmp_pa
     assert times.is_monotonic_increasing and times.nunique() == 3
     assert rows.at["ann_15kg", "release_method"] == "absent"
     assert rows.at["ann_10kg", "remark"] == "day1/lost.c3d is not in the folder"
-    assert "still moves when it is seen last" in rows.at["ann_15kg", "remark"]
+    assert "still moves at the last frame looked at" in rows.at["ann_15kg", "remark"]
     written = pd.read_csv(tmp_path / "out" / "lifts.csv")
     assert written["lift"].tolist() == table["lift"].tolist()
     measured = pd.read_csv(tmp_path / "out" / "movement_measures.csv").set_index("lift")
@@ -135,7 +135,7 @@ def test_a_lift_without_a_deposit_is_saved_and_its_basins_say_why(recording, tmp
     assert basins.areas.empty
     failures = basins.failures()
     assert len(failures) == 6
-    assert failures["reason"].str.contains("the box still moves when it is seen last").all()
+    assert failures["reason"].str.contains("the box still moves at the last frame looked at").all()
 
 
 def test_the_static_trial_of_a_person_tells_where_a_marker_that_is_never_seen_with_the_others_is(tmp_path):

@@ -222,7 +222,7 @@ def test_a_recording_that_ends_too_early_has_no_release(settings):
     keep = TIME <= 6.0
     cut = {name: points[keep] for name, points in late.positions.items()}
     events = find_events(MarkerRecording("cut", TIME[keep], RATE, cut, source="cut.c3d"), settings)
-    assert "still moves when it is seen last, at 6.00 s" in events["release"].how
+    assert "still moves at the last frame looked at, 6.00 s" in events["release"].how
     assert events["deposit_start"].time_s == pytest.approx(5.0, abs=0.05)
 
 

@@ -139,7 +139,7 @@ def test_swapped_sides_are_noticed(tmp_path):
 
 WALKING = (
     ("10_plugin_outputs.c3d", "+x", "the toes are ahead of the heels along +x"),
-    ("07_subject_labels.c3d", "-x", "not to the right of the left side"),
+    ("07_subject_labels.c3d", "-x", "the toes are ahead of the ankles along -x"),
 )
 
 
@@ -175,7 +175,9 @@ def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
     front = {**sides, "L_ASIS": (-0.12, 0.1, 1.0), "R_ASIS": (0.12, 0.1, 1.0)}
     path = write(tmp_path, front)
     aliases = {name: name for name in front}
-    with pytest.raises(InputError, match=r'set forward: "\+y" \(check'):
+    with pytest.raises(
+        InputError, match=r'front of the pelvis is ahead of its back along \+y; set forward: "\+y" \(or check'
+    ):
         read_markers(path, layout_of(aliases=aliases, forward="-y"))
     swapped = {
         **aliases,
@@ -196,6 +198,35 @@ def test_up_is_told_by_usual_labels_where_no_alias_names_them(shared, run):
     status, _, told = run("check", path)
     assert status == 1
     assert 'set up: "+y"' in told
+
+
+FACING = (
+    ("s2m_box_transfer/Vicon.c3d", "+z", "-x", "the front of the pelvis is ahead of its back"),
+    ("sts_trunk_flexion_trc/sts_unperturbed_1.trc", "+y", "+x", "the toes are ahead of the heels"),
+)
+
+
+@pytest.mark.parametrize(("name", "up", "forward", "said"), FACING)
+def test_forward_is_told_by_usual_labels_where_no_alias_names_them(shared, run, name, up, forward, said):
+    layout = replace(LiftingSettings().markers, up=up)
+    path = shared / "real" / "lifting" / name
+    assert not read_upright(path, replace(layout, forward=forward)).notes
+    for wrong in {"+x", "-x", "+y", "-y", "+z", "-z"} - {forward, up, up.replace("+", "-")}:
+        for read in (read_upright, read_screened):
+            with pytest.raises(InputError) as caught:
+                read(path, replace(layout, forward=wrong))
+            assert (
+                f'{said} along {forward} by its usual labels, which no alias names; set forward: "{forward}"'
+                in str(caught.value)
+            )
+
+
+def test_axes_that_no_label_tells_are_said_not_to_be_checked(tmp_path, run):
+    path = write(tmp_path, {f"Q{number}": point for number, point in enumerate(BODY.values())})
+    status, told, _ = run("check", path)
+    assert status == 0
+    assert "not checked: up and forward of the axes, which no known label of the body tells" in told
+    assert "not checked" not in run("check", write(tmp_path, BODY))[1]
 
 
 def test_person_bent_to_the_floor_does_not_contradict_up(tmp_path):
@@ -334,7 +365,7 @@ def test_other_files(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_markers(tmp_path / "absent.c3d")
     (tmp_path / "trial.xyz").write_text("time_s\n0\n")
-    with pytest.raises(InputError, match=r"read from \.c3d, \.trc, \.csv and \.bvh files, not '\.xyz'"):
+    with pytest.raises(InputError, match=r"read from .*\.mat and \.bvh files, also with \.gz, not '\.xyz'"):
         read_markers(tmp_path / "trial.xyz")
 
 

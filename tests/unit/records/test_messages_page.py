@@ -84,6 +84,9 @@ FILES = {
     "markers.up:": c3d(
         points=POINTS[..., [0, 2, 1]], labels=["C7", "SACRUM", "L_TOE"], layout=MarkerLayout(up="+z")
     ),
+    "but the toes are ahead": c3d(
+        points=np.add(POINTS, [[0, 0, 0], [0, 0, 0], [0, -300, 390]]), labels=["C7", "L_HEEL", "L_TOE"]
+    ),
     "stands for several subjects": c3d(labels=["ann:C7", "bob:C7", "ann:SACRUM"]),
     "cells;": trc(lose=True),
     "NumFrames:": trc(frames=40),

@@ -114,7 +114,7 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, mon
     study = study_of([lift_states(), lift_states("novice")], replace(FAST, checks=()), published)
     gone = (study.boa["subject"] == "novice") & (study.boa["com"] == "thorax") & (study.boa["time"] == "real")
     monkeypatch.setattr(table_module, "varied_areas", areas)
-    table, controls, _, missing = tables_4_1(replace(study, boa=study.boa[~gone]), 1)
+    table, controls, _, missing = tables_4_1(replace(study, boa=study.boa[~gone]))
     rows = table.frame.set_index(["comparison", "com"])
     row = rows.loc["expert_vs_novice", "thorax"]
     assert row["status"].startswith("no basin: novice 23 kg thorax lateral_bending")
@@ -130,7 +130,7 @@ def test_a_lift_without_any_basin_is_still_compared_by_name(published):
     lost = lift_states(hips=False)
     lost.facts["length_m"] = {com: dict.fromkeys(PLANES, 0.02) for com in COMS}
     study = study_of([lost, lift_states(box=15.0, hips=False)], replace(FAST, checks=()), published)
-    table, _, grid, _ = tables_4_1(study, 1)
+    table, _, grid, _ = tables_4_1(study)
     status = table.frame.set_index(["comparison", "com"])["status"]
     assert status["decrease_in_mass_expert", "pelvis"].startswith(
         "no basin: expert 23 kg pelvis lateral_bending"

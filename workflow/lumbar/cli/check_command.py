@@ -98,7 +98,7 @@ def _line(description: dict) -> str:
         return f"{description['file']}: {description['participants']} participants rated {models}"
     clock = "{file}: {samples} samples, {rate_Hz:g} Hz, {duration_s:g} s".format(**description)
     if description["reader"] == "markers":
-        return f"{clock}; markers {', '.join(description['markers'])}"
+        return "; ".join([f"{clock}; markers {', '.join(description['markers'])}", *description["notes"]])
     channels = description["channels"].items()
     return f"{clock}; " + ", ".join(
         f"{role}: {item['quantity']} in {item['unit']}" for role, item in channels

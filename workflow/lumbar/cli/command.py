@@ -22,6 +22,7 @@ COMMANDS = (
     "locate",
     "diagnose",
     "propose",
+    "explore",
     "refine",
     "doctor",
     "render",

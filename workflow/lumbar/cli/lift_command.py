@@ -45,6 +45,12 @@ def add(commands) -> None:
         help="ground reaction forces of one lift, .mot or C3D (default: the trial's, or those in the file)",
     )
     parser.add_argument("--static", type=Path, metavar="FILE", help="static trial (default: the subject's)")
+    parser.add_argument(
+        "--body-model",
+        action="store_true",
+        help="fit one model of trunk, limbs and box to all markers of the file besides: the same pendulums with standard "
+        "deviations, basin areas with 95%% intervals, markers with their noise and outliers (body_model_*.csv)",
+    )
     add_output(parser)
     add_data(parser)
     parser.set_defaults(run=run)
@@ -76,6 +82,10 @@ def run(options) -> None:
     print(found)
     print(measures)
     print("\n".join(found.checks))
+    if options.body_model:
+        model = found.body_model(study.stability)
+        model.save(options.output)
+        print(f"body model fitted to all markers:\n{model}")
     print("\n".join(_closing(found, options.output)))
 
 
@@ -92,8 +102,10 @@ def _run_all(options, study) -> None:
     from lumbar.interface.lift_batch import lift_all, planned_lifts
     from lumbar.interface.person import subject_of
 
-    if options.trial or options.forces:
-        raise InputError("--trial and --forces are those of one lift of one file: give that file alone")
+    if options.trial or options.forces or options.body_model:
+        raise InputError(
+            "--trial, --forces and --body-model are those of one lift of one file: give that file alone"
+        )
     subject = subject_of(options.subject)
     lifts = planned_lifts(options.markers, subject)
     table, failed = lift_all(

@@ -7,5 +7,13 @@ from typing import get_args
 from lumbar.settings.study_settings import Chapter
 
 CHAPTERS: tuple[str, ...] = get_args(Chapter)
-NEEDS = {"signals": ["surgeon"], "improvement": ["tissue"], "runtime": ["tissue"], "stability": ["lifting"]}
+NEEDS = {
+    "signals": ["surgeon"],
+    "improvement": ["tissue"],
+    "runtime": ["tissue"],
+    "stability": ["lifting"],
+    "pushes": ["lifting"],
+}
 """Chapters that build on another one of the same study."""
+LIFTED = {"lifting", "population"}
+"""Chapters that begin with the recorded lifts."""

@@ -151,12 +151,12 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
         _check_gravity(settings, add)
     if study.has("survey"):
         _check_survey(settings.survey, add)
-    if study.has("lifting") and not study.lifts:
+    if (study.has("lifting") or study.has("population")) and not study.lifts:
         add("lifting.subjects", "none", "the chapter needs a file of config/subjects at least")
     for name, subject in study.subjects.items():
         if not subject.trials:
             add("lifting.subjects", f"{name} has no trials", "list its recordings in config/subjects")
-    if study.has("stability"):
+    if study.has("stability") or study.has("population"):
         _check_groups(study, add)
     if study.has("stability") or study.has("perturbations"):
         from lumbar.stability.model.riccati import weight_problems

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lumbar.config.artefacts import read_artefacts
-from lumbar.config.chapters import NEEDS
+from lumbar.config.chapters import LIFTED, NEEDS
 from lumbar.config.consistency import check_consistency
 from lumbar.config.study import TWIN, RecordedLift, Study
-from lumbar.config.validation import Origins, validated
+from lumbar.config.validation import Origins, laid_over, validated
 from lumbar.errors import Problems
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings
@@ -65,11 +65,26 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
             if row.chapter in chapters
         ],
         data_root=_data_root(settings, root, problems, origins),
-        lifts=lifts if "lifting" in chapters else {},
+        lifts=lifts if LIFTED & set(chapters) else {},
     )
     check_consistency(study, root, origins, problems)
     problems.raise_if_any()
     return study
+
+
+DEFAULT_FILES = (Path("config/config.yaml"), Path("config/twin.yaml"))
+"""What every study of a project is laid over."""
+
+
+def load_study_file(root: Path, file: Path | None = None) -> Study:
+    """Return the study of a project's default files, with a study's file laid over them; errors as of `load_study`."""
+    files = [root / path for path in DEFAULT_FILES if (root / path).is_file()]
+    files += [] if file is None else [file]
+    problems, content = Problems("configuration"), {}
+    for path in files:
+        content = laid_over(content, read_yaml(path, problems).content)
+    problems.raise_if_any()
+    return load_study(content, root, files)
 
 
 def _below(root: Path, file: str | Path) -> Path:
@@ -124,10 +139,14 @@ def _load_subjects(
             config.get("lifting", {}).get("subjects", []) if isinstance(config.get("lifting"), dict) else []
         )
         names = [] if "subject" in config or not isinstance(names, list) else filter(_is_name, names)
-    elif "lifting" not in settings.chapters:
+    elif not LIFTED & set(settings.chapters):
         return {}
     elif settings.subject:
         return {settings.subject.name: settings.subject}
+    elif settings.data == TWIN and settings.twin.lifting.cohort:
+        from lumbar.synthetic.cohort import cohort_subjects
+
+        return cohort_subjects(settings.twin.lifting.cohort, settings.twin.seed)
     else:
         names = settings.lifting.subjects
     subjects = {}

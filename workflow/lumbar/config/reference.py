@@ -36,7 +36,8 @@ def keys(section: type, defaults: dict, prefix: str = "") -> Iterator[tuple[str,
         if inner is None or item.kind is not inner:
             yield f"{prefix}{name}", item, value
         if inner is not None:
-            yield from keys(inner, value if isinstance(value, dict) else {}, f"{prefix}{name}.")
+            given = value if isinstance(value, dict) else defaults_of(inner) if value is None else {}
+            yield from keys(inner, given, f"{prefix}{name}.")
         yield from _entries(item, f"{prefix}{name}")
 
 

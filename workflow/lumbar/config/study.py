@@ -8,6 +8,7 @@ from pathlib import Path
 from lumbar.config.artefacts import Artefact
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.twin import CohortSettings
 from lumbar.tables import SYNTHETIC_TWIN
 
 TWIN = "twin"
@@ -73,6 +74,19 @@ class Study:
     def labels(self) -> dict[str, str]:
         """Label of every subject by which Table 4.1 compares people."""
         return {name: subject.experience for name, subject in self.subjects.items()}
+
+    @property
+    def cohort(self) -> CohortSettings | None:
+        """The distributions that the study's people are drawn from, where they are."""
+        return self.settings.twin.lifting.cohort if self.synthetic else None
+
+    @property
+    def lifts_by_person(self) -> dict[str, dict[str, RecordedLift]]:
+        """Lifts of every person by name."""
+        found: dict[str, dict[str, RecordedLift]] = {person: {} for person in self.subjects}
+        for name, lift in self.lifts.items():
+            found[lift.subject][name] = lift
+        return found
 
     def has(self, chapter: str) -> bool:
         """Whether the study includes a chapter."""

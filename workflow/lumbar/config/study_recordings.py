@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from lumbar.config.chapters import LIFTED
 from lumbar.config.study import Study
 from lumbar.settings.plain import plain
 
@@ -34,7 +35,12 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
     }
     if settings.perturbations:
         files["perturbations"] = [*settings.perturbations.unperturbed, *settings.perturbations.perturbed]
-    return {chapter: names for chapter, names in files.items() if names and study.has(chapter)}
+    lifted = not LIFTED.isdisjoint(study.settings.chapters)
+    return {
+        chapter: names
+        for chapter, names in files.items()
+        if names and (lifted if chapter == "lifting" else study.has(chapter))
+    }
 
 
 def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, float | None]:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from lumbar.interface.proposed_law import ProposedLaw
     from lumbar.models.fitted_model import FittedModel
     from lumbar.models.form import Effect
+    from lumbar.reports.explorer.page import ExplorerPage
 
 FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"
 
@@ -259,7 +260,11 @@ class Diagnosis:
     def add(self, *effects: str) -> Refinement:
         """Refit the base with the selected effects and these; effects that are there already are not added twice."""
         wanted = list(dict.fromkeys([*self.selected, *effects]))
-        return _refined(self.records, wanted, self.settings, self.seed, self.data)
+        return self.refit(wanted)
+
+    def refit(self, effects: Iterable[str]) -> Refinement:
+        """Fit the base with these effects and no others; arguments and errors as of `lumbar.refine`."""
+        return _refined(self.records, list(effects), self.settings, self.seed, self.data)
 
     def propose(self) -> ProposedLaw:
         """Look for a short formula for what the catalogue leaves.
@@ -283,10 +288,24 @@ class Diagnosis:
         return ProposedLaw(proposal, self.candidates, self.data)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
-        """Return the page of the diagnosis."""
+        """Return the diagnosis as a page without script, for notebooks and mail."""
         from lumbar.reports.pages.diagnosis_page import diagnosis_page
 
         return diagnosis_page(self.verdict, self.evidence, self.candidates, self.data, dict(pictures or {}))
+
+    def page(self, pictures: Mapping[str, Path] | None = None) -> ExplorerPage:
+        """Return the page that one can look around in: every model that was fitted beside every record."""
+        from lumbar.reports.explorer.page import ExplorerPage
+        from lumbar.reports.pages.diagnosis_page import evidence_blocks
+
+        return ExplorerPage(
+            self.verdict,
+            self.evidence,
+            self.candidates,
+            self.base_on_records,
+            self.data,
+            evidence_blocks(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
+        )
 
     def save(self, folder: str | os.PathLike, pictures: bool = True) -> None:
         """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json``, ``diagnosis.html`` and a proposed law's file.
@@ -307,7 +326,7 @@ class Diagnosis:
             drawn = self._save_pictures(folder)
         document = refined_document(self.verdict.path, self.verdict.experiment, self.data)
         write_json(folder / "refined.json", document)
-        write_text(folder / "diagnosis.html", self.to_html(drawn))
+        write_text(folder / "diagnosis.html", self.page(drawn).to_html())
         write_diagnosis(self.verdict, self.evidence, folder, self.data)
         self._save_law(folder / "proposed_law.yaml")
 

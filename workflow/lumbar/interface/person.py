@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
+    from lumbar.interface.body_model import LiftModel
     from lumbar.lifting.other_pivots import OtherPivot
     from lumbar.lifting.plate_check import PlateCheck
     from lumbar.quality.sheet import QualitySheet
@@ -100,8 +101,10 @@ def lift(
     name = name or found
     static = static or static_of(subject, trial, Path(markers))
     forces = forces or forces_of(subject, trial, Path(markers))
-    bodies = BodyFilling(settings, None if static is None else labelled_markers(static, settings.markers))
+    standing = None if static is None else labelled_markers(static, settings.markers, subject.height_m)
+    bodies = BodyFilling(settings, standing)
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
+    sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
     return Lift(
         lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings),
         subject,
@@ -113,12 +116,18 @@ def lift(
     )
 
 
-def labelled_markers(path: str | os.PathLike, layout: MarkerLayout) -> dict[str, np.ndarray]:
-    """Markers of a file by their own labels, in metres and standard axes; of one frame at least."""
+def labelled_markers(path: str | os.PathLike, layout: MarkerLayout, height_m: float) -> dict[str, np.ndarray]:
+    """Markers of a static trial by their own labels, in metres and standard axes, without what cannot be a body's."""
+    from lumbar.quality.screening import Screening
     from lumbar.records.markers import read_markers
 
     bare = replace(layout, aliases={}, required=None, check_axes=False)
-    return read_markers(path, bare, minimum_frames=1).positions
+    screening = Screening(height_m, layout.aliases)
+    try:
+        return read_markers(path, bare, minimum_frames=1, screen=screening).positions
+    except InputError as error:
+        text = str(error)
+        raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error
 
 
 def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
@@ -243,6 +252,12 @@ class Lift:
     def doubt(self) -> str:
         """Whether hands that stand for the box may have made several lifts; empty where not."""
         return hands_doubt(self.analysed.recording, self.analysed.events, self.settings.events)
+
+    def body_model(self, stability: StabilitySettings | None = None) -> LiftModel:
+        """Fit one model of trunk, limbs and box to all markers: the same pendulums with standard deviations."""
+        from lumbar.interface.body_model import body_model
+
+        return body_model(self.analysed, self.subject, self.trial, self.settings, self.data, stability)
 
     @property
     def file_events(self) -> list[str]:

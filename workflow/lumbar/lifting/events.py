@@ -160,12 +160,19 @@ class _Search:
                 raise NotFound("no box markers and no wrist markers: what is lifted is not seen")
             found = getattr(self, f"_{name}")()
         except NotFound as reason:
-            return Event(None, ABSENT, str(reason))
+            return Event(None, ABSENT, "; ".join([str(reason), *self._seen()]))
         words = [] if self.what == "box" else ["hands taken for the box, which has no markers"]
-        if len(self.part) < len(self.whole):
-            first, last = self.part.time[[0, -1]]
-            words.append(f"the {self.what} is seen without a gap from {first:.2f} to {last:.2f} s")
-        return replace(found, how="; ".join([*words, found.how]))
+        return replace(found, how="; ".join([*words, *self._seen(), found.how]))
+
+    def _seen(self) -> list[str]:
+        """Words for the part in which what is lifted is seen, where that is not all."""
+        if self.part is None or len(self.part) == len(self.whole):
+            return []
+        first, last = self.part.time[[0, -1]]
+        are = "is" if self.what == "box" else "are"
+        return [
+            f"the {self.what} {are} seen without a gap from {first:.2f} to {last:.2f} s, and looked for there alone"
+        ]
 
     def anything_is_lifted(self) -> bool:
         """Whether a lift-off or a release is known."""
@@ -293,7 +300,7 @@ def _release(recording: MarkerRecording, box: np.ndarray, settings: EventSetting
         how = f"the box comes to rest (slower than {settings.box_rest_m_s:g} m/s){parted}"
         return Event(float(time[stop]), DETECTED, how)
     if separation is None:
-        raise NotFound(f"the box still moves when it is seen last, at {time[-1]:.2f} s")
+        raise NotFound(f"the box still moves at the last frame looked at, {time[-1]:.2f} s")
     return Event(
         float(time[separation]),
         DETECTED,
@@ -352,7 +359,7 @@ def _hands_release(
     falling = np.flatnonzero(climb[top : bottom + 1] < -settings.box_rest_m_s)
     stop = min(top + int(falling[-1]) + 1, bottom) if falling.size else bottom
     if stop >= len(time) - 1:
-        raise NotFound(f"the hands still go down when they are seen last, at {time[-1]:.2f} s")
+        raise NotFound(f"the hands still go down at the last frame looked at, {time[-1]:.2f} s")
     parting = (
         "the last great descent: whether they hold anything is not seen"
         if held is None

@@ -109,8 +109,6 @@ def fill_gaps(
 def _fill(
     marker: str, points: np.ndarray, recording: MarkerRecording, maximum_s: float
 ) -> tuple[np.ndarray, list[Gap]]:
-    from scipy.interpolate import CubicSpline
-
     seen = np.isfinite(points).all(axis=1)
     filled = points.copy()
     # At least the two frames on each side, however short the longest gap may be.
@@ -123,6 +121,8 @@ def _fill(
         after = gap.stop + np.flatnonzero(seen[gap.stop : gap.stop + reach])
         outcome = _outcome(gap, len(points), length_s, maximum_s, min(len(before), len(after)))
         if outcome == FILLED:
+            from scipy.interpolate import CubicSpline
+
             support = np.concatenate((before, after))
             spline = CubicSpline(recording.time[support], points[support])
             filled[gap] = spline(recording.time[gap])

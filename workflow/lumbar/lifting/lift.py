@@ -154,7 +154,8 @@ def analyse_lift(
             )
         except SamplesMissing as error:
             needed = _needed(points, table.ends_of(com), settings.pivot)
-            missing[com] = f"{error}; {why_missing(smooth, needed, error.frames, gaps, findings)}"
+            ends = _markers_of(points, table.ends_of(com))
+            missing[com] = f"{error}; {why_missing(smooth, needed, ends, error.frames, gaps, findings)}"
         except LumbarError as error:
             missing[com] = str(error)
         else:
@@ -230,8 +231,12 @@ def _refuse_gaps(
 
 def _needed(points: TrunkPoints, ends: Sequence[str], pivot: str) -> list[str]:
     """Markers that some ends of segments and the pivot are computed from."""
-    used = [points.points[name] for name in (*ends, *PIVOTS[pivot]) if name in points]
-    return list(dict.fromkeys([*PIVOTS[pivot], *(marker for end in used for marker in end.markers)]))
+    return list(dict.fromkeys([*PIVOTS[pivot], *_markers_of(points, [*ends, *PIVOTS[pivot]])]))
+
+
+def _markers_of(points: TrunkPoints, ends: Sequence[str]) -> list[str]:
+    used = [points.points[name] for name in ends if name in points]
+    return list(dict.fromkeys(marker for end in used for marker in end.markers))
 
 
 def no_deposit(events: dict[str, Event]) -> str | None:

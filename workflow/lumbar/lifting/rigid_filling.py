@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.lifting.gaps import FILLED, Gap, runs
+from lumbar.quality.finding import NOTED, Clock, Finding
 from lumbar.records.marker_aliases import labels_of
 
 if TYPE_CHECKING:
@@ -27,6 +28,9 @@ FLATTEST_M = 0.01
 """Least spread (root mean square) of markers across the line they lie nearest to: less tells no turning about it."""
 BESIDE = 5
 """Frames on each side of a gap whose mean tells what the fit misses there: one alone carries its own noise."""
+OTHER_BODY_M = 0.008
+"""Difference between static trial and recording that is another body's: a pelvis in gait differs by 2 mm from its own static
+trial, and by 15 mm from somebody else's."""
 ALIGNMENTS = 3
 """Times that full frames are laid on their mean: it no longer moves then by a hundredth of a millimetre."""
 
@@ -57,21 +61,24 @@ def fitted(shape: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    shape : ndarray, shape (m, 3) or (n, m, 3)
-    frames : ndarray, shape (n, k, 3) or (k, 3)
-        Where its first k ≤ m points are. One of both may be the same in all frames.
+    shape : ndarray, shape (m, 3)
+    frames : ndarray, shape (n, k, 3)
+        Where its first k ≤ m points are.
 
     Returns
     -------
     ndarray, shape (n, m, 3)
     """
-    known = shape[..., : frames.shape[-2], :]
-    middle, centres = known.mean(axis=-2, keepdims=True), frames.mean(axis=-2, keepdims=True)
-    covariance = np.einsum("...ki,...kj->...ij", known - middle, frames - centres)
-    left, _, right = np.linalg.svd(covariance)
-    turned = np.linalg.det(left @ right)
-    left[:, :, 2] *= turned[:, None]
-    return (shape - middle) @ (left @ right) + centres
+    known = shape[: frames.shape[1]]
+    return (shape - known.mean(axis=0)) @ _turns(known, frames) + frames.mean(axis=1, keepdims=True)
+
+
+def _turns(known: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Rotations that lay points, shape (k, 3), best on each frame, shape (n, k, 3); shape (n, 3, 3)."""
+    centred = frames - frames.mean(axis=1, keepdims=True)
+    left, _, right = np.linalg.svd(np.einsum("ki,nkj->nij", known - known.mean(axis=0), centred))
+    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
+    return left @ right
 
 
 def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source: str) -> BodyShape | None:
@@ -92,11 +99,30 @@ def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source
     frames = frames[np.isfinite(frames).all(axis=(1, 2))]
     if not len(frames):
         return None
-    shape = frames[0]
+    shape, few = frames[0], _few(frames)
     for _ in range(ALIGNMENTS):
-        shape = fitted(_few(frames), shape).mean(axis=0)
+        # The frames laid on the shape: the rotations of the shape laid on the frames, the other way round.
+        back = _turns(shape, few).transpose(0, 2, 1)
+        shape = ((few - few.mean(axis=1, keepdims=True)) @ back).mean(axis=0) + shape.mean(axis=0)
     residual = float(np.sqrt(np.mean(np.sum((fitted(shape, frames) - frames) ** 2, axis=2))))
     return BodyShape(names, shape, residual, source)
+
+
+def _misfit(shape: BodyShape, points: Mapping[str, np.ndarray]) -> float | None:
+    """Root mean square by which the body in a recording differs from a shape; None where three markers are never seen together.
+
+    Of markers that are in no frame all seen, the one seen least goes first.
+    """
+    seen = {label: np.isfinite(points[label]).all(axis=1) for label in shape.labels if label in points}
+    names = sorted(seen, key=lambda label: -seen[label].sum())
+    while len(names) >= FEWEST and not np.all([seen[name] for name in names], axis=0).any():
+        names.pop()
+    if len(names) < FEWEST:
+        return None
+    together = np.all([seen[name] for name in names], axis=0)
+    frames = _few(np.stack([points[name][together] for name in names], axis=1))
+    known = shape.points[[shape.labels.index(name) for name in names]]
+    return float(np.sqrt(np.mean(np.sum((fitted(known, frames) - frames) ** 2, axis=2))))
 
 
 def _few(frames: np.ndarray) -> np.ndarray:
@@ -202,11 +228,14 @@ class BodyFilling:
     ----------
     gaps : list of Gap
         What was filled.
+    findings : list of Finding
+        Bodies that the static trial has another shape of.
     """
 
     def __init__(self, settings: LiftingSettings, static: Mapping[str, np.ndarray] | None = None):
         self.aliases, self.rules, self.static = settings.markers.aliases, settings.gaps, static or {}
         self.gaps: list[Gap] = []
+        self.findings: list[Finding] = []
 
     def __call__(self, points: dict[str, np.ndarray], time: np.ndarray) -> dict[str, np.ndarray]:
         """Return the markers with the long gaps of every body filled, as far as three others of it are seen."""
@@ -214,13 +243,36 @@ class BodyFilling:
         for body, markers in self.rules.rigid.items():
             named = [label for marker in markers for label in labels_of(marker, self.aliases)]
             labels = [label for label in dict.fromkeys(named) if label in points]
-            shape = body_shape(self.static, labels, "the static trial")
+            if not any(_has_long_gap(points[label], rate, self.rules.maximum_s) for label in labels):
+                continue
+            shape = self._static_shape(body, labels, points, Clock(time, rate))
             shape = shape or body_shape(points, labels, "this recording")
             if shape is None or shape.residual_m > self.rules.rigid_tolerance_m:
                 continue
             points, gaps = fill_rigid(points, rate, float(time[0]), shape, body, self.rules.maximum_s)
             self.gaps += gaps
         return points
+
+    def _static_shape(
+        self, body: str, labels: list[str], points: Mapping[str, np.ndarray], clock: Clock
+    ) -> BodyShape | None:
+        """Shape of a body in the static trial; None where the recording shows another one."""
+        shape = body_shape(self.static, labels, "the static trial")
+        misfit = None if shape is None else _misfit(shape, points)
+        if misfit is None or misfit <= OTHER_BODY_M:
+            return shape
+        evidence = (
+            f"the {body} of the static trial and of this recording differ by {1e3 * misfit:.0f} mm (root mean square); its shape "
+            "fills no gap here"
+        )
+        cause = "the static trial of another person, markers that were placed anew, or labels exchanged in one of both"
+        self.findings.append(clock.finding("static", NOTED, tuple(labels), evidence, cause))
+        return None
+
+
+def _has_long_gap(points: np.ndarray, rate: float, longer_than_s: float) -> bool:
+    missing = ~np.isfinite(points).all(axis=1)
+    return any(_is_long(gap, len(points), rate, longer_than_s) for gap in runs(missing))
 
 
 def _is_long(gap: slice, frames: int, rate: float, longer_than_s: float) -> bool:

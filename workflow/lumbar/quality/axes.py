@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 import numpy as np
 
 from lumbar.quality.body import rightward, trunk_axis
 from lumbar.quality.landmarks import landmarks
-from lumbar.records.marker_axes import check_up, upright
+from lumbar.records.marker_axes import check_axes, tells_axes
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import Axis, MarkerLayout
 
+_BY_LABELS = " by its usual labels, which no alias names"
 AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 
 
@@ -36,12 +38,15 @@ def axes_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[Ax
 
 
 def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecording:
-    """Read a marker file as `lumbar.records.markers.read_markers` does, and compare `markers.up` by all usual labels.
+    """Read a marker file as `lumbar.records.markers.read_markers` does, and compare its axes with the body by all usual labels.
+
+    What no marker tells is among the notes of the recording.
 
     Raises
     ------
     InputError
-        As `read_markers`; and where the body stands along another axis than `markers.up`.
+        As `read_markers`; and where the body stands or faces along another axis than `markers.up` or `markers.forward`, or left
+        and right are exchanged.
     """
     measured: dict[str, np.ndarray] = {}
 
@@ -50,14 +55,17 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
         return points, {}
 
     recording = read_markers(path, layout, screen=kept)
-    check_unaliased_up(measured, recording, layout)
-    return recording
+    unknown = check_unaliased_axes(measured, recording, layout)
+    if not unknown:
+        return recording
+    note = f"not checked: {' and '.join(unknown)} of the axes, which no known label of the body tells"
+    return replace(recording, notes=(*recording.notes, note))
 
 
-def check_unaliased_up(
+def check_unaliased_axes(
     points: dict[str, np.ndarray], recording: MarkerRecording, layout: MarkerLayout
-) -> None:
-    """Raise where no alias tells which way the body stands, but usual labels do, and it is not up.
+) -> list[str]:
+    """Raise where usual labels show a body that stands or faces another way than declared, and no alias tells.
 
     Parameters
     ----------
@@ -66,16 +74,22 @@ def check_unaliased_up(
     recording : MarkerRecording
         The same under standard names.
 
+    Returns
+    -------
+    list of str
+        Which of up and forward no marker tells.
+
     Raises
     ------
     InputError
     """
-    if not layout.check_axes or upright(recording.positions) is not None:
-        return
+    if not layout.check_axes:
+        return []
+    if not tells_axes(recording.positions):
+        return []
     body = {name: points[label] for name, label in landmarks(points).items()}
-    upward = upright(body)
-    if upward is not None:
-        check_up(upward, layout, recording.source, " by its usual labels, which no alias names")
+    check_axes({**body, **recording.positions}, layout, recording.source, _BY_LABELS)
+    return tells_axes({**body, **recording.positions})
 
 
 def _signed(vector: np.ndarray) -> Axis:

@@ -29,6 +29,8 @@ _DRIFTING = 0.15
 _STRAYED = 0.4
 """Change of x in 0.3 s on the right side of a leap: where it is more, and twice that on the other side, that one may be right."""
 _BESIDE_S = 0.3
+_ENOUGH_FRAMES = 2000
+"""Frames, spread over a recording, from which the unrest of a distance is told."""
 _SAME_FRAME = 3
 
 
@@ -127,16 +129,24 @@ def _sides(
     for other, positions in points.items():
         if other in without or other == label:
             continue
-        distance = np.linalg.norm(points[label] - positions, axis=1)
-        ends = distance[max(0, leap.last - 2) : leap.last + 1], distance[leap.first : leap.first + 3]
+        ends = [
+            np.linalg.norm(points[label][frames] - positions[frames], axis=1)
+            for frames in (slice(max(0, leap.last - 2), leap.last + 1), slice(leap.first, leap.first + 3))
+        ]
         if all(np.isfinite(end).any() for end in ends):
             before, after = (float(np.nanmedian(end)) for end in ends)
-            unrest = max(_LEAST_UNREST_M, _spread(distance, leap))
+            if abs(after - before) <= _CLEAR * _LEAST_UNREST_M:
+                continue
+            unrest = max(_LEAST_UNREST_M, _spread(points[label], positions, leap))
             if abs(after - before) > _CLEAR * unrest:
-                mates.append((unrest / abs(after - before), other, distance, before, after - before))
+                mates.append((unrest / abs(after - before), other, before, after - before))
     mates = sorted(mates, key=lambda mate: mate[0])[:_MATES]
     if len(mates) < _LEAST_MATES:
         return None
+    mates = [
+        (share, other, np.linalg.norm(points[label] - points[other], axis=1), before, step)
+        for share, other, before, step in mates
+    ]
     likeness = _likeness(mates)
     known = np.isfinite(likeness).sum()
     near = [int((np.abs(likeness - side) < _NEAR).sum()) for side in (0, 1)]
@@ -161,9 +171,14 @@ def _largest(values: np.ndarray) -> float:
     return float(known.max()) if known.size else 0.0
 
 
-def _spread(distance: np.ndarray, leap: Leap) -> float:
-    """Standard deviation, by the quartiles, of a distance about its median on each side of a leap."""
-    sides = [side[np.isfinite(side)] for side in (distance[: leap.last + 1], distance[leap.first :])]
+def _spread(one: np.ndarray, other: np.ndarray, leap: Leap) -> float:
+    """Standard deviation, by the quartiles, of the distance of two markers about its median on each side of a leap."""
+    every = max(1, len(one) // _ENOUGH_FRAMES)
+    distances = (
+        np.linalg.norm(one[frames] - other[frames], axis=1)
+        for frames in (slice(leap.last, None, -every), slice(leap.first, None, every))
+    )
+    sides = [side[np.isfinite(side)] for side in distances]
     low, high = np.percentile(np.concatenate([side - np.median(side) for side in sides]), (25, 75))
     return float(high - low) / 1.349
 

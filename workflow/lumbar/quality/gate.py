@@ -14,8 +14,8 @@ from lumbar.quality.landmarks import landmarks
 from lumbar.quality.leaps import Leap, find_leaps, step_sizes
 from lumbar.quality.lengths import length, off_its_part, rigid_mates
 from lumbar.quality.missing_frames import missing_frames
-from lumbar.quality.tempo import FINE_RATE, HIGHEST_HZ, LOWEST_HZ, USUAL_HZ, frequency_scale
-from lumbar.quality.trajectories import LABORATORY_M, beyond_laboratory, copied, frozen
+from lumbar.quality.tempo import FINE_RATE, HIGHEST_HZ, LOWEST_HZ, USUAL_HZ, frequency_scale, tells_tempo
+from lumbar.quality.trajectories import LABORATORY_M, beyond_laboratory, copied, frozen, held
 
 _WRONG_UNIT = 1.8
 _OTHER_STATURE = 1.25
@@ -74,7 +74,7 @@ def examine(
     wrong = _unit(points, named, clock, height_m)
     if wrong:
         return wrong
-    findings: list[Finding] = []
+    findings, stepping = held(points, clock)
     for check in (beyond_laboratory, frozen, partial(copied, named=named)):
         found = check(points, clock)
         findings += found
@@ -82,7 +82,8 @@ def examine(
     found, points = _leaps(points, named, clock)
     findings += found
     findings += _rigid_parts(points, clock)
-    findings += _stature(points, named, clock, height_m) + _jitter(points, clock)
+    findings += _stature(points, named, clock, height_m)
+    findings += _jitter({label: points[label] for label in points if label not in stepping}, clock)
     if not any(finding.kind == "missing frames" for finding in findings):
         findings += _tempo(points, clock)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
@@ -91,7 +92,6 @@ def examine(
 
 def unchecked(
     points: dict[str, np.ndarray],
-    rate: float,
     height_m: float | None = None,
     meant: dict[str, str] | None = None,
 ) -> dict[str, str]:
@@ -99,7 +99,7 @@ def unchecked(
 
     Parameters
     ----------
-    points, rate, height_m, meant
+    points, height_m, meant
         As of `examine`.
     """
     if not points:
@@ -121,7 +121,7 @@ def unchecked(
         found["left and right"] = "the labels name fewer than three pairs of sides"
     if len(levels_found(sampled, named)) < 2:
         found["order along the trunk"] = "the labels name no trunk"
-    if frequency_scale(points, rate) is None:
+    if not tells_tempo(points):
         found["rate"] = "too short, or the person hardly moves"
     found[FINE_RATE] = "only force plates under a person who moves tell it: lumbar lift compares them"
     return found

@@ -106,9 +106,13 @@ def off_its_part(points: dict[str, np.ndarray], rate: float) -> list[tuple[str, 
         Label, frames, what was seen.
     """
     found = []
+    known: dict[frozenset[str], np.ndarray] = {}
     for label, rigid in _rigid_parts(points, rate).items():
         if len(rigid) >= _LEAST_MATES:
-            changes = {other: _change_of_length(points[label], points[other]) for other, _ in rigid}
+            for other, _ in rigid:
+                if frozenset((label, other)) not in known:
+                    known[frozenset((label, other))] = _change_of_length(points[label], points[other])
+            changes = {other: known[frozenset((label, other))] for other, _ in rigid}
             limits = [max(_DEVIATION_M, _SPREADS * spread) for _, spread in rigid]
             found += _stretches_off(label, changes, limits)
     return found
@@ -116,7 +120,8 @@ def off_its_part(points: dict[str, np.ndarray], rate: float) -> list[tuple[str, 
 
 def _change_of_length(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     distance = np.linalg.norm(one - other, axis=1)
-    return distance - np.nanmedian(distance)
+    # The median of what is seen: NumPy's own without NaN takes twice as long.
+    return distance - np.median(distance[np.isfinite(distance)])
 
 
 def _stretches_off(

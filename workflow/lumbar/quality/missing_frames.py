@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import cached_property
 
 import numpy as np
 
@@ -38,10 +39,11 @@ def missing_frames(
     counted = Counter(leap.first for found in leaps.values() for leap in found)
     findings: list[Finding] = []
     taken: list[int] = []
+    sizes = _Sizes(points)
     for frame, count in counted.most_common():
         if count < _LEAST_LEAPS or any(abs(frame - other) <= _SAME_FRAME for other in taken):
             continue
-        leaping, seen = _leaping(points, frame)
+        leaping, seen = _leaping(sizes, frame)
         if leaping >= max(_LEAST_LEAPS, _TOGETHER * seen):
             taken.append(frame)
             findings.append(_finding(frame, leaping, seen, clock))
@@ -52,14 +54,26 @@ def missing_frames(
     return findings, remaining
 
 
-def _leaping(points: dict[str, np.ndarray], frame: int) -> tuple[int, int]:
+class _Sizes:
+    """Steps of all markers and the usual ones beside them, computed when a frame is first asked for."""
+
+    def __init__(self, points: dict[str, np.ndarray]):
+        self.points = points
+
+    @cached_property
+    def steps(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Of each marker the size of every step and its unrest there, shape (n_frames - 1,) each."""
+        sizes = [step_sizes(positions) for positions in self.points.values()]
+        return [(size, unrest(size)) for size in sizes]
+
+
+def _leaping(sizes: _Sizes, frame: int) -> tuple[int, int]:
     """Count of the markers that do not go on smoothly into a frame, and of those seen about it."""
     leaping = seen = 0
-    for positions in points.values():
-        size = step_sizes(positions)
+    for size, usual in sizes.steps:
         if np.isfinite(size[frame - 1]):
             seen += 1
-            leaping += bool(size[frame - 1] > max(_LEAST_STEP_M, ABOVE_UNREST * unrest(size)[frame - 1]))
+            leaping += bool(size[frame - 1] > max(_LEAST_STEP_M, ABOVE_UNREST * usual[frame - 1]))
     return leaping, seen
 
 

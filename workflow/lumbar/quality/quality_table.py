@@ -8,7 +8,7 @@ from pathlib import Path
 from lumbar.tables import Table
 
 _DEFINITIONS = {
-    "lift": "Person, mass of the box, and number of the trial where there are several.",
+    "lift": "Person, mass of the box, and number of the trial where there are several; of perturbed trials group and number.",
     "file": "Marker file.",
     "markers": "Measured markers in the file.",
     "rate_Hz": "Frames per second.",

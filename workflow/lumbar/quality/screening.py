@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.quality.axes import check_unaliased_up
+from lumbar.quality.axes import check_unaliased_axes
 from lumbar.quality.finding import ERROR, LEFT_OUT, PROPOSED, Finding
 from lumbar.quality.gate import examine, hidden, unchecked
 from lumbar.quality.rule_labels import meant_in_rules
@@ -52,7 +52,7 @@ class Screening:
         meant = meant_labels(self.aliases, points)
         meant = meant_in_rules(self.aliases, points, meant) | meant
         self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
-        self.unchecked = unchecked(points, rate, self.height_m, meant)
+        self.unchecked = unchecked(points, self.height_m, meant)
         errors = [finding for finding in self.findings if finding.outcome == ERROR]
         if errors and self.refuse:
             raise InputError("; ".join(map(str, errors)))
@@ -112,7 +112,7 @@ def read_screened(
     screening = Screening(height_m, layout.aliases if layout else {})
     try:
         recording = read_markers(path, layout, name=name, screen=screening, mend=mend)
-        check_unaliased_up(screening.points, recording, layout or MarkerLayout())
+        check_unaliased_axes(screening.points, recording, layout or MarkerLayout())
     except InputError as error:
         text = str(error)
         raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error

@@ -32,11 +32,10 @@ def frequency_scale(points: dict[str, np.ndarray], rate: float) -> float | None:
     rate : float
         Frames per second.
     """
-    every = -(-len(points) // _MOST_MARKERS)
-    points = {label: points[label] for label in list(points)[::every]}
-    n_frames = len(next(iter(points.values())))
-    if n_frames < _FEWEST_FRAMES or _way(points) < _MOVES_M:
+    if not tells_tempo(points):
         return None
+    points = _some(points)
+    n_frames = len(next(iter(points.values())))
     # Smoothed over a share of its own period, which no statement of a rate changes.
     width = n_frames // 10
     for _ in range(_ROUNDS):
@@ -45,6 +44,17 @@ def frequency_scale(points: dict[str, np.ndarray], rate: float) -> float | None:
             return None
         width = int(np.clip(_SMOOTHED_SHARE / cycles, 3, n_frames // 10))
     return float(cycles * rate)
+
+
+def tells_tempo(points: dict[str, np.ndarray]) -> bool:
+    """Whether a movement is long and large enough for its tempo to say something."""
+    n_frames = len(next(iter(points.values())))
+    return n_frames >= _FEWEST_FRAMES and _way(_some(points)) >= _MOVES_M
+
+
+def _some(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    every = -(-len(points) // _MOST_MARKERS)
+    return {label: points[label] for label in list(points)[::every]}
 
 
 def _way(points: dict[str, np.ndarray]) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.quality.finding import LEFT_OUT, Clock, Finding
+from lumbar.quality.finding import LEFT_OUT, NOTED, Clock, Finding
 from lumbar.quality.landmarks import level
 from lumbar.records.stretches import runs
 
@@ -15,6 +15,7 @@ _STILL_BY_CHANCE = 1e-9
 """Chance below which a run of unchanged coordinates is not the file's resolution."""
 _OTHERS_STILL = 0.5
 """Share of unchanged steps of the markers near it above which a still one is no news: what carries them stands."""
+_FEWEST_MOVES, _LONGEST_HOLD, _HELD_SHARE = 20, 10, 0.95
 _TOUCHING_M = 2e-3
 """Two markers cannot come closer: each has a radius of some millimetres."""
 _NEIGHBOURS = 3
@@ -84,6 +85,50 @@ def _nearest(points: dict[str, np.ndarray], index: int, run: slice) -> list[int]
     return order[:_NEIGHBOURS]
 
 
+def held(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Finding], set[str]]:
+    """Find markers that move in every second (third, …) frame alone and keep their coordinates to the last bit in between.
+
+    Returns
+    -------
+    findings : list of Finding
+    labels : set of str
+        Of these markers.
+    """
+    held_in: dict[int, list[str]] = {}
+    for label, positions in points.items():
+        every = _moves_every(positions)
+        if every:
+            held_in.setdefault(every, []).append(label)
+    findings = []
+    for every, labels in held_in.items():
+        evidence = (
+            f"{len(labels)} of {len(points)} markers move in one of {every} frames alone and keep their coordinates to the last "
+            "digit in between"
+        )
+        cause = (
+            f"recorded at {clock.rate / every:g} Hz and written at {clock.rate:g} Hz by repeating samples: export it again at "
+            "the rate of the cameras, for speeds are steps until then"
+        )
+        named = tuple(labels) if 2 * len(labels) < len(points) else ()
+        findings.append(clock.finding("held", NOTED, named, evidence, cause))
+    return findings, {label for labels in held_in.values() for label in labels}
+
+
+def _moves_every(positions: np.ndarray) -> int:
+    """How many frames a marker keeps each of its positions for; 0 where there is no such number from 2 on."""
+    seen = np.isfinite(positions[:, 0])
+    known = seen[1:] & seen[:-1]
+    moves = ~_unchanged(positions) & known
+    if moves.sum() < _FEWEST_MOVES or moves.sum() > 0.6 * known.sum():
+        return 0
+    for every in range(2, _LONGEST_HOLD + 1):
+        phases = [(moves[phase::every].sum(), known[phase::every].sum()) for phase in range(every)]
+        shares = sorted(moved / max(1, count) for moved, count in phases)
+        if shares[-1] > _HELD_SHARE and shares[-2] < 1 - _HELD_SHARE:
+            return every
+    return 0
+
+
 def copied(points: dict[str, np.ndarray], clock: Clock, named: dict[str, str]) -> list[Finding]:
     """Stretches in which two markers are closer than two markers can be: one is a copy of the other.
 
@@ -103,7 +148,12 @@ def copied(points: dict[str, np.ndarray], clock: Clock, named: dict[str, str]) -
 
 
 def _touching_pairs(points: dict[str, np.ndarray]) -> list[tuple[int, int]]:
-    """Pairs of markers that touch in some frame: neighbours in order of one coordinate, up to two places apart."""
+    """Pairs of markers that touch in some frame: neighbours in order of one coordinate, up to two places apart.
+
+    Every third frame is looked at: shorter copies are not told anyway.
+    """
+    every = min(_SHORTEST_COPY, len(next(iter(points.values()))))
+    points = {label: positions[::every] for label, positions in points.items()}
     n_frames = len(next(iter(points.values())))
     pairs: set[tuple[int, int]] = set()
     for start in range(0, n_frames, _FRAMES_AT_ONCE):

@@ -116,6 +116,7 @@ def _markers(item: dict, read: MarkerReader) -> tuple[object, dict]:
         "markers": sorted(recording.positions),
         "derived": dict(sorted(recording.derived.items())),
         "absent": dict(sorted(recording.absent.items())),
+        "notes": list(recording.notes),
     }
 
 

@@ -10,9 +10,21 @@ from lumbar.settings.layout import MarkerLayout
 _UPPER = ("C7", "T12", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER", "SACRUM", "L5", "L_HIP", "R_HIP")
 _FEET = ("L_ANKLE", "R_ANKLE", "L_HEEL", "R_HEEL", "L_TOE", "R_TOE")
 _TRUNK_TOP = ("C7", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER")
-_PELVIS = ("SACRUM", "L5", "L_HIP", "R_HIP")
+_PELVIS = ("SACRUM", "L5", "L_HIP", "R_HIP", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS")
 _SIDES = ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE")
 _FEET_PAIRS = (("L_HEEL", "L_TOE"), ("R_HEEL", "R_TOE"))
+_FACING = (
+    (_FEET_PAIRS, "the toes are ahead of the heels"),
+    ((("L_ANKLE", "L_TOE"), ("R_ANKLE", "R_TOE")), "the toes are ahead of the ankles"),
+    (
+        (("SACRUM", "L_ASIS"), ("SACRUM", "R_ASIS"), ("L_PSIS", "L_ASIS"), ("R_PSIS", "R_ASIS")),
+        "the front of the pelvis is ahead of its back",
+    ),
+    ((("C7", "MANUBRIUM"), ("C7", "XIPHOID")), "the chest is ahead of the back"),
+)
+"""Pairs of which the second lies ahead of the first, the surest first, with words for them."""
+_LEVEL = 0.7
+"""Share of a vector that must be level for it to say where a body faces."""
 _CLEARLY = 2.0
 """How much longer than along the declared axis a segment must be along another one to contradict it. A bent
 trunk or a turned foot stays below."""
@@ -76,50 +88,72 @@ def check_up(upward: np.ndarray, layout: MarkerLayout, source: str, seen_by: str
     problems.raise_if_any()
 
 
-def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: str) -> None:
+def check_axes(
+    positions: dict[str, np.ndarray], layout: MarkerLayout, source: str, seen_by: str = ""
+) -> None:
     """Raise when the markers contradict the declared axes.
 
-    Three segments are compared, each the median over the frames that show it, and only where the markers exist: feet to trunk
-    (or pelvis to shoulders) is up, heel to toe is forward, left to right is lateral.
+    Three directions are compared, each by the median over the frames that show it, and only where the markers exist: feet to
+    trunk (or pelvis to shoulders) is up; heel or ankle to toe, or else the back to the front of pelvis or trunk, is forward;
+    left to right is lateral.
 
     Parameters
     ----------
     positions : dict of str to ndarray, shape (n_frames, 3)
         Under standard names, turned by the declared axes.
+    seen_by : str
+        Words for the markers that show it.
 
     Raises
     ------
     InputError
-        Naming the axis of the file along which the segment really lies.
+        Naming the axis of the file along which the body really lies.
     """
     problems = Problems(source)
     rotation = rotation_to_standard(layout.up, layout.forward)
     upward = upright(positions)
     if upward is not None:
-        check_up(upward, layout, source)
-    pairs = [_segment(positions, (heel,), (toe,)) for heel, toe in _FEET_PAIRS]
-    feet = [foot for foot in pairs if foot is not None]
-    if feet:
-        facing = np.mean(feet, axis=0) * [1, 1, 0]
-        if _contradicts(facing, 1):
-            found = file_axis(facing, rotation)
-            declared = layout.forward
-            problems.add(
-                "markers.forward",
-                f"{declared}, but the toes are ahead of the heels along {found}",
-                f'set forward: "{found}" (or check_axes: false where the person turns)',
-            )
-            problems.raise_if_any()
+        check_up(upward, layout, source, seen_by)
+    facing, words = facing_by(positions)
+    if facing is not None and _contradicts(facing, 1):
+        found = file_axis(facing, rotation)
+        problems.add(
+            "markers.forward",
+            f"{layout.forward}, but {words} along {found}{seen_by}",
+            f'set forward: "{found}" (or check_axes: false where the person turns)',
+        )
+        problems.raise_if_any()
     widths = [_segment(positions, (f"L_{part}",), (f"R_{part}",)) for part in _SIDES]
     across = [width for width in widths if width is not None]
     if across and _contradicts(np.mean(across, axis=0) * [1, 1, 0], 0):
         facing = np.cross([0.0, 0.0, 1.0], np.mean(across, axis=0))
         problems.add(
             "markers",
-            "the right side of the body is not to the right of the left side",
-            _sides_advice(facing, feet or _pointing_forward(positions), layout),
+            f"the right side of the body is not to the right of the left side{seen_by}",
+            _sides_advice(facing, _pointing_forward(positions), layout),
         )
     problems.raise_if_any()
+
+
+def facing_by(positions: dict[str, np.ndarray]) -> tuple[np.ndarray | None, str]:
+    """Level vector, shape (3,), to where the body faces, and words for what shows it; None where no markers do.
+
+    Feet are asked first, then the pelvis, then the chest. A trunk that is bent so far that its front points down tells nothing.
+    """
+    for pairs, words in _FACING:
+        found = [_segment(positions, (back,), (front,)) for back, front in pairs]
+        found = [vector for vector in found if vector is not None]
+        level = np.sum(found, axis=0) * [1, 1, 0] if found else np.zeros(3)
+        if found and np.linalg.norm(level) > _LEVEL * np.linalg.norm(np.sum(found, axis=0)):
+            return level, words
+    return None, ""
+
+
+def tells_axes(positions: dict[str, np.ndarray]) -> list[str]:
+    """Which of the declared axes cannot be compared with the body by these markers."""
+    sides = any(_segment(positions, (f"L_{part}",), (f"R_{part}",)) is not None for part in _SIDES)
+    told = {"up": upright(positions) is not None, "forward": sides or facing_by(positions)[0] is not None}
+    return [axis for axis, known in told.items() if not known]
 
 
 def _sides_advice(facing: np.ndarray, ahead: list[np.ndarray], layout: MarkerLayout) -> str:

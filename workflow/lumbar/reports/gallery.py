@@ -27,6 +27,7 @@ IN_PYTHON = {
     "z_width": 'lumbar.render("models.json").z_width_figure()',
     "survey_likert": 'lumbar.analyse_survey(file).figures()["survey_likert"]',
     "survey_best_picks_figure": 'lumbar.analyse_survey(file).figures()["survey_best_picks_figure"]',
+    "measure_comparison_figure": "lumbar.compare_groups(table).figure()",
 }
 """Figures that a verb of the library draws; the others come from the workflow alone."""
 _HEAD = """\

@@ -9,6 +9,8 @@ from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.key import NAME, UNIQUE, key, required, section, settings
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.perturbations import PerturbationsSettings
+from lumbar.settings.population import PopulationSettings
+from lumbar.settings.pushes import PushesSettings
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.seed import SEED
 from lumbar.settings.signals import SignalsSettings
@@ -29,6 +31,8 @@ Chapter = Literal[
     "lifting",
     "stability",
     "perturbations",
+    "population",
+    "pushes",
     "claims",
 ]
 
@@ -85,5 +89,7 @@ class StudySettings:
     perturbations: PerturbationsSettings | None = key(
         "Trials with and without perturbation; null where a study has none.", default=None
     )
+    population: PopulationSettings = section(default_factory=PopulationSettings)
+    pushes: PushesSettings = section(default_factory=PushesSettings)
     twin: TwinSettings = section(default_factory=TwinSettings)
     hidden_effects: HiddenEffectsSettings = section(default_factory=HiddenEffectsSettings)

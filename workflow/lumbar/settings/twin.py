@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from lumbar.settings.key import key, required, section, settings
+from typing import Annotated, Literal
+
+from lumbar.settings.key import NAME, UNIQUE, Each, Positive, key, required, section, settings
 
 
 @settings
@@ -200,6 +202,93 @@ class SyntheticLift:
     events_s: TrueEvents = required("True times of the events.", unit="s")
 
 
+GroupName = Annotated[str, Each(pattern=NAME)]
+NonNegative = Annotated[float, Each(ge=0)]
+Drawn = tuple[float, NonNegative, NonNegative]
+"""Mean, standard deviation between persons, standard deviation between the trials of one person."""
+
+
+def _drawn(meaning: str, default: tuple[float, float, float], unit: str | None = None):
+    return key(f"{meaning} [mean, SD between persons, SD between trials].", default=default, unit=unit)
+
+
+@settings
+class CohortGroup:
+    """One group of a cohort: how many, and how they lift; the defaults are an expert's."""
+
+    persons: int = key("Number of persons.", default=10, ge=1, le=100000)
+    lift_flexion_deg: Drawn = _drawn(
+        "Inclination of the thorax when the box is grasped", (60.0, 8.0, 3.0), "°"
+    )
+    lift_squat_m: Drawn = _drawn("Descent of the hips when the box is grasped", (0.33, 0.05, 0.02), "m")
+    deposit_flexion_deg: Drawn = _drawn("Inclination at the release", (23.0, 5.0, 2.0), "°")
+    deposit_squat_m: Drawn = _drawn("Descent of the hips at the release", (0.06, 0.015, 0.007), "m")
+    lateral_bending_deg: Drawn = _drawn("Largest bending to the right", (3.8, 1.5, 0.8), "°")
+    lateral_sway_m: Drawn = _drawn("Largest shift of the hips to the right", (0.010, 0.004, 0.002), "m")
+    hesitation_deg: Drawn = _drawn("Amplitude of corrections during the deposit", (0.4, 0.2, 0.1), "°")
+    hesitation_Hz: Drawn = _drawn("Frequency of the corrections", (1.3, 0.2, 0.1), "Hz")
+    foot_adjustment: float = key(
+        "Share of the trials in which a foot shuffles to the box first.", default=0.1, ge=0, le=1
+    )
+    tempo: Drawn = _drawn("Factor on all durations", (1.0, 0.08, 0.03))
+
+
+@settings
+class CohortSettings:
+    """Synthetic people drawn from distributions, in place of persons and lifts that are named one by one.
+
+    Every value is drawn from a normal distribution without what lies beyond 2.5 standard deviations. A person's numbers
+    hang on the twin's seed and the person's name alone: whoever is added changes nobody.
+    """
+
+    groups: dict[GroupName, CohortGroup] = key(
+        "Groups by their label (experience of the people), e.g. expert and novice.", default={}, min_length=1
+    )
+    box_masses_kg: Annotated[tuple[Annotated[float, Each(ge=0, le=100)], ...], UNIQUE] = key(
+        "Masses of the boxes that everybody lifts.", default=(15.0, 23.0), unit="kg", min_length=1
+    )
+    trials: int = key("Trials of every person with every box.", default=3, ge=1, le=1000)
+    female_share: float = key("Share of women in every group.", default=0.5, ge=0, le=1)
+    stature_m: dict[Literal["female", "male"], tuple[float, NonNegative]] = key(
+        "Mean and standard deviation by sex (ANSUR II, Gordon et al., 2014).",
+        default={"female": (1.628, 0.064), "male": (1.756, 0.069)},
+        unit="m",
+    )
+    mass_kg: dict[Literal["female", "male"], tuple[float, NonNegative]] = key(
+        "Mean and standard deviation by sex (ANSUR II).",
+        default={"female": (67.8, 11.0), "male": (85.5, 14.2)},
+        unit="kg",
+    )
+    stature_mass_correlation: float = key(
+        "Correlation of stature and mass within a sex.", default=0.5, gt=-1, lt=1
+    )
+    mass_error_kg: float = key(
+        "Standard deviation of the body mass that the study declares about the true one; 0 declares the truth.",
+        default=0.5,
+        unit="kg",
+        ge=0,
+        le=20,
+    )
+    stature_error_m: float = key(
+        "Standard deviation of the stature that the study declares about the true one.",
+        default=0.005,
+        unit="m",
+        ge=0,
+        le=0.2,
+    )
+    durations_s: tuple[Positive, Positive, Positive, Positive] = key(
+        "Usual time of reaching for the box, lifting it, carrying it and depositing it; the first is 1.8 s at least.",
+        default=(2.25, 1.5, 1.8, 1.25),
+        unit="s",
+    )
+    slower_per_kg: float = key(
+        "By how much of themselves durations grow with each kilogram beyond the lightest box.",
+        default=0.008,
+        ge=0,
+        le=0.1,
+    )
+
+
 @settings
 class SyntheticLiftingSettings:
     """Synthetic lifting recordings."""
@@ -218,6 +307,10 @@ class SyntheticLiftingSettings:
     )
     lifts: dict[str, SyntheticLift] = key(
         "Movement of every lift, by its name <subject>_<box mass>kg.", default={}
+    )
+    cohort: CohortSettings | None = key(
+        "People drawn from distributions, in place of lifting.subjects, people and lifts; null takes those.",
+        default=None,
     )
 
 

@@ -123,10 +123,19 @@ def locate(
     InputError
         If the simulation does not fit the record, is not finite, or nothing is left after the settling time.
     """
+    residual = residual_of(record, simulated, floor, floor_from)
+    found = [view(residual) for view in VIEWS]
+    return Location(record.name, residual, {view.name: view for view in found})
+
+
+def residual_of(
+    record: Record, simulated: np.ndarray, floor: NoiseFloor | None = None, floor_from: str = ""
+) -> Residual:
+    """What a simulation leaves of a record, from the settling time on; arguments and errors as of `locate`."""
     first = counted_from(record, simulated, SETTLING)
     own_floor = floor is not None and floor_from in ("", record.name)
     folding = _counted_folding(fold_periods(record, floor.period), first) if own_floor else None
-    residual = Residual(
+    return Residual(
         values=(record["output"] - simulated)[first:],
         time=record.time[first:] - record.time[0],
         position=record["input"][first:],
@@ -138,8 +147,6 @@ def locate(
         floor=floor,
         folding=folding,
     )
-    found = [view(residual) for view in VIEWS]
-    return Location(record.name, residual, {view.name: view for view in found})
 
 
 def _counted_folding(folding: Folding, first: int) -> Folding | None:

@@ -60,13 +60,18 @@ def compare_and_locate(
         Whether the records were cut from one session, in their order.
     """
     seen = [for_base(record, fit.structure.base) for record in records]
+    return residual_reports(seen, simulation(seen, fit, surface, session), floor, floor_from, seed)
+
+
+def simulation(
+    records: Sequence[Record], fit: Fit, surface: float = 0.0, session: bool = False
+) -> Callable[[Record], np.ndarray]:
+    """A fit's free run as a function of the record; `records` as the fit's base asks for them, else as above."""
 
     def simulate(record: Record) -> np.ndarray:
         return fit.simulate(Motion.of(record, offset=surface))
 
-    return residual_reports(
-        seen, in_session(seen, simulate) if session else simulate, floor, floor_from, seed
-    )
+    return in_session(records, simulate) if session else simulate
 
 
 def residual_reports(

@@ -6,7 +6,7 @@ import numpy as np
 
 from lumbar.effects.signature import RATES, Signature, pictured_form, signatures
 from lumbar.models.form import Effect
-from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, house_style, new_figure
+from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, house_style, new_figure, svg_text
 
 _SHOWN = 8.0
 """Seconds shown over time."""
@@ -37,6 +37,22 @@ def signature_figure(effects: list[Effect], system: str = "tissue"):
     for row, effect in zip(axes, effects, strict=True):
         _draw_effect(row, effect, system)
     return figure
+
+
+@house_style
+def signature_thumbnail(effect: Effect, system: str = "tissue") -> str:
+    """Small picture of one effect: force over position on a standard motion, with it and without, as the text of an SVG."""
+    form = pictured_form(effect)
+    slow, _ = signatures(effect, form, system)
+    figure, axes = new_figure(2.2, 1.4)
+    cycle = _last_cycle(slow, RATES[0])
+    axes.plot(slow.motion.position[cycle], slow.base[cycle], **_BASE)
+    axes.plot(slow.motion.position[cycle], slow.force[cycle], color=SERIES[3], linewidth=1.2)
+    axes.set_xlabel(_AXES[system][0])
+    axes.set_ylabel(_AXES[system][1].capitalize())
+    axes.set_xticks([])
+    axes.set_yticks([])
+    return svg_text(figure)
 
 
 def _draw_effect(row, effect: Effect, system: str) -> None:

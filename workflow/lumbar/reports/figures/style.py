@@ -6,6 +6,7 @@ line styles and markers given here every figure can be read in grey.
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Collection
 from pathlib import Path
@@ -124,6 +125,15 @@ def _load_without_layout(file, options, load=subset.load_font, **more):
         if table in font:
             del font[table]
     return font
+
+
+@house_style
+def svg_text(figure) -> str:
+    """Return a small drawing without data as the text of an SVG file, the same at every run."""
+    _settle_layout(figure)
+    text = io.StringIO()
+    FigureCanvasSVG(figure).print_svg(text, metadata=_METADATA["svg"]("Drawing without data"))
+    return text.getvalue()
 
 
 @house_style

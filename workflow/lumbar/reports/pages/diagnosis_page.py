@@ -43,6 +43,14 @@ def diagnosis_page(
     pictures : dict of str to (pathlib.Path or str), optional
         SVG files, or their text, by caption; they stand before the list of what remains.
     """
+    blocks = evidence_blocks(diagnosis, evidence, catalogue, pictures or {})
+    return document(f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model", data, blocks)
+
+
+def evidence_blocks(
+    diagnosis: Verdict, evidence: Evidence, catalogue: dict[str, Effect], pictures: dict[str, Path | str]
+) -> list[Markup]:
+    """Verdict, errors, chance, parameters, ties, pictures and what remains; parameters as of `diagnosis_page`."""
     blocks = [
         paragraph(f"Verdict: {diagnosis.verdict}"),
         paragraph(headline(diagnosis), "headline"),
@@ -56,10 +64,10 @@ def diagnosis_page(
     ]
     if evidence.ties is not None:
         blocks += [heading("Can it be told from the others?"), *_ties(diagnosis, evidence)]
-    blocks += [figure(svg, caption) for caption, svg in (pictures or {}).items()]
+    blocks += [figure(svg, caption) for caption, svg in pictures.items()]
     blocks += [heading("What remains"), *_remains(diagnosis, evidence)]
     blocks += [heading("What these records cannot decide"), listing(undecided(diagnosis, evidence))]
-    return document(f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model", data, blocks)
+    return blocks
 
 
 def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import NumericalError
+from lumbar.population.contrast import Interval
+from lumbar.population.percent_interval import percent_interval
 from lumbar.settings.plain import plain
 from lumbar.stability.basins import COLUMNS
 from lumbar.stability.comparison.grid import headline
@@ -29,7 +31,7 @@ from lumbar.stability.comparison.percent_differences import (
     taylor_areas,
     varied_areas,
 )
-from lumbar.stability.comparison.verdicts import bootstrap_percent, verdict
+from lumbar.stability.comparison.verdicts import verdict
 from lumbar.stability.model.convention import THESIS, Convention
 from lumbar.stability.model.failures import Failure, all_or_each, failures_frame, joined
 from lumbar.stability.model.lift_trajectories import LiftStates
@@ -202,15 +204,13 @@ def _areas_frame(results: list[tuple[list[Trajectory], np.ndarray]]) -> pd.DataF
 
 
 def tables_4_1(
-    study: Study, seed: int, failures: pd.DataFrame | None = None
+    study: Study, failures: pd.DataFrame | None = None
 ) -> tuple[Table, Table, pd.DataFrame, pd.DataFrame]:
     """Return Table 4.1, the table of its controls, the differences of its grid, and all basins that are missing.
 
     Parameters
     ----------
     study : Study
-    seed : int
-        Of the bootstrap.
     failures : pandas.DataFrame, optional
         Basins of the lifts that could not be computed, columns `failures.COLUMNS`.
 
@@ -239,7 +239,7 @@ def tables_4_1(
         found[name] = percent_differences(areas["headline"], f"{name}_area", study.people, groups)
     grid = grid_differences(study.grid, groups)
     table = _first_table(study, found, grid, missing)
-    return table, _controls(study, found, areas["headline"], grid, seed), grid, missing
+    return table, _controls(study, found, areas["headline"], grid), grid, missing
 
 
 def _first_table(study: Study, found: dict, grid: pd.DataFrame, missing: pd.DataFrame) -> Table:
@@ -335,7 +335,7 @@ def _regulator(settings: StabilitySettings) -> str:
     )
 
 
-def _controls(study: Study, found: dict, areas: pd.DataFrame, grid: pd.DataFrame, seed: int) -> Table:
+def _controls(study: Study, found: dict, areas: pd.DataFrame, grid: pd.DataFrame) -> Table:
     """Return what stands behind the headline: a row per comparison, centre of mass and plane."""
     import pandas as pd
 
@@ -355,7 +355,7 @@ def _controls(study: Study, found: dict, areas: pd.DataFrame, grid: pd.DataFrame
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
             entry |= _controls_of(index, plane, found, cells["percent"].to_numpy())
             entry["exponents"] = exponents[row["comparison"], row["com"]]
-            entry["verdict"] = _verdict(index, plane, found, cells, _interval(areas, sides, row, plane, seed))
+            entry["verdict"] = _verdict(index, plane, found, cells, _interval(areas, sides, row, plane))
             rows.append(entry)
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
@@ -428,18 +428,24 @@ def _number(value) -> float | None:
     return None if value is None or np.isnan(value) else float(value)
 
 
-def _interval(areas: pd.DataFrame, compared_sides: list[tuple], row: dict, plane: str, seed: int):
-    """Bootstrap interval over trials of one percentage, or None where the trials are too few."""
+def _interval(areas: pd.DataFrame, compared_sides: list[tuple], row: dict, plane: str) -> Interval:
+    """Interval over persons of one percentage, or why there is none."""
     found = {name: (before, after) for name, before, after, _ in compared_sides}
     before, after = found[row["comparison"]]
     if before is None:
-        return None
+        return Interval(remark="nothing to compare")
     here = areas[(areas["com"] == row["com"]) & (areas["plane"] == plane)]
     sides = [
-        here[(here["experience"] == experience) & (here["box_mass_kg"] == mass)]["mean_area"].to_numpy()
-        for experience, mass in (before, after)
+        here[(here["experience"] == experience) & (here["box_mass_kg"] == mass)].groupby("subject")[
+            "mean_area"
+        ]
+        for experience, mass in (after, before)
     ]
-    return bootstrap_percent(*sides, seed)
+    return percent_interval(
+        *({person: values.to_numpy() for person, values in side} for side in sides),
+        paired=before[0] == after[0],
+        names=(after[0], before[0]),
+    )
 
 
 def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:

@@ -8,15 +8,17 @@ and only durations, masses and lengths differ, must not show it too.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lumbar.population.contrast import Interval
 
 MOVEMENT_SHARE = 0.5
-FEWEST_TRIALS = 3
-"""Trials of each side below which a bootstrap says nothing."""
-RESAMPLES = 2000
 
 
-def verdict(percent: float | None, null: float | None, changed: dict[str, float | None], interval) -> str:
+def verdict(
+    percent: float | None, null: float | None, changed: dict[str, float | None], interval: Interval
+) -> str:
     """Return the sentence.
 
     Parameters
@@ -27,8 +29,8 @@ def verdict(percent: float | None, null: float | None, changed: dict[str, float 
         That of the null control.
     changed : dict of str to float
         The percentage under each change, by its name.
-    interval : tuple of float, or None
-        Bootstrap interval over trials, where there are enough.
+    interval : Interval
+        Over persons, where there are enough.
     """
     if percent is None:
         return "not testable in this study"
@@ -46,35 +48,13 @@ def verdict(percent: float | None, null: float | None, changed: dict[str, float 
         unknown.append("the null control")
     if unknown:
         reasons.append(f"no basin with {', '.join(unknown)}")
-    if interval is not None and interval[0] <= 0 <= interval[1]:
-        reasons.append("its interval over trials contains 0")
-    trials = (
-        "one or two trials: no interval"
-        if interval is None
-        else f"95 % interval over trials [{interval[0]:+.2f}, {interval[1]:+.2f}] %"
+    if interval.known and interval.low <= 0 <= interval.high:
+        reasons.append("its interval over persons contains 0")
+    certainty = (
+        f"95 % interval over persons [{interval.low:+.2f}, {interval.high:+.2f}] %"
+        if interval.known
+        else interval.remark
     )
     if reasons:
-        return f"does not survive: {'; '.join(reasons)} ({trials})"
-    return f"survives null control, sensitivity and sign ({trials})"
-
-
-def bootstrap_percent(before: np.ndarray, after: np.ndarray, seed: int) -> tuple[float, float] | None:
-    """Return the 95 % percentile interval of 100(Ā_after − Ā_before)/Ā_before over trials.
-
-    Parameters
-    ----------
-    before, after : numpy.ndarray, shape (trials,)
-        Areas of single trials.
-    seed : int
-
-    Returns
-    -------
-    tuple of float, or None
-        None with fewer than `FEWEST_TRIALS` trials on either side ("insufficient data").
-    """
-    if min(len(before), len(after)) < FEWEST_TRIALS:
-        return None
-    generator = np.random.default_rng(seed)
-    means = [generator.choice(values, (RESAMPLES, len(values))).mean(axis=1) for values in (before, after)]
-    low, high = np.quantile(100 * (means[1] - means[0]) / means[0], [0.025, 0.975])
-    return float(low), float(high)
+        return f"does not survive: {'; '.join(reasons)} ({certainty})"
+    return f"survives null control, sensitivity and sign ({certainty})"

@@ -1,0 +1,116 @@
+"""``Lift.body_model``: the same lift by one model fitted to all markers, with standard deviations and intervals."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.body_model.lift_model import DRAWS, ModelledLift, model_of_lift
+from lumbar.errors import InputError
+from lumbar.lifting.lift import no_deposit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.lifting.lift import AnalysedLift
+    from lumbar.settings.lifting import LiftingSettings
+    from lumbar.settings.stability import StabilitySettings
+    from lumbar.settings.subject import SubjectSettings, TrialSettings
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LiftModel:
+    """A lift by the body model.
+
+    Attributes
+    ----------
+    name, data : str
+        Of the lift, and words for the source of its data.
+    pivot : str
+    modelled : lumbar.body_model.lift_model.ModelledLift
+    stability : StabilitySettings
+        Of the basins.
+    """
+
+    name: str
+    data: str
+    pivot: str
+    modelled: ModelledLift
+    stability: StabilitySettings
+
+    @cached_property
+    def states(self) -> pd.DataFrame:
+        """Pendulum states with standard deviations: one row per centre of mass, plane and instant."""
+        return self.modelled.states_frame()
+
+    @cached_property
+    def markers(self) -> pd.DataFrame:
+        """Part, noise and left-out frames of every marker."""
+        return self.modelled.markers_frame()
+
+    @cached_property
+    def areas(self) -> pd.DataFrame:
+        """Exact mean basin area of every pendulum with its 95 % interval, by the study's sign of gravity."""
+        from lumbar.body_model.basin_intervals import basin_intervals
+
+        sign = self.stability.pendulum.sign
+        return basin_intervals(self.modelled.pendulums, self.stability, sign, self.pivot)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``body_model_pendulum.csv``, ``body_model_markers.csv`` and ``body_model_areas.csv``."""
+        from lumbar.files import write_csv
+
+        tables = {"pendulum": self.states, "markers": self.markers, "areas": self.areas}
+        for name, table in tables.items():
+            write_csv(Path(folder) / f"body_model_{name}.csv", table.assign(data=self.data))
+
+    def __str__(self) -> str:
+        lines = []
+        for row in self.areas.itertuples():
+            best, sd = (
+                self.modelled.pendulums.states[row.com, row.plane],
+                self.modelled.pendulums.sd(row.com, row.plane),
+            )
+            lost = f"; {row.draws_without_basin} draws without a basin" if row.draws_without_basin else ""
+            lines.append(
+                f"{row.com}, {row.plane}, {row.sign}: θ {best.angle.mean():+.3f} ± {sd.angle.mean():.3f} rad on average, "
+                f"area {row.mean_area:.4g} rad²/s (95 %: {row.mean_area_low:.4g} to {row.mean_area_high:.4g}{lost})"
+            )
+        for row in self.markers[self.markers.share_left_out.between(0, 1, inclusive="neither")].itertuples():
+            lines.append(f"{row.marker}: {100 * row.share_left_out:.0f} % of its frames are outliers")
+        for reason, rows in self.markers[self.markers.remark != ""].groupby("remark"):
+            lines.append(f"not used, {reason}: {', '.join(rows.marker)}")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"<LiftModel of {self.name}>"
+
+
+def body_model(
+    analysed: AnalysedLift,
+    subject: SubjectSettings,
+    trial: TrialSettings,
+    settings: LiftingSettings,
+    data: str = "",
+    stability: StabilitySettings | None = None,
+    draws: int = DRAWS,
+) -> LiftModel:
+    """Fit the body model to the file of an analysed lift.
+
+    Raises
+    ------
+    InputError
+        The lift has no deposit, or its file too few markers of pelvis or thorax.
+    """
+    from lumbar.settings.stability import StabilitySettings
+
+    reason = no_deposit(analysed.events)
+    if reason:
+        raise InputError(
+            f"{analysed.name}: the body model's pendulums are those of the deposit, but {reason}"
+        )
+    modelled = model_of_lift(analysed.complete.source, analysed, subject, trial, settings, draws)
+    return LiftModel(analysed.name, data, settings.pivot, modelled, stability or StabilitySettings())

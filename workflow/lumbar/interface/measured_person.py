@@ -1,0 +1,164 @@
+"""All measures of every lift of one person, from marker files to a long table."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from lumbar.errors import LumbarError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+    from lumbar.interface.person import Lift
+    from lumbar.settings.lifting import LiftingSettings
+    from lumbar.settings.stability import StabilitySettings
+    from lumbar.settings.subject import SubjectSettings, TrialSettings
+    from lumbar.stability.model.trajectory import Trajectory
+
+COLUMNS = (
+    "lift",
+    "person",
+    "box_mass_kg",
+    "trial",
+    "measure",
+    "plane",
+    "value",
+    "unit",
+    "safer",
+    "source",
+    "reason",
+)
+SIGNS = ("inverted", "hanging")
+ABSENT = (float("nan"),) * len(SIGNS)
+NO_BASIN = "no basin with one of the signs"
+BASIN_SOURCE = "lumbar.stability: exact funnel of Eq. 4.1 with the regulator of the configuration"
+
+
+def measure_person(
+    markers: Mapping[str, str | os.PathLike],
+    trials: Mapping[str, TrialSettings],
+    subject: SubjectSettings,
+    lifting: LiftingSettings,
+    stability: StabilitySettings,
+    *,
+    static: str | os.PathLike | None = None,
+    data: str = "",
+) -> pd.DataFrame:
+    """Measure every lift of a person: balance, posture, load of the back, and areas of the basins with either sign.
+
+    Parameters
+    ----------
+    markers : mapping of str to path
+        Marker file of every lift.
+    trials : mapping of str to TrialSettings
+        By the same names.
+    subject : SubjectSettings
+    lifting : LiftingSettings
+    stability : StabilitySettings
+    static : path, optional
+        Marker file of a static trial.
+    data : str
+        Words for the source of the data.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Long, columns `COLUMNS`; a value that is absent is NaN, and the reason says why.
+    """
+    import pandas as pd
+
+    from lumbar.interface.movement import measure_movement
+    from lumbar.interface.person import lift
+
+    found: dict[str, Lift] = {}
+    frames: dict[str, pd.DataFrame] = {}
+    for name, path in markers.items():
+        try:
+            one = lift(
+                path, subject, trial=trials[name], name=name, settings=lifting, static=static, data=data
+            )
+            frames[name] = measure_movement(one, settings=stability).values
+            found[name] = one
+        except LumbarError as error:
+            frames[name] = _unmeasured(str(error))
+    areas = _basin_areas(found, stability)
+    counted: Counter = Counter()
+    tables = []
+    for name, values in frames.items():
+        mass = trials[name].box_mass_kg
+        counted[mass] += 1
+        table = pd.concat([values, areas[areas["lift"] == name]], ignore_index=True)
+        tables.append(table.assign(lift=name, person=subject.name, box_mass_kg=mass, trial=counted[mass]))
+    return pd.concat(tables, ignore_index=True)[list(COLUMNS)]
+
+
+def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.DataFrame:
+    """Average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
+    import pandas as pd
+
+    from lumbar.stability.model.failures import all_or_each
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
+
+    sound: list[tuple[str, Trajectory]] = []
+    rows: list[tuple] = []
+    for name, found in lifts.items():
+        trajectories, failures = trajectories_of_lift(found.states, found.facts, settings.pendulum.mass)
+        sound += [(name, item) for item in trajectories]
+        rows += [(name, item, ABSENT, item.reason) for item in failures]
+    # All at once: the integration takes as many steps for one basin as for a hundred.
+    results, _ = all_or_each(_areas_of, [item for _, item in sound], settings, basin="exact, both signs")
+    computed = {id(item): pair for items, areas in results for item, pair in zip(items, areas.T, strict=True)}
+    for name, item in sound:
+        areas = computed.get(id(item))
+        rows.append((name, item, ABSENT, NO_BASIN) if areas is None else (name, item, areas, ""))
+    frame = pd.DataFrame(
+        [
+            (name, f"basin_area_{item.com}_{sign}", item.plane, area, reason)
+            for name, item, areas, reason in rows
+            for sign, area in zip(SIGNS, areas, strict=True)
+        ],
+        columns=["lift", "measure", "plane", "value", "reason"],
+    )
+    return frame.assign(unit="rad²/s", safer="higher", source=BASIN_SOURCE)
+
+
+def _areas_of(trajectories: list[Trajectory], settings: StabilitySettings) -> np.ndarray:
+    """Average cross-sections, shape (signs, trajectories)."""
+    from lumbar.stability.basins import weights_of
+    from lumbar.stability.funnel.funnel import exact_funnels, regulate
+    from lumbar.stability.model.pendulum_loop import gather
+
+    items, count = trajectories * len(SIGNS), len(trajectories)
+    signs = [sign for sign in SIGNS for _ in range(count)]
+    pendulum = settings.pendulum
+    pendulums = gather(
+        items, signs, [pendulum.damping_N_m_s] * len(items), pendulum.gravity_m_s2, settings.limits.knots
+    )
+    funnels = exact_funnels(regulate(pendulums, weights_of(settings)), settings.goal_level)
+    return funnels.mean_area.reshape(len(SIGNS), count)
+
+
+def _unmeasured(reason: str) -> pd.DataFrame:
+    """Rows of all measures of a lift that could not be analysed."""
+    import pandas as pd
+
+    from lumbar.measures.registry import MEASURES
+    from lumbar.stability.model.trajectory import COMS, PLANES
+
+    rows = [
+        (measure.name, plane, measure.unit, measure.safer, measure.source)
+        for measure in MEASURES.values()
+        for plane in measure.columns
+    ]
+    rows += [
+        (f"basin_area_{com}_{sign}", plane, "rad²/s", "higher", BASIN_SOURCE)
+        for sign in SIGNS
+        for com in COMS
+        for plane in PLANES
+    ]
+    frame = pd.DataFrame(rows, columns=["measure", "plane", "unit", "safer", "source"])
+    return frame.assign(value=float("nan"), reason=reason)

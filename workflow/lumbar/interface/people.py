@@ -1,0 +1,232 @@
+"""``lumbar.compare_groups`` and ``lumbar.sample_size``: what differs between people, and how many it takes to see it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.errors import InputError
+from lumbar.interface.data_label import NOT_SAID, data_label
+from lumbar.settings.population import PopulationSettings
+from lumbar.settings.seed import SEED
+from lumbar.settings.stability import GROUPS
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from lumbar.population.comparison import Comparison
+    from lumbar.tables import Table
+
+
+def compare_groups(
+    table: pd.DataFrame | str | os.PathLike | Sequence[str | os.PathLike],
+    *,
+    groups: tuple[str, str] | None = None,
+    settings: PopulationSettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> PeopleCompared:
+    """Compare two groups of people at the same box, and the boxes within each group, measure by measure.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame, path or sequence of paths
+        Long: one row per lift, measure and plane, columns ``person, group, box_mass_kg, measure, plane, value``, and if
+        they are known ``unit`` and ``safer`` (``higher`` or ``lower``). Several CSV files are joined.
+    groups : tuple of str, optional
+        The first is compared with the second; default expert and novice or, where the table has other labels, these.
+    settings : PopulationSettings, optional
+    seed : int
+        Of the bootstrap.
+    data : str
+        Words for the source of the data.
+
+    Returns
+    -------
+    PeopleCompared
+
+    Raises
+    ------
+    InputError
+        For a file or table that is none of this kind, and for groups that nobody belongs to.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> import pandas as pd
+    >>> margins = {"expert": (31, 28, 35, 33), "novice": (19, 24, 22, 20)}
+    >>> rows = [
+    ...     {"person": f"{group} {number}", "group": group, "value": value}
+    ...     for group, values in margins.items() for number, value in enumerate(values)
+    ... ]
+    >>> table = pd.DataFrame(rows).assign(box_mass_kg=15, measure="margin", plane="all", unit="mm", safer="higher")
+    >>> print(lumbar.compare_groups(table))
+    expert_vs_novice, 15 kg, margin, all: 10.5 mm (5.95 to 15.1), p = 0.0013, 4 + 4 persons: expert is safer
+    """
+    from lumbar.population.comparison import check_long_table, compare_people
+
+    settings = settings or PopulationSettings()
+    frame, sources = _read(table)
+    check_long_table(frame)
+    chosen = groups or _groups_of(frame)
+    unknown = [group for group in chosen if group not in set(frame["group"])]
+    if unknown:
+        there = ", ".join(sorted(map(str, frame["group"].unique())))
+        raise InputError(f"groups: nobody is labelled {' or '.join(map(repr, unknown))}; there are: {there}")
+    found = tuple(compare_people(frame, chosen, seed, settings.resamples))
+    return PeopleCompared(found, chosen, settings, data_label(data, sources) if sources else data or NOT_SAID)
+
+
+def _read(table) -> tuple[pd.DataFrame, list[str]]:
+    import pandas as pd
+
+    if isinstance(table, pd.DataFrame):
+        return table, []
+    paths = [table] if isinstance(table, str | os.PathLike) else list(table)
+    frames = []
+    for path in paths:
+        try:
+            frames.append(pd.read_csv(path))
+        except (OSError, pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+            raise InputError(f"{path}: not a table of measures ({error})") from error
+    return pd.concat(frames, ignore_index=True), [os.fspath(path) for path in paths]
+
+
+def _groups_of(frame: pd.DataFrame) -> tuple[str, str]:
+    labels = sorted(map(str, frame["group"].unique()))
+    if set(GROUPS) <= set(labels):
+        return GROUPS
+    if len(labels) != 2:
+        raise InputError(
+            f"groups: which two of {', '.join(labels)}? Name them, e.g. groups=('expert', 'novice')"
+        )
+    return labels[0], labels[1]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PeopleCompared:
+    """What differs between groups and boxes.
+
+    Attributes
+    ----------
+    comparisons : tuple of Comparison
+    groups : tuple of str
+    settings : PopulationSettings
+    data : str
+    """
+
+    comparisons: tuple[Comparison, ...]
+    groups: tuple[str, str]
+    settings: PopulationSettings
+    data: str
+
+    @cached_property
+    def table(self) -> Table:
+        """Differences with intervals and p values."""
+        from lumbar.population.comparison_table import comparison_table
+
+        return comparison_table(self.comparisons, self.data)
+
+    @cached_property
+    def planning(self) -> Table:
+        """Scatter between people and trials, and how many persons a study needs."""
+        from lumbar.population.comparison_table import planning_table
+
+        return planning_table(self.comparisons, self.settings, self.data)
+
+    def figure(self) -> Figure:
+        """Return all measures at one glance: who is safer, and how certain that is."""
+        from lumbar.reports.figures.population_figure import comparison_figure
+
+        return comparison_figure(self.comparisons, self.groups)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``measure_comparison`` and ``measure_planning`` as tables, and the figure."""
+        from lumbar.reports.figures.style import save
+
+        folder = Path(folder)
+        self.table.write(folder / "measure_comparison")
+        self.planning.write(folder / "measure_planning")
+        save(self.figure(), folder / "measure_comparison", self.data)
+
+    def __str__(self) -> str:
+        return "\n".join(map(_sentence, self.comparisons))
+
+    def __repr__(self) -> str:
+        return (
+            f"<PeopleCompared: {len(self.comparisons)} comparisons of {self.groups[0]} and {self.groups[1]}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return self.table._repr_html_()
+
+
+def _sentence(item: Comparison) -> str:
+    contrast, interval = item.contrast, item.contrast.interval
+    persons = " + ".join(str(len(side)) for side in item.values)
+    start = f"{item.name}, {item.box} kg, {item.measure}, {item.plane}: {contrast.difference:.3g} {item.unit}".rstrip()
+    if not interval.known:
+        return f"{start}, {interval.remark}"
+    verdict = f"{item.verdict} is safer" if item.verdict in item.sides else item.verdict
+    return f"{start} ({interval.low:.3g} to {interval.high:.3g}), p = {contrast.p_value:.2g}, {persons} persons: {verdict}"
+
+
+def sample_size(
+    difference: float,
+    *,
+    person_sd: float,
+    trial_sd: float = 0.0,
+    trials: int = 1,
+    paired: bool = False,
+    power: float = 0.8,
+    significance: float = 0.05,
+) -> int:
+    """Return how many persons (of each group; altogether if paired) a study needs to see a difference.
+
+    Parameters
+    ----------
+    difference : float
+        That is to be seen.
+    person_sd : float
+        Standard deviation between people of a group; if paired, between people's changes. With `trial_sd` it is a column
+        of the table ``measure_planning``.
+    trial_sd : float
+        Standard deviation between the trials of one person under one condition.
+    trials : int
+        Of each person and condition.
+    paired : bool
+        Whether every person goes through both conditions.
+    power : float
+        Probability to see the difference.
+    significance : float
+        Level of the two-sided t test on the persons' means.
+
+    Raises
+    ------
+    InputError
+        For numbers that make no study, and where more than 100 000 persons would be needed.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=1), lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=5)
+    (27, 19)
+    """
+    from lumbar.population.sample_size import MOST_PERSONS, person_mean_sd, persons_needed
+
+    if min(person_sd, trial_sd) < 0 or trials < 1 or not 0 < significance < power < 1:
+        raise InputError(
+            f"person_sd {person_sd:g}, trial_sd {trial_sd:g}, trials {trials:g}, power {power:g}, significance "
+            f"{significance:g}: deviations from 0 on, trials from 1 on, 0 < significance < power < 1"
+        )
+    # A paired difference has the trials' scatter of both conditions.
+    sd = person_mean_sd(person_sd, trial_sd, trials / 2 if paired else trials)
+    found = persons_needed(difference, sd, paired=paired, power_wanted=power, significance=significance)
+    if found is None:
+        raise InputError(f"difference {difference:g}: more than {MOST_PERSONS} persons would be needed")
+    return found

@@ -1,0 +1,207 @@
+"""``lumbar.push_prediction``: which measure, computed before a push, tells who must step."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.errors import InputError
+from lumbar.interface.data_label import data_label
+from lumbar.interface.person import Lift
+from lumbar.settings.pushes import PushesSettings
+from lumbar.settings.seed import SEED
+from lumbar.settings.stability import StabilitySettings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.pushes.contest import Contest
+    from lumbar.pushes.levels import Levels
+    from lumbar.pushes.motion import DepositMotion
+    from lumbar.pushes.prediction import Verdict
+    from lumbar.tables import Table
+
+
+@dataclass(frozen=True)
+class SavedLift:
+    """What `Lift.save` wrote of a lift: ``body.csv``, ``pendulum.csv`` and ``pendulum.json``."""
+
+    body: pd.DataFrame
+    states: pd.DataFrame
+    facts: dict
+
+
+def saved_lift(folder: str | os.PathLike) -> SavedLift:
+    """Read a lift's folder."""
+    import pandas as pd
+
+    from lumbar.files import read_json
+
+    folder = Path(folder)
+    tables = [pd.read_csv(folder / name) for name in ("body.csv", "pendulum.csv")]
+    return SavedLift(*tables, read_json(folder / "pendulum.json"))
+
+
+def push_states(
+    lifts: Iterable[Lift | SavedLift], stability: StabilitySettings, settings: PushesSettings
+) -> pd.DataFrame:
+    """Return what the pushes need of some lifts: motion and levels of the measures, one row per instant of a deposit.
+
+    A lift from which no body can be made (no deposit, no feet, no shoulders) is left out.
+    """
+    from lumbar.measures.course import Lifter
+    from lumbar.pushes.levels import levels_of
+    from lumbar.pushes.motion import deposit_motion
+    from lumbar.pushes.states import states_frame
+    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
+
+    lifters, motions, trajectories = [], [], []
+    for item in lifts:
+        lifter = Lifter(item.body, item.facts, stability.measures, stability.pendulum.gravity_m_s2)
+        try:
+            motions.append(deposit_motion(lifter))
+        except InputError:
+            continue
+        lifters.append(lifter)
+        sound, _ = trajectories_of_lift(item.states, item.facts, stability.pendulum.mass)
+        chosen = [one for one in sound if (one.com, one.plane) == ("abdomen", "flexion_extension")]
+        trajectories.append(next(iter(chosen), None))
+    levels = levels_of(lifters, motions, trajectories, stability, settings.push.height_share)
+    return states_frame(motions, levels)
+
+
+def push_prediction(
+    lifts: Iterable[Lift] | pd.DataFrame,
+    *,
+    settings: PushesSettings | None = None,
+    stability: StabilitySettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> PushPrediction:
+    """Push simulated bodies of three links during the deposits of some lifts, and see which measure told who must step.
+
+    Parameters
+    ----------
+    lifts : list of Lift, or pandas.DataFrame
+        Of `lift`, of several persons; or a table of `lumbar.interface.pushing.push_states`.
+    settings : PushesSettings, optional
+    stability : StabilitySettings, optional
+        Measures and basins.
+    seed : int
+        Of pushes, traits of the bodies and bootstrap.
+    data : str
+        Words for the source of the data.
+
+    Returns
+    -------
+    PushPrediction
+
+    Raises
+    ------
+    InputError
+        If no lift gives a body, or all pushes end alike.
+    """
+    from lumbar.pushes.contest import hold_contest
+    from lumbar.pushes.states import from_states
+
+    settings, stability = settings or PushesSettings(), stability or StabilitySettings()
+    if hasattr(lifts, "columns"):
+        frame, sources = lifts, []
+    else:
+        lifts = list(lifts)
+        frame, sources = push_states(lifts, stability, settings), [item.data for item in lifts]
+    motions, levels = from_states(frame)
+    if not motions:
+        raise InputError(
+            "pushes: of no lift a body of three links can be made: each needs a deposit, both ankles, heels, toes and shoulders, "
+            "the hips, and the box or the wrists"
+        )
+    contest = hold_contest(motions, levels, settings, seed)
+    return PushPrediction(contest, motions, levels, settings, seed, data_label(data, dict.fromkeys(sources)))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PushPrediction:
+    """The contest of the measures.
+
+    Attributes
+    ----------
+    contest : lumbar.pushes.contest.Contest
+        Pushes, their outcomes, and what the measures said before.
+    motions : list of DepositMotion
+    levels : list of Levels
+    settings : PushesSettings
+    seed : int
+    data : str
+    """
+
+    contest: Contest
+    motions: list[DepositMotion]
+    levels: list[Levels]
+    settings: PushesSettings
+    seed: int
+    data: str
+
+    @property
+    def pushes(self) -> pd.DataFrame:
+        """One row per push: size, outcome, and the level of every measure."""
+        return self.contest.frame
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """One row per contest, direction and measure, the best first."""
+        from lumbar.pushes.prediction import prediction_frame
+
+        return prediction_frame(self.contest, self.settings.scoring, self.seed)
+
+    @cached_property
+    def winner(self) -> Verdict:
+        """The measure that told best, with its interval and what it rests on."""
+        from lumbar.pushes.prediction import verdict_of
+
+        return verdict_of(self.contest, self.frame, self.settings.scoring, self.seed)
+
+    @property
+    def table(self) -> Table:
+        """The contests as a published table."""
+        from lumbar.pushes.prediction import prediction_table
+
+        return prediction_table(self.contest, self.frame, self.winner, self.data)
+
+    @cached_property
+    def sensitivity(self) -> Table:
+        """The contest with other bodies and controllers."""
+        from lumbar.pushes.prediction import sensitivity_frame, sensitivity_table
+
+        frame = sensitivity_frame(self.motions, self.levels, self.settings, self.winner, self.seed)
+        return sensitivity_table(frame, self.winner, self.data)
+
+    def figure(self):
+        """Draw the ROC curves."""
+        from lumbar.reports.figures.push_figure import push_figure
+
+        return push_figure(self.contest.frame, self.frame)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``pushes.csv``, ``winner.json`` and the tables ``push_prediction`` and ``push_sensitivity``."""
+        from lumbar.files import write_csv, write_json
+        from lumbar.pushes.prediction import verdict_json
+
+        folder = Path(folder)
+        write_csv(folder / "pushes.csv", self.pushes.assign(data=self.data))
+        write_json(folder / "winner.json", verdict_json(self.winner, self.data))
+        self.table.write(folder / "push_prediction")
+        self.sensitivity.write(folder / "push_sensitivity")
+
+    def __str__(self) -> str:
+        return self.winner.sentence
+
+    def __repr__(self) -> str:
+        return f"<PushPrediction: {len(self.pushes)} pushes, {self.winner.measure}>"
+
+    def _repr_html_(self) -> str:
+        return self.frame.to_html(index=False)

@@ -1,0 +1,1 @@
+"""Statistics of people: several persons, several trials of each, groups and boxes compared."""

@@ -1,0 +1,131 @@
+"""Receiver operating characteristic of scores of events that come in clusters: one person gives many.
+
+An area is the share of pairs (one event, one not) that the score orders rightly, ties counted half (Mann and Whitney 1947;
+Hanley and McNeil 1982). Its interval comes from drawing persons with replacement, each with all of theirs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+SPECIFICITY = 0.95
+"""At which the sensitivity is told."""
+COVERAGE = (2.5, 97.5)
+
+
+@dataclass(frozen=True)
+class Ordered:
+    """Scores in rising order, ties together, for areas under many weights of persons.
+
+    Attributes
+    ----------
+    order : numpy.ndarray of int, shape (n,)
+    starts : numpy.ndarray of int, shape (values,)
+        Where each different score begins.
+    event : numpy.ndarray of bool, shape (n,)
+        In that order.
+    person : numpy.ndarray of int, shape (n,)
+        Index of the person, in that order.
+    """
+
+    order: np.ndarray
+    starts: np.ndarray
+    event: np.ndarray
+    person: np.ndarray
+
+
+def ordered(score: np.ndarray, event: np.ndarray, person: np.ndarray) -> Ordered:
+    """Sort scores once; arrays of shape (n,), persons as whole numbers from 0."""
+    order = np.argsort(score, kind="stable")
+    values = score[order]
+    starts = np.flatnonzero(np.r_[True, values[1:] != values[:-1]])
+    return Ordered(order, starts, event[order], person[order])
+
+
+def areas(scores: Ordered, weights: np.ndarray) -> np.ndarray:
+    """Area under the curve for weights of persons.
+
+    Parameters
+    ----------
+    scores : Ordered
+    weights : numpy.ndarray, shape (samples, persons)
+        How often each person counts.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        NaN where a sample has no event, or nothing else.
+    """
+    own = weights[:, scores.person].astype(float)
+    hit = np.add.reduceat(own * scores.event, scores.starts, axis=1)
+    miss = np.add.reduceat(own * ~scores.event, scores.starts, axis=1)
+    below = np.cumsum(miss, axis=1) - 0.5 * miss
+    with np.errstate(invalid="ignore"):
+        return (hit * below).sum(axis=1) / (hit.sum(axis=1) * miss.sum(axis=1))
+
+
+def person_weights(persons: int, samples: int, seed: list[int]) -> np.ndarray:
+    """Draw persons with replacement: how often each is drawn, shape (samples, persons)."""
+    return np.random.default_rng(seed).multinomial(persons, np.full(persons, 1 / persons), samples)
+
+
+def interval(values: np.ndarray) -> tuple[float, float]:
+    """Percentiles of bootstrap values, those that exist."""
+    low, high = np.nanpercentile(values, COVERAGE)
+    return float(low), float(high)
+
+
+def curve(score: np.ndarray, event: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shares of false alarms and of events told, from the highest threshold to the lowest, one point per different score."""
+    order = np.argsort(-score, kind="stable")
+    values, told = score[order], event[order]
+    last = np.flatnonzero(np.r_[values[1:] != values[:-1], True])
+    hits, alarms = np.cumsum(told)[last], np.cumsum(~told)[last]
+    return np.r_[0.0, alarms / max(alarms[-1], 1)], np.r_[0.0, hits / max(hits[-1], 1)]
+
+
+def sensitivity_at(score: np.ndarray, event: np.ndarray, specificity: float = SPECIFICITY) -> float:
+    """Largest share of events told with at least this share of the others left in peace."""
+    alarms, hits = curve(score, event)
+    return float(hits[alarms <= 1 - specificity + 1e-12].max())
+
+
+def best_threshold(score: np.ndarray, event: np.ndarray) -> float:
+    """Threshold, above which an event is told, with the largest sum of both shares told right (Youden 1950).
+
+    Midway between two scores, so that it is no score itself.
+    """
+    alarms, hits = curve(score, event)
+    values = np.unique(score)[::-1]
+    best = int(np.argmax(hits - alarms))
+    if best == 0:
+        return np.inf
+    following = values[best] if best < len(values) else values[-1] - 1.0
+    return float((values[best - 1] + following) / 2)
+
+
+def told_by_others(
+    score: np.ndarray, event: np.ndarray, person: np.ndarray, folds: int, seed: list[int]
+) -> tuple[float, float]:
+    """Shares of events and of the others told right, each person by the best threshold of other persons.
+
+    Parameters
+    ----------
+    score, event : numpy.ndarray, shape (n,)
+    person : numpy.ndarray of int, shape (n,)
+    folds : int
+        Groups of persons; as many as persons where there are fewer.
+    seed : list of int
+        Of the grouping.
+    """
+    persons = np.unique(person)
+    count = min(folds, len(persons))
+    group = np.empty(int(persons.max()) + 1, dtype=int)
+    group[persons] = np.random.default_rng(seed).permutation(len(persons)) % count
+    told = np.zeros(len(score), dtype=bool)
+    for fold in range(count):
+        held = group[person] == fold
+        told[held] = score[held] > best_threshold(score[~held], event[~held])
+    return float(told[event].mean()), float((~told[~event]).mean())

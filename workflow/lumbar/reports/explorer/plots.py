@@ -1,0 +1,197 @@
+"""The page's pictures: measured and simulated output over time, loops, spectrum, and where in the motion the error lies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.diagnosis.fitting.preparation import Experiment
+from lumbar.reports.explorer.shown import ShownModel, ShownRecord
+from lumbar.reports.figures.style import MEASURED, SERIES
+
+if TYPE_CHECKING:
+    from bokeh.models import ColumnDataSource, Model
+    from bokeh.plotting import figure
+
+FIRST, SECOND = SERIES[0], SERIES[3]
+"""Colours of the two models that are compared; the first is drawn whole, the second dashed: readable in grey."""
+NOISE = "#777777"
+SHOWN, CELLS, BRUSHED, SPECTRUM, REQUEST, ANSWER = (
+    "shown",
+    "cells",
+    "brushed",
+    "lines",
+    "request",
+    "answer",
+)
+"""Names of the document's sources: what is drawn now, and what page and server say to each other."""
+_COLUMNS = ("time", "position", "velocity", "measured", "first", "second", "first_error", "second_error")
+_HEIGHT = 230
+
+
+def page_models(
+    experiment: Experiment, records: Sequence[ShownRecord], models: Sequence[ShownModel]
+) -> tuple[list[Model], list[Model]]:
+    """Pictures, and the sources that hold the data; the page's script fills what is shown from them.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        For units and quantities.
+    records : sequence of ShownRecord
+    models : sequence of ShownModel
+
+    Returns
+    -------
+    list of bokeh.models.Model
+        In the order in which the page shows them.
+    list of bokeh.models.Model
+        Sources that are not drawn themselves.
+    """
+    from bokeh.models import ColumnDataSource
+
+    shown = _source(SHOWN, _COLUMNS)
+    brushed = _source(BRUSHED, _COLUMNS)
+    held = [
+        ColumnDataSource({**record.columns, **_by_model(models, record.name)}, name=f"record:{record.name}")
+        for record in records
+    ]
+    held += [
+        ColumnDataSource(
+            {"frequency": record.frequency, "noise": _noise(record)}
+            | {model.key: model.density[record.name] for model in models},
+            name=f"spectrum:{record.name}",
+        )
+        for record in records
+    ]
+    held += [brushed, _source(REQUEST, ("content",)), _source(ANSWER, ("content",))]
+    drawn = _pictures(experiment, shown, brushed)
+    return drawn, held
+
+
+def _by_model(models: Sequence[ShownModel], record: str) -> dict[str, np.ndarray]:
+    return {model.key: model.values[record] for model in models}
+
+
+def _noise(record: ShownRecord) -> np.ndarray:
+    return np.full(len(record.frequency), np.nan) if record.noise is None else record.noise
+
+
+def _source(name: str, columns: Sequence[str]) -> ColumnDataSource:
+    from bokeh.models import ColumnDataSource
+
+    return ColumnDataSource({column: [] for column in columns}, name=name)
+
+
+def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDataSource) -> list[figure]:
+    from bokeh.models import CustomJS, Range1d
+
+    output, moved = (
+        f"{experiment.output_quantity.capitalize()} ({experiment.output_unit})",
+        experiment.input_quantity,
+    )
+    position = f"{moved.capitalize()} ({experiment.input_unit})"
+    velocity = f"Velocity ({experiment.input_unit}/s)"
+    error = f"Error ({experiment.output_unit})"
+    course = _figure("course", "Time (s)", output, x_range=Range1d(0, 1))  # the page's script sets it
+    residual = _figure("residual", "Time (s)", error, x_range=course.x_range)
+    loop = _figure("loop", position, output)
+    plane = _figure("plane", position, velocity, x_range=loop.x_range)
+    lines = {
+        course: ("time", ("measured", "first", "second")),
+        residual: ("time", ("first_error", "second_error")),
+        loop: ("position", ("measured", "first", "second")),
+    }
+    _draw_noise(residual, experiment)
+    for picture, (across, ups) in lines.items():
+        for up in ups:
+            picture.line(across, up, source=shown, **_line(up))
+    _draw_cells(plane, error)
+    for picture, across, up in (
+        (course, "time", "measured"),
+        (residual, "time", "first_error"),
+        (loop, "position", "measured"),
+        (plane, "position", "velocity"),
+    ):
+        picture.scatter(across, up, source=brushed, size=4, color=SERIES[2], alpha=0.6)
+        told = CustomJS(code=f"window.lumbar.brush('{across}', '{up}', cb_obj)")
+        picture.js_on_event("selectiongeometry", told)
+    return [course, residual, loop, plane, _spectrum(experiment)]
+
+
+def _line(column: str) -> dict:
+    if column == "measured":
+        return {"color": MEASURED, "line_width": 1.2, "name": "measured"}
+    if column.startswith("first"):
+        return {"color": FIRST, "line_width": 1.6}
+    return {"color": SECOND, "line_width": 1.6, "line_dash": [6, 3]}
+
+
+def _figure(name: str, across: str, up: str, **more) -> figure:
+    from bokeh.plotting import figure
+
+    picture = figure(
+        name=name,
+        height=_HEIGHT,
+        sizing_mode="stretch_width",
+        tools="box_select,pan,box_zoom,wheel_zoom,reset",
+        active_drag="box_select",
+        x_axis_label=across,
+        y_axis_label=up,
+        **more,
+    )
+    picture.toolbar.logo = None
+    picture.min_border_left, picture.outline_line_color = 70, None
+    picture.background_fill_alpha = picture.border_fill_alpha = 0.0
+    return picture
+
+
+def _draw_noise(residual: figure, experiment: Experiment) -> None:
+    """Band of ± the noise's RMS."""
+    from bokeh.models import BoxAnnotation
+
+    if experiment.floor is not None:
+        rms = experiment.floor.rms
+        residual.add_layout(BoxAnnotation(bottom=-rms, top=rms, fill_color=NOISE, fill_alpha=0.25))
+
+
+def _draw_cells(plane: figure, error: str) -> None:
+    """RMS of the first model's error in cells of position and velocity."""
+    from bokeh.models import ColorBar, LinearColorMapper
+
+    cells = _source(CELLS, ("position", "velocity", "width", "height", "rms"))
+    mapper = LinearColorMapper(palette=_palette(), low=0, high=1, name="shading")
+    plane.rect(
+        "position",
+        "velocity",
+        "width",
+        "height",
+        source=cells,
+        fill_color={"field": "rms", "transform": mapper},
+        line_color=None,
+    )
+    plane.add_layout(ColorBar(color_mapper=mapper, title=f"{error}, RMS", width=8), "right")
+
+
+def _palette() -> list[str]:
+    """Light to dark of one hue: the order survives in grey."""
+    from bokeh.palettes import Blues256
+
+    return list(reversed(Blues256))[16:]
+
+
+def _spectrum(experiment: Experiment) -> figure:
+    spectrum = _source(SPECTRUM, ("frequency", "noise", "first", "second"))
+    picture = _figure(
+        "spectrum",
+        "Frequency (Hz)",
+        f"Error ({experiment.output_unit}/√Hz)",
+        x_axis_type="log",
+        y_axis_type="log",
+    )
+    picture.line("frequency", "noise", source=spectrum, color=NOISE, line_width=3, alpha=0.6)
+    picture.line("frequency", "first", source=spectrum, color=FIRST, line_width=1.4)
+    picture.line("frequency", "second", source=spectrum, color=SECOND, line_width=1.4, line_dash=[6, 3])
+    return picture

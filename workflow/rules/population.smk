@@ -1,0 +1,67 @@
+# From the marker files of every person to the measures of all, and to what differs between groups and boxes: one job per
+# person, since a job for every lift would spend more on its start than on the lift.
+
+
+if study.has("population"):
+
+    PERSON_LIFTS = study.lifts_by_person
+
+    rule measure_person:
+        input:
+            markers=lambda wildcards: [
+                recording(lift.trial.markers) for lift in PERSON_LIFTS[wildcards.person].values()
+            ],
+            static=lambda wildcards: [
+                recording(path) for path in [study.subjects[wildcards.person].static] if path is not None
+            ],
+            checked=ALL_CHECKED,
+            sources=library_sources("measure_person.py"),
+        output:
+            measures="<results>/population/persons/{person}.csv",
+        log:
+            "<logs>/measure_person/{person}.log",
+        benchmark:
+            "<benchmarks>/measure_person/{person}.tsv"
+        conda:
+            CONDA
+        params:
+            subject=lambda wildcards: without(
+                study.subjects[wildcards.person], "trials", "experience", "static"
+            ),
+            trials=lambda wildcards: {
+                name: plain(lift.trial) for name, lift in PERSON_LIFTS[wildcards.person].items()
+            },
+            lifting=without(settings.lifting, "subjects", "moment_layout"),
+            stability={
+                key: plain(getattr(settings.stability, key))
+                for key in ("pendulum", "regulator", "goal_level", "limits", "measures")
+            },
+            data=DATA,
+        message:
+            "{wildcards.person}: measures of every lift"
+        script:
+            "../scripts/measure_person.py"
+
+    rule compare_people:
+        input:
+            persons=[f"<results>/population/persons/{person}.csv" for person in study.subjects],
+            sources=library_sources("compare_people.py"),
+        output:
+            **published("measure_comparison", "measure_planning", "measure_comparison_figure"),
+            measures="<results>/population/measures.csv",
+        log:
+            "<logs>/compare_people.log",
+        benchmark:
+            "<benchmarks>/compare_people.tsv"
+        conda:
+            CONDA
+        params:
+            settings=plain(settings.population),
+            groups=list(settings.stability.compare.groups),
+            labels=study.labels,
+            seed=settings.seed,
+            data=DATA,
+        message:
+            "Groups of people and their boxes compared"
+        script:
+            "../scripts/compare_people.py"

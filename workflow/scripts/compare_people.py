@@ -1,0 +1,31 @@
+"""Measures of all people in one table, and what differs between groups and boxes."""
+
+from job import run, stem
+
+
+def main(input, output, params):
+    """Join the persons' tables, compare, write tables and figure."""
+    import pandas as pd
+
+    from lumbar.files import write_csv
+    from lumbar.interface.people import compare_groups
+    from lumbar.reports.figures.style import save
+    from lumbar.settings.plain import typed
+    from lumbar.settings.population import PopulationSettings
+
+    table = pd.concat([pd.read_csv(path) for path in input.persons], ignore_index=True)
+    table.insert(2, "group", table["person"].map(params.labels))
+    write_csv(output.measures, table)
+    compared = compare_groups(
+        table,
+        groups=tuple(params.groups),
+        settings=typed(PopulationSettings, params.settings),
+        seed=params.seed,
+        data=params.data,
+    )
+    compared.table.write(stem(output.measure_comparison))
+    compared.planning.write(stem(output.measure_planning))
+    save(compared.figure(), stem(output.measure_comparison_figure), params.data)
+
+
+run(main, snakemake)
