@@ -8,8 +8,9 @@ import pytest
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 
 from lumbar.diagnosis.noise.noise_floor import noise_floor
-from lumbar.diagnosis.residuals.compare import block_groups, compare_record, comparison_table
+from lumbar.diagnosis.residuals.compare import RESAMPLES, block_groups, compare_record, comparison_table
 from lumbar.errors import InputError, NumericalError
+from lumbar.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 
 
 def aperiodic(size: int, sigma: float, seed: int, pole: float = 0.0):
@@ -98,6 +99,23 @@ def test_the_same_seed_gives_the_same_interval():
     test, force = aperiodic(1500, 0.3, 1)
     assert compare_record(test, force, seed=3) == compare_record(test, force, seed=3)
     assert compare_record(test, force, seed=3).rms.low != compare_record(test, force, seed=4).rms.low
+
+
+def test_intervals_are_those_of_the_figures_of_resampled_records():
+    test, force = aperiodic(1000, 0.3, 1)
+    found = compare_record(test, force, start=0.0, seed=3)
+    measured, residual = test["output"], test["output"] - force
+    groups = block_groups([residual, measured - measured.mean()], None)
+    draws = np.random.default_rng(3).integers(len(groups), size=(RESAMPLES, len(groups)))
+    chosen = [np.concatenate([groups[group] for group in draw]) for draw in draws]
+    for name, figure in (
+        ("vaf", variance_accounted_for),
+        ("fit", fit_ratio),
+        ("mean_residual", mean_residual),
+    ):
+        resampled = [figure(measured[samples], force[samples]) for samples in chosen]
+        interval = getattr(found, name)
+        assert [interval.low, interval.high] == pytest.approx(np.quantile(resampled, [0.025, 0.975]))
 
 
 def test_what_cannot_be_compared_is_refused():

@@ -154,3 +154,32 @@ def test_a_box_that_stands_in_a_coarse_file_is_not_frozen():
     points = {label: np.round(corner + shift, 3) for label, corner in corners.items()}
     points |= {label: place + rng.normal(0, 1e-4, (400, 3)) for label, place in body.items()}
     assert [f for f in examine(points, frames / 100, 100.0) if f.kind == "frozen"] == []
+
+
+@pytest.fixture(scope="module")
+def walk(shared):
+    path = shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d"
+    recording = read_markers(path, MarkerLayout(check_axes=False))
+    return recording.positions, recording.time, recording.rate
+
+
+def test_both_legs_that_change_sides_during_a_walk_are_named_pair_by_pair_and_from_the_frame_on(walk):
+    """All leap at once, each to where its fellow was and near to where others were."""
+    points, time, rate = walk
+    pairs = [(f"L{part}", f"R{part}") for part in ("THI", "KNE", "TIB", "ANK", "HEE", "TOE")]
+    spoilt = {label: positions.copy() for label, positions in points.items()}
+    for left, right in pairs:
+        spoilt[left][200:], spoilt[right][200:] = points[right][200:], points[left][200:]
+    found = examine(spoilt, time, rate)
+    assert {finding.kind for finding in found} == {"exchanged"}
+    assert sorted(tuple(sorted(finding.markers)) for finding in found) == sorted(pairs)
+    assert {(finding.first_frame, finding.frames.stop) for finding in found} == {(200, len(time))}
+
+
+def test_noise_of_all_markers_is_one_finding(walk):
+    points, time, rate = walk
+    rng = np.random.default_rng(0)
+    (found,) = examine({k: v + rng.normal(0, 5e-3, v.shape) for k, v in points.items()}, time, rate)
+    assert (found.kind, found.markers) == ("jitter", ())
+    words = found.evidence.split()
+    assert [float(words[3]), float(words[5])] == pytest.approx([np.sqrt(3) * 5] * 2, rel=0.1)

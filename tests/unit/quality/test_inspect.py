@@ -123,3 +123,14 @@ def test_a_picture_in_another_format_is_refused_before_anything_is_read(tmp_path
     assert status == 1
     assert "pictures are written as .svg or .pdf" in err
     assert "absent.c3d" not in err
+
+
+def test_a_marker_that_stands_still_throughout_turns_no_axis(shared, tmp_path):
+    """C7 left behind at the first frame: it is left out, and up and forward are told by the others."""
+    path = shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d"
+    points = read_markers(path, MarkerLayout(check_axes=False)).positions
+    points["C7"] = np.tile(points["C7"][0], (len(points["C7"]), 1))
+    write_markers(tmp_path / "walk.c3d", points, 100, "ann")
+    found = lumbar.inspect(tmp_path / "walk.c3d")
+    assert found.axes == "up +z, forward +y"
+    assert [(finding.kind, finding.markers) for finding in found.sheet.findings] == [("frozen", ("C7",))]

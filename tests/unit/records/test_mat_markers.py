@@ -38,12 +38,12 @@ def qualisys(markers, **changed):
     data = np.stack([np.column_stack([points, np.ones(len(points))]).T for points in markers.values()])
     labelled = {"Count": len(markers), "Labels": np.array(list(markers), dtype=object), "Data": data}
     events = [
-        {"Label": "Box release", "Frame": 301, "Time": 2.0},
+        {"Label": "Box release", "Frame": 301, "Time": np.uint8(2)},
         {"Label": "pick up", "Frame": 101, "Time": 1.0},
     ]
     recording = {
-        "FrameRate": 200.0,
-        "StartFrame": 101,
+        "FrameRate": np.uint8(200),  # MATLAB stores small whole numbers as bytes
+        "StartFrame": np.uint8(101),
         "Frames": data.shape[2],
         "Trajectories": {"Labeled": labelled},
     }

@@ -63,6 +63,7 @@ def inspect(
     >>> print(found.axes)
     up +z, forward +y
     """
+    from lumbar.quality.gate import usable
     from lumbar.quality.screening import Screening, meant_labels
     from lumbar.quality.sheet import quality_sheet
 
@@ -73,7 +74,8 @@ def inspect(
     open_layout = replace(layout, required=(), check_axes=False)
     screening = Screening(height_m, layout.aliases, refuse=False)
     recording = _read(path, open_layout, screening)
-    found = _axes(screening.points, meant_labels(layout.aliases, screening.points), layout)
+    sound = usable(screening.points, screening.findings)
+    found = _axes(sound, meant_labels(layout.aliases, sound), layout)
     if found is not None and found != (layout.up, layout.forward):
         open_layout = replace(open_layout, up=found[0], forward=found[1])
         recording = _read(path, open_layout, screening)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +21,7 @@ from lumbar.records.unpacking import stem_of
 
 if TYPE_CHECKING:
     from lumbar.records.markers import MarkerRecording
+    from lumbar.settings.layout import MarkerLayout
 
 STILL_M = 0.05
 """A recording in which no marker leaves a cube of this size is a static trial."""
@@ -220,12 +221,18 @@ def _read(path: Path) -> tuple[MarkerRecording, str]:
     except InputError as stated:
         for unit in METRES:
             try:
-                recording = read_markers(path, replace(layout, unit=unit), minimum_frames=1)
+                recording = read_markers(path, _in_unit(layout, unit), minimum_frames=1)
             except InputError:
                 continue
             if _is_a_persons_size(recording):
                 return recording, unit
         raise stated
+
+
+def _in_unit(layout: MarkerLayout, unit: str) -> MarkerLayout:
+    from lumbar.settings.plain import plain, typed
+
+    return typed(type(layout), {**plain(layout), "unit": unit})
 
 
 def _is_a_persons_size(recording: MarkerRecording) -> bool:
@@ -245,7 +252,7 @@ def _unit(read: Sequence[FoundRecording], folder: Path) -> str:
     units = sorted({item.unit for item in read if item.unit})
     if not units:
         return ""
-    layout = MarkerLayout(check_axes=False, subject_prefix="keep", unit=units[0])
+    layout = _in_unit(MarkerLayout(check_axes=False, subject_prefix="keep"), units[0])
     others = [item.path for item in read if item.unit not in ("", units[0])]
     for item in read:
         try:

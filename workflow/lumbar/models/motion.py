@@ -78,6 +78,13 @@ class Motion:
         return self._spline(self.time[:-1] + 0.5 * self.sampling_time, 1)
 
     @cached_property
+    def velocities(self) -> np.ndarray:
+        """First derivative at the sample before, halfway and at every sample, shape (3, samples); 0 at the first sample."""
+        found = np.zeros((3, len(self)))
+        found[:, 1:] = self.velocity[:-1], self.velocity_between, self.velocity[1:]
+        return found
+
+    @cached_property
     def acceleration(self) -> np.ndarray:
         """Second derivative."""
         if self.smooth:

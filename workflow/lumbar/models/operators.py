@@ -40,12 +40,8 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
         # Weights of the parabola's moments ∫e^{-(1-r)x} r^j dr, j = 0, 1, 2, with x the rate.
         linear = (1 - constant) / rate
         square = (1 - 2 * linear) / rate
-        driven = np.zeros(len(motion), dtype=np.result_type(rate, float))
-        driven[1:] = motion.sampling_time * (
-            (constant - 3 * linear + 2 * square) * motion.velocity[:-1]
-            + 4 * (linear - square) * motion.velocity_between
-            + (2 * square - linear) * motion.velocity[1:]
-        )
+        weights = np.array([constant - 3 * linear + 2 * square, 4 * (linear - square), 2 * square - linear])
+        driven = (motion.sampling_time * weights) @ motion.velocities
     elif motion.between is not None:
         steps = np.diff(motion.between).reshape(-1, SUBSTEPS)
         short = rate / SUBSTEPS
@@ -108,11 +104,11 @@ def bouc_wen(motion: Motion, distance: float) -> np.ndarray:
     for sign, travel in zip(direction.tolist(), (np.abs(steps) / distance).tolist(), strict=True):
         share.append(sign * _loaded_once(sign * share[-1], travel))
     stretch = motion.stretch
-    sign = direction[stretch]
-    start = sign * np.array(share)[stretch]
+    begun = direction * np.array(share[:-1])
+    sign, start, loaded = direction[stretch], begun[stretch], np.arctanh(np.maximum(begun, 0.0))[stretch]
     travel = np.abs(position - turns[stretch]) / distance
     unloading = np.minimum(start + travel, 0.0)
-    loading = np.arctanh(np.maximum(start, 0.0)) + np.maximum(travel + np.minimum(start, 0.0), 0.0)
+    loading = loaded + np.maximum(travel + np.minimum(start, 0.0), 0.0)
     return sign * np.where(start + travel < 0, unloading, np.tanh(loading))
 
 

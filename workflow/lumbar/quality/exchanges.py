@@ -31,6 +31,11 @@ class Exchange:
     frames: tuple[int, ...]
     distance: float
 
+    @property
+    def pair(self) -> frozenset[str]:
+        """Both labels."""
+        return frozenset((self.first, self.second))
+
     def exchanged(self, n_frames: int) -> list[slice]:
         """Stretches between odd and even changes: with those between even and odd ones they are the recording."""
         edges = [*self.frames, n_frames]
@@ -44,6 +49,8 @@ class Exchange:
 
 def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[str, list[Leap]]]:
     """Take the leaps that are exchanges from all leaps.
+
+    Where several markers leap at once, as those of both legs, each leap belongs to the exchange that it fits best.
 
     Parameters
     ----------
@@ -59,13 +66,19 @@ def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[s
     changes: dict[tuple[str, str], list[tuple[int, float]]] = {}
     taken: set[tuple[str, int]] = set()
     flat = [(label, leap) for label, found in leaps.items() for leap in found]
-    for index, (label, leap) in enumerate(flat):
-        for other_label, other in flat[index + 1 :]:
-            if other_label != label and _change_places(leap, other):
-                distance = float(np.linalg.norm(leap.before - other.before))
-                frame = min(leap.first, other.first)
-                changes.setdefault((label, other_label), []).append((frame, distance))
-                taken |= {(label, leap.first), (other_label, other.first)}
+    candidates = [
+        (_miss(leap, other), (label, leap), (other_label, other))
+        for index, (label, leap) in enumerate(flat)
+        for other_label, other in flat[index + 1 :]
+        if other_label != label and _change_places(leap, other)
+    ]
+    for _, (label, leap), (other_label, other) in sorted(candidates, key=lambda found: found[0]):
+        ends = {(label, leap.first), (other_label, other.first)}
+        if taken & ends:
+            continue
+        taken |= ends
+        distance = float(np.linalg.norm(leap.before - other.before))
+        changes.setdefault((label, other_label), []).append((min(leap.first, other.first), distance))
     exchanges = [
         Exchange(*pair, tuple(sorted(frame for frame, _ in found)), found[0][1])
         for pair, found in changes.items()
@@ -74,6 +87,11 @@ def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[s
         label: [leap for leap in found if (label, leap.first) not in taken] for label, found in leaps.items()
     }
     return exchanges, remaining
+
+
+def _miss(one: Leap, other: Leap) -> float:
+    """How far both leaps end from where the other began, metres."""
+    return float(np.linalg.norm(one.after - other.before) + np.linalg.norm(other.after - one.before))
 
 
 def _change_places(one: Leap, other: Leap) -> bool:

@@ -10,7 +10,7 @@ from lumbar.quality.body import levels_found, order_exchanges, rightward, side_e
 from lumbar.quality.displacement import Displaced, displaced
 from lumbar.quality.exchanges import Exchange, lands_on, take_exchanges
 from lumbar.quality.finding import ERROR, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
-from lumbar.quality.landmarks import landmarks
+from lumbar.quality.landmarks import landmarks, side_pairs
 from lumbar.quality.leaps import Leap, find_leaps, step_sizes
 from lumbar.quality.lengths import length, off_its_part, rigid_mates
 from lumbar.quality.missing_frames import missing_frames
@@ -29,6 +29,7 @@ _JITTER_M = 3e-3
 _RMS_OF_STEPS = 0.504
 """Of white noise, its root mean square in space by the median size of half the third differences: sqrt(3 / 5) over the
 median 1.538 of a chi distribution with three degrees of freedom."""
+_FEWEST_TOGETHER = 5
 _SAMPLES = 400
 _EXCHANGED_HERE = (
     "their labels are exchanged in these frames, which are gaps of both until somebody labels them again in the capture "
@@ -139,6 +140,12 @@ def hidden(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, 
     return result
 
 
+def usable(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
+    """Return the markers that are not left out of all frames, without the frames that are; exchanges are not made."""
+    kept = hidden(points, [finding for finding in findings if finding.outcome == LEFT_OUT])
+    return {label: positions for label, positions in kept.items() if np.isfinite(positions).any()}
+
+
 def _sampled(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     every = max(1, len(next(iter(points.values()))) // _SAMPLES)
     return {label: positions[::every] for label, positions in points.items()}
@@ -212,19 +219,19 @@ def _leaps(
     findings = missing + _displaced(straight, remaining, spikes, clock)
     straight = hidden(straight, findings)
     whole, mirrored = _whole_exchanges(straight, named)
-    for pair, _ in whole:
-        straight = _exchanged(straight, pair, [slice(0, n_frames)])
+    flipped = _flipped(list(chosen), [pair for pair, _ in whole], points, named)
+    for pair in {*(frozenset(pair) for pair, _ in whole), *(one.pair for one in flipped)}:
+        straight = _exchanged(straight, tuple(pair), [slice(0, n_frames)])
     for exchange, stretches in chosen.items():
-        pair = {exchange.first, exchange.second}
-        flipped = [item for item in whole if set(item[0]) == pair]
-        if flipped:
-            whole = [item for item in whole if item not in flipped]
+        if exchange in flipped:
+            whole = [item for item in whole if frozenset(item[0]) != exchange.pair]
             stretches = (
                 exchange.others(n_frames)
                 if stretches == exchange.exchanged(n_frames)
                 else exchange.exchanged(n_frames)
             )
-        findings += _exchange_findings(points, straight, exchange, stretches, clock)
+        changing = frozenset().union(*(one.pair for one in chosen))
+        findings += _exchange_findings(points, straight, exchange, stretches, changing, clock)
     for pair, evidence in whole:
         cause = (
             f"their labels are exchanged: if so, let {pair[0]} and {pair[1]} change places in markers.aliases; until then both "
@@ -258,6 +265,27 @@ def _whole_exchanges(
     return [((low, high), evidence) for low, high, evidence in (*ordered, *sided)], mirrored
 
 
+def _flipped(
+    exchanges: list[Exchange],
+    whole: list[tuple[str, str]],
+    points: dict[str, np.ndarray],
+    named: dict[str, str],
+) -> list[Exchange]:
+    """Exchanges whose other stretches are the wrong ones: labels that still stand wrongly once the shorter ones are exchanged.
+
+    Left and right of several markers that change places at once, as of both legs, are wrong together.
+    """
+    reversed_pairs = {frozenset(pair) for pair in whole}
+    sides = {frozenset(pair) for pair in side_pairs(points, named)}
+    flipped = [exchange for exchange in exchanges if exchange.pair in reversed_pairs]
+    at_once = {exchange.frames for exchange in flipped if exchange.pair in sides}
+    return [
+        exchange
+        for exchange in exchanges
+        if exchange in flipped or (exchange.pair in sides and exchange.frames in at_once)
+    ]
+
+
 def _shorter(exchange: Exchange, n_frames: int) -> list[slice]:
     one, other = exchange.exchanged(n_frames), exchange.others(n_frames)
     frames = [sum(part.stop - part.start for part in parts) for parts in (one, other)]
@@ -272,11 +300,16 @@ def _exchanged(points, pair: tuple[str, str], stretches: list[slice]) -> dict[st
 
 
 def _exchange_findings(
-    points, straight, exchange: Exchange, stretches: list[slice], clock: Clock
+    points,
+    straight,
+    exchange: Exchange,
+    stretches: list[slice],
+    changing: frozenset[str],
+    clock: Clock,
 ) -> list[Finding]:
-    """One finding per stretch, with the lengths to a third marker as they are and as they would be."""
+    """One finding per stretch, with the lengths to a third marker, which changes no place, as they are and as they would be."""
     pair = (exchange.first, exchange.second)
-    partner = rigid_mates(_sampled(straight), frozenset(pair))[exchange.first][:1]
+    partner = rigid_mates(_sampled(straight), changing)[exchange.first][:1]
     findings = []
     for stretch in stretches:
         evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to where the other was"
@@ -378,15 +411,23 @@ def _tempo(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
 
 
 def _jitter(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
-    findings = []
+    """Markers with noise; where most have it, one finding of all."""
+    noisy = {}
     for label, positions in points.items():
         size = step_sizes(positions)
         usual = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
         if usual > _JITTER_M:
-            evidence = f"noise of about {_RMS_OF_STEPS * usual * 1e3:.1f} mm (root mean square distance from a smooth way)"
-            findings.append(
-                clock.finding(
-                    "jitter", NOTED, (label,), evidence, "few cameras see it, or they are badly calibrated"
-                )
-            )
-    return findings
+            noisy[label] = _RMS_OF_STEPS * usual * 1e3
+    how = "(root mean square distance from a smooth way)"
+    if len(noisy) > _FEWEST_TOGETHER and 2 * len(noisy) > len(points):
+        least, most = min(noisy.values()), max(noisy.values())
+        evidence = (
+            f"noise of about {least:.1f} to {most:.1f} mm {how} in {len(noisy)} of {len(points)} markers"
+        )
+        cause = "badly calibrated cameras, or coordinates that were rounded or resampled"
+        return [clock.finding("jitter", NOTED, (), evidence, cause)]
+    cause = "few cameras see it, or they are badly calibrated"
+    return [
+        clock.finding("jitter", NOTED, (label,), f"noise of about {noise:.1f} mm {how}", cause)
+        for label, noise in noisy.items()
+    ]

@@ -11,7 +11,7 @@ import numpy as np
 from lumbar.errors import InputError
 from lumbar.quality.axes import check_unaliased_axes
 from lumbar.quality.finding import ERROR, LEFT_OUT, PROPOSED, Finding
-from lumbar.quality.gate import examine, hidden, unchecked
+from lumbar.quality.gate import examine, hidden, unchecked, usable
 from lumbar.quality.rule_labels import meant_in_rules
 from lumbar.quality.sheet import QualitySheet, quality_sheet
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
@@ -112,7 +112,8 @@ def read_screened(
     screening = Screening(height_m, layout.aliases if layout else {})
     try:
         recording = read_markers(path, layout, name=name, screen=screening, mend=mend)
-        check_unaliased_axes(screening.points, recording, layout or MarkerLayout())
+        sound = usable(screening.points, screening.findings)
+        check_unaliased_axes(sound, recording, layout or MarkerLayout())
     except InputError as error:
         text = str(error)
         raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error

@@ -141,8 +141,8 @@ def facing_by(positions: dict[str, np.ndarray]) -> tuple[np.ndarray | None, str]
     Feet are asked first, then the pelvis, then the chest. A trunk that is bent so far that its front points down tells nothing.
     """
     for pairs, words in _FACING:
-        found = [_segment(positions, (back,), (front,)) for back, front in pairs]
-        found = [vector for vector in found if vector is not None]
+        vectors = [_segment(positions, (back,), (front,)) for back, front in pairs]
+        found = [vector for vector in vectors if vector is not None]
         level = np.sum(found, axis=0) * [1, 1, 0] if found else np.zeros(3)
         if found and np.linalg.norm(level) > _LEVEL * np.linalg.norm(np.sum(found, axis=0)):
             return level, words

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -125,7 +125,7 @@ def _events(listed: Any) -> tuple[RecordedEvent, ...]:
     events = [
         RecordedEvent(str(row["Label"]), "", float(row["Time"]))
         for row in rows
-        if isinstance(row, dict) and isinstance(row.get("Time"), int | float) and "Label" in row
+        if isinstance(row, dict) and _is_number(row.get("Time")) and "Label" in row
     ]
     return tuple(sorted(events, key=lambda event: event.time))
 
@@ -178,8 +178,13 @@ def _clock(path: Path, found: dict[str, Any], n_frames: int, rate: float | None)
     return np.arange(n_frames) / stated, float(stated)
 
 
-def _is_rate(value: Any) -> bool:
-    return isinstance(value, int | float) and 0 < value < 1e6
+def _is_number(value: Any) -> TypeGuard[float]:
+    """Whether a value is a number; MATLAB stores small whole ones as bytes, which SciPy gives as they are."""
+    return isinstance(value, int | float | np.integer | np.floating) and bool(np.isfinite(value))
+
+
+def _is_rate(value: Any) -> TypeGuard[float]:
+    return _is_number(value) and 0 < value < 1e6
 
 
 def _names(labels: Any) -> list[str]:

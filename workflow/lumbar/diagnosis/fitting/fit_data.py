@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -42,6 +43,13 @@ class FitData:
     counts_from: float = SETTLING
     own_zero: bool = False
     begins: int = 0
+
+    def kept(self, key: Hashable, compute: Callable[[], Any]) -> Any:
+        """Result of `compute`, kept as long as the record: a search comes to the same fit on several ways."""
+        kept = self.__dict__.setdefault("_kept", {})
+        if key not in kept:
+            kept[key] = compute()
+        return kept[key]
 
     @property
     def first(self) -> int:

@@ -82,26 +82,42 @@ def solve_linear(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) 
     -------
     numpy.ndarray, shape (linear parameters,)
     """
-    normal = design.T @ design
+    columns = design.T
+    # In two parts: for a matrix of few columns times itself BLAS takes several times as long.
+    normal = np.concatenate([columns[:1] @ design, columns[1:] @ design])
     size = np.sqrt(normal.diagonal())
     size[size == 0] = 1.0
     normal /= size[:, None] * size
-    right = (design.T @ force) / size
+    right = (columns @ force) / size
     # A ridge far below rounding of the data keeps columns that have become equal solvable.
     normal.flat[:: len(size) + 1] += 1e-11
     free = np.linalg.solve(normal, right)
     if all(sign * value >= 0 for sign, value in zip(signs, free, strict=True)):
         return free / size
-    return _constrained(normal, right, signs) / size
+    return _constrained(normal, right, signs, free) / size
 
 
-def _constrained(normal: np.ndarray, right: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
+def _constrained(
+    normal: np.ndarray, right: np.ndarray, signs: tuple[int, ...], free: np.ndarray
+) -> np.ndarray:
+    """Least squares with sign constraints, from the solution without them."""
+    # Mostly those are 0 whose signs are wrong without constraints: optimal if no other sign is, nor any slope at 0.
+    ways = np.array(signs)
+    kept = ways * free >= 0
+    linear = np.zeros(len(signs))
+    linear[kept] = np.linalg.solve(normal[kept][:, kept], right[kept])
+    slopes = right - normal @ linear
+    if np.all(ways * linear >= 0) and np.all((ways * slopes)[~kept] <= 0):
+        return linear
+    return _by_active_set(normal, right, signs)
+
+
+def _by_active_set(normal: np.ndarray, right: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
     """Non-negative least squares on the Cholesky factor; a free amplitude is a difference of two."""
-    from scipy.linalg import solve_triangular
     from scipy.optimize import nnls
 
     factor = np.linalg.cholesky(normal)
-    target = solve_triangular(factor, right, lower=True)
+    target = np.linalg.solve(factor, right)
     expanded = [(index, 1.0) for index, sign in enumerate(signs) if sign >= 0]
     expanded += [(index, -1.0) for index, sign in enumerate(signs) if sign <= 0]
     positive, _ = nnls(np.stack([direction * factor[index] for index, direction in expanded], axis=1), target)
@@ -134,6 +150,8 @@ def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np
 
 EVALUATIONS = 40
 """Of the error, at most, per search."""
+_SMALLEST_STEP = float(np.sqrt(np.finfo(float).eps))
+"""Of a difference where a logarithm is 0."""
 _OFF_BOUND = 1e-3
 """Share of the logarithmic range that a start keeps from its bounds: closer to one, a search sticks to it."""
 
@@ -151,7 +169,12 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     Returns
     -------
     Fit
+        The same one wherever the same is asked for.
     """
+    return data.kept((structure, start.tobytes()), lambda: _fitted(structure, data, start))
+
+
+def _fitted(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     if not len(start):
         return _at(structure, data, start) if structure.is_linear else _search_all(structure, data, start)
     low, high = shape_bounds(structure, data, start)
@@ -173,7 +196,7 @@ def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: b
 def _with_zero(structure: Structure, data: FitData, design: np.ndarray) -> np.ndarray:
     """Whitened columns that count, the sensor's zeros last."""
     if structure.base.sensor_zero:
-        design = np.column_stack([design, data.zeros])
+        design = np.concatenate([design.T, data.zeros.T]).T  # column by column in memory
     return data.counted(design)
 
 
@@ -195,26 +218,58 @@ def _fit_of(
     return Fit(structure, linear[:count], nonlinear, float(error @ error), converged, linear[count:])
 
 
-def _search_nonlinear(structure, data, start, low, high) -> Fit:
+def _least_squares(error, jacobian, start, low, high, **tolerances):
+    """Least squares of an error in few parameters, by scipy on the triangular factor of Jacobian and error.
+
+    Rotated by the other factor they are as many numbers as there are parameters, and one; cost, gradient and singular values,
+    which is all that the search looks at, stay the same.
+
+    Parameters
+    ----------
+    error : callable
+        From parameters to the error, shape (samples,).
+    jacobian : callable
+        From parameters and the error there to its derivatives, shape (samples, parameters).
+    """
     from scipy.optimize import least_squares
 
+    least, rotated = np.inf, np.empty(0)
+
+    def fun(vector):
+        nonlocal least, rotated
+        found = error(vector)
+        square = float(found @ found)
+        if square > least * (1 + 1e-9):  # no step is made there: the size alone counts
+            return np.append(np.zeros(len(vector)), np.sqrt(square))
+        least = min(least, square)
+        rotated = np.linalg.qr(np.column_stack([jacobian(vector, found), found]), mode="r")
+        return rotated[:, -1]
+
+    return least_squares(
+        fun, start, jac=lambda _: rotated[:, :-1], bounds=(low, high), max_nfev=EVALUATIONS, **tolerances
+    )
+
+
+def _search_nonlinear(structure, data, start, low, high) -> Fit:
+    low, high = np.log(low), np.log(high)
     force, signs = data.counted(data.force), _signs(structure, data)
 
     def error(logarithms):
         design = _with_zero(structure, data, structure.design(data.motion, np.exp(logarithms)))
         return design @ solve_linear(design, force, signs) - force
 
-    found = least_squares(
-        error, np.log(start), bounds=(np.log(low), np.log(high)), diff_step=1e-5, xtol=1e-7, ftol=1e-9,
-        max_nfev=EVALUATIONS,
-    )  # fmt: skip
+    def jacobian(logarithms, at):
+        steps = np.where(logarithms == 0, _SMALLEST_STEP, 1e-5 * logarithms)
+        inside = (logarithms + steps >= low) & (logarithms + steps <= high)
+        moved = logarithms + np.diag(np.where(inside, steps, -steps))
+        return np.column_stack([(error(item) - at) / (item - logarithms).sum() for item in moved])
+
+    found = _least_squares(error, jacobian, np.log(start), low, high, xtol=1e-7, ftol=1e-9)
     return _at(structure, data, np.exp(found.x), found.status > 0)
 
 
 def _search_all(structure, data, start, low=(), high=()) -> Fit:
     """Search all parameters together: the output forms' derivative by differences, the rest by columns."""
-    from scipy.optimize import least_squares
-
     force = data.counted(data.force)
     count = len(structure.nonlinear)
     inner = Structure(
@@ -236,7 +291,7 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
         simulated = structure.simulate(data.motion, linear[:amplitudes], nonlinear)
         return data.counted(simulated + _of_zeros(structure, data, linear)) - force
 
-    def jacobian(vector):
+    def jacobian(vector, _):
         nonlinear, linear = parts(vector)
         design = structure.design(data.motion, nonlinear)
         _, slope = _output_slope(structure, data, design, linear[:amplitudes], nonlinear)
@@ -252,9 +307,7 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
     vector = np.concatenate(
         [np.log(start), np.clip(first / size, lower[count:] + 1e-9, upper[count:] - 1e-9)]
     )
-    found = least_squares(
-        error, vector, jac=jacobian, bounds=(lower, upper), xtol=1e-8, ftol=1e-9, max_nfev=EVALUATIONS
-    )
+    found = _least_squares(error, jacobian, vector, lower, upper, xtol=1e-8, ftol=1e-9)
     nonlinear, linear = parts(found.x)
     linear = np.where(signs > 0, np.maximum(linear, 0), np.where(signs < 0, np.minimum(linear, 0), linear))
     residual = error(np.concatenate([found.x[:count], linear / size]))
@@ -288,6 +341,10 @@ def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.nda
     The model's own nonlinear parameters are kept; linear ones are solved for together (parallel and input forms) or kept (output
     forms, which only transform the force).
     """
+    return data.kept((previous, form), lambda: _screened(previous, form, data))
+
+
+def _screened(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:
     residual = data.force - previous.simulate(data.motion)
     structure = previous.structure.with_form(form)
     found = []

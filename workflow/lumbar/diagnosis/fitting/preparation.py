@@ -64,6 +64,8 @@ class Experiment:
     def counted_from(self, surface: float) -> Experiment:
         """The same records, their positions counted from here."""
         shift = surface - self.surface
+        if not shift:
+            return self
         return replace(
             self,
             training=self.training.counted_from(shift),
@@ -78,9 +80,11 @@ class Experiment:
 
     def with_own_zeros(self) -> Experiment:
         """The same records, each with a zero of its own."""
+        training = self.training
         return replace(
             self,
-            training=replace(self.training, own_zero=isinstance(self.training, JointData)),
+            # A single record that is fitted has one zero anyway: what was fitted to it stays.
+            training=replace(training, own_zero=True) if isinstance(training, JointData) else training,
             tests=[replace(item, own_zero=True) for item in self.tests],
         )
 

@@ -112,6 +112,10 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
     numpy.ndarray, shape (parameters,)
         Sizes: 2-norms of the sensitivities.
     """
+    return data.kept(("covariance", fit), lambda: _scaled_covariance(fit, data))
+
+
+def _scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
     jacobian = sensitivities(fit, data)
     size = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
     scaled = jacobian / size

@@ -8,7 +8,7 @@ import numpy as np
 
 from lumbar.diagnosis.fitting.fit_data import SETTLING
 from lumbar.diagnosis.noise.noise_floor import NoiseFloor
-from lumbar.errors import InputError
+from lumbar.errors import InputError, NumericalError
 from lumbar.identification.metrics import (
     fit_ratio,
     mean_residual,
@@ -23,6 +23,8 @@ CONFIDENCE = 0.95
 _FEWEST_BLOCKS = 8
 _BLOCK = 3
 """Blocks are this many times as long as energies are correlated."""
+_REST = 1e-12
+"""Share of a mean square that a variance is by rounding alone."""
 
 
 @dataclass(frozen=True)
@@ -202,17 +204,34 @@ def _estimates(
 ) -> list[EstimateWithInterval]:
     """RMS, VAF, FIT and mean residual with bootstrap intervals."""
     figures = (root_mean_square, variance_accounted_for, fit_ratio, mean_residual)
-    groups = block_groups([measured - modelled, measured - measured.mean()], period)
-    draws = np.random.default_rng(seed).integers(len(groups), size=(RESAMPLES, len(groups)))
-    resampled = np.empty((RESAMPLES, len(figures)))
-    for row, draw in zip(resampled, draws, strict=True):
-        chosen = np.concatenate([groups[item] for item in draw])
-        parts = measured[chosen], modelled[chosen]
-        row[:] = [figure(*parts) for figure in figures]
-    tail = (1 - CONFIDENCE) / 2
-    low, high = np.quantile(resampled, [tail, 1 - tail], axis=0)
     values = [figure(measured, modelled) for figure in figures]
+    residual, output = modelled - measured, measured - measured.mean()
+    groups = block_groups([residual, output], period)
+    draws = np.random.default_rng(seed).integers(len(groups), size=(RESAMPLES, len(groups)))
+    # A resample has the sums of its groups, each as often as it was drawn.
+    often = np.stack([np.bincount(draw, minlength=len(groups)) for draw in draws])
+    powers = np.stack([np.ones(len(output)), residual, residual**2, np.abs(residual), output, output**2])
+    sums = often @ np.stack([powers[:, group].sum(axis=1) for group in groups])
+    resampled = _figures_of_means(*(sums[:, 1:] / sums[:, :1]).T)
+    tail = (1 - CONFIDENCE) / 2
+    low, high = np.quantile(resampled, [tail, 1 - tail], axis=1)
     return [EstimateWithInterval(*map(float, triple)) for triple in zip(values, low, high, strict=True)]
+
+
+def _figures_of_means(residual, square, absolute, output, energy) -> np.ndarray:
+    """The same four from means over samples: of residual, its square and size, output and its square.
+
+    Raises
+    ------
+    NumericalError
+        If an output does not move.
+    """
+    variance = energy - output**2
+    if np.any(variance <= _REST * energy):
+        raise NumericalError("the output does not move in most of the record: its intervals are not known")
+    unexplained = (square - residual**2) / variance
+    rms = np.sqrt(square)
+    return np.stack([rms, 100 * (1 - unexplained), 100 * (1 - rms / np.sqrt(variance)), absolute])
 
 
 def block_groups(signals: list[np.ndarray], period: int | None) -> list[np.ndarray]:

@@ -69,11 +69,13 @@ class Candidate:
 def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
     """Simulate a fitted model on all records."""
     training, tests = experiment.training, experiment.tests
-    test_rms = fit.rms(*tests)
-    unseen = np.concatenate([fit.whitened_errors(item) for item in tests])
+    simulated = [(item, fit.simulate(item.motion)) for item in tests]
+    errors = np.concatenate([item.error(values) for item, values in simulated])
+    unseen = np.concatenate([item.whitened_error(values) for item, values in simulated])
     score = training.size * np.log(fit.squared_error / training.size) + _unlikelihood(unseen)
     score += (len(fit.linear) + len(fit.nonlinear)) * np.log(training.size + len(unseen))
-    return Candidate(fit, fit.rms(training), test_rms, float(score))
+    train_rms = training.kept(("rms", fit), lambda: fit.rms(training))
+    return Candidate(fit, train_rms, float(np.sqrt(np.mean(errors**2))), float(score))
 
 
 _EARLY = 0.6
@@ -125,7 +127,8 @@ def later_improvement(before: Candidate, after: Candidate, experiment: Experimen
 
     For effects that accumulate: short records, in which they begin anew, hardly show them.
     """
-    early, later = experiment.training.split(_EARLY)
+    training = experiment.training
+    early, later = training.kept("early and later", lambda: training.split(_EARLY))
     fits = [refit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
     return _improvement(*fits, [later])
 
