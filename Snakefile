@@ -48,5 +48,6 @@ rule all:
     default_target: True
     input:
         made(ARTEFACTS),
+        modelled(),
     message:
         f"Study {STUDY}: everything is made"

@@ -39,6 +39,7 @@ from lumbar.lifting.segments import COMS, WINTER  # noqa: E402
 from lumbar.lifting.trunk_points import trunk_points  # noqa: E402
 from lumbar.records.markers import MarkerRecording, read_markers  # noqa: E402
 from lumbar.settings.layout import MarkerLayout  # noqa: E402
+from lumbar.settings.lifting import BodyModelSettings  # noqa: E402
 from study_settings import study_settings, subject_settings  # noqa: E402
 
 RATE = 50.0
@@ -284,7 +285,7 @@ def areas(shared: Path) -> None:
     path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
     settings, trial = study.lifting, subject.trials[0]
     lift = analyse_lift(read_markers(path, settings.markers), "box", subject, trial, settings)
-    modelled = model_of_lift(path, lift, subject, trial, settings)
+    modelled = model_of_lift(path, lift, subject, trial, settings, BodyModelSettings())
     columns = "θ, rad: model | rules | θ̇ off the rules', rad/s (rms) | its SD | area, rad²/s | 95 %"
     print(f"| pendulum | {columns} | draws without basin |")
     print("|---|---|---|---|---|---|---|---|")

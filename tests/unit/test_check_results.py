@@ -76,11 +76,9 @@ def test_rows_may_have_tolerances_of_their_own(check, folders):
 
 def test_areas_of_the_thesis_engine_are_compared_to_the_digits_they_have(project):
     tables = yaml.safe_load((project / "tests" / "reference" / "tolerances.yaml").read_text(encoding="utf-8"))
-    for name in ("tables/basin_areas.csv", "tables/extended_basins.csv"):
-        (special,) = tables[name]["rows"]
-        assert special["where"] == {"method": "thesis"}
-        expected = {**RESOLUTION, "area_ratio": RESOLUTION["mean_area"]}
-        assert special["relative"] == {column: expected[column] for column in special["relative"]}
+    (special,) = tables["tables/basin_areas.csv"]["rows"]
+    assert special["where"] == {"method": "thesis"}
+    assert special["relative"] == {column: RESOLUTION[column] for column in special["relative"]}
 
 
 def test_missing_table_and_row_fail(check, folders, capsys):

@@ -68,6 +68,12 @@ def made(artefacts):
     return [f"<results>/{path}" for artefact in artefacts for path in artefact.paths(study.lifts)]
 
 
+def modelled():
+    """Files of the lifts by the body model, where the study asks for it."""
+    files = [f"<results>/lifting/{lift}/body_model_areas.csv" for lift in study.lifts]
+    return files if study.has("lifting") and settings.lifting.body_model is not None else []
+
+
 def published(*names):
     """Outputs of these artefacts by name, each in all its formats: the page or picture is in the report."""
     return {name: [in_report(name, *file) for file in SHEET[name].labelled(study.lifts)] for name in names}

@@ -35,12 +35,44 @@ rule lift:
         lift="{lift}",
         subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
         trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
-        settings=without(settings.lifting, "subjects", "moment_layout"),
+        settings=without(settings.lifting, "subjects", "moment_layout", "body_model"),
         data=DATA,
     message:
         "{wildcards.lift}: events, centres of mass, pendulum states"
     script:
         "../scripts/lift.py"
+
+
+if settings.lifting.body_model is not None:
+
+    rule body_model:
+        input:
+            markers=rules.lift.input.markers,
+            forces=rules.lift.input.forces,
+            static=rules.lift.input.static,
+            checked="<results>/checked/lifting.json",
+            sources=library_sources("body_model.py"),
+        output:
+            states="<results>/lifting/{lift}/body_model_pendulum.csv",
+            markers="<results>/lifting/{lift}/body_model_markers.csv",
+            areas="<results>/lifting/{lift}/body_model_areas.csv",
+        log:
+            "<logs>/body_model/{lift}.log",
+        benchmark:
+            "<benchmarks>/body_model/{lift}.tsv"
+        conda:
+            CONDA
+        params:
+            lift="{lift}",
+            subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
+            trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
+            settings=without(settings.lifting, "subjects", "moment_layout"),
+            stability=without(settings.stability, "compare", "measures"),
+            data=DATA,
+        message:
+            "{wildcards.lift}: one body fitted to all markers"
+        script:
+            "../scripts/body_model.py"
 
 
 if study.has("lifting"):

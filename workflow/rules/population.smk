@@ -31,7 +31,7 @@ if study.has("population"):
             trials=lambda wildcards: {
                 name: plain(lift.trial) for name, lift in PERSON_LIFTS[wildcards.person].items()
             },
-            lifting=without(settings.lifting, "subjects", "moment_layout"),
+            lifting=without(settings.lifting, "subjects", "moment_layout", "body_model"),
             stability={
                 key: plain(getattr(settings.stability, key))
                 for key in ("pendulum", "regulator", "goal_level", "limits", "measures")

@@ -55,7 +55,6 @@ if study.has("stability"):
             CONDA
         params:
             settings=plain(settings.stability),
-            seed=settings.seed,
             labels=study.labels,
             data=DATA,
         message:

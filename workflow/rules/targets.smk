@@ -8,6 +8,7 @@ for chapter in settings.chapters:
             chapter
         input:
             made([artefact for artefact in ARTEFACTS if artefact.chapter == chapter]),
+            modelled() if chapter == "lifting" else [],
         message:
             f"Chapter {chapter}: everything is made"
 

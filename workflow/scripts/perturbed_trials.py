@@ -13,7 +13,12 @@ def main(input, output, params):
     from lumbar.settings.perturbations import PerturbationsSettings
     from lumbar.settings.plain import typed
     from lumbar.settings.stability import StabilitySettings
-    from lumbar.stability.comparison.perturbed_trials import compare_trials, trial_of, trials_table
+    from lumbar.stability.comparison.perturbed_trials import (
+        compare_trials,
+        inside_by_weight,
+        trial_of,
+        trials_table,
+    )
 
     settings = typed(PerturbationsSettings, params.settings)
     stability, lifting = typed(StabilitySettings, params.stability), typed(LiftingSettings, params.lifting)
@@ -25,8 +30,11 @@ def main(input, output, params):
             sheets.append({"lift": f"{group}_{number}", **sheet.as_dict()})
     quality_table(sheets, params.data).write(stem(output.quality_of_trials))
     frame = compare_trials(trials, settings, stability)
-    trials_table(frame, trials, settings, stability, params.data).write(stem(output.perturbed_trials))
-    figure = trials_figure(trials, settings, stability)
+    by_weight = inside_by_weight(trials, settings, stability)
+    trials_table(frame, by_weight, trials, settings, stability, params.data).write(
+        stem(output.perturbed_trials)
+    )
+    figure = trials_figure(trials, by_weight, settings, stability)
     save(figure, stem(output.perturbed_trials_figure), params.data)
 
 

@@ -19,12 +19,14 @@ def main(input, output, params):
     facts = [read_json(path) for path in input.facts]
     chosen = shown_lift(facts, params.labels, settings.compare.groups[0])
     funnels = pd.read_csv(input.funnels[chosen])
+    known, pendulum = facts[chosen], settings.pendulum
+    who = f"{known['subject']}, {known['box_mass_kg']:g} kg, {pendulum.sign}, {pendulum.time} time"
     save(
-        figure_4_3(funnels, settings.goal_level),
+        figure_4_3(funnels, settings.goal_level, who),
         stem(output.figure_4_3),
         params.data,
     )
-    save(figure_4_4(funnels), stem(output.figure_4_4), params.data)
+    save(figure_4_4(funnels, who), stem(output.figure_4_4), params.data)
     states = pd.read_csv(input.states[chosen])
     trajectories, _ = trajectories_of_lift(
         states, facts[chosen], settings.pendulum.mass, settings.pendulum.time

@@ -25,6 +25,7 @@ from lumbar.lifting.pendulum_states import pendulum_states
 from lumbar.lifting.segments import WINTER
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.lifting import BodyModelSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.synthetic.lifting_recordings import true_movement
 from study_settings import study_settings, subject_settings
@@ -198,7 +199,8 @@ def test_a_recorded_lift_is_saved_with_deviations_and_intervals(shared, tmp_path
     trial = subject.trials[0]
     lift = analyse_lift(read_markers(path, study.markers), "box", subject, trial, study)
     settings = replace(study_settings("studies/box_transfer.yaml").stability, knots=50)
-    model = body_model(lift, subject, trial, study, "recorded", settings, draws=3)
+    few = replace(study, body_model=BodyModelSettings(draws=3, rate_Hz=RATE))
+    model = body_model(lift, subject, trial, few, "recorded", settings)
     model.save(tmp_path)
     assert "not used, rides on no part: " in str(model)
     states = pd.read_csv(tmp_path / "body_model_pendulum.csv")

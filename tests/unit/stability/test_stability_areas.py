@@ -38,7 +38,6 @@ SETTINGS = typed(
         "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
         "attack": {"starts": 400, "control_overstated": 0.3},
         "limits": {
-            "torque_N_m": 60.0,
             "mass_share": 0.05,
             "knots": 101,
             "certified_knots": 5,

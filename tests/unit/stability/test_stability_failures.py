@@ -18,7 +18,7 @@ from lumbar.stability.comparison import table_4_1 as table_module
 from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.stability.comparison.percent_differences import VARIANTS, comparisons
 from lumbar.stability.comparison.table_4_1 import tables_4_1
-from lumbar.stability.extended_basins import COLUMNS, extended_basins, extended_table
+from lumbar.stability.extended_basins import COLUMNS, extended_basins, extended_table, nothing_extended
 from lumbar.stability.model.failures import (
     all_or_each,
     announcement,
@@ -182,26 +182,41 @@ def test_announcement_and_table_name_everything(tmp_path, broken):
     assert "Every basin was computed" in failures_table(failures_frame([]), "test").to_html()
 
 
-def test_extended_basins_hold_every_loop_and_engine():
-    settings = changed(SETTINGS, limits={"torque_N_m": 400.0})
+FEET = {"foot_ahead_m": 0.6, "foot_behind_m": 0.45, "feet_half_width_m": 0.45}
+"""Feet so long that no feedforward of these lifts is beyond them."""
+
+
+def test_extended_basins_hold_every_loop_and_check():
+    """Limits that cannot bind leave the nominal basin, and the table says so; those that bind cost area and hold."""
+    settings = changed(SETTINGS, limits=FEET, checks=["simulation", "proof", "extended"])
     frame, failures = extended_basins(lift()[:2], settings, seed=1)
     assert not failures and list(frame.columns) == list(COLUMNS)
     counts = frame.groupby(["loop", "method", "sign"]).size()
-    assert (counts == 2).all() and len(counts) == 9
-    exact = frame[frame["method"] == "exact"].set_index(["loop", "sign"])
-    assert (exact["exits"] == 0).all()
-    assert exact.loc[("torque_limited", "hanging"), "area_ratio"].to_numpy() == pytest.approx(1, rel=1e-6)
-    assert (exact.loc[("uncertain_mass", "inverted"), "area_ratio"] < 1).all()
-    assert (exact.loc[("better_v", "hanging"), "area_ratio"] > 1.2).all()
-    assert exact["proved_share"].min() > 0.9
-    assert "torque_limited" in extended_table(frame, settings, "test").to_html()
+    assert (counts == 2).all() and len(counts) == 5
+    rows = frame.set_index(["loop", "sign", "plane"]).sort_index()
+    free = rows.loc[("torque_limited", "hanging", "lateral_bending")]
+    assert free["binds"] == "no" and free["area_ratio"] == 1
+    bound = rows.loc[("torque_limited", "inverted", "flexion_extension")]
+    assert bound["binds"] == "yes" and bound["area_ratio"] < 1 + 1e-6 and bound["exits"] == 0
+    assert bound["highest_torque_N_m"] == pytest.approx(0.45 * 33 * 9.81)
+    assert (rows.loc["uncertain_mass", "area_ratio"] < 1).all() and (
+        rows.loc["better_v", "area_ratio"] > 1.2
+    ).all()
+    assert rows["proved_share"].dropna().min() > 0.9
+    assert "cannot bind" in extended_table(frame, settings, "test").to_html()
+
+
+def test_without_the_check_the_table_says_that_it_was_not_chosen():
+    page = extended_table(nothing_extended(), FAST, "test").to_html()
+    assert "Not computed: &#39;extended&#39; is not among stability.checks" in page
 
 
 def test_limits_beyond_any_basin_are_failures_not_zeros():
-    settings = changed(FAST, limits={"torque_N_m": 1.0, "mass_share": 0.5}, goal_level=1e-4)
+    limits = {"mass_share": 0.5, **dict.fromkeys(FEET, 0.001)}
+    settings = changed(FAST, limits=limits, goal_level=1e-4)
     frame, failures = extended_basins(lift()[:2], settings, seed=1)
     assert set(frame["loop"]) == {"better_v"}
     reasons = {item.basin: item.reason for item in failures}
-    assert "feedforward torque reaches" in reasons["torque_limited, exact, hanging"]
+    assert "the feedforward torque reaches" in reasons["torque_limited, exact, inverted"]
     assert "no basin of the goal set is left" in reasons["uncertain_mass, sum_of_squares, hanging"]
     assert all(item.reason.startswith("expert 23 kg, thorax, ") for item in failures)

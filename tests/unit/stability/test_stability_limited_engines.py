@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
-from lumbar.errors import NumericalError
+from lumbar.errors import InputError, NumericalError
 from lumbar.stability.funnel.funnel import exact_funnels, regulate
 from lumbar.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.stability.funnel.polynomials import monomials, side_map
@@ -175,3 +175,28 @@ def test_no_basin_left_is_named_by_every_engine(saturation):
     assert saturated_funnels(loops, 1e-3, saturation).reason[0]
     with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, flexion_extension \(inverted\): "):
         certified_funnels(loops, 1e-3, 5, 21, 2, 2e-5, saturation)
+
+
+def test_limits_that_differ_between_the_sides_hold_in_every_engine():
+    """More torque backward than forward: exact, certified, simulated and proved agree; the nominal funnel is too large."""
+    loops, _ = limited("inverted", "torque")
+    wanted = reference_of(loops.pendulums).torque
+    low, high = 1.05 * float(wanted.min()), max(1.05 * float(wanted.max()), 20.0)
+    assert low < -1.2 * high
+    saturation = Saturation(torque=(high - low) / 2, bias=(high + low) / 2)
+    found = saturated_funnels(loops, GOAL, saturation, 0.05)
+    nominal = exact_funnels(loops, GOAL)
+    assert found.held.all() and found.exact.mean_area[0] < 0.999 * nominal.mean_area[0]
+    disturbance = disturbance_of(loops, saturation, 2000, [5])
+    assert monte_carlo_check(loops, found.exact, 2000, [4], disturbance).exits[0] == 0
+    assert monte_carlo_check(loops, nominal, 2000, [4], disturbance).exits[0] > 0
+    error, velocity = np.full((1, 1), 0.05), np.zeros((1, 1))
+    wanted = reference_of(loops.pendulums).torque[40] - loops.gains[40][:, 0] * 0.05
+    added = np.clip(wanted, low, high) - wanted
+    assert disturbance(40, np.stack([error, velocity]))[0, 0] == pytest.approx(
+        (added / loops.pendulums.inertia)[0]
+    )
+    assert certify(loops, saturation)[0].mean_area[0] == pytest.approx(found.exact.mean_area[0], rel=0.02)
+    assert proved_share(loops, found.with_margin, saturation)[0] > 0.9
+    with pytest.raises(InputError, match="one at a time"):
+        Saturation(10.0, 0.05, 1.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from stability_cases import minimum_jerk
 
@@ -17,6 +16,7 @@ from lumbar.stability.comparison.perturbed_trials import (
     Trial,
     compare_trials,
     funnel_of,
+    inside_by_weight,
     mean_trajectory,
     relative_value,
     trials_table,
@@ -62,7 +62,7 @@ def trials():
 
 
 def test_trials_near_the_mean_are_inside_and_far_ones_are_not(trials):
-    rows = compare_trials(trials, SETTINGS, STABILITY).set_index("trial")
+    rows = compare_trials(trials, SETTINGS, STABILITY).query("sign == 'hanging'").set_index("trial")
     assert (rows.loc[["u0", "u1", "u2", "u3", "near"], "whole_inside"] == "yes").all()
     assert rows.loc["far", "whole_inside"] == "no" and rows.loc["far", "share_inside"] < 0.5
     assert rows.loc["far", "largest_error_rad"] == pytest.approx(0.6 - 0.015, abs=1e-6)
@@ -70,7 +70,7 @@ def test_trials_near_the_mean_are_inside_and_far_ones_are_not(trials):
 
 def test_unperturbed_trials_are_compared_with_the_others(trials):
     """0, 0.01, 0.02 and 0.03 rad: the first is 0.02 from the mean of the other three."""
-    rows = compare_trials(trials, SETTINGS, STABILITY).set_index("trial")
+    rows = compare_trials(trials, SETTINGS, STABILITY).query("sign == 'hanging'").set_index("trial")
     assert rows.loc["u0", "largest_error_rad"] == pytest.approx(0.02, abs=1e-6)
 
 
@@ -85,12 +85,20 @@ def test_value_is_the_quadratic_form(trials):
     assert mean.mass_kg == pytest.approx(47.46)
 
 
-def test_table_says_what_is_seen(trials):
-    table = trials_table(compare_trials(trials, SETTINGS, STABILITY), trials, SETTINGS, STABILITY, "test")
-    notes = " ".join(table.notes)
-    assert "Unperturbed: 4 of 4 trials lie inside" in notes
-    assert "Perturbed: 1 of 2 trials lie inside" in notes
-    assert "insufficient data" in notes and np.char.count(notes, "With R =") == 2
+def test_table_says_what_is_seen_with_both_signs_and_other_weights(trials):
+    frame, by_weight = (
+        function(trials, SETTINGS, STABILITY) for function in (compare_trials, inside_by_weight)
+    )
+    counts = by_weight.set_index(["sign", "control_weight", "group"])["inside"]
+    for sign in ("hanging", "inverted"):
+        own = frame[(frame["sign"] == sign) & (frame["whole_inside"] == "yes")].groupby("group").size()
+        for group in ("unperturbed", "perturbed"):
+            assert counts[sign, 0.03, group] == own.get(group, 0)
+    notes = trials_table(frame, by_weight, trials, SETTINGS, STABILITY, "test").notes
+    assert "Hanging, R = 0.03. Unperturbed: 4 of 4 trials lie inside" in notes[0]
+    assert "Hanging, R = 0.03. Perturbed: 1 of 2 trials lie inside" in notes[1]
+    assert notes[2].startswith("Inverted, R = 0.03. Unperturbed:")
+    assert "insufficient data" in " ".join(notes) and notes[5].count("R = ") == 5
 
 
 def test_too_few_unperturbed_trials_are_refused(trials):

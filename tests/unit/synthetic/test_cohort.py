@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lumbar.config.load_study import name_lifts
-from lumbar.config.validation import Origins, validated
-from lumbar.errors import Problems
+from lumbar.config.load_study import load_study, name_lifts
+from lumbar.config.validation import Origins, laid_over, validated
+from lumbar.errors import InputError, Problems
 from lumbar.settings.plain import plain
 from lumbar.settings.twin import SyntheticLift
 from lumbar.synthetic.cohort import (
@@ -25,7 +25,7 @@ from lumbar.synthetic.cohort import (
     write_person,
 )
 from lumbar.synthetic.lifting_recordings import true_movement
-from study_settings import study_settings
+from study_settings import study_config, study_settings
 
 SEED = 45
 
@@ -62,6 +62,20 @@ def test_lifts_are_named_as_a_study_names_them(cohort):
     expected = [lift_name(person, *lift) for person in subjects for lift in lifts_of(cohort)]
     assert list(named) == expected
     assert named["expert_0001_15kg_2"] == "lifting/expert_0001/expert_0001_15kg_2.c3d"
+
+
+def test_a_cohort_is_a_study_of_its_people(project):
+    config = study_config("studies/cohort.yaml")
+    study = load_study(config, project)
+    assert (len(study.subjects), len(study.lifts)) == (20, 120)
+    assert sorted(set(study.labels.values())) == ["expert", "novice"]
+    assert len(study.lifts_by_person["novice_0010"]) == 6
+    renamed = laid_over(config, {"stability": {"compare": {"groups": ["trained", "novice"]}}})
+    with pytest.raises(InputError, match=r"nobody is labelled 'trained'.*expert, novice"):
+        load_study(renamed, project)
+    alone = {**config, "twin": {"lifting": {"cohort": {"groups": {"expert": {"persons": 4}}}}}}
+    with pytest.raises(InputError, match="nobody is labelled 'novice'"):
+        load_study(alone, project)
 
 
 def test_people_are_drawn_as_declared(cohort):

@@ -19,12 +19,10 @@ from lumbar.records.markers import read_markers
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.settings.lifting import LiftingSettings
+    from lumbar.settings.lifting import BodyModelSettings, LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 
-RATE_HZ = 50.0
-"""Instants of the model per second, at most: movement of a person has nothing above 10 Hz."""
-DRAWS, SEED = 100, 0
+SEED = 0
 COLUMNS = (
     *(
         "com",
@@ -38,6 +36,8 @@ COLUMNS = (
     *("angular_acceleration_rad_s2", "length_m", "length_sd_m", "length_rate_m_s"),
 )
 """Of the model's pendulum states."""
+MARKERS = ("marker", "part", "sd_mm", "correlation", "share_left_out", "remark")
+"""Of what the model made of every marker."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,7 @@ class ModelledLift:
             part = measurement.first[0] or "limb"
             rows.append((measurement.name, part, 1e3 * noise.sd, noise.phi, 1 - kept.sum() / seen, ""))
         rows += [(name, "", np.nan, np.nan, 1.0, reason) for name, reason in self.fit.model.unused.items()]
-        columns = ["marker", "part", "sd_mm", "correlation", "share_left_out", "remark"]
-        return pd.DataFrame(rows, columns=columns)
+        return pd.DataFrame(rows, columns=list(MARKERS))
 
 
 def model_of_lift(
@@ -98,7 +97,7 @@ def model_of_lift(
     subject: SubjectSettings,
     trial: TrialSettings,
     settings: LiftingSettings,
-    draws: int = DRAWS,
+    how: BodyModelSettings,
 ) -> ModelledLift:
     """Fit the body model to the file of a lift that the rules have analysed.
 
@@ -113,8 +112,7 @@ def model_of_lift(
     subject : SubjectSettings
     trial : TrialSettings
     settings : LiftingSettings
-    draws : int
-        From the posterior.
+    how : BodyModelSettings
 
     Raises
     ------
@@ -127,7 +125,7 @@ def model_of_lift(
         inside = (recording.time >= trial.window_s[0]) & (recording.time <= trial.window_s[1])
         positions = {name: points[inside] for name, points in recording.positions.items()}
         recording = replace(recording, time=recording.time[inside], positions=positions)
-    time, nodes = at_nodes(recording, RATE_HZ)
+    time, nodes = at_nodes(recording, how.rate_Hz)
     found = fit(build(time, nodes, subject.height_m, subject.sex, held_frames(time, lift.events)))
     conditions = Conditions(
         table=lift.table,
@@ -140,4 +138,4 @@ def model_of_lift(
         events=lift.events,
         points=settings.points,
     )
-    return ModelledLift(found, model_pendulums(found, conditions, found.draws(draws, SEED)))
+    return ModelledLift(found, model_pendulums(found, conditions, found.draws(how.draws, SEED)))

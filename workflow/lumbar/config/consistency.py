@@ -83,13 +83,16 @@ def _check_gravity(settings: StudySettings, add: Add) -> None:
 
 
 def _check_groups(study: Study, add: Add) -> None:
-    """Check that the groups compared are labels of people; one person, or one label, has nothing to compare."""
+    """Check that the groups compared are labels of people.
+
+    One person, or one label, has nothing to compare: a study whose chapter is to compare is refused.
+    """
     if study.settings.subject:
         return
     labels = sorted(set(study.labels.values()))
     groups = study.settings.stability.compare.groups
     unknown = [group for group in groups if group not in labels]
-    if unknown and (len(labels) > 1 or groups != GROUPS):
+    if unknown and (len(labels) > 1 or groups != GROUPS or study.has("population")):
         words = f"labels of the people (experience in config/subjects): {', '.join(labels)}"
         add("stability.compare.groups", f"nobody is labelled {' or '.join(map(repr, unknown))}", words)
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.body_model.lift_model import DRAWS, ModelledLift, model_of_lift
+from lumbar.body_model.lift_model import ModelledLift, model_of_lift
 from lumbar.errors import InputError
 from lumbar.lifting.lift import no_deposit
 
@@ -96,15 +96,15 @@ def body_model(
     settings: LiftingSettings,
     data: str = "",
     stability: StabilitySettings | None = None,
-    draws: int = DRAWS,
 ) -> LiftModel:
-    """Fit the body model to the file of an analysed lift.
+    """Fit the body model to the file of an analysed lift, as ``lifting.body_model`` says or by its defaults.
 
     Raises
     ------
     InputError
         The lift has no deposit, or its file too few markers of pelvis or thorax.
     """
+    from lumbar.settings.lifting import BodyModelSettings
     from lumbar.settings.stability import StabilitySettings
 
     reason = no_deposit(analysed.events)
@@ -112,5 +112,19 @@ def body_model(
         raise InputError(
             f"{analysed.name}: the body model's pendulums are those of the deposit, but {reason}"
         )
-    modelled = model_of_lift(analysed.complete.source, analysed, subject, trial, settings, draws)
+    how = settings.body_model or BodyModelSettings()
+    modelled = model_of_lift(analysed.complete.source, analysed, subject, trial, settings, how)
     return LiftModel(analysed.name, data, settings.pivot, modelled, stability or StabilitySettings())
+
+
+def save_without_model(folder: str | os.PathLike) -> None:
+    """Write the tables of a lift that has no body model: columns without rows."""
+    import pandas as pd
+
+    from lumbar.body_model.basin_intervals import COLUMNS as AREAS
+    from lumbar.body_model.lift_model import COLUMNS as STATES
+    from lumbar.body_model.lift_model import MARKERS
+    from lumbar.files import write_csv
+
+    for name, columns in {"pendulum": STATES, "markers": MARKERS, "areas": AREAS}.items():
+        write_csv(Path(folder) / f"body_model_{name}.csv", pd.DataFrame(columns=[*columns, "data"]))

@@ -98,19 +98,21 @@ class Contrast:
         return float(2 * t.sf(abs(self.difference) / self.standard_error, self.freedom))
 
     @property
-    def percent(self) -> float:
-        """100(first − second)/second."""
-        return 100 * self.difference / self.second
+    def percent(self) -> float | None:
+        """100(first − second)/second; None of a mean that is not positive, as of a signed measure."""
+        return 100 * self.difference / self.second if self.second > 0 else None
 
     @property
     def percent_interval(self) -> Interval:
         """Of the percent difference: Fieller's of a ratio of means (J. R. Stat. Soc. B 16 (1954) 175–185)."""
         if self.remark:
             return Interval(remark=self.remark)
+        if self.second <= 0:
+            return Interval(remark="no percentage: the second mean is not positive")
         first, second, both = (self._quantile**2 * value for value in self.variances)
         square = self.second**2 - second
         if square <= 0:
-            return Interval(remark="no interval: the mean that it is a percentage of may be 0")
+            return Interval(remark="no interval of the percentage: the second mean may be 0")
         middle = self.first * self.second - both
         root = np.sqrt(middle**2 - square * (self.first**2 - first))
         low, high = (100 * ((middle + sign * root) / square - 1) for sign in (-1, 1))

@@ -37,6 +37,8 @@ def percent_interval(
     absent = [name for name, side in zip(names, sides, strict=True) if not len(side)]
     if absent:
         return Interval(remark=f"no interval: nobody of {' and of '.join(absent)}")
+    if paired and set(sides[0].persons).isdisjoint(sides[1].persons):
+        return Interval(remark="no interval: nobody is on both sides")
     if paired:
         return within_persons(*sides, name=names[0]).percent_interval
     return between_groups(*sides, variance_components(sides).variance_ratio, names=names).percent_interval

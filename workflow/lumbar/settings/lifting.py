@@ -215,6 +215,25 @@ class BoxSettings:
 
 
 @settings
+class BodyModelSettings:
+    """One body fitted to all markers of each lift, beside the rules; null leaves it out."""
+
+    draws: int = key(
+        "Draws from the posterior, of which standard deviations and intervals are made.",
+        default=100,
+        ge=10,
+        le=10000,
+    )
+    rate_Hz: float = key(
+        "Instants of the model per second at most; frames between are averaged.",
+        default=50.0,
+        unit="Hz",
+        ge=20,
+        le=500,
+    )
+
+
+@settings
 class LiftingSettings:
     """From marker files to the pendulums of the deposit."""
 
@@ -256,4 +275,9 @@ class LiftingSettings:
         default=1000,
         ge=10,
         le=100000,
+    )
+    body_model: BodyModelSettings | None = key(
+        "One body fitted to all markers of each lift, beside the rules: pendulum states with standard deviations, basin areas "
+        "with 95 % intervals; null leaves it out.",
+        default=None,
     )

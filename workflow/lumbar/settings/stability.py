@@ -104,7 +104,12 @@ class ThesisMethodSettings:
     ratio: float = key(
         "Ratio of the geometric progression by which ρ is decreased.", default=0.8, ge=0.1, le=0.99
     )
-    alternations: int = key("Alternations (the thesis: 2).", default=2, ge=1, le=20)
+    alternations: int = key(
+        "Alternations (the thesis: 2); from the second on hardly a knot has a multiplier, and ρ stays (column unsolved_share).",
+        default=2,
+        ge=1,
+        le=20,
+    )
 
 
 @settings
@@ -125,8 +130,49 @@ class AttackSettings:
 class LimitSettings:
     """What the real loop may add to the nominal one, for the table of extended basins (check ``extended``)."""
 
-    torque_N_m: float = key(
-        "Largest torque |u| in N·m about the pivot.", default=60.0, unit="N·m", gt=0, le=10000
+    foot_ahead_m: float = key(
+        "How far the foot reaches ahead of the ankle: about the ankles u ≥ −m·g times this, or the heel lifts. A foot is 0.152 "
+        "of the height long (Winter 2009, Figure 4.1), a quarter of it behind the ankle.",
+        default=0.2,
+        unit="m",
+        gt=0,
+        le=0.5,
+    )
+    foot_behind_m: float = key(
+        "How far it reaches behind the ankle: u ≤ m·g times this, or the toes lift.",
+        default=0.06,
+        unit="m",
+        gt=0,
+        le=0.5,
+    )
+    feet_half_width_m: float = key(
+        "Half the distance between the feet's outer borders, which limits the torque about the ankles to the sides.",
+        default=0.17,
+        unit="m",
+        gt=0,
+        le=1,
+    )
+    hip_extension_N_m: float = key(
+        "Largest torque of both hips backward (isometric strength of young men, 0.161 of body weight times height a leg; "
+        "Anderson, Madigan and Nussbaum 2007). All of it is left to each pendulum about the hips or L5.",
+        default=440.0,
+        unit="N·m",
+        gt=0,
+        le=10000,
+    )
+    hip_flexion_N_m: float = key(
+        "Largest torque of both hips forward (0.113 of body weight times height a leg; there).",
+        default=310.0,
+        unit="N·m",
+        gt=0,
+        le=10000,
+    )
+    hip_abduction_N_m: float = key(
+        "Largest torque of both hips to a side: an assumption, 100 N·m a leg.",
+        default=200.0,
+        unit="N·m",
+        gt=0,
+        le=10000,
     )
     mass_share: float = key(
         "The true mass lies within the pendulum's mass times 1 ± this share.", default=0.05, ge=0, le=0.9

@@ -69,7 +69,8 @@ COLUMNS = {
     "sos_cvxpy_difference": "largest difference in 1/s of the rates that the method's own programme and Eq. 4.6 written "
     "out in cvxpy certify, at some knots",
     "violation_share": "share of the knots at which ρ̇ is below the largest V̇ on the boundary (true sine)",
-    "unsolved_share": "share of the thesis's programmes without multiplier or maximum",
+    "unsolved_share": "share of the thesis's programmes without multiplier or maximum: 0.5 of two alternations means that the "
+    "second solved nothing",
     "euler_error": "relative error of the initial ellipse's area by Euler integration of Eq. 4.2",
 }
 """Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method or was not chosen."""

@@ -14,10 +14,10 @@ import numpy as np
 from lumbar.stability.basins import COLUMNS as BASIN_COLUMNS
 from lumbar.stability.basins import basin_rows, close_loops, meaningful
 from lumbar.stability.comparison.basin_areas import as_counts
-from lumbar.stability.funnel.funnel import ClosedLoops, exact_funnels
+from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, exact_funnels
 from lumbar.stability.funnel.lyapunov_family import best_of_family
-from lumbar.stability.funnel.saturation import Saturation
-from lumbar.stability.methods import METHODS, MethodResult, chosen_methods
+from lumbar.stability.funnel.saturation import Saturation, reference_of
+from lumbar.stability.methods import METHODS, MethodResult, headline_methods, thesis_methods
 from lumbar.stability.model.failures import Failure, all_or_each
 from lumbar.stability.model.pendulum_loop import SIGNS
 from lumbar.stability.model.trajectory import Trajectory
@@ -42,28 +42,56 @@ _SHARED = (
 )
 COLUMNS = {
     **{name: BASIN_COLUMNS[name] for name in ("subject", "box_mass_kg", "com", "plane")},
-    "loop": "torque_limited: |u| ≤ U, the feedback saturates; uncertain_mass: the mass is anything within the stated "
+    "loop": "torque_limited: u within what foot or hips allow; uncertain_mass: the mass is anything within the stated "
     "interval, while feedforward and feedback were computed for its middle; better_v: the nominal loop with the "
     "best V of the family",
     "method": BASIN_COLUMNS["method"],
     "sign": BASIN_COLUMNS["sign"],
     "mean_area": BASIN_COLUMNS["mean_area"],
     "area_ratio": "mean_area divided by that of the nominal loop with V the Riccati solution (exact method)",
+    "lowest_torque_N_m": "torque_limited: smallest torque allowed, feedforward counted",
+    "highest_torque_N_m": "torque_limited: largest torque allowed, feedforward counted",
+    "binds": "torque_limited: whether a torque beyond the limits is asked for inside the nominal basin; where not, the limit "
+    "changes nothing and the basin is the nominal one",
     "best_share": "λ of the best V: −Ṡ = A_cᵀS + SA_c + λ(Q + KᵀRK), S(T) = Qf; λ = 1 is the Riccati solution",
     **{name: BASIN_COLUMNS[name] for name in _SHARED},
 }
 """Columns of ``extended.csv`` with their definitions; a cell is empty where a check belongs to another method."""
 
+TORQUE_LIMITED = "torque_limited"
+"""Loop whose torque is limited, in the column ``loop``."""
 COUNTS = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
 
 
-def saturated_loops(settings: StabilitySettings) -> dict[str, Saturation]:
-    """Limits of the configuration by the name in the column ``loop``."""
-    saturation = settings.limits
-    return {
-        "torque_limited": Saturation(torque=saturation.torque_N_m),
-        "uncertain_mass": Saturation(mass_share=saturation.mass_share),
-    }
+def torque_range(item: Trajectory, settings: StabilitySettings) -> tuple[float, float]:
+    """Return the smallest and the largest torque u in N·m that foot or hips allow a pendulum.
+
+    About the ankles the centre of pressure under the pendulum's weight stays below the feet; about the hips (or L5) strength
+    is the limit, all of it for each pendulum. Positive torques turn forward or to the right.
+    """
+    limits, weight = settings.limits, item.mass_kg * settings.pendulum.gravity_m_s2
+    if item.plane == "lateral_bending":
+        side = weight * limits.feet_half_width_m if item.pivot == "mid_ankle" else limits.hip_abduction_N_m
+        return -side, side
+    if item.pivot == "mid_ankle":
+        return -weight * limits.foot_ahead_m, weight * limits.foot_behind_m
+    return -limits.hip_extension_N_m, limits.hip_flexion_N_m
+
+
+def torque_limit(item: Trajectory, settings: StabilitySettings) -> Saturation:
+    """Return `torque_range` as a limit of the loop."""
+    low, high = torque_range(item, settings)
+    return Saturation(torque=(high - low) / 2, bias=(high + low) / 2)
+
+
+def binds(loops: ClosedLoops, level: np.ndarray, saturation: Saturation) -> np.ndarray:
+    """Whether u0 − K·x̄ leaves the limits anywhere in a funnel, shape (pendulums,); on V = ρ |K·x̄| ≤ √(ρ·K·S⁻¹·Kᵀ)."""
+    points = slice(None, None, 2)
+    s11, s12, s22 = np.moveaxis(loops.cost[points], -1, 0)
+    k1, k2 = np.moveaxis(loops.gains[points], -1, 0)
+    feedback = (s22 * k1**2 - 2 * s12 * k1 * k2 + s11 * k2**2) / (s11 * s22 - s12**2)
+    reference = reference_of(loops.pendulums, saturation.bias).torque[points]
+    return (np.abs(reference) + np.sqrt(level * feedback) > saturation.torque).any(axis=0)
 
 
 def extended_basins(
@@ -91,23 +119,23 @@ def extended_basins(
     rows: list[dict] = []
     failures: list[Failure] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
-        plans = [
-            (name, method, saturation)
-            for name, saturation in saturated_loops(settings).items()
-            for method in (chosen_methods(settings) if sign == published else ["exact"])
-        ]
-        if sign == published:
-            plans.append(("better_v", "exact", Saturation()))
+        methods = (
+            [*headline_methods(settings), *thesis_methods(settings)[1:]] if sign == published else ["exact"]
+        )
         nominal = NominalLoops(sign, settings)
-        for plan in plans:
+        # Limits differ from pendulum to pendulum, everything else is common to all.
+        plans = [
+            (TORQUE_LIMITED, method, torque_limit(item, settings), [item])
+            for method in methods
+            for item in trajectories
+        ]
+        mass = Saturation(mass_share=settings.limits.mass_share)
+        plans += [("uncertain_mass", method, mass, trajectories) for method in methods]
+        if sign == published:
+            plans.append(("better_v", "exact", Saturation(), trajectories))
+        for *plan, items in plans:
             results, failed = all_or_each(
-                extended_rows,
-                trajectories,
-                *plan,
-                nominal,
-                settings,
-                seed,
-                basin=f"{plan[0]}, {plan[1]}, {sign}",
+                extended_rows, items, *plan, nominal, settings, seed, basin=f"{plan[0]}, {plan[1]}, {sign}"
             )
             rows += [row for _, own in results for row in own]
             failures += failed
@@ -122,19 +150,19 @@ def nothing_extended() -> pd.DataFrame:
 
 
 class NominalLoops:
-    """Loops without limits and their exact areas with one sign of gravity, each computed once."""
+    """Loops without limits and their exact funnels with one sign of gravity, each computed once."""
 
     def __init__(self, sign: str, settings: StabilitySettings):
         self.sign = sign
         self._settings = settings
-        self._known: dict[tuple, tuple[ClosedLoops, np.ndarray]] = {}
+        self._known: dict[tuple, tuple[ClosedLoops, Funnels]] = {}
 
-    def of(self, trajectories: list[Trajectory]) -> tuple[ClosedLoops, np.ndarray]:
-        """Return the loops of some trajectories and their average cross-sections."""
+    def of(self, trajectories: list[Trajectory]) -> tuple[ClosedLoops, Funnels]:
+        """Return the loops of some trajectories and their exact funnels."""
         key = tuple(item.label for item in trajectories)
         if key not in self._known:
             loops = close_loops(trajectories, self.sign, self._settings)
-            self._known[key] = loops, exact_funnels(loops, self._settings.goal_level).mean_area
+            self._known[key] = loops, exact_funnels(loops, self._settings.goal_level)
         return self._known[key]
 
 
@@ -148,7 +176,18 @@ def extended_rows(
     seed: int,
 ) -> list[dict]:
     """Compute and check the basins of some trajectories in one of the extended loops: a row of `COLUMNS` each."""
-    loops, areas = nominal.of(trajectories)
+    loops, funnels = nominal.of(trajectories)
+    areas = funnels.mean_area
+    limits = {}
+    if name == TORQUE_LIMITED:
+        low, high = (saturation.bias - saturation.torque, saturation.bias + saturation.torque)
+        limits = {"lowest_torque_N_m": low, "highest_torque_N_m": high, "binds": "yes"}
+        if not binds(loops, funnels.level, saturation)[0]:
+            return (
+                _unchanged(trajectories[0], method, nominal.sign, funnels, limits)
+                if method == "exact"
+                else []
+            )
     own, result, extra = _result(loops, name, method, saturation, settings)
     found = basin_rows(trajectories, own, result, settings, seed, nominal.sign, saturation)
     return [
@@ -156,6 +195,7 @@ def extended_rows(
             **row,
             "loop": name,
             "method": method,
+            **limits,
             "area_ratio": meaningful(
                 row["mean_area"] / areas[index].item(), result.resolution.get("mean_area")
             ),
@@ -163,6 +203,17 @@ def extended_rows(
         }
         for index, row in enumerate(found)
     ]
+
+
+def _unchanged(item: Trajectory, method: str, sign: str, funnels: Funnels, limits: dict) -> list[dict]:
+    """Row of a basin that its limits do not touch: the nominal one."""
+    row = {"subject": item.subject, "box_mass_kg": item.box_mass_kg, "com": item.com, "plane": item.plane}
+    areas = {
+        "mean_area": funnels.mean_area.item(),
+        "initial_area": funnels.initial_area.item(),
+        "area_ratio": 1.0,
+    }
+    return [{**row, "loop": TORQUE_LIMITED, "method": method, "sign": sign, **areas, **limits, "binds": "no"}]
 
 
 def _result(
@@ -207,10 +258,24 @@ def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) 
         data=data,
         notes=(
             *notes,
-            f"U = {saturation.torque_N_m:g} N·m, the same for all; the mass lies within "
+            f"Torques about the ankles: the centre of pressure under the pendulum's weight at most {saturation.foot_ahead_m:g} m "
+            f"ahead, {saturation.foot_behind_m:g} m behind and {saturation.feet_half_width_m:g} m beside the pivot; about the "
+            f"hips at most {saturation.hip_extension_N_m:g} N·m backward, {saturation.hip_flexion_N_m:g} forward, "
+            f"{saturation.hip_abduction_N_m:g} to a side",
+            _binding(frame),
+            "The true mass lies within "
             f"±{100 * saturation.mass_share:g} % of the nominal one, the pendulum's mass "
             f"{settings.pendulum.mass.replace('_', ' ')}; λ tried: "
             + ", ".join(f"{share:g}" for share in settings.lyapunov_shares),
         ),
-        may_be_empty=frozenset({*optional, "best_share"}),
+        may_be_empty=frozenset({*optional, "best_share", "lowest_torque_N_m", "highest_torque_N_m", "binds"}),
+    )
+
+
+def _binding(frame: pd.DataFrame) -> str:
+    limited = frame[(frame["loop"] == TORQUE_LIMITED) & (frame["method"] == "exact")]
+    free = int((limited["binds"] == "no").sum())
+    return (
+        f"Of {len(limited)} limits of the torque {free} cannot bind: nothing inside the basin asks for more, and the basin is "
+        "the nominal one. Where the feedforward alone asks for more there is no basin (tables/missing_basins)"
     )

@@ -76,7 +76,21 @@ def _draw(axis, shown: list[Trajectory], settings: StabilitySettings) -> bool:
         label, style = STYLES[name]
         axis.plot(*_section(found, 0)[:, 0], label=label, **style)
     axis.plot(*edge[:, 0], color="#777777", linewidth=0.8, linestyle=":", label="goal set (at T)")
+    largest = np.concatenate([_section(found, 0)[:, 0] for found in sections.values()], axis=1)
+    # What reaches the goal may reach far beyond: the picture shows the basins.
+    for limit, extent in zip((axis.set_xlim, axis.set_ylim), 1.3 * np.abs(largest).max(axis=1), strict=True):
+        limit(-extent, extent)
+    share = 100 * sections["exact"].initial_area[0] / _enclosed(reached[:, 0])
+    words = f"exact: {share:.2g} % of all that reach the goal"
+    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+    axis.text(0.98, 0.96, words, transform=axis.transAxes, ha="right", va="top", fontsize=6, bbox=white)
     return True
+
+
+def _enclosed(edge: np.ndarray) -> float:
+    """Area inside a closed curve, shape (2, points), by the shoelace formula."""
+    x, y = edge
+    return 0.5 * abs(float(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))))
 
 
 def _funnels(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> Funnels:

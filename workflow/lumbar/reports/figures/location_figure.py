@@ -198,15 +198,16 @@ def _draw_map(figure, axis, view: View, location: Location) -> None:
     if view.p_value < SIGNIFICANT and no_cell_stands_out(view):
         chance[:] = False  # the pattern is none of chance, though each of its cells alone may be
     row, column = np.nonzero(chance)
-    axis.plot(
-        (columns[column] + columns[column + 1]) / 2,
-        (rows[row] + rows[row + 1]) / 2,
-        linestyle="none",
-        marker="x",
-        markersize=2.5,
-        markeredgewidth=0.6,
-        color="white",
-    )
+    if len(row):
+        axis.plot(
+            (columns[column] + columns[column + 1]) / 2,
+            (rows[row] + rows[row + 1]) / 2,
+            linestyle="none",
+            marker="x",
+            markersize=2.5,
+            markeredgewidth=0.6,
+            color="white",
+        )
     axis.axhline(0, color="white", linewidth=0.8)
     axis.grid(visible=False)
     axis.set_xlabel(f"{residual.moved.capitalize()} ({residual.position_unit})")

@@ -63,9 +63,9 @@ def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]
     for number, box in enumerate(boxes):
         axes.plot([], [], _MARKERS[number % len(_MARKERS)], color="black", markersize=4, label=f"{box} kg")
     axes.plot([], [], "o", color=UNDECIDED, markersize=4, label="not decided: the 95 % interval contains 0")
-    axes.plot(
-        [], [], "o", color="black", markerfacecolor="white", markersize=4, label="no side is the safer one"
-    )
+    if not all(item.safer for item in known):
+        white = {"color": "black", "markerfacecolor": "white", "markersize": 4}
+        axes.plot([], [], "o", label="no side is the safer one", **white)
     figure.legend(loc="outside lower left", ncols=2 + len(boxes))
     figure.suptitle(_title(between, known, hidden), fontsize=9)
     return figure
@@ -114,4 +114,5 @@ def _title(between: Sequence[Comparison], known: Sequence[Comparison], hidden: i
         f"{len(side)} {name}" for side, name in zip(known[0].values, known[0].sides, strict=True)
     )
     more = f"; {hidden} measures with smaller differences are in the table alone" if hidden else ""
-    return f"What tells {known[0].sides[0]} from {known[0].sides[1]}? {persons} lifters, 95 % intervals over persons{more}"
+    first, second = known[0].sides
+    return f"What tells {first} from {second} lifters? {persons} lifters, 95 % intervals over persons{more}"

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 PLANE_TITLES = {"flexion_extension": "Flexion/extension", "lateral_bending": "Lateral bending"}
 NO_BASIN = "no basin: see tables/missing_basins"
+GOAL = "#b03030"
+"""Colour of the goal set; the trajectory alone is black."""
 SECTIONS = 10
 """Cross-sections drawn per basin, at equal intervals."""
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 81)
@@ -49,7 +51,7 @@ def ellipses(rows: pd.DataFrame, level: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 @house_style
-def figure_4_3(funnels: pd.DataFrame, terminal_level: float):
+def figure_4_3(funnels: pd.DataFrame, terminal_level: float, who: str = ""):
     """Draw the abdomen's funnel over time: the regulator's ellipses and the basin computed from them.
 
     Parameters
@@ -58,6 +60,8 @@ def figure_4_3(funnels: pd.DataFrame, terminal_level: float):
         Columns ``com, plane, time_s, rho, s11, s12, s22, theta0_rad, thetadot0_rad_s``.
     terminal_level : float
         ρ(T).
+    who : str
+        Person, box and convention, shown above.
 
     Returns
     -------
@@ -66,7 +70,7 @@ def figure_4_3(funnels: pd.DataFrame, terminal_level: float):
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, subplot_kw={"projection": "3d"})
     for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
         rows = funnels[(funnels["com"] == "abdomen") & (funnels["plane"] == plane)]
-        axis.set_title(title)
+        axis.set_title(f"{title}, abdomen" + (f"\n{who}" if who else ""))
         if len(rows):
             _draw_funnel(axis, rows, terminal_level)
         else:
@@ -104,11 +108,19 @@ def _draw_funnel(axis, rows: pd.DataFrame, terminal_level: float) -> None:
             at,
             basin[0][index],
             basin[1][index],
-            color="#8a5a00" if not last else MEASURED,
+            color="#8a5a00" if not last else GOAL,
             linewidth=0.9 if not last else 1.8,
+            linestyle="-" if not last else (0, (4, 1)),
             label="basin, V = ρ(t)" if named else "goal set" if last else None,
         )
-    axis.plot(rows["time_s"], rows["theta0_rad"], rows["thetadot0_rad_s"], color=MEASURED, label="trajectory")
+    axis.plot(
+        rows["time_s"],
+        rows["theta0_rad"],
+        rows["thetadot0_rad_s"],
+        color=MEASURED,
+        linewidth=1.4,
+        label="trajectory",
+    )
     axis.set_xlabel("Time (s)", labelpad=-2)
     axis.set_ylabel("θ (rad)", labelpad=-3)
     axis.set_zlabel(r"$\dot\theta$ (rad/s)", labelpad=-3)
@@ -121,19 +133,21 @@ def _draw_funnel(axis, rows: pd.DataFrame, terminal_level: float) -> None:
 
 
 @house_style
-def figure_4_4(funnels: pd.DataFrame):
-    """Draw the basins of every COM and plane over angle and angular velocity, about their trajectories.
+def figure_4_4(funnels: pd.DataFrame, who: str = ""):
+    """Draw the basins of every COM and plane about their trajectories, in error coordinates; the trajectory in an inset.
 
     Parameters
     ----------
     funnels : pandas.DataFrame
         As for `figure_4_3`.
+    who : str
+        Person, box and convention, shown above.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    figure, axes = new_figure(DOUBLE_COLUMN, 6.4, nrows=len(SEGMENTS), ncols=2, sharex=True, sharey=True)
+    figure, axes = new_figure(DOUBLE_COLUMN, 6.6, nrows=len(SEGMENTS), ncols=2, sharex=True, sharey=True)
     for row, (com, colour) in zip(axes, SEGMENTS.items(), strict=True):
         for axis, (plane, title) in zip(row, PLANE_TITLES.items(), strict=True):
             rows = funnels[(funnels["com"] == com) & (funnels["plane"] == plane)]
@@ -142,12 +156,14 @@ def figure_4_4(funnels: pd.DataFrame):
             else:
                 axis.text(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
             if com == "thorax":
-                axis.set_title(title)
-        row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta$ (rad/s)")
+                axis.set_title(title + (f"\n{who}" if who else ""))
+        row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta - \dot\theta_0$ (rad/s)")
     for axis in axes[-1]:
-        axis.set_xlabel("θ (rad)")
+        axis.set_xlabel("θ − θ0 (rad)")
     drawn = [axis for axis in axes.ravel() if axis.collections]
-    shared_legend(figure, drawn[:1], ncols=5)
+    for axis in drawn:
+        axis.autoscale_view()
+    shared_legend(figure, [*drawn[:1], *(child for axis in drawn[:1] for child in axis.child_axes)], ncols=5)
     return figure
 
 
@@ -165,7 +181,8 @@ def _draw_basin(axis, rows: pd.DataFrame, colour: str) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgba
 
-    every = rows.iloc[np.linspace(0, len(rows) - 1, SECTIONS).round().astype(int)]
+    still = rows.assign(theta0_rad=0.0, thetadot0_rad_s=0.0)
+    every = still.iloc[np.linspace(0, len(still) - 1, SECTIONS).round().astype(int)]
     angle, velocity = ellipses(every, every["rho"].to_numpy())
     later = np.linspace(0.25, 1.0, SECTIONS)
     stack = PolyCollection(
@@ -180,20 +197,19 @@ def _draw_basin(axis, rows: pd.DataFrame, colour: str) -> None:
     axis.plot(
         angle[0], velocity[0], color=colour, linewidth=1.4, linestyle=(0, (4, 1.5)), label="basin at t = 0"
     )
-    axis.plot(angle[-1], velocity[-1], color=MEASURED, linewidth=1.4, label="goal set")
-    axis.plot(
-        rows["theta0_rad"],
-        rows["thetadot0_rad_s"],
-        color=MEASURED,
-        linewidth=1.0,
-        linestyle=(0, (1, 1)),
-        label="trajectory",
+    axis.plot(angle[-1], velocity[-1], color=GOAL, linewidth=1.4, label="goal set")
+    _inset(axis, rows)
+
+
+def _inset(axis, rows: pd.DataFrame) -> None:
+    """Draw the trajectory itself at its own scale, in the corner that basins leave empty."""
+    inset = axis.inset_axes([0.66, 0.62, 0.33, 0.36])
+    inset.plot(
+        rows["theta0_rad"], rows["thetadot0_rad_s"], color=MEASURED, linewidth=1.0, label="trajectory (inset)"
     )
-    axis.plot(
-        *rows[["theta0_rad", "thetadot0_rad_s"]].iloc[0],
-        color=MEASURED,
-        marker="o",
-        markersize=3,
-        linestyle="",
-        label="start",
-    )
+    first = rows[["theta0_rad", "thetadot0_rad_s"]].iloc[0]
+    inset.plot(*first, color=MEASURED, marker="o", markersize=3, linestyle="", label="start")
+    inset.tick_params(labelsize=5, length=2, pad=1)
+    inset.set_xlabel("θ0 (rad)", fontsize=5.5, labelpad=0)
+    inset.set_ylabel(r"$\dot\theta_0$ (rad/s)", fontsize=5.5, labelpad=0)
+    inset.locator_params(nbins=3)

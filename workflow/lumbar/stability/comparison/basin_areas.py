@@ -20,6 +20,20 @@ def as_counts(column: pd.Series):
     return pd.Series([None if pd.isna(item) else int(item) for item in column], dtype=object).to_numpy()
 
 
+def _shares(boa: pd.DataFrame) -> list[str]:
+    """Say how much of everything that reaches the goal set the exact basins hold: what the choice of V leaves."""
+    notes = []
+    for (sign, time, mass), rows in boa[boa["method"] == "exact"].groupby(
+        ["sign", "time", "mass"], sort=False
+    ):
+        share = 100 * rows["initial_area"] / rows["liouville_area"]
+        notes.append(
+            f"At t = 0 the exact basins ({sign}, {time} time, {mass.replace('_', ' ')}) hold {share.min():.2g} to "
+            f"{share.max():.2g} % of the states that reach the goal set under the same regulator"
+        )
+    return notes
+
+
 def checks_note(settings: StabilitySettings) -> str:
     """Say which checks were made; what belongs to another has no column."""
     others = [check for check in (*CHECK_COLUMNS, "extended") if check not in settings.checks]
@@ -38,6 +52,6 @@ def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Ta
         frame=frame,
         definitions=COLUMNS,
         data=data,
-        notes=(checks_note(settings),),
+        notes=(*_shares(boa), checks_note(settings)),
         may_be_empty=frozenset(optional),
     )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.errors import InputError, NumericalError
 from lumbar.lifting.filtering import filter_markers
 from lumbar.lifting.gaps import fill_gaps
 from lumbar.lifting.pendulum_states import pendulum_states
@@ -22,6 +22,7 @@ from lumbar.records.markers import MarkerRecording
 from lumbar.stability.basins import close_loops
 from lumbar.stability.comparison.lyapunov_exponent import maximum_exponent
 from lumbar.stability.funnel.funnel import Funnels, exact_funnels
+from lumbar.stability.model.pendulum_loop import SIGNS
 from lumbar.stability.model.trajectory import Trajectory, find_problems
 from lumbar.tables import Table
 
@@ -33,9 +34,11 @@ if TYPE_CHECKING:
     from lumbar.settings.stability import StabilitySettings
 
 PHASE_POINTS = 401
+GROUPS = ("unperturbed", "perturbed")
 FEWEST_UNPERTURBED = 3
-CONTROL_WEIGHT_FACTORS = (0.1, 10.0)
+CONTROL_WEIGHT_FACTORS = (0.01, 0.1, 1.0, 10.0, 100.0)
 COLUMNS = {
+    "sign": "sign of gravity in Eq. 4.1: inverted, as a person stands, or hanging, as published",
     "trial": "recording",
     "group": "unperturbed or perturbed",
     "duration_s": "duration of the recording",
@@ -140,8 +143,22 @@ def mean_trajectory(trials: list[Trial], settings: PerturbationsSettings) -> Tra
 
 def funnel_of(mean: Trajectory, stability: StabilitySettings) -> Funnels:
     """Return the exact funnel of a mean movement, with a knot at every phase point."""
-    loops = close_loops([mean], stability.pendulum.sign, replace(stability, knots=PHASE_POINTS))
-    return exact_funnels(loops, stability.goal_level)
+    return funnels_of([mean], stability.pendulum.sign, stability)[0]
+
+
+def funnels_of(means: list[Trajectory], sign: str, stability: StabilitySettings) -> list[Funnels]:
+    """Return the exact funnels of mean movements, computed together."""
+    loops = close_loops(means, sign, replace(stability, knots=PHASE_POINTS))
+    found = exact_funnels(loops, stability.goal_level)
+    return [
+        replace(
+            found,
+            duration=found.duration[[index]],
+            cost=found.cost[:, [index]],
+            level=found.level[:, [index]],
+        )
+        for index in range(len(means))
+    ]
 
 
 def relative_value(trial: Trial, mean: Trajectory, funnel: Funnels) -> np.ndarray:
@@ -152,60 +169,129 @@ def relative_value(trial: Trial, mean: Trajectory, funnel: Funnels) -> np.ndarra
     return (s11 * error**2 + 2 * s12 * error * velocity + s22 * velocity**2) / funnel.level[:, 0]
 
 
-def compare_trials(
-    trials: list[Trial], settings: PerturbationsSettings, stability: StabilitySettings
-) -> pd.DataFrame:
-    """Compare every trial with the funnel of the unperturbed mean.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row per trial, columns `COLUMNS`.
+def references(trials: list[Trial], settings: PerturbationsSettings) -> list[Trajectory]:
+    """Return for every trial the mean of the unperturbed ones but itself.
 
     Raises
     ------
     InputError
         Too few unperturbed trials, or a mean movement that is no sound trajectory.
     """
-    import pandas as pd
-
     unperturbed = [trial for trial in trials if trial.group == "unperturbed"]
     if len(unperturbed) < FEWEST_UNPERTURBED:
         raise InputError(f"{len(unperturbed)} unperturbed trials; at least {FEWEST_UNPERTURBED} are needed")
+    return [
+        mean_trajectory([item for item in unperturbed if item is not trial], settings) for trial in trials
+    ]
+
+
+def values_of(
+    trials: list[Trial], means: list[Trajectory], sign: str, stability: StabilitySettings
+) -> list[np.ndarray]:
+    """Return V/ρ of every trial in the funnel about its mean, with one sign of gravity; shape (points,) each."""
+    # The perturbed trials share one mean, and its funnel.
+    own = {mean.angle.tobytes(): mean for mean in means}
+    funnels = dict(zip(own, funnels_of(list(own.values()), sign, stability), strict=True))
+    return [
+        relative_value(trial, mean, funnels[mean.angle.tobytes()])
+        for trial, mean in zip(trials, means, strict=True)
+    ]
+
+
+def compare_trials(
+    trials: list[Trial], settings: PerturbationsSettings, stability: StabilitySettings
+) -> pd.DataFrame:
+    """Compare every trial with the funnel of the unperturbed mean, with both signs of gravity.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per sign (the study's first) and trial, columns `COLUMNS`.
+
+    Raises
+    ------
+    InputError
+        As `references`.
+    """
+    import pandas as pd
+
+    means = references(trials, settings)
     rows = []
-    for trial in trials:
-        mean = mean_trajectory([item for item in unperturbed if item is not trial], settings)
-        value = relative_value(trial, mean, funnel_of(mean, stability))
-        inside = value <= 1
-        rows.append(
-            {
-                "trial": trial.name,
-                "group": trial.group,
-                "duration_s": trial.duration,
-                "start_value": float(value[0]),
-                "largest_value": float(value.max()),
-                "end_value": float(value[-1]),
-                "share_inside": float(inside.mean()),
-                "departures": int((inside[:-1] & ~inside[1:]).sum()),
-                "largest_error_rad": float(np.abs(trial.angle - mean.angle).max()),
-                "whole_inside": "yes" if inside.all() else "no",
-            }
-        )
+    for sign in signs_of(stability):
+        values = values_of(trials, means, sign, stability)
+        rows += [_row(sign, *one) for one in zip(trials, means, values, strict=True)]
     return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def signs_of(stability: StabilitySettings) -> list[str]:
+    """Both signs of gravity, the study's first."""
+    return sorted(SIGNS, key=lambda name: name != stability.pendulum.sign)
+
+
+def _row(sign: str, trial: Trial, mean: Trajectory, value: np.ndarray) -> dict:
+    inside = value <= 1
+    return {
+        "sign": sign,
+        "trial": trial.name,
+        "group": trial.group,
+        "duration_s": trial.duration,
+        "start_value": float(value[0]),
+        "largest_value": float(value.max()),
+        "end_value": float(value[-1]),
+        "share_inside": float(inside.mean()),
+        "departures": int((inside[:-1] & ~inside[1:]).sum()),
+        "largest_error_rad": float(np.abs(trial.angle - mean.angle).max()),
+        "whole_inside": "yes" if inside.all() else "no",
+    }
+
+
+def inside_by_weight(
+    trials: list[Trial], settings: PerturbationsSettings, stability: StabilitySettings
+) -> pd.DataFrame:
+    """Count the trials that lie inside throughout, by sign and control weight: the regulator is an assumption.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``sign, control_weight, group, inside``; `inside` is NaN where there is no basin.
+    """
+    import pandas as pd
+
+    means, rows = references(trials, settings), []
+    for sign in signs_of(stability):
+        for factor in CONTROL_WEIGHT_FACTORS:
+            weight = factor * stability.regulator.control_weight
+            changed = replace(stability, regulator=replace(stability.regulator, control_weight=weight))
+            try:
+                values = values_of(trials, means, sign, changed)
+            except NumericalError:
+                values = [np.full(1, np.nan)] * len(trials)
+            for group in GROUPS:
+                own = [value for trial, value in zip(trials, values, strict=True) if trial.group == group]
+                known = all(np.isfinite(value).all() for value in own)
+                inside = sum(bool((value <= 1).all()) for value in own) if known else np.nan
+                rows.append({"sign": sign, "control_weight": weight, "group": group, "inside": inside})
+    return pd.DataFrame(rows)
 
 
 def trials_table(
     frame: pd.DataFrame,
+    by_weight: pd.DataFrame,
     trials: list[Trial],
     settings: PerturbationsSettings,
     stability: StabilitySettings,
     data: str,
 ) -> Table:
-    """Return the comparison as a published table, with one sentence of what is seen."""
-    notes = [_finding(frame, group) for group in ("unperturbed", "perturbed")]
-    notes += [_finding_with(trials, settings, stability, factor) for factor in CONTROL_WEIGHT_FACTORS]
+    """Return the comparison as a published table, with what is seen and how it hangs on the control weight."""
+    weight = stability.regulator.control_weight
+    notes = [
+        f"{sign.capitalize()}, R = {weight:g}. {_finding(frame[frame['sign'] == sign], group)}"
+        for sign in signs_of(stability)
+        for group in GROUPS
+    ]
+    notes += [_by_weight(by_weight, sign) for sign in signs_of(stability)]
     step = float(np.mean([trial.duration for trial in trials])) / (PHASE_POINTS - 1)
-    for group in ("unperturbed", "perturbed"):
+    for group in GROUPS:
         states = [
             np.stack([trial.angle, trial.angular_velocity], axis=1)
             for trial in trials
@@ -217,8 +303,7 @@ def trials_table(
     notes.append(
         f"Pendulum: {settings.mass_share:g} of an assumed {settings.body_mass_kg:g} kg at "
         f"{settings.centre_share:g} of the way from {' + '.join(settings.pivot)} to "
-        f"{' + '.join(settings.top)}; {stability.pendulum.sign} sign; the regulator is the study's, not the "
-        "person's"
+        f"{' + '.join(settings.top)}; the regulator is the study's, not the person's"
     )
     return Table(
         title="Trials and the basin of attraction of the unperturbed mean movement.",
@@ -229,18 +314,15 @@ def trials_table(
     )
 
 
-def _finding_with(
-    trials: list[Trial], settings: PerturbationsSettings, stability: StabilitySettings, factor: float
-) -> str:
-    """Say what is seen with another control weight: the regulator is an assumption."""
-    weight = factor * stability.regulator.control_weight
-    changed = replace(stability, regulator=replace(stability.regulator, control_weight=weight))
-    frame = compare_trials(trials, settings, changed)
-    counts = frame[frame["whole_inside"] == "yes"].groupby("group").size()
-    return (
-        f"With R = {weight:g}: {counts.get('unperturbed', 0)} unperturbed and {counts.get('perturbed', 0)} perturbed "
-        "trials lie inside throughout"
-    )
+def _by_weight(frame: pd.DataFrame, sign: str) -> str:
+    """Say how many trials lie inside with other control weights."""
+    rows = frame[frame["sign"] == sign]
+    words = []
+    for weight, own in rows.groupby("control_weight"):
+        inside = own.set_index("group")["inside"]
+        counts = " and ".join(f"{inside[group]:.0f} {group}" for group in GROUPS)
+        words.append(f"R = {weight:g}: " + ("no basin" if inside.isna().any() else counts))
+    return f"{sign.capitalize()}, trials that lie inside throughout: {'; '.join(words)}"
 
 
 def _finding(frame: pd.DataFrame, group: str) -> str:

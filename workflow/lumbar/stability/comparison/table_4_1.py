@@ -407,7 +407,7 @@ def _controls_of(index: int, plane: str, found: dict, in_grid: np.ndarray) -> di
     }
 
 
-def _verdict(index: int, plane: str, found: dict, cells: pd.DataFrame, interval) -> str:
+def _verdict(index: int, plane: str, found: dict, cells: pd.DataFrame, interval: Interval) -> str:
     row = found["headline"][index]
     percent = _number(row[plane])
     if row["status"].startswith("no basin") and percent is None:

@@ -38,19 +38,29 @@ class Saturation:
         U in N·m; infinite for none.
     mass_share : float
         The true mass lies within m·(1 ± this share).
+    bias : float
+        Middle of the torques allowed in N·m: |u − bias| ≤ U. Only with a mass that is known.
     """
 
     torque: float = np.inf
     mass_share: float = 0.0
+    bias: float = 0.0
 
     def __post_init__(self):
+        if self.bias and self.mass_share:
+            raise InputError(
+                "torques that are not limited alike to both sides, and an uncertain mass: one at a time"
+            )
         if not self.torque > 0:
             raise InputError(f"torque limit: {self.torque:g} N·m; it must be positive")
         if not 0 <= self.mass_share < 1:
             raise InputError(f"uncertain mass: share {self.mass_share:g}; it must lie in [0, 1)")
 
     def __str__(self) -> str:
-        parts = [f"|u| ≤ {self.torque:g} N·m"] if np.isfinite(self.torque) else []
+        parts = []
+        if np.isfinite(self.torque):
+            low, high = self.bias - self.torque, self.bias + self.torque
+            parts = [f"{low:.4g} ≤ u ≤ {high:.4g} N·m" if self.bias else f"|u| ≤ {self.torque:g} N·m"]
         parts += [f"mass ±{100 * self.mass_share:g} %"] if self.mass_share else []
         return ", ".join(parts) or "no limits"
 
@@ -70,7 +80,10 @@ UNSATURATED = Saturation()
 
 @dataclass(frozen=True)
 class SaturationReference:
-    """Feedforward and motion on the grid of a pendulum; arrays of shape (points, pendulums)."""
+    """Feedforward less bias, and motion, on the grid of a pendulum; arrays of shape (points, pendulums).
+
+    With a known mass only torques less the bias matter: clip(u, −a, b) = c + clip(u − c, −U, U), U = (a + b)/2, c = (b − a)/2.
+    """
 
     torque: np.ndarray
     velocity: np.ndarray
@@ -99,8 +112,8 @@ class SaturatedFunnels:
         return np.array([not text for text in self.reason])
 
 
-def reference_of(pendulums: Pendulums) -> SaturationReference:
-    """Return u0 and θ̇0 of the cubic spline through the knots of θ0 (Eq. 4.1 solved for u).
+def reference_of(pendulums: Pendulums, bias: float = 0.0) -> SaturationReference:
+    """Return u0 less the bias and θ̇0 of the cubic spline through the knots of θ0 (Eq. 4.1 solved for u).
 
     The spline is the interpolant about which `interval_proof` proves: its second derivative, and with it the
     saturated torque, is that of no finer one.
@@ -116,7 +129,7 @@ def reference_of(pendulums: Pendulums) -> SaturationReference:
         + pendulums.damping * velocity
         + pendulums.gravity_torque * np.sin(spline(phase))
     )
-    return SaturationReference(torque, velocity)
+    return SaturationReference(torque - bias, velocity)
 
 
 def saturated_funnels(
@@ -137,7 +150,7 @@ def saturated_funnels(
     margin, negative_control : float
         As for `funnel.funnel_variants`.
     """
-    reference = reference_of(loops.pendulums)
+    reference = reference_of(loops.pendulums, saturation.bias)
     floor = np.log(terminal_level * LEAST_LEVEL)
     margins, shares = np.array([[0.0], [margin], [0.0]]), np.array([[0.0], [0.0], [negative_control]])
 
@@ -163,6 +176,10 @@ def saturated_funnels(
 
 def _reason(peak: float, saturation: Saturation, lost: bool, semi_axis: float) -> str:
     """Say why there is no basin, or nothing where there is one."""
+    if peak > saturation.torque and saturation.bias:
+        return (
+            f"the feedforward torque leaves its limits, {saturation}, by {peak - saturation.torque:.4g} N·m"
+        )
     if peak > saturation.torque:
         return f"the feedforward torque reaches {peak:.4g} N·m; the limit is {saturation.torque:g} N·m"
     if lost:
@@ -241,7 +258,7 @@ def extra_acceleration(
 
 def disturbance_of(loops: ClosedLoops, saturation: Saturation, starts: int, seed: list[int]):
     """Return the disturbance for `monte_carlo_check`: a mass for every start, half of them an extreme one."""
-    reference = reference_of(loops.pendulums)
+    reference = reference_of(loops.pendulums, saturation.bias)
     generator = np.random.default_rng(seed)
     low, high = saturation.ratios
     ratio = 1 / generator.uniform(1 / high, 1 / low, starts)

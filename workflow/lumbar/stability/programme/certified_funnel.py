@@ -108,7 +108,7 @@ def certified_funnels(
     count = len(loops.pendulums.labels)
     log_level = np.empty((len(chosen), count))
     log_level[-1] = np.log(terminal_level)
-    reference = reference_of(loops.pendulums)
+    reference = reference_of(loops.pendulums, saturation.bias)
     require_torque(loops.pendulums, reference, saturation)
     differences, most = np.zeros((3, count)), 0
     differences[2] = -np.inf

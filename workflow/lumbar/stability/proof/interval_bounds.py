@@ -40,6 +40,8 @@ class Interpolants:
         b/I in 1/s.
     torque : numpy.ndarray, shape (pendulums,)
         U/I in 1/s².
+    bias : numpy.ndarray, shape (pendulums,)
+        Middle of the torques allowed, over I, in 1/s².
     ratios : tuple of float
         m/m_true of the extreme masses; empty for a loop without limits.
     """
@@ -49,6 +51,7 @@ class Interpolants:
     gravity: np.ndarray
     drag: np.ndarray
     torque: np.ndarray
+    bias: np.ndarray
     ratios: tuple[float, ...] = ()
 
 
@@ -73,6 +76,9 @@ class IntervalBounds:
         self.centre = _coefficients(_derivatives(local, centre, Interval(0 * self.half)), *constants)
         whole = _derivatives(local, centre, Interval(-self.half, self.half))
         self.whole = _coefficients(whole, *constants)
+        if self.ratios:
+            for part in (self.centre, self.whole):
+                part["x0"] = part["x0"] - curves.bias[pendulum]
         self.rates = _coefficient_rates(whole, self.whole, *constants)
 
     def bounds(self, piece: np.ndarray, arcs: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:

@@ -74,6 +74,7 @@ def interpolants(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = 
         gravity=pendulums.gravity_torque / pendulums.inertia,
         drag=pendulums.damping / pendulums.inertia,
         torque=saturation.torque / pendulums.inertia,
+        bias=saturation.bias / pendulums.inertia,
         ratios=saturation.ratios if saturation.active else (),
     )
 
