@@ -22,6 +22,10 @@ NOT_INHERITED = ("PYTHONPATH", "LUMBAR_DATA", "PYTHONDONTWRITEBYTECODE")
 """Without bytecode, as in many containers, every job would compile the library again; a copy of the project may hold it."""
 
 
+PLAIN, FORKING = "plain", "forking"
+"""Snakemake and a Python for each job started as users do; or all forked from a process that has imported their libraries."""
+
+
 @dataclass(frozen=True)
 class Run:
     """What one call of Snakemake said."""
@@ -52,7 +56,9 @@ def copy_project(folder: Path) -> Path:
     return folder
 
 
-def snakemake(folder: Path, *arguments: str, env: dict[str, str] | None = None, plain: bool = False) -> Run:
+def snakemake(
+    folder: Path, *arguments: str, env: dict[str, str] | None = None, program: str = FORKING
+) -> Run:
     """Call Snakemake in a project folder and return its status and output.
 
     Parameters
@@ -62,14 +68,12 @@ def snakemake(folder: Path, *arguments: str, env: dict[str, str] | None = None, 
         Snakemake's.
     env : dict of str to str, optional
         Variables beside the inherited ones.
-    plain : bool
-        Start it, and a Python for each of its jobs, as users do. Else all are forked from a process that has imported their
-        libraries.
+    program : {PLAIN, FORKING}
     """
     environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED} | (env or {})
     with tempfile.TemporaryDirectory() as name:
         output = Path(name) / "output"
-        if plain:
+        if program == PLAIN:
             with output.open("wb") as stream:
                 command = [sys.executable, "-m", "snakemake", "--nocolor", *arguments]
                 done = subprocess.run(

@@ -19,7 +19,7 @@ PACKED = ("pyproject.toml", "README.md", "LICENSE", "workflow")
 FEWER = """
 surgeon: {bandwidth: {resamples: 200}}
 survey: {resamples: 1000}
-stability: {knots: 101, attack: {starts: 20}, checks: [simulation]}
+stability: {knots: 201, attack: {starts: 20}, checks: [simulation], grid: {knots: 101}}
 """
 
 MAIN = "import sys; from lumbar.cli import main; sys.exit(main())"
