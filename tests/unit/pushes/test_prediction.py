@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu
 
+from lumbar.errors import InputError
 from lumbar.interface.movement import measure_movement
 from lumbar.interface.person import Lift
 from lumbar.interface.pushing import push_prediction, push_states
@@ -140,10 +141,17 @@ def test_the_winner_says_what_it_rests_on_and_has_no_interval_of_two_persons(fou
     assert winner.auc == main[~main["measure"].isin(BASELINES)]["auc"].max()
     assert winner.low is None and "no interval: 2 persons, at least 8 are needed" in winner.sentence
     assert "simulated bodies under an assumed controller, not people" in winner.sentence
+    assert "people best" not in winner.sentence  # which of two persons steps first is chance
     assert verdict_json(winner, "synthetic")["measure"] == winner.measure
     assert found.contest.drawn == 48
     assert len(found.pushes) == 48 - found.contest.unsteady
     assert "left out" in found.table.to_html()
+
+
+def test_one_person_alone_is_no_contest(states):
+    alone = states[states["subject"] == states["subject"].iloc[0]]
+    with pytest.raises(InputError, match="two persons at least"):
+        push_prediction(alone)
 
 
 def test_longer_feet_let_fewer_step_and_the_measures_are_not_told(states, found, monkeypatch):

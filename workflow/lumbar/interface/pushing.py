@@ -110,7 +110,25 @@ def push_prediction(
     Raises
     ------
     InputError
-        If no lift gives a body, or all pushes end alike.
+        If no lift gives a body, the lifts are all one person's, or all pushes end alike.
+
+    Examples
+    --------
+    Two persons who move alike, pushed a few times: no interval below 8 persons, and which measure leads is chance.
+
+    >>> from dataclasses import replace
+    >>> import lumbar
+    >>> from lumbar.settings.pushes import PushesSettings, PushSettings, ScoringSettings
+    >>> from lumbar.synthetic.examples import example_lift
+    >>> ann = example_lift("lift.c3d")
+    >>> people = [ann, replace(ann, name="bob")]
+    >>> lifts = [lumbar.lift("lift.c3d", person, box_mass_kg=15) for person in people]
+    >>> settings = PushesSettings(push=PushSettings(per_lift=24), scoring=ScoringSettings(resamples=100))
+    >>> found = lumbar.push_prediction(lifts, settings=settings)
+    >>> len(found.pushes)
+    48
+    >>> print(found.winner.low)
+    None
     """
     from lumbar.pushes.contest import hold_contest
     from lumbar.pushes.states import from_states
@@ -129,6 +147,12 @@ def push_prediction(
         raise InputError(
             "pushes: of no lift a body of three links can be made: each needs a deposit, both ankles, heels, toes and shoulders, "
             "the hips, and the box or the wrists"
+        )
+    people = {motion.subject for motion in motions}
+    if len(people) < 2:
+        raise InputError(
+            f"pushes: all lifts are those of {', '.join(people)}; who must step is told by a threshold of other persons: give "
+            "lifts of two persons at least"
         )
     contest = hold_contest(motions, levels, settings, seed)
     return PushPrediction(contest, motions, levels, settings, seed, data_label(data, dict.fromkeys(sources)))

@@ -195,7 +195,8 @@ def _sentence(
     ]
     if found.tied:
         parts.append(f"It is not shown to be better by {NEGLIGIBLE:g} or more than {', '.join(found.tied)}.")
-    for direction, row in ranked.iterrows():
+    enough = ranked.iterrows() if found.low is not None else ()  # of a few persons the order is chance
+    for direction, row in enough:
         parts.append(f"Under equal pushes {direction} {row['measure']} ranks people best ({row['auc']:.3f}).")
     return " ".join([*parts, f"This rests on {BASIS}."])
 
