@@ -95,7 +95,7 @@ MEASURES = {
             "J",
             "N·s",
             HIGHER,
-            "Smallest horizontal push that takes the extrapolated centre over that edge, m·ω0·b: a step must follow",
+            "Smallest horizontal push that takes the extrapolated centre over that edge, m·ω0·b",
             f"{HOF}; {FUNCTIONAL}",
             {ALL: "smallest_impulse_N_s", **_planes("smallest_impulse", "N_s")},
             SMALLEST,

@@ -80,8 +80,8 @@ class ControllerSettings:
         le=0.1,
     )
     delay_s: float = key(
-        "Time from a change of posture to the torque that answers it: 0.1 s at the ankle (Horak and Nashner 1986), 0.1 to "
-        "0.2 s fitted to sway (Peterka 2002).",
+        "Time from a change of posture to the torque that answers it: assumed. Restoring forces begin after about 0.125 s "
+        "(Bortolami et al. 2003).",
         default=0.12,
         unit="s",
         ge=0.02,
