@@ -37,7 +37,7 @@ MODELS = {
     "KV": {"color": "#009E73", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "marker": "v", "hatch": "\\\\"},
 }
 """Colour, line style, marker and hatch of every model, the same in all figures."""
-WITH_EFFECTS = {"color": "#000000", "linestyle": (0, (3, 1, 1, 1)), "marker": "*", "hatch": "oo"}
+WITH_EFFECTS = {"color": "#882255", "linestyle": (0, (3, 1, 1, 1)), "marker": "*", "hatch": "oo"}
 """Look of a base model with effects added."""
 
 
