@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.pushes.motion import DepositMotion, bodies_of
-from lumbar.pushes.person import Traits, persons_of
-from lumbar.pushes.reference import references_of
+from lumbar.pushes import contest
+from lumbar.pushes.motion import DepositMotion
+from lumbar.pushes.person import Traits
 from lumbar.pushes.simulation import Scene
 from lumbar.settings.pushes import PushesSettings
 
@@ -40,11 +40,4 @@ def scene_of(motions, settings=None) -> Scene:
     settings = settings or PushesSettings()
     one = np.ones(len(motions))
     traits = Traits(one, one, one, settings.controller.delay_s * one)
-    return Scene(
-        bodies_of(motions),
-        persons_of(motions, settings.body, settings.controller, traits),
-        references_of(motions, settings.outcome.step_s / 2),
-        settings.controller,
-        settings.push,
-        settings.outcome,
-    )
+    return contest.scene_of(motions, settings, traits)

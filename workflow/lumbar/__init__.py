@@ -38,7 +38,7 @@ _VERBS = {
     "analyse_survey": "lumbar.interface.participants",
     "inspect": "lumbar.interface.inspecting",
     "lift": "lumbar.interface.person",
-    "basins": "lumbar.interface.person",
+    "basins": "lumbar.interface.lift_basins",
     "compare_groups": "lumbar.interface.people",
     "sample_size": "lumbar.interface.people",
     "measure_movement": "lumbar.interface.movement",

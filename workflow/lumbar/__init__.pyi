@@ -13,11 +13,11 @@ from lumbar.interface.fmu_checking import check_fmu as check_fmu
 from lumbar.interface.identification import identify as identify
 from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.inspecting import inspect as inspect
+from lumbar.interface.lift_basins import basins as basins
 from lumbar.interface.movement import measure_movement as measure_movement
 from lumbar.interface.participants import analyse_survey as analyse_survey
 from lumbar.interface.people import compare_groups as compare_groups
 from lumbar.interface.people import sample_size as sample_size
-from lumbar.interface.person import basins as basins
 from lumbar.interface.person import lift as lift
 from lumbar.interface.proposing import propose as propose
 from lumbar.interface.pushing import push_prediction as push_prediction

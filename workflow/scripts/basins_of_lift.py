@@ -8,7 +8,7 @@ def main(input, output, params):
     from pathlib import Path
 
     from lumbar.files import read_json
-    from lumbar.interface.person import basins
+    from lumbar.interface.lift_basins import basins
     from lumbar.settings.plain import typed
     from lumbar.settings.stability import StabilitySettings
 

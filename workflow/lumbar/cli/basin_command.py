@@ -28,7 +28,7 @@ def run(options) -> None:
     """Compute and check the basins, write areas and funnels, and end with an error if a basin is missing."""
     from lumbar.errors import NumericalError
     from lumbar.files import read_json
-    from lumbar.interface.person import basins
+    from lumbar.interface.lift_basins import basins
     from lumbar.stability.model.failures import announcement
 
     settings = load_settings(*options.config)

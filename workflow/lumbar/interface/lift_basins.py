@@ -1,0 +1,216 @@
+"""``lumbar.basins``: from the pendulums of one lift to basins of attraction."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.errors import InputError
+from lumbar.interface.data_label import NOT_SAID
+from lumbar.interface.person import Lift
+from lumbar.settings.seed import SEED
+from lumbar.settings.stability import StabilitySettings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.stability.basins import LiftBasins
+    from lumbar.stability.model.failures import Failure
+    from lumbar.stability.model.lift_trajectories import LiftStates
+    from lumbar.stability.model.trajectory import Trajectory
+
+
+def basins(
+    lift: Lift | str | os.PathLike,
+    *,
+    facts: Mapping | None = None,
+    settings: StabilitySettings | None = None,
+    seed: int = SEED,
+    data: str = "",
+) -> Basins:
+    """Compute the basins of attraction of one lift, with the checks of the settings.
+
+    Parameters
+    ----------
+    lift : Lift or path
+        Of `lift`, or a file ``pendulum.csv``.
+    facts : mapping, optional
+        With a file: what the pendulums are made of; default ``pendulum.json`` beside it.
+    settings : StabilitySettings, optional
+    seed : int
+        Of the simulated starts.
+    data : str
+        Words for the source of the data; default those of the lift.
+
+    Returns
+    -------
+    Basins
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.settings.stability import StabilitySettings
+    >>> from lumbar.synthetic.examples import example_lift
+    >>> lift = lumbar.lift("lift.c3d", example_lift("lift.c3d"), box_mass_kg=15)
+    >>> exact_alone = StabilitySettings(knots=51, checks=())
+    >>> basins = lumbar.basins(lift, settings=exact_alone)
+    >>> print(basins)
+    thorax, lateral_bending, inverted, real time: 0.4545 rad²/s on average, 0.6201 at first
+    thorax, flexion_extension, inverted, real time: 0.4301 rad²/s on average, 0.5512 at first
+    abdomen, lateral_bending, inverted, real time: 1.104 rad²/s on average, 1.745 at first
+    abdomen, flexion_extension, inverted, real time: 1.065 rad²/s on average, 1.621 at first
+    pelvis, lateral_bending, inverted, real time: 1.374 rad²/s on average, 2.101 at first
+    pelvis, flexion_extension, inverted, real time: 1.338 rad²/s on average, 1.978 at first
+    thorax, lateral_bending, hanging, unit time: 0.2745 rad²/s on average, 0.4887 at first
+    thorax, flexion_extension, hanging, unit time: 0.2734 rad²/s on average, 0.4861 at first
+    abdomen, lateral_bending, hanging, unit time: 0.6901 rad²/s on average, 1.47 at first
+    abdomen, flexion_extension, hanging, unit time: 0.6885 rad²/s on average, 1.466 at first
+    pelvis, lateral_bending, hanging, unit time: 0.8897 rad²/s on average, 1.928 at first
+    pelvis, flexion_extension, hanging, unit time: 0.889 rad²/s on average, 1.925 at first
+    """
+    from lumbar.stability.model.lift_trajectories import LiftStates
+
+    settings = settings or StabilitySettings()
+    if isinstance(lift, Lift):
+        states, data = LiftStates(lift.states, lift.facts, lift.other_states), data or lift.data
+    else:
+        states = _read_states(Path(lift), facts)
+        data = data or states.facts.get("data", "")
+    return Basins(states, settings, seed, data or NOT_SAID)
+
+
+def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
+    """Read ``pendulum.csv``, the facts beside it unless they are given, and ``other_pivots.csv`` where it is there."""
+    from lumbar.files import read_json
+    from lumbar.stability.model.lift_trajectories import LiftStates
+
+    facts = facts or read_json(path.with_suffix(".json"))
+    others = path.with_name("other_pivots.csv")
+    return LiftStates(_read_table(path), facts, _read_table(others) if others.is_file() else None)
+
+
+def _read_table(path: Path) -> pd.DataFrame:
+    import pandas as pd
+
+    try:
+        return pd.read_csv(path)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a table of pendulum states ({error})") from error
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Basins:
+    """Basins of attraction of one lift.
+
+    Attributes
+    ----------
+    states : LiftStates
+    settings : StabilitySettings
+    seed : int
+    data : str
+    """
+
+    states: LiftStates
+    settings: StabilitySettings
+    seed: int
+    data: str
+
+    @cached_property
+    def _found(self) -> tuple[list[Trajectory], list[Failure]]:
+        from lumbar.stability.comparison.grid import headline
+
+        return self.states.trajectories(headline(self.settings, self.states.facts["pivot"]))
+
+    @property
+    def trajectories(self) -> list[Trajectory]:
+        """The sound trajectories of the headline."""
+        return self._found[0]
+
+    @property
+    def without_trajectory(self) -> list[Failure]:
+        """Pendulums of the headline whose states cannot be used."""
+        return self._found[1]
+
+    @cached_property
+    def computed(self) -> LiftBasins:
+        """Areas, funnels and what could not be computed."""
+        from lumbar.stability.basins import basins_of_lift
+        from lumbar.stability.model.convention import THESIS
+
+        as_in_thesis, _ = self.states.trajectories(THESIS)
+        return basins_of_lift(self.trajectories, self.settings, self.seed, as_in_thesis)
+
+    @cached_property
+    def grid(self) -> pd.DataFrame:
+        """Average cross-sections under every convention, each with its null control (θ0 = 0)."""
+        from lumbar.stability.comparison.grid import grid_areas
+
+        return grid_areas(self.states, self.settings)
+
+    @property
+    def areas(self) -> pd.DataFrame:
+        """One row per centre of mass, plane, method and sign of gravity, with the checks."""
+        return self.computed.summary
+
+    @property
+    def funnels(self) -> pd.DataFrame:
+        """The exact funnels, knot by knot."""
+        return self.computed.funnels
+
+    @cached_property
+    def _extended(self) -> tuple[pd.DataFrame, list[Failure]]:
+        from lumbar.stability.extended_basins import extended_basins, nothing_extended
+
+        if "extended" not in self.settings.checks:
+            return nothing_extended(), []
+        return extended_basins(self.trajectories, self.settings, self.seed)
+
+    @property
+    def extended(self) -> pd.DataFrame:
+        """The same basins with limited torque, uncertain mass and a better V; empty unless among the checks."""
+        return self._extended[0]
+
+    def failures(self) -> pd.DataFrame:
+        """Basins that could not be computed, with their reasons."""
+        from lumbar.stability.model.failures import failures_frame
+
+        return failures_frame([*self.without_trajectory, *self.computed.failures, *self._extended[1]])
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write ``boa.csv``, ``funnel.csv``, ``grid.csv``, ``extended.csv`` and ``failures.csv``."""
+        from lumbar.files import write_csv
+
+        folder = Path(folder)
+        write_csv(folder / "boa.csv", self.areas)
+        write_csv(folder / "funnel.csv", self.funnels)
+        write_csv(folder / "grid.csv", self.grid)
+        write_csv(folder / "extended.csv", self.extended)
+        write_csv(folder / "failures.csv", self.failures())
+
+    def __str__(self) -> str:
+        shown = self.areas[self.areas["method"] == "exact"]
+        return "\n".join(
+            f"{row.com}, {row.plane}, {row.sign}, {row.time} time: {row.mean_area:.4g} rad²/s on average, "
+            f"{row.initial_area:.4g} at first"
+            for row in shown.itertuples()
+        )
+
+    def __repr__(self) -> str:
+        return f"<Basins of {len(self.trajectories)} pendulums>"
+
+    def _repr_html_(self) -> str:
+        columns = [
+            "com",
+            "plane",
+            "method",
+            "sign",
+            "mean_area",
+            "initial_area",
+            "minimum_area",
+            "proved_share",
+        ]
+        return self.areas[columns].to_html(index=False)
