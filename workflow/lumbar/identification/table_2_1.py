@@ -88,4 +88,6 @@ def physical_parameters_table(models: list[FittedModel], confidence: float, data
             "past forces for a fast relaxation; output_error has no such bias.",
         ),
         may_be_empty=frozenset(columns) - {"trained_on", "model", "estimator"},
+        first=("trained_on", "model", "estimator", "parameter", "value", "low", "high", "unit"),
+        first_rows=tuple(frame["derived"].eq(True).to_numpy().nonzero()[0]),
     )
