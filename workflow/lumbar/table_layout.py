@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-PAGE_WIDTH = 112
+PAGE_WIDTH = 124
 """Characters that stand side by side on a page."""
 _GAP = 3
 _WORDS = 26

@@ -42,6 +42,7 @@ _WORDS = {
     "sd": "s.d.",
     "df": "d.f.",
 }
+_VALUES = {"flexion_extension": "flexion/extension"}
 _NAME = re.compile(r"[a-z0-9]+(_[a-z0-9]+)+")
 
 
@@ -55,11 +56,11 @@ def column_in_words(name: str) -> str:
             parts = parts[:-count]
             break
     words = " ".join(_WORDS.get(part, part) for part in parts)
-    # A symbol keeps its case: p value, a0.
-    small = len(parts[0]) < 3 and parts[0] not in ("no", "at", "of")
+    # A symbol keeps its case: p value, a0, α.
+    small = (len(parts[0]) < 3 and parts[0] not in ("no", "at", "of")) or not words.isascii()
     return (words if small else words[:1].upper() + words[1:]) + unit
 
 
 def value_in_words(text: str) -> str:
     """Return a value that is a name with its words apart: ``"lateral_bending"`` is ``"lateral bending"``."""
-    return text.replace("_", " ") if _NAME.fullmatch(text) else text
+    return _VALUES.get(text, text.replace("_", " ")) if _NAME.fullmatch(text) else text
