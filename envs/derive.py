@@ -56,7 +56,10 @@ def build_lock(lock: str) -> str:
 def additions(cluster_lock: str, lock: str) -> str:
     """Text of the cluster's lock: what it adds to the lock, or needs in another version."""
     present = entries(lock)
-    return "\n".join(block for pin, block in entries(supported(cluster_lock)).items() if pin not in present) + "\n"
+    return (
+        "\n".join(block for pin, block in entries(supported(cluster_lock)).items() if pin not in present)
+        + "\n"
+    )
 
 
 if __name__ == "__main__":
