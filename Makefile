@@ -32,7 +32,7 @@ $(VENV)/cluster: $(VENV)/installed envs/cluster-lock.txt
 	$(PIP) install --quiet --require-hashes --no-deps --no-build-isolation -r envs/cluster-lock.txt
 	touch $@
 
-cluster: $(VENV)/cluster ## .venv with what SLURM, Kubernetes and object storage need: docs/cluster.md
+cluster: $(VENV)/cluster ## .venv with what SLURM and object storage need: docs/cluster.md
 
 # A file stays with one worker, as its fixtures do; the longest come first, in order.
 test: environment ## the tests
