@@ -32,7 +32,6 @@ rule workflow_figure:
         config="<results>/run_config.yaml",
         snakefile=str(Path(workflow.basedir) / "Snakefile"),
         rules=sorted(map(str, WORKFLOW.glob("rules/*.smk"))),
-        sources=library_sources("workflow_figure.py"),
     output:
         **published("workflow"),
     log:
@@ -42,6 +41,7 @@ rule workflow_figure:
     conda:
         CONDA
     params:
+        code=library_code("workflow_figure.py"),
         chapters=CATEGORIES,
         chapter_of=lambda wildcards: {
             rule.name: CHAPTER_OF_FILE[Path(str(rule.snakefile)).name]
@@ -74,7 +74,6 @@ rule examine_claims:
     input:
         published=[f"resources/thesis/{name}.csv" for name in ("table_3_1", "table_3_2", "table_4_1")],
         results=[f"<results>/{path}" for path in EVIDENCE.values()],
-        sources=library_sources("claims.py"),
     output:
         **published("claims_table"),
         claims="<results>/claims.csv",
@@ -85,6 +84,7 @@ rule examine_claims:
     conda:
         CONDA
     params:
+        code=library_code("claims.py"),
         names=list(EVIDENCE),
         synthetic=study.synthetic,
         groups=list(settings.stability.compare.groups),

@@ -35,8 +35,6 @@ rule hidden_effects:
 
 
 rule make_hidden_effects:
-    input:
-        sources=library_sources("make_hidden_effects.py"),
     output:
         recordings=(
             directory("results/hidden_effects/experiments/{kind}_{part}")
@@ -54,6 +52,7 @@ rule make_hidden_effects:
     conda:
         CONDA
     params:
+        code=library_code("make_hidden_effects.py"),
         kind=lambda wildcards: wildcards.kind,
         part=lambda wildcards: int(wildcards.part),
         settings=lambda wildcards: HIDDEN_NULL if wildcards.kind == "null" else HIDDEN_EFFECT,
@@ -66,7 +65,6 @@ rule make_hidden_effects:
 rule diagnose_hidden_effects:
     input:
         recordings="results/hidden_effects/experiments/{kind}_{part}",
-        sources=library_sources("diagnose_hidden_effects.py"),
     output:
         diagnoses="results/hidden_effects/diagnoses/{kind}_{part}.json",
     log:
@@ -78,6 +76,8 @@ rule diagnose_hidden_effects:
         part=r"\d+",
     conda:
         CONDA
+    params:
+        code=library_code("diagnose_hidden_effects.py"),
     message:
         "Blind diagnosis: {wildcards.kind} {wildcards.part}"
     script:
@@ -88,7 +88,6 @@ rule score_hidden_effects:
     input:
         labels=expand("results/hidden_effects/labels/{batch}.json", batch=HIDDEN_BATCHES),
         diagnoses=expand("results/hidden_effects/diagnoses/{batch}.json", batch=HIDDEN_BATCHES),
-        sources=library_sources("score_hidden_effects.py"),
     output:
         scores="results/hidden_effects/scores.csv",
         confusion="results/hidden_effects/confusion.csv",
@@ -110,6 +109,7 @@ rule score_hidden_effects:
     conda:
         CONDA
     params:
+        code=library_code("score_hidden_effects.py"),
         settings=HIDDEN,
     message:
         "Scores of the diagnosis"

@@ -17,7 +17,6 @@ rule diagnose_records:
             if chapter in RECORD_SET_CHAPTERS
         ],
         effects=list(settings.improvement.effect_files),
-        sources=library_sources("diagnose_records.py"),
     output:
         **published(
             "diagnoses",
@@ -38,6 +37,7 @@ rule diagnose_records:
     conda:
         CONDA
     params:
+        code=library_code("diagnose_records.py"),
         records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),
         base=lambda wildcards: record_set(settings, wildcards.record_set).base,
         session=lambda wildcards: record_set(settings, wildcards.record_set).session,

@@ -15,7 +15,6 @@ if study.has("population"):
                 recording(path) for path in [study.subjects[wildcards.person].static] if path is not None
             ],
             checked=ALL_CHECKED,
-            sources=library_sources("measure_person.py"),
         output:
             **({"states": "<results>/pushes/persons/{person}.csv"} if study.has("pushes") else {}),
             measures="<results>/population/persons/{person}.csv",
@@ -26,6 +25,7 @@ if study.has("population"):
         conda:
             CONDA
         params:
+            code=library_code("measure_person.py"),
             subject=lambda wildcards: without(
                 study.subjects[wildcards.person], "trials", "experience", "static"
             ),
@@ -47,7 +47,6 @@ if study.has("population"):
     rule compare_people:
         input:
             persons=[f"<results>/population/persons/{person}.csv" for person in study.subjects],
-            sources=library_sources("compare_people.py"),
         output:
             **published("measure_comparison", "measure_planning", "measure_comparison_figure"),
             measures="<results>/population/measures.csv",
@@ -58,6 +57,7 @@ if study.has("population"):
         conda:
             CONDA
         params:
+            code=library_code("compare_people.py"),
             settings=plain(settings.population),
             groups=list(settings.stability.compare.groups),
             labels=study.labels,

@@ -22,7 +22,6 @@ for group, checked in CHECKS.items():
             f"check_{group}_recordings"
         input:
             recordings=[item["path"] for item in reading_plan(study, checked)],
-            sources=library_sources("check_recordings.py"),
         output:
             [f"<results>/checked/{chapter}.json" for chapter in checked],
         log:
@@ -32,6 +31,7 @@ for group, checked in CHECKS.items():
         conda:
             CONDA
         params:
+            code=library_code("check_recordings.py"),
             plan=reading_plan(study, checked),
             data=DATA,
         message:

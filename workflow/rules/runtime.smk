@@ -8,7 +8,6 @@ FMUS = [f"<results>/fmu/{model}_fmi{version}.fmu" for model in settings.runtime.
 rule warm_compiler:
     input:
         checked=ALL_CHECKED,
-        sources=library_sources("warm_compiler.py"),
     output:
         targets="<results>/runtime/targets.json",
     log:
@@ -18,6 +17,7 @@ rule warm_compiler:
     conda:
         CONDA
     params:
+        code=library_code("warm_compiler.py"),
         targets=plain(settings.runtime.targets),
         compiler_cache=settings.runtime.compiler_cache,
     message:
@@ -31,7 +31,6 @@ rule export_fmus:
         models="<results>/tissue/models.json",
         effects=list(settings.improvement.effect_files),
         targets="<results>/runtime/targets.json",
-        sources=library_sources("export_fmus.py"),
     output:
         fmus=FMUS,
     log:
@@ -41,6 +40,7 @@ rule export_fmus:
     conda:
         CONDA
     params:
+        code=library_code("export_fmus.py"),
         settings=plain(settings.runtime),
         data=DATA,
     message:
@@ -54,7 +54,6 @@ rule check_fmus:
         fmus=FMUS,
         models="<results>/tissue/models.json",
         effects=list(settings.improvement.effect_files),
-        sources=library_sources("check_fmus.py"),
     output:
         **published("fmu_check", "fmu_force"),
         checks="<results>/runtime/fmu_check.csv",
@@ -65,6 +64,7 @@ rule check_fmus:
     conda:
         CONDA
     params:
+        code=library_code("check_fmus.py"),
         settings=plain(settings.runtime),
         seed=settings.seed,
         data=DATA,
@@ -81,7 +81,6 @@ rule render_models:
         checked="<results>/checked/tissue.json",
         effects=list(settings.improvement.effect_files),
         targets="<results>/runtime/targets.json",
-        sources=library_sources("render_models.py"),
     output:
         **published("rendering", "passive_fits", "closed_loop", "z_width"),
         models="<results>/runtime/passive_models.json",
@@ -92,6 +91,7 @@ rule render_models:
     conda:
         CONDA
     params:
+        code=library_code("render_models.py"),
         settings=plain(settings.runtime),
         tissue=plain(settings.tissue),
         data=DATA,

@@ -4,7 +4,6 @@
 rule design_signals:
     input:
         bandwidth="<results>/surgeon/bandwidth.json",
-        sources=library_sources("design_signals.py"),
     output:
         **published("signal_properties", "excitation_signals"),
         multisine="<results>/signals/multisine.csv",
@@ -19,6 +18,7 @@ rule design_signals:
     conda:
         CONDA
     params:
+        code=library_code("design_signals.py"),
         settings=plain(settings.signals),
         seed=settings.seed,
         data=DATA,

@@ -5,7 +5,6 @@ rule surgeon_motion:
     input:
         records=[recording(record.file) for record in settings.surgeon.records],
         checked="<results>/checked/surgeon.json",
-        sources=library_sources("surgeon_motion.py"),
     output:
         **published("surgeon_psd"),
         bandwidth="<results>/surgeon/bandwidth.json",
@@ -17,6 +16,7 @@ rule surgeon_motion:
     conda:
         CONDA
     params:
+        code=library_code("surgeon_motion.py"),
         settings=plain(settings.surgeon),
         seed=settings.seed,
         data=DATA,

@@ -5,7 +5,6 @@ rule survey_tables:
     input:
         ratings=recording(settings.survey.file),
         checked="<results>/checked/survey.json",
-        sources=library_sources("survey_tables.py"),
     output:
         **published("table_3_2", "survey_paired", "survey_best_picks"),
         results="<results>/survey/survey.json",
@@ -16,6 +15,7 @@ rule survey_tables:
     conda:
         CONDA
     params:
+        code=library_code("survey_tables.py"),
         settings=plain(settings.survey),
         seed=settings.seed,
         data=DATA,
@@ -28,7 +28,6 @@ rule survey_tables:
 rule survey_figures:
     input:
         results="<results>/survey/survey.json",
-        sources=library_sources("survey_figures.py"),
     output:
         **published("survey_likert", "survey_best_picks_figure"),
     log:
@@ -38,6 +37,7 @@ rule survey_figures:
     conda:
         CONDA
     params:
+        code=library_code("survey_figures.py"),
         scale_labels=plain(settings.survey.scale_labels),
         statement=settings.survey.statement,
         confidence=settings.survey.confidence,

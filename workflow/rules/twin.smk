@@ -4,7 +4,6 @@
 rule twin_survey:
     input:
         answers=str(Path(workflow.basedir) / "resources" / "survey" / "survey_reconstructed.csv"),
-        sources=library_sources("twin_survey.py"),
     output:
         answers=f"<results>/twin/{settings.survey.file}",
     log:
@@ -13,6 +12,8 @@ rule twin_survey:
         "<benchmarks>/twin_survey.tsv"
     conda:
         CONDA
+    params:
+        code=library_code("twin_survey.py"),
     message:
         "Survey answers that fit the published margins"
     script:
@@ -20,8 +21,6 @@ rule twin_survey:
 
 
 rule twin_surgeon:
-    input:
-        sources=library_sources("twin_surgeon.py"),
     output:
         recordings=[f"<results>/twin/{record.file}" for record in settings.surgeon.records],
     log:
@@ -31,6 +30,7 @@ rule twin_surgeon:
     conda:
         CONDA
     params:
+        code=library_code("twin_surgeon.py"),
         records=[without(record, "file") for record in settings.surgeon.records],
         settings=plain(settings.twin.surgeon),
         seed=settings.twin.seed,
@@ -47,8 +47,6 @@ if study.cohort:
     COHORT_LIFTS = list(lifts_of(study.cohort))
 
     rule twin_person:
-        input:
-            sources=library_sources("twin_person.py"),
         output:
             markers=[f"<results>/twin/{marker_file('{person}', *lift)}" for lift in COHORT_LIFTS],
         log:
@@ -58,6 +56,7 @@ if study.cohort:
         conda:
             CONDA
         params:
+            code=library_code("twin_person.py"),
             # Without the other groups and the numbers of persons: whoever is added makes nobody anew.
             settings=without(settings.twin.lifting, "cohort", "people", "lifts", "hip_moment"),
             cohort=lambda wildcards: plain(
@@ -74,8 +73,6 @@ if study.cohort:
 elif study.synthetic and study.lifts:
 
     rule twin_lifting:
-        input:
-            sources=library_sources("twin_lifting.py"),
         output:
             markers=[recording(lift.trial.markers) for lift in study.lifts.values()],
             hip_moment=[
@@ -88,6 +85,7 @@ elif study.synthetic and study.lifts:
         conda:
             CONDA
         params:
+            code=library_code("twin_lifting.py"),
             settings=plain(settings.twin.lifting),
             lifts=list(study.lifts),
             with_moment=[name for name, lift in study.lifts.items() if lift.trial.hip_moment],
@@ -110,8 +108,6 @@ HIP_MOMENTS = [
 if study.synthetic and HIP_MOMENTS:
 
     rule twin_hip_moment:
-        input:
-            sources=library_sources("twin_hip_moment.py"),
         output:
             recordings=[f"<results>/twin/{record.file}" for record in HIP_MOMENTS],
         log:
@@ -121,6 +117,7 @@ if study.synthetic and HIP_MOMENTS:
         conda:
             CONDA
         params:
+            code=library_code("twin_hip_moment.py"),
             settings=plain(settings.twin.lifting),
             trials=[record.name for record in HIP_MOMENTS],
             gravity=settings.stability.pendulum.gravity_m_s2,
@@ -134,7 +131,6 @@ if study.synthetic and HIP_MOMENTS:
 rule twin_tissue:
     input:
         signals=expand("<results>/signals/{name}.csv", name=["multisine", "noise", "chirp"]),
-        sources=library_sources("twin_tissue.py"),
     output:
         recordings=expand("<results>/twin/tissue/{name}.csv", name=["multisine", "noise", "chirp"]),
     log:
@@ -144,6 +140,7 @@ rule twin_tissue:
     conda:
         CONDA
     params:
+        code=library_code("twin_tissue.py"),
         tissue=plain(settings.twin.tissue),
         seed=settings.twin.seed,
     message:
@@ -153,8 +150,6 @@ rule twin_tissue:
 
 
 rule twin_two_hidden_effects:
-    input:
-        sources=library_sources("twin_two_hidden_effects.py"),
     output:
         recordings=expand(
             "<results>/twin/two_hidden_effects/{name}.csv", name=["multisine", "noise", "chirp"]
@@ -166,6 +161,7 @@ rule twin_two_hidden_effects:
     conda:
         CONDA
     params:
+        code=library_code("twin_two_hidden_effects.py"),
         twin=without(settings.twin, "surgeon", "tissue", "lifting"),
         generator=plain(settings.hidden_effects),
     message:
