@@ -51,8 +51,12 @@ rule make_hidden_effects:
     wildcard_constraints:
         kind="single|pair|outside|null",
         part=r"\d+",
+    group:
+        "hidden_effects"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=10),
     params:
         kind=lambda wildcards: wildcards.kind,
         part=lambda wildcards: int(wildcards.part),
@@ -76,8 +80,12 @@ rule diagnose_hidden_effects:
     wildcard_constraints:
         kind="single|pair|outside|null",
         part=r"\d+",
+    group:
+        "hidden_effects"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=230, seconds=60),
     message:
         "Blind diagnosis: {wildcards.kind} {wildcards.part}"
     script:
@@ -109,6 +117,8 @@ rule score_hidden_effects:
         "results/hidden_effects/benchmarks/score_hidden_effects.tsv"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=20),
     params:
         settings=HIDDEN,
     message:

@@ -37,6 +37,8 @@ rule diagnose_records:
         record_set="|".join(RECORD_SETS) or "none",
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=230, seconds=15),
     params:
         records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),
         base=lambda wildcards: record_set(settings, wildcards.record_set).base,

@@ -29,8 +29,12 @@ rule lift:
         "<logs>/lift/{lift}.log",
     benchmark:
         "<benchmarks>/lift/{lift}.tsv"
+    group:
+        "lift"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=155, seconds=4),
     params:
         lift="{lift}",
         subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
@@ -60,8 +64,12 @@ if settings.lifting.body_model is not None:
             "<logs>/body_model/{lift}.log",
         benchmark:
             "<benchmarks>/body_model/{lift}.tsv"
+        group:
+            "lift"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=220, seconds=30),
         params:
             lift="{lift}",
             subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
@@ -94,8 +102,12 @@ if study.has("lifting"):
             "<logs>/lifting_figures.log",
         benchmark:
             "<benchmarks>/lifting_figures.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=140, seconds=4),
         params:
             data=DATA,
         message:

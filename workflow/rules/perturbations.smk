@@ -19,6 +19,8 @@ if study.has("perturbations"):
             "<benchmarks>/perturbed_trials.tsv"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=215, seconds=12),
         params:
             settings=plain(settings.perturbations),
             stability=plain(settings.stability),

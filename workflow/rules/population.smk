@@ -23,8 +23,12 @@ if study.has("population"):
             "<logs>/measure_person/{person}.log",
         benchmark:
             "<benchmarks>/measure_person/{person}.tsv"
+        group:
+            "person"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=205, seconds=9),
         params:
             subject=lambda wildcards: without(
                 study.subjects[wildcards.person], "trials", "experience", "static"
@@ -57,6 +61,8 @@ if study.has("population"):
             "<benchmarks>/compare_people.tsv"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=210, seconds=10),
         params:
             settings=plain(settings.population),
             groups=list(settings.stability.compare.groups),

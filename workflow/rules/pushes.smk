@@ -26,6 +26,8 @@ if study.has("pushes"):
             "<benchmarks>/predict_steps.tsv"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=215, seconds=15),
         params:
             settings=plain(settings.pushes),
             stability=without(settings.stability, "compare"),

@@ -15,8 +15,12 @@ rule warm_compiler:
         "<logs>/warm_compiler.log",
     benchmark:
         "<benchmarks>/warm_compiler.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=30, seconds=1),
     params:
         targets=plain(settings.runtime.targets),
         compiler_cache=settings.runtime.compiler_cache,
@@ -38,8 +42,12 @@ rule export_fmus:
         "<logs>/export_fmus.log",
     benchmark:
         "<benchmarks>/export_fmus.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=270, seconds=8),
     params:
         settings=plain(settings.runtime),
         data=DATA,
@@ -62,8 +70,12 @@ rule check_fmus:
         "<logs>/check_fmus.log",
     benchmark:
         "<benchmarks>/check_fmus.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=6),
     params:
         settings=plain(settings.runtime),
         seed=settings.seed,
@@ -89,8 +101,12 @@ rule render_models:
         "<logs>/render_models.log",
     benchmark:
         "<benchmarks>/render_models.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=225, seconds=7),
     params:
         settings=plain(settings.runtime),
         tissue=plain(settings.tissue),

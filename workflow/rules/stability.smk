@@ -17,8 +17,12 @@ rule basins_of_lift:
         "<logs>/basins_of_lift/{lift}.log",
     benchmark:
         "<benchmarks>/basins_of_lift/{lift}.tsv"
+    group:
+        "lift"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=17),
     params:
         settings=without(settings.stability, "compare", "measures"),
         seed=settings.seed,
@@ -51,8 +55,12 @@ if study.has("stability"):
             "<logs>/stability_tables.log",
         benchmark:
             "<benchmarks>/stability_tables.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=220, seconds=10),
         params:
             settings=plain(settings.stability),
             labels=study.labels,
@@ -74,8 +82,12 @@ if study.has("stability"):
             "<logs>/stability_figures.log",
         benchmark:
             "<benchmarks>/stability_figures.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=160, seconds=6),
         params:
             settings=plain(settings.stability),
             labels=study.labels,
@@ -98,8 +110,12 @@ if study.has("stability"):
             "<logs>/measure_movement.log",
         benchmark:
             "<benchmarks>/measure_movement.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=160, seconds=6),
         params:
             settings={key: plain(settings.stability)[key] for key in ("pendulum", "measures")},
             labels=study.labels,

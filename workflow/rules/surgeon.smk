@@ -14,8 +14,12 @@ rule surgeon_motion:
         "<logs>/surgeon_motion.log",
     benchmark:
         "<benchmarks>/surgeon_motion.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=195, seconds=7),
     params:
         settings=plain(settings.surgeon),
         seed=settings.seed,

@@ -13,8 +13,12 @@ rule survey_tables:
         "<logs>/survey_tables.log",
     benchmark:
         "<benchmarks>/survey_tables.tsv"
+    group:
+        "survey"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=155, seconds=4),
     params:
         settings=plain(settings.survey),
         seed=settings.seed,
@@ -35,8 +39,12 @@ rule survey_figures:
         "<logs>/survey_figures.log",
     benchmark:
         "<benchmarks>/survey_figures.tsv"
+    group:
+        "survey"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=95, seconds=3),
     params:
         scale_labels=plain(settings.survey.scale_labels),
         statement=settings.survey.statement,

@@ -17,8 +17,12 @@ rule viscoelastic_models:
         "<logs>/viscoelastic_models.log",
     benchmark:
         "<benchmarks>/viscoelastic_models.tsv"
+    group:
+        "tissue"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=130, seconds=3),
     params:
         data="definitions, no data",
     message:
@@ -42,8 +46,12 @@ rule identify_tissue:
         "<benchmarks>/identify_tissue/{training}.tsv"
     wildcard_constraints:
         training="|".join(map(re.escape, TRAINING)) or "none",
+    group:
+        "tissue"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=155, seconds=5),
     params:
         tissue=plain(settings.tissue),
         training=lambda wildcards: wildcards.training,
@@ -72,8 +80,12 @@ rule tissue_models:
         "<logs>/tissue_models.log",
     benchmark:
         "<benchmarks>/tissue_models.tsv"
+    group:
+        "tissue"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=205, seconds=7),
     params:
         tissue=plain(settings.tissue),
         data=DATA,

@@ -11,8 +11,12 @@ rule twin_survey:
         "<logs>/twin_survey.log",
     benchmark:
         "<benchmarks>/twin_survey.tsv"
+    group:
+        "survey"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=10, seconds=1),
     message:
         "Survey answers that fit the published margins"
     script:
@@ -28,8 +32,12 @@ rule twin_surgeon:
         "<logs>/twin_surgeon.log",
     benchmark:
         "<benchmarks>/twin_surgeon.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=80, seconds=2),
     params:
         records=[without(record, "file") for record in settings.surgeon.records],
         settings=plain(settings.twin.surgeon),
@@ -55,8 +63,12 @@ if study.cohort:
             "<logs>/twin_person/{person}.log",
         benchmark:
             "<benchmarks>/twin_person/{person}.tsv"
+        group:
+            "person"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=50, seconds=1),
         params:
             # Without the other groups and the numbers of persons: whoever is added makes nobody anew.
             settings=without(settings.twin.lifting, "cohort", "people", "lifts", "hip_moment"),
@@ -85,8 +97,12 @@ elif study.synthetic and study.lifts:
             "<logs>/twin_lifting.log",
         benchmark:
             "<benchmarks>/twin_lifting.tsv"
+        group:
+            "lifts"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=120, seconds=2),
         params:
             settings=plain(settings.twin.lifting),
             lifts=list(study.lifts),
@@ -118,8 +134,12 @@ if study.synthetic and HIP_MOMENTS:
             "<logs>/twin_hip_moment.log",
         benchmark:
             "<benchmarks>/twin_hip_moment.tsv"
+        group:
+            "improvement_records"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=120, seconds=2),
         params:
             settings=plain(settings.twin.lifting),
             trials=[record.name for record in HIP_MOMENTS],
@@ -141,8 +161,12 @@ rule twin_tissue:
         "<logs>/twin_tissue.log",
     benchmark:
         "<benchmarks>/twin_tissue.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=45, seconds=1),
     params:
         tissue=plain(settings.twin.tissue),
         seed=settings.twin.seed,
@@ -163,8 +187,12 @@ rule twin_two_hidden_effects:
         "<logs>/twin_two_hidden_effects.log",
     benchmark:
         "<benchmarks>/twin_two_hidden_effects.tsv"
+    group:
+        "improvement_records"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=125, seconds=3),
     params:
         twin=without(settings.twin, "surgeon", "tissue", "lifting"),
         generator=plain(settings.hidden_effects),
