@@ -8,7 +8,6 @@ rule report_page:
         environment="<results>/run_environment.json",
         sheet=str(Path(workflow.basedir) / "config" / "artefacts.tsv"),
         captions=[str(WORKFLOW / "report" / f"{artefact.id}.rst") for artefact in ARTEFACTS if artefact.label],
-        sources=library_sources("report.py"),
     output:
         page="<results>/report.html",
     log:
@@ -17,6 +16,10 @@ rule report_page:
         "<benchmarks>/report_page.tsv"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=250, seconds=6),
+    params:
+        code=library_code("report.py"),
     message:
         "The study's report: one page, works offline"
     script:
