@@ -3,10 +3,12 @@
 import sys
 from pathlib import Path
 
+from snakemake.io import sourcecache_entry
+
 WORKFLOW = Path(workflow.basedir) / "workflow"
 sys.path.insert(0, str(WORKFLOW))
 
-from dependencies import library_sources
+import dependencies
 from job_environment import set_job_environment
 from job_starts import lift_limit
 from run_log import watch
@@ -48,14 +50,39 @@ CATEGORIES = {
 }
 STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}
 QUALITY = ("quality", "quality_of_trials")
-BENCHMARKS = Path("results") / STUDY / "benchmarks"
 RUN = {}  # what is told of the run under way
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 
 
+def placed(path):
+    """Recording at this path: made by the twin, a file that stays where it is, or an object of a store."""
+    if study.synthetic:
+        return path
+    return storage(path) if study.remote else local(path)
+
+
 def recording(path):
-    """Path of a recording: made by the twin, or below the study's data root."""
-    return study.recording(path)
+    """Recording by its name in the configuration."""
+    return placed(study.recording(path))
+
+
+def source(path):
+    """File that comes with the workflow: it stays where it is, wherever results are stored."""
+    return sourcecache_entry(str(path), str(path))  # `local` would also keep the job from the cluster's nodes
+
+
+def at_hand(path):
+    """Path at which this machine sees a result: its own, or that of the copy of the store's object."""
+    return str(workflow.modifier.path_modifier.apply_default_storage(path))
+
+
+def library_sources(script):
+    """Sources of the library that a script imports: with each of them the rule runs again."""
+    return [source(path) for path in dependencies.library_sources(script)]
+
+
+EFFECT_FILES = [source(path) for path in settings.improvement.effect_files]
+BENCHMARKS = Path(at_hand(f"results/{STUDY}/benchmarks"))
 
 
 def without(section, *keys):

@@ -21,7 +21,7 @@ for group, checked in CHECKS.items():
         name:
             f"check_{group}_recordings"
         input:
-            recordings=[item["path"] for item in reading_plan(study, checked)],
+            recordings=[placed(item["path"]) for item in reading_plan(study, checked)],
             sources=library_sources("check_recordings.py"),
         output:
             [f"<results>/checked/{chapter}.json" for chapter in checked],

@@ -29,7 +29,7 @@ rule warm_compiler:
 rule export_fmus:
     input:
         models="<results>/tissue/models.json",
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         targets="<results>/runtime/targets.json",
         sources=library_sources("export_fmus.py"),
     output:
@@ -53,7 +53,7 @@ rule check_fmus:
     input:
         fmus=FMUS,
         models="<results>/tissue/models.json",
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         sources=library_sources("check_fmus.py"),
     output:
         **published("fmu_check", "fmu_force"),
@@ -79,7 +79,7 @@ rule render_models:
         models="<results>/tissue/models.json",
         recordings=TISSUE_RECORDINGS,
         checked="<results>/checked/tissue.json",
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         targets="<results>/runtime/targets.json",
         sources=library_sources("render_models.py"),
     output:

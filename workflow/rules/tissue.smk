@@ -30,7 +30,7 @@ rule viscoelastic_models:
 rule identify_tissue:
     input:
         recordings=TISSUE_RECORDINGS,
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         checked="<results>/checked/tissue.json",
         sources=library_sources("identify_tissue.py"),
     output:
@@ -61,7 +61,7 @@ rule tissue_models:
         fits=expand("<results>/tissue/identified/{training}.json", training=TRAINING),
         grids=expand("<results>/tissue/identified/{training}.csv", training=TRAINING),
         recordings=TISSUE_RECORDINGS,
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         checked="<results>/checked/tissue.json",
         sources=library_sources("tissue_models.py"),
     output:
