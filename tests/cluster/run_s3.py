@@ -130,7 +130,7 @@ def main() -> int:
     install()
     if options.install:
         return 0
-    sys.path.insert(0, str(PROJECT / "tests"))
+    sys.path[:0] = [str(PROJECT / "tests"), str(PROJECT / "workflow")]
     with tempfile.TemporaryDirectory(prefix="lumbar_s3_") as folder:
         wrong = run(Path(folder), options.targets, options.cores)
     print("\n".join(wrong) or "the same bytes in the store as on disk; nothing holds the credentials")

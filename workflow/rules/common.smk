@@ -1,5 +1,6 @@
 # What all rules share: the validated study, where its recordings lie, and what a script depends on.
 
+import os
 import sys
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from lumbar.errors import LumbarError
 from lumbar.settings.plain import plain
 from lumbar.stability.model.failures import announcement
 
+DECLARED_EPOCH = os.environ.get("SOURCE_DATE_EPOCH")  # before jobs get theirs
 set_job_environment(WORKFLOW)
 
 # Snakemake has merged these files, those of the command line last; messages name the line in the file.
@@ -49,7 +51,11 @@ CATEGORIES = {
     "pushes": "8 Basins of attraction",
     "claims": "9 Claims",
 }
-STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}
+STAGES = CATEGORIES | {
+    "crate": CATEGORIES["claims"],
+    "records": CATEGORIES["twin"],
+    "hidden_effects": CATEGORIES["improvement"],
+}
 QUALITY = ("quality", "quality_of_trials")
 RUN = {}  # what is told of the run under way
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")

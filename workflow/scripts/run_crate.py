@@ -1,0 +1,36 @@
+"""The run as one archive to be cited: code, inputs, environment and outputs, described as a Workflow Run RO-Crate."""
+
+from job import run
+
+
+def main(input, output, params):
+    """Collect what is told of the run, write the archive."""
+    from pathlib import Path
+
+    from lumbar.environment import THREADS
+    from lumbar.files import read_json
+    from lumbar.reports.run_crate import Run, end_of_run, write_crate
+
+    results = {name: Path(path) for name, path in zip(params.results, input.results, strict=True)}
+    results |= {params.configuration: Path(input.config), params.environment: Path(input.environment)}
+    checked = [item for path in input.checked for item in read_json(path)["recordings"]]
+    run = Run(
+        study=params.study,
+        title=params.title,
+        data=params.data,
+        ended=end_of_run(results, params.epoch),
+        outputs={**params.results, params.environment: "Versions and subjects of this run"},
+        configuration=params.configuration,
+        versions=read_json(input.environment)["versions"],
+        environment=dict.fromkeys(THREADS, "1") | {"SOURCE_DATE_EPOCH": "0"},
+        # A recording that several chapters read is told once.
+        recordings=tuple(sorted({item["sha256"]: item["file"] for item in checked}.items()))
+        if params.source
+        else (),
+        source=params.source,
+    )
+    project = dict(zip(params.project, map(Path, input.project), strict=True))
+    write_crate(output.crate, run, results, project)
+
+
+run(main, snakemake)
