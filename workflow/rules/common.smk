@@ -9,9 +9,10 @@ from snakemake.io import sourcecache_entry
 WORKFLOW = Path(workflow.basedir) / "workflow"
 sys.path.insert(0, str(WORKFLOW))
 
-import dependencies
+from dependencies import library_code
 from job_environment import set_job_environment
 from job_forks import fork_scripts
+from job_resources import measured
 from job_starts import lift_limit
 from run_log import watch
 from lumbar.config.artefacts import read_artefacts
@@ -81,11 +82,6 @@ def source(path):
 def at_hand(path):
     """Path at which this machine sees a result: its own, or that of the copy of the store's object."""
     return str(workflow.modifier.path_modifier.apply_default_storage(path))
-
-
-def library_sources(script):
-    """Sources of the library that a script imports: with each of them the rule runs again."""
-    return [source(path) for path in dependencies.library_sources(script)]
 
 
 EFFECT_FILES = [source(path) for path in settings.improvement.effect_files]

@@ -40,6 +40,8 @@ rule run_crate:
         "<benchmarks>/run_crate.tsv"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=200, seconds=1),
     params:
         study=STUDY,
         title=settings.title,
@@ -50,6 +52,7 @@ rule run_crate:
         configuration=f"results/{STUDY}/run_config.yaml",
         environment=f"results/{STUDY}/run_environment.json",
         project=project_files,
+        code=library_code("run_crate.py"),
     message:
         "The run as an archive: code, inputs, environment, outputs"
     script:
