@@ -84,6 +84,11 @@ def at_hand(path):
     return str(workflow.modifier.path_modifier.apply_default_storage(path))
 
 
+def address(path):
+    """Where a result is kept, as a person would name it."""
+    return os.path.join(workflow.storage_settings.default_storage_prefix or "", path)
+
+
 EFFECT_FILES = [source(path) for path in settings.improvement.effect_files]
 BENCHMARKS = Path(at_hand(f"results/{STUDY}/benchmarks"))
 

@@ -1,21 +1,9 @@
 # The run as one archive that can be cited: code, inputs, environment and outputs, described as a Workflow Run RO-Crate.
 
-
-CRATE_PARTS = ("config", "envs", "profiles", "resources", "workflow")
-CRATE_FILES = ("Snakefile", "pyproject.toml", "Makefile", "README.md", "LICENSE", "CITATION.cff")
-
-
-def project_files(wildcards=None):
-    """Names of the project's files, below its folder."""
-    root = Path(workflow.basedir)
-    parts = [path for part in CRATE_PARTS for path in (root / part).rglob("*") if path.is_file()]
-    kept = [path for path in parts if "__pycache__" not in path.parts]
-    present = [root / name for name in CRATE_FILES if (root / name).is_file()]
-    return sorted(path.relative_to(root).as_posix() for path in kept + present)
-
+from project_files import project_files
 
 CRATE_RESULTS = {
-    f"results/{STUDY}/{path}": "" if "{" in label else label
+    path: "" if "{" in label else label
     for artefact in ARTEFACTS
     for path, label in artefact.labelled(study.lifts)
 }
@@ -31,7 +19,9 @@ rule run_crate:
         config="<results>/run_config.yaml",
         environment="<results>/run_environment.json",
         checked=[f"<results>/checked/{chapter}.json" for chapter in RECORDED_CHAPTERS],
-        project=lambda wildcards: [source(Path(workflow.basedir) / name) for name in project_files()],
+        project=lambda wildcards: [
+            source(Path(workflow.basedir) / name) for name in project_files(Path(workflow.basedir))
+        ],
     output:
         crate=f"<results>/{STUDY}.crate.zip",
     log:
@@ -49,9 +39,7 @@ rule run_crate:
         source={} if study.synthetic else plain(settings.data_source),
         epoch=DECLARED_EPOCH,
         results=CRATE_RESULTS,
-        configuration=f"results/{STUDY}/run_config.yaml",
-        environment=f"results/{STUDY}/run_environment.json",
-        project=project_files,
+        project=lambda wildcards: project_files(Path(workflow.basedir)),
         code=library_code("run_crate.py"),
     message:
         "The run as an archive: code, inputs, environment, outputs"

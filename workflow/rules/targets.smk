@@ -35,10 +35,7 @@ onsuccess:
     missing = Path(at_hand(f"results/{STUDY}/stability/failures.csv"))
     failed = announcement(missing) if study.has("stability") and missing.is_file() else ""
     print(closing if failed in closing else f"{closing}\n{failed}")
-    place = workflow.storage_settings.default_storage_prefix or ""
-    print(
-        f"Results of the study {STUDY!r} ({DATA}): {place.rstrip('/')}{'/' if place else ''}results/{STUDY}"
-    )
+    print(f"Results of the study {STUDY!r} ({DATA}): {address(f'results/{STUDY}')}")
 
 
 onerror:

@@ -11,16 +11,19 @@ def main(input, output, params):
     from lumbar.files import read_json
     from lumbar.reports.run_crate import Run, end_of_run, write_crate
 
-    results = {name: Path(path) for name, path in zip(params.results, input.results, strict=True)}
-    results |= {params.configuration: Path(input.config), params.environment: Path(input.environment)}
+    folder = f"results/{params.study}"
+    configuration, environment = f"{folder}/run_config.yaml", f"{folder}/run_environment.json"
+    labels = {f"{folder}/{name}": label for name, label in params.results.items()}
+    results = {name: Path(path) for name, path in zip(labels, input.results, strict=True)}
+    results |= {configuration: Path(input.config), environment: Path(input.environment)}
     checked = [item for path in input.checked for item in read_json(path)["recordings"]]
     run = Run(
         study=params.study,
         title=params.title,
         data=params.data,
         ended=end_of_run(results, params.epoch),
-        outputs={**params.results, params.environment: "Versions and subjects of this run"},
-        configuration=params.configuration,
+        outputs={**labels, environment: "Versions and subjects of this run"},
+        configuration=configuration,
         versions=read_json(input.environment)["versions"],
         environment=dict.fromkeys(THREADS, "1") | {"SOURCE_DATE_EPOCH": "0"},
         # A recording that several chapters read is told once.

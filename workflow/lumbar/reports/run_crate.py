@@ -26,6 +26,8 @@ PROFILES = {
 }
 LICENCE = "https://spdx.org/licenses/MIT"
 FORMATS = {
+    "": "text/plain",
+    ".cff": "application/yaml",
     ".csv": "text/csv",
     ".fmu": "application/zip",
     ".html": "text/html",
@@ -184,7 +186,6 @@ def _workflow(run: Run, content: bytes, software: list[dict]) -> dict:
     return {
         **_file(MAIN, content, "lumbar: from recordings to every table, figure and FMU"),
         "@type": ["File", "SoftwareSourceCode", "ComputationalWorkflow"],
-        "encodingFormat": "text/plain",
         "version": run.versions["lumbar"],
         "license": _reference(LICENCE),
         "author": _reference("#developers"),
