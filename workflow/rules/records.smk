@@ -21,7 +21,9 @@ for group, checked in CHECKS.items():
         name:
             f"check_{group}_recordings"
         input:
-            recordings=[item["path"] for item in reading_plan(study, checked)],
+            recordings=lambda wildcards, chapters=checked: [
+                item["path"] for item in reading_plan(study, chapters)
+            ],
         output:
             [f"<results>/checked/{chapter}.json" for chapter in checked],
         log:
@@ -32,7 +34,7 @@ for group, checked in CHECKS.items():
             CONDA
         params:
             code=library_code("check_recordings.py"),
-            plan=reading_plan(study, checked),
+            plan=lambda wildcards, chapters=checked: reading_plan(study, chapters),
             data=DATA,
         message:
             f"Recordings ({', '.join(checked)}): read and checked"
