@@ -11,8 +11,12 @@ rule run_config:
         "<logs>/run_config.log",
     benchmark:
         "<benchmarks>/run_config.tsv"
+    group:
+        "claims"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=50, seconds=1),
     params:
         config=plain(settings),
         subjects=plain(study.subjects),
@@ -38,8 +42,12 @@ rule workflow_figure:
         "<logs>/workflow_figure.log",
     benchmark:
         "<benchmarks>/workflow_figure.tsv"
+    group:
+        "claims"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=175, seconds=3),
     params:
         code=library_code("workflow_figure.py"),
         chapters=CATEGORIES,
@@ -81,8 +89,12 @@ rule examine_claims:
         "<logs>/examine_claims.log",
     benchmark:
         "<benchmarks>/examine_claims.tsv"
+    group:
+        "claims"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=80, seconds=2),
     params:
         code=library_code("claims.py"),
         names=list(EVIDENCE),

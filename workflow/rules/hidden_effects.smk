@@ -49,8 +49,12 @@ rule make_hidden_effects:
     wildcard_constraints:
         kind="single|pair|outside|null",
         part=r"\d+",
+    group:
+        "hidden_effects"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=10),
     params:
         code=library_code("make_hidden_effects.py"),
         kind=lambda wildcards: wildcards.kind,
@@ -74,8 +78,12 @@ rule diagnose_hidden_effects:
     wildcard_constraints:
         kind="single|pair|outside|null",
         part=r"\d+",
+    group:
+        "hidden_effects"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=230, seconds=60),
     params:
         code=library_code("diagnose_hidden_effects.py"),
     message:
@@ -108,6 +116,8 @@ rule score_hidden_effects:
         "results/hidden_effects/benchmarks/score_hidden_effects.tsv"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=20),
     params:
         code=library_code("score_hidden_effects.py"),
         settings=HIDDEN,

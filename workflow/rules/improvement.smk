@@ -36,6 +36,8 @@ rule diagnose_records:
         record_set="|".join(RECORD_SETS) or "none",
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=230, seconds=15),
     params:
         code=library_code("diagnose_records.py"),
         records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),

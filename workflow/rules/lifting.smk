@@ -28,8 +28,12 @@ rule lift:
         "<logs>/lift/{lift}.log",
     benchmark:
         "<benchmarks>/lift/{lift}.tsv"
+    group:
+        "lift"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=155, seconds=4),
     params:
         code=library_code("lift.py"),
         lift="{lift}",
@@ -59,8 +63,12 @@ if settings.lifting.body_model is not None:
             "<logs>/body_model/{lift}.log",
         benchmark:
             "<benchmarks>/body_model/{lift}.tsv"
+        group:
+            "lift"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=220, seconds=30),
         params:
             code=library_code("body_model.py"),
             lift="{lift}",
@@ -93,8 +101,12 @@ if study.has("lifting"):
             "<logs>/lifting_figures.log",
         benchmark:
             "<benchmarks>/lifting_figures.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=140, seconds=4),
         params:
             code=library_code("lifting_figures.py"),
             data=DATA,

@@ -18,6 +18,8 @@ if study.has("perturbations"):
             "<benchmarks>/perturbed_trials.tsv"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=215, seconds=12),
         params:
             code=library_code("perturbed_trials.py"),
             settings=plain(settings.perturbations),

@@ -22,8 +22,12 @@ if study.has("population"):
             "<logs>/measure_person/{person}.log",
         benchmark:
             "<benchmarks>/measure_person/{person}.tsv"
+        group:
+            "person"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=205, seconds=9),
         params:
             code=library_code("measure_person.py"),
             subject=lambda wildcards: without(
@@ -56,6 +60,8 @@ if study.has("population"):
             "<benchmarks>/compare_people.tsv"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=210, seconds=10),
         params:
             code=library_code("compare_people.py"),
             settings=plain(settings.population),

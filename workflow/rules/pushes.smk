@@ -25,6 +25,8 @@ if study.has("pushes"):
             "<benchmarks>/predict_steps.tsv"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=215, seconds=15),
         params:
             code=library_code("push_prediction.py"),
             settings=plain(settings.pushes),

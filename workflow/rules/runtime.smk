@@ -14,8 +14,12 @@ rule warm_compiler:
         "<logs>/warm_compiler.log",
     benchmark:
         "<benchmarks>/warm_compiler.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=30, seconds=1),
     params:
         code=library_code("warm_compiler.py"),
         targets=plain(settings.runtime.targets),
@@ -37,8 +41,12 @@ rule export_fmus:
         "<logs>/export_fmus.log",
     benchmark:
         "<benchmarks>/export_fmus.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=270, seconds=8),
     params:
         code=library_code("export_fmus.py"),
         settings=plain(settings.runtime),
@@ -61,8 +69,12 @@ rule check_fmus:
         "<logs>/check_fmus.log",
     benchmark:
         "<benchmarks>/check_fmus.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=6),
     params:
         code=library_code("check_fmus.py"),
         settings=plain(settings.runtime),
@@ -88,8 +100,12 @@ rule render_models:
         "<logs>/render_models.log",
     benchmark:
         "<benchmarks>/render_models.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=225, seconds=7),
     params:
         code=library_code("render_models.py"),
         settings=plain(settings.runtime),

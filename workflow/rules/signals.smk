@@ -15,8 +15,12 @@ rule design_signals:
         "<logs>/design_signals.log",
     benchmark:
         "<benchmarks>/design_signals.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=165, seconds=3),
     params:
         code=library_code("design_signals.py"),
         settings=plain(settings.signals),

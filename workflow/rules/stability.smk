@@ -16,8 +16,12 @@ rule basins_of_lift:
         "<logs>/basins_of_lift/{lift}.log",
     benchmark:
         "<benchmarks>/basins_of_lift/{lift}.tsv"
+    group:
+        "lift"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=17),
     params:
         code=library_code("basins_of_lift.py"),
         settings=without(settings.stability, "compare", "measures"),
@@ -50,8 +54,12 @@ if study.has("stability"):
             "<logs>/stability_tables.log",
         benchmark:
             "<benchmarks>/stability_tables.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=220, seconds=10),
         params:
             code=library_code("stability_tables.py"),
             settings=plain(settings.stability),
@@ -73,8 +81,12 @@ if study.has("stability"):
             "<logs>/stability_figures.log",
         benchmark:
             "<benchmarks>/stability_figures.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=160, seconds=6),
         params:
             code=library_code("stability_figures.py"),
             settings=plain(settings.stability),
@@ -97,8 +109,12 @@ if study.has("stability"):
             "<logs>/measure_movement.log",
         benchmark:
             "<benchmarks>/measure_movement.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=160, seconds=6),
         params:
             code=library_code("measure_movement.py"),
             settings={key: plain(settings.stability)[key] for key in ("pendulum", "measures")},

@@ -13,8 +13,12 @@ rule surgeon_motion:
         "<logs>/surgeon_motion.log",
     benchmark:
         "<benchmarks>/surgeon_motion.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=195, seconds=7),
     params:
         code=library_code("surgeon_motion.py"),
         settings=plain(settings.surgeon),

@@ -12,8 +12,12 @@ rule survey_tables:
         "<logs>/survey_tables.log",
     benchmark:
         "<benchmarks>/survey_tables.tsv"
+    group:
+        "survey"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=155, seconds=4),
     params:
         code=library_code("survey_tables.py"),
         settings=plain(settings.survey),
@@ -34,8 +38,12 @@ rule survey_figures:
         "<logs>/survey_figures.log",
     benchmark:
         "<benchmarks>/survey_figures.tsv"
+    group:
+        "survey"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=95, seconds=3),
     params:
         code=library_code("survey_figures.py"),
         scale_labels=plain(settings.survey.scale_labels),

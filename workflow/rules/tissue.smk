@@ -16,8 +16,12 @@ rule viscoelastic_models:
         "<logs>/viscoelastic_models.log",
     benchmark:
         "<benchmarks>/viscoelastic_models.tsv"
+    group:
+        "tissue"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=130, seconds=3),
     params:
         code=library_code("viscoelastic_models.py"),
         data="definitions, no data",
@@ -41,8 +45,12 @@ rule identify_tissue:
         "<benchmarks>/identify_tissue/{training}.tsv"
     wildcard_constraints:
         training="|".join(map(re.escape, TRAINING)) or "none",
+    group:
+        "tissue"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=155, seconds=5),
     params:
         code=library_code("identify_tissue.py"),
         tissue=plain(settings.tissue),
@@ -71,8 +79,12 @@ rule tissue_models:
         "<logs>/tissue_models.log",
     benchmark:
         "<benchmarks>/tissue_models.tsv"
+    group:
+        "tissue"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=205, seconds=7),
     params:
         code=library_code("tissue_models.py"),
         tissue=plain(settings.tissue),

@@ -10,8 +10,12 @@ rule twin_survey:
         "<logs>/twin_survey.log",
     benchmark:
         "<benchmarks>/twin_survey.tsv"
+    group:
+        "survey"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=10, seconds=1),
     params:
         code=library_code("twin_survey.py"),
     message:
@@ -27,8 +31,12 @@ rule twin_surgeon:
         "<logs>/twin_surgeon.log",
     benchmark:
         "<benchmarks>/twin_surgeon.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=80, seconds=2),
     params:
         code=library_code("twin_surgeon.py"),
         records=[without(record, "file") for record in settings.surgeon.records],
@@ -53,8 +61,12 @@ if study.cohort:
             "<logs>/twin_person/{person}.log",
         benchmark:
             "<benchmarks>/twin_person/{person}.tsv"
+        group:
+            "person"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=50, seconds=1),
         params:
             code=library_code("twin_person.py"),
             # Without the other groups and the numbers of persons: whoever is added makes nobody anew.
@@ -82,8 +94,12 @@ elif study.synthetic and study.lifts:
             "<logs>/twin_lifting.log",
         benchmark:
             "<benchmarks>/twin_lifting.tsv"
+        group:
+            "lifts"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=120, seconds=2),
         params:
             code=library_code("twin_lifting.py"),
             settings=plain(settings.twin.lifting),
@@ -114,8 +130,12 @@ if study.synthetic and HIP_MOMENTS:
             "<logs>/twin_hip_moment.log",
         benchmark:
             "<benchmarks>/twin_hip_moment.tsv"
+        group:
+            "improvement_records"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=120, seconds=2),
         params:
             code=library_code("twin_hip_moment.py"),
             settings=plain(settings.twin.lifting),
@@ -137,8 +157,12 @@ rule twin_tissue:
         "<logs>/twin_tissue.log",
     benchmark:
         "<benchmarks>/twin_tissue.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=45, seconds=1),
     params:
         code=library_code("twin_tissue.py"),
         tissue=plain(settings.twin.tissue),
@@ -158,8 +182,12 @@ rule twin_two_hidden_effects:
         "<logs>/twin_two_hidden_effects.log",
     benchmark:
         "<benchmarks>/twin_two_hidden_effects.tsv"
+    group:
+        "improvement_records"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=125, seconds=3),
     params:
         code=library_code("twin_two_hidden_effects.py"),
         twin=without(settings.twin, "surgeon", "tissue", "lifting"),
