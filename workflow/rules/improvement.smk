@@ -17,7 +17,6 @@ rule diagnose_records:
             if chapter in RECORD_SET_CHAPTERS
         ],
         effects=list(settings.improvement.effect_files),
-        sources=library_sources("diagnose_records.py"),
     output:
         **published(
             "diagnoses",
@@ -37,7 +36,10 @@ rule diagnose_records:
         record_set="|".join(RECORD_SETS) or "none",
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=230, seconds=15),
     params:
+        code=library_code("diagnose_records.py"),
         records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),
         base=lambda wildcards: record_set(settings, wildcards.record_set).base,
         session=lambda wildcards: record_set(settings, wildcards.record_set).session,
