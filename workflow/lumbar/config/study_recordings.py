@@ -59,10 +59,30 @@ def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, flo
 
 
 def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
-    """Return a record set of the improvement chapter with its base and records, its own or the study's."""
-    entry = next(item for item in settings.improvement.record_sets if item.name == name)
-    base, records = entry.base or settings.improvement.base, entry.records or settings.tissue.records
-    return replace(entry, base=base, records=records)
+    """Return a record set of the improvement chapter with its base, records and effects, its own or the study's.
+
+    Its ``effects`` are None where the study names none: its model is then the one that the diagnosis selects.
+    """
+    chapter = settings.improvement
+    entry = next(item for item in chapter.record_sets if item.name == name)
+    effects = entry.effects
+    if effects is None and is_tissue_chapter(settings, entry):
+        effects = chapter.effects or None
+    base, records = entry.base or chapter.base, entry.records or settings.tissue.records
+    return replace(entry, base=base, records=records, effects=effects)
+
+
+def is_tissue_chapter(settings: StudySettings, entry: RecordSetSettings) -> bool:
+    """Whether a record set is read and fitted as the tissue chapter's model with ``improvement.effects``."""
+    chapter = settings.improvement
+    same_base = entry.base in (None, chapter.base) and entry.session in (None, chapter.session)
+    return entry.records is None and entry.train is None and same_base
+
+
+def set_layout(settings: StudySettings, name: str) -> tuple[ColumnLayout, float | None]:
+    """Layout of a record set's files, its own or that of its base, and the rate (Hz) to which they are resampled."""
+    entry = record_set(settings, name)
+    return record_layout(settings, entry.base) if entry.layout is None else (entry.layout, entry.rate_Hz)
 
 
 def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
@@ -83,7 +103,7 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
             plan += _lift_readings(study)
         elif chapter == "improvement":
             for entry in settings.improvement.record_sets:
-                layout, rate = record_layout(settings, record_set(settings, entry.name).base)
+                layout, rate = set_layout(settings, entry.name)
                 plan += [
                     {**_column_reading(study, chapter, record, layout, rate), "set": entry.name}
                     for record in entry.records or ()
