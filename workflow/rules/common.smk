@@ -56,6 +56,7 @@ STAGES = CATEGORIES | {
     "crate": CATEGORIES["claims"],
     "records": CATEGORIES["twin"],
     "hidden_effects": CATEGORIES["improvement"],
+    "report": "Report",
 }
 QUALITY = ("quality", "quality_of_trials")
 RUN = {}  # what is told of the run under way
