@@ -48,7 +48,11 @@ CATEGORIES = {
     "pushes": "8 Basins of attraction",
     "claims": "9 Claims",
 }
-STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}
+STAGES = CATEGORIES | {
+    "records": CATEGORIES["twin"],
+    "hidden_effects": CATEGORIES["improvement"],
+    "report": "Report",
+}
 QUALITY = ("quality", "quality_of_trials")
 BENCHMARKS = Path("results") / STUDY / "benchmarks"
 RUN = {}  # what is told of the run under way

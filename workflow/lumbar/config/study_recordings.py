@@ -12,7 +12,7 @@ from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
     from lumbar.settings.improvement import RecordSetSettings
-    from lumbar.settings.layout import ColumnLayout, MarkerLayout
+    from lumbar.settings.layout import ColumnLayout
     from lumbar.settings.study_settings import StudySettings
 
 
@@ -109,9 +109,9 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
                     for record in entry.records or ()
                 ]
         elif chapter == "perturbations":
-            trials = settings.perturbations
+            trials, layout = settings.perturbations, plain(settings.perturbations.markers)
             plan += [
-                _marker_reading(study, chapter, name, trials.markers)
+                _marker_reading(study, chapter, name, layout)
                 for name in (*trials.unperturbed, *trials.perturbed)
             ]
         elif chapter == "survey":
@@ -140,18 +140,18 @@ def _column_reading(study: Study, chapter: str, record, layout: ColumnLayout, ra
     return {key: value for key, value in reading.items() if value is not None}
 
 
-def _marker_reading(study: Study, chapter: str, file: str, layout: MarkerLayout) -> dict:
-    path = study.recording(file)
-    return {"chapter": chapter, "reader": "markers", "path": path, "layout": plain(layout)}
+def _marker_reading(study: Study, chapter: str, file: str, layout: dict) -> dict:
+    return {"chapter": chapter, "reader": "markers", "path": study.recording(file), "layout": layout}
 
 
 def _lift_readings(study: Study) -> list[dict]:
     lifting = study.settings.lifting
-    moments = {"chapter": "lifting", "set": "hip moments", "reader": "columns"}
+    markers, moment = plain(lifting.markers), plain(lifting.moment_layout)
+    moments = {"chapter": "lifting", "set": "hip moments", "reader": "columns", "layout": moment}
     plan = []
     for name, lift in study.lifts.items():
-        plan.append(_marker_reading(study, "lifting", lift.trial.markers, lifting.markers))
+        plan.append(_marker_reading(study, "lifting", lift.trial.markers, markers))
         if lift.trial.hip_moment:
-            path, layout = study.recording(lift.trial.hip_moment), plain(lifting.moment_layout)
-            plan.append({**moments, "path": path, "layout": layout, "name": f"hip moment of {name}"})
+            path = study.recording(lift.trial.hip_moment)
+            plan.append({**moments, "path": path, "name": f"hip moment of {name}"})
     return plan
