@@ -28,6 +28,17 @@ def in_the_midst(node: Node, folder: Path) -> str:
     return job
 
 
+def asked(node: Node, call: Call) -> list[dict[str, str]]:
+    """State, time limit and memory of the jobs that a call submitted, in order."""
+    (name,) = set(re.findall(r"SLURM run ID: (\S+)", call.text))
+    lines = node.command(
+        "squeue", "--noheader", "--states=all", f"--name={name}", "--sort=i", "--format=%T %l %m"
+    )
+    return [
+        dict(zip(("state", "minutes", "memory"), line.split(), strict=True)) for line in lines.splitlines()
+    ]
+
+
 def must(condition: object, call: Call, what: str) -> None:
     """Fail with what the call said, unless the condition is true."""
     if not condition:
@@ -80,12 +91,10 @@ def node_drained(node: Node, folder: Path) -> None:
 
 
 def node_lost(node: Node, folder: Path) -> None:
-    """Node down while a job runs, then back: SLURM or Snakemake submits the job again."""
+    """Node down while a job runs, and back: SLURM puts the job into the queue again, from which it runs minutes later."""
     call = node.start(folder, CHAPTER)
     in_the_midst(node, folder)
     node.set_state("down")
-    wait_for(lambda: not node.jobs("RUNNING,COMPLETING"), "the end of the running job")
-    node.set_state("resume")
     must(call.end() == 0, call, "the call did not end well")
 
 
@@ -93,16 +102,26 @@ def time_over(node: Node, folder: Path) -> None:
     """Job stopped in its tracks until its time limit: submitted again, with more time."""
     call = node.start(folder, CHAPTER)
     job = in_the_midst(node, folder)
+    minutes = int(asked(node, call)[-1]["minutes"].split(":")[0])
     node.command("scontrol", "update", f"JobId={job}", "TimeLimit=1")
     os.kill(node.processes(job)[-1], signal.SIGSTOP)
     ended_after_retry(call)
-    must("TIMEOUT" in call.text, call, "no time limit was hit")
+    first, second = asked(node, call)
+    must(first["state"] == "TIMEOUT" and second["state"] == "COMPLETED", call, "no time limit was hit")
+    must(
+        second["minutes"] == f"{2 * minutes}:00",
+        call,
+        f"asked for {second['minutes']}, twice {minutes} min expected",
+    )
 
 
 def memory_over(node: Node, folder: Path) -> None:
     """Job that asks for too little memory: killed, submitted again with more until it suffices."""
     memory = [f"{rule}:mem_mb=attempt*150" for rule in RULES]
-    ended_after_retry(node.start(folder, CHAPTER, "--retries", "5", "--set-resources", *memory))
+    call = node.start(folder, CHAPTER, "--retries", "5", "--set-resources", *memory)
+    ended_after_retry(call)
+    memories = [job["memory"] for job in asked(node, call)]
+    must(memories[:2] == ["150M", "300M"], call, f"asked for {memories}")
 
 
 def snakemake_killed(node: Node, folder: Path) -> None:
