@@ -16,7 +16,7 @@ rule diagnose_records:
             for chapter in RECORDED_CHAPTERS
             if chapter in RECORD_SET_CHAPTERS
         ],
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
     output:
         **published(
             "diagnoses",
