@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
+from asking import ask
 
 import lumbar
+from lumbar.cli.command import INTERRUPTED
 from lumbar.errors import InputError
 from lumbar.files import read_json
 from lumbar.page_server.requests import TabRequests
@@ -181,3 +187,20 @@ def test_long_messages_are_not_read(served):
 def test_a_taken_port_is_named(served, explored):
     with pytest.raises(InputError, match=f"port {served.port}: .*--port"):
         new_server([explored], served.port)
+
+
+def test_the_server_ends_while_it_computes(tmp_path):
+    for record in example_records():
+        table = np.column_stack([record.time, record["input"], record["output"]])
+        header = "time_s,position_mm,force_N"
+        np.savetxt(tmp_path / f"{record.name}.csv", table, delimiter=",", header=header, comments="")
+    before = sorted(tmp_path.iterdir())
+    command = [sys.executable, "-m", "lumbar", "explore", str(tmp_path), "--port", "0", "--no-browser"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=tmp_path, **pipes) as server:
+        port = int(server.stdout.readline().rpartition(":")[2].partition("/")[0])
+        assert ask(port, "GET", "/records")[0] == 200
+        server.send_signal(signal.SIGINT)
+        _, said = server.communicate()
+    assert (server.returncode, "Traceback" in said) == (INTERRUPTED, False)
+    assert sorted(tmp_path.iterdir()) == before

@@ -77,9 +77,9 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     gravity = settings.stability.pendulum.gravity_m_s2
     fixed = partial(diagnose, machine=settings.signals.machine, gravity_m_s2=gravity)
     output = options.output or EXPLORED / options.folder.resolve().name  # two folders, two places
-    own = {key: chosen[key] for key in ("base", "forward", "session", "settings", "seed")}
+    own = {key: chosen[key] for key in ("base", "forward", "settings", "seed")}
     return [ExploredSet("records", partial(fixed, records, **chosen), output)], OwnDiagnosis(
-        partial(fixed, **own), (options.output or EXPLORED) / "own"
+        partial(fixed, session=False, **own), (options.output or EXPLORED) / "own"
     )
 
 
@@ -109,7 +109,10 @@ def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
         for entry in study.settings.improvement.record_sets
     ]
     return sets, OwnDiagnosis(
-        partial(_diagnose_as, study), output / "own", partial(keep_records, file, study), file.name
+        partial(_diagnose_as, study, session=False),
+        output / "own",
+        partial(keep_records, file, study),
+        file.name,
     )
 
 

@@ -10,7 +10,7 @@ from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.served_sets import ServedSets
 from lumbar.templates import template
 
-WAITING = "page_server/waiting.html.jinja"
+WAITING, GONE = "page_server/waiting.html.jinja", "page_server/gone.html.jinja"
 PROGRESS, CANCEL = "/_progress", "/_cancel"
 
 
@@ -39,7 +39,9 @@ class WaitingHandler(RequestHandler):
         """Begin the diagnosis, or show how far it is."""
         found = self.sets.find(self.request.path, self.request.arguments)
         if found is None:
-            raise HTTPError(404, "these recordings are no longer held: give them once more")
+            self.set_status(404)
+            self.write(template(GONE).render())
+            return
         found.begin()
         asked = {"page": self.request.path, "set": self.get_query_argument("set", "")}
         self.set_header("Cache-Control", "no-store")
