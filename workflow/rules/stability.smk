@@ -108,3 +108,27 @@ if study.has("stability"):
             "Margins of stability, impulse to a step, posture and moment about L5/S1 of every lift"
         script:
             "../scripts/measure_movement.py"
+
+    rule lift_pages:
+        input:
+            body=[f"<results>/lifting/{lift}/body.csv" for lift in study.lifts],
+            centres=[f"<results>/lifting/{lift}/com.csv" for lift in study.lifts],
+            states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
+            facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
+            events=[f"<results>/lifting/{lift}/events.json" for lift in study.lifts],
+            sources=library_sources("lift_pages.py"),
+        output:
+            **published("lift_pages"),
+        log:
+            "<logs>/lift_pages.log",
+        benchmark:
+            "<benchmarks>/lift_pages.tsv"
+        conda:
+            CONDA
+        params:
+            settings=without(settings.stability, "compare"),
+            data=DATA,
+        message:
+            "A page of every lift to look around in, with pushes against the funnel"
+        script:
+            "../scripts/lift_pages.py"
