@@ -64,7 +64,7 @@ def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch
         )
         assert found.shape == (4, SETTINGS.knots, 2)
         for knot, state in simulate(loops, PUSHES[:, None, :], limits if limited else None):
-            assert found[:, knot].T == pytest.approx(state[:, 0], rel=1e-7, abs=1e-7)
+            assert pytest.approx(state[:, 0], rel=1e-7, abs=1e-7) == found[:, knot].T
 
 
 def test_simulated_outline_is_the_goal_set_followed_backward(page, trajectories):
@@ -75,7 +75,7 @@ def test_simulated_outline_is_the_goal_set_followed_backward(page, trajectories)
     goal = exact_funnels(loops, SETTINGS.goal_level).level[-1, 0]
     s11, s12, s22 = loops.cost[-1, 0]
     assert s11 * edge[0] ** 2 + 2 * s12 * edge[0] * edge[1] + s22 * edge[1] ** 2 == pytest.approx(goal)
-    assert outlines[0].T == pytest.approx(preimage(loops, edge)[:, 0], rel=1e-5)
+    assert pytest.approx(preimage(loops, edge)[:, 0], rel=1e-5) == outlines[0].T
 
 
 def text(page, name: str) -> str:

@@ -109,20 +109,20 @@ if study.has("stability"):
         script:
             "../scripts/measure_movement.py"
 
-    rule lift_pages:
+    rule show_lifts:
         input:
             body=[f"<results>/lifting/{lift}/body.csv" for lift in study.lifts],
             centres=[f"<results>/lifting/{lift}/com.csv" for lift in study.lifts],
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
             events=[f"<results>/lifting/{lift}/events.json" for lift in study.lifts],
-            sources=library_sources("lift_pages.py"),
+            sources=library_sources("show_lifts.py"),
         output:
             **published("lift_pages"),
         log:
-            "<logs>/lift_pages.log",
+            "<logs>/show_lifts.log",
         benchmark:
-            "<benchmarks>/lift_pages.tsv"
+            "<benchmarks>/show_lifts.tsv"
         conda:
             CONDA
         params:
@@ -131,4 +131,4 @@ if study.has("stability"):
         message:
             "A page of every lift to look around in, with pushes against the funnel"
         script:
-            "../scripts/lift_pages.py"
+            "../scripts/show_lifts.py"

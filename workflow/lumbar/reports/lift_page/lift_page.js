@@ -51,6 +51,7 @@ window.lumbarLift = (() => {
     drawBody(frame);
     drawBalance(frame);
     drawSection();
+    if (loop !== null && near()) zoom();
   }
 
   function play() {
@@ -91,7 +92,7 @@ window.lumbarLift = (() => {
       set(`${name}:head`, "HEAD_z" in columns ? { x: [at("HEAD", axis, frame)], z: [at("HEAD", "z", frame)] } : { x: [], z: [] });
       set(`${name}:centres`, {
         x: page.centres.map(({ point }) => at(point, axis, frame)), y: page.centres.map(({ point }) => at(point, "z", frame)),
-        mark: page.centres.map(({ mark }) => mark), colour: page.centres.map(({ colour }) => colour),
+        mark: page.centres.map(({ mark }) => mark), size: page.centres.map(({ name: it }) => (it === "box" ? 19 : 11)), colour: page.centres.map(({ colour }) => colour),
       });
       const seen = (name === "side") === (plane === "flexion_extension");
       const coms = seen ? Object.keys(page.segments).filter((com) => `${com}/${plane}/up` in columns) : [];
@@ -211,11 +212,12 @@ window.lumbarLift = (() => {
     set("band", band);
   }
 
-  // Show the whole funnel, or the present cross-section and the push.
+  const near = () => element("zoom").getAttribute("aria-pressed") === "true";
+
+  // Show the whole funnel, or the present cross-section.
   function zoom() {
-    const near = element("zoom").getAttribute("aria-pressed") === "true";
     const knot = knotNow();
-    const shown = near ? [closed(ellipse(loop, knot, loop.level[knot], 80))] : whole;
+    const shown = near() ? [closed(ellipse(loop, knot, loop.level[knot], 80))] : whole;
     for (const [axis, range] of [["x", named("plane").x_range], ["y", named("plane").y_range]]) {
       const reach = 1.5 * Math.max(...shown.flatMap((outline) => outline[axis]));
       range.setv({ start: -reach, end: reach });
@@ -344,7 +346,7 @@ window.lumbarLift = (() => {
     if (button.id === "play") play();
     if (button.id === "no-push" && loop !== null) pushTo([0, 0]);
     if (button.id === "zoom" && loop !== null) {
-      button.setAttribute("aria-pressed", button.getAttribute("aria-pressed") !== "true");
+      button.setAttribute("aria-pressed", !near());
       zoom();
     }
   }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,14 +46,14 @@ def lift_pictures(
     side = _body("side", "y, forward (m)", bounds["y"], bounds["z"])
     behind = _body("behind", "x, to the right (m)", bounds["x"], bounds["z"])
     margin = _course("margin", "Margin of stability (mm)", phases)
-    angle = _course("angle", "Angle θ (rad)", phases)
-    velocity = _course("velocity", "Angular velocity (rad/s)", phases, x_range=angle.x_range)
+    angle = _course("angle", "Angle θ (rad)")
+    velocity = _course("velocity", "Angular velocity (rad/s)", x_range=angle.x_range)
     _draw_margin(margin)
     for picture, name in ((angle, "angles"), (velocity, "velocities")):
         source = _source(name, "time", *SEGMENTS)
         for com, colour in SEGMENTS.items():
             picture.line("time", com, source=source, color=colour, line_width=2.2, line_dash=DASHES[com])
-    return [side, behind, _above(), margin, angle, velocity, *_funnel(phases)]
+    return [side, behind, _above(), margin, angle, velocity, *_funnel()]
 
 
 def _source(name: str, *columns: str) -> ColumnDataSource:
@@ -106,7 +107,7 @@ def _body(name: str, across: str, horizontal: tuple[float, float], vertical: tup
         "x", "z", source=_source(f"{name}:pendulums", "x", "z", "colour", "dash"), color={"field": "colour"},
         line_width=1.5, line_dash={"field": "dash"},
     )  # fmt: skip
-    _draw_centres(picture, _source(f"{name}:centres", "x", "y", "mark", "colour"))
+    _draw_centres(picture, _source(f"{name}:centres", "x", "y", "mark", "colour", "size"))
     return picture
 
 
@@ -117,7 +118,7 @@ def _draw_centres(picture: figure, source: ColumnDataSource) -> None:
         source=source,
         marker={"field": "mark"},
         fill_color={"field": "colour"},
-        size=11,
+        size={"field": "size"},
         line_color="white",
     )
 
@@ -154,7 +155,7 @@ def _above() -> figure:
     return picture
 
 
-def _course(name: str, up: str, phases: list[tuple[str, float, float]], **more) -> figure:
+def _course(name: str, up: str, phases: Sequence[tuple[str, float, float]] = (), **more) -> figure:
     """Picture over the recording's time with the phases behind and the present instant as a line; a click goes there."""
     from bokeh.models import BoxAnnotation, CustomJS, Label, Range1d, Span
 
@@ -190,10 +191,10 @@ def _draw_margin(picture: figure) -> None:
     )
 
 
-def _funnel(phases: list[tuple[str, float, float]]) -> list[figure]:
+def _funnel() -> list[figure]:
     """Cross-sections with the push, the funnel over time, and V/ρ over time."""
-    over_time = _course("funnel", "Angle off the trajectory (rad)", phases)
-    level = _course("level", "V/ρ", phases, x_range=over_time.x_range, y_axis_type="log")
+    over_time = _course("funnel", "Angle off the trajectory (rad)")
+    level = _course("level", "V/ρ", x_range=over_time.x_range, y_axis_type="log")
     band = _source("band", "time", "low", "high", "least", "most")
     over_time.varea("time", "low", "high", source=band, fill_color=CERTIFIED, fill_alpha=0.4)
     for edge in ("least", "most"):
