@@ -47,7 +47,7 @@ class ServedLift:
     @property
     def address(self) -> str:
         """Path of the page on the server."""
-        return f"/lifts/{quote(self.folder.resolve().name)}"
+        return f"/lifts/{quote(self.folder.absolute().name)}"
 
     @cached_property
     def _html(self) -> str:
