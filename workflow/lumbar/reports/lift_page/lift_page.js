@@ -6,6 +6,8 @@ window.lumbarLift = (() => {
   const { follow, reached, ellipse, level, torque } = window.lumbarPendulum;
   const POINTS = 241; // of an outline that is simulated
   const EDGE = 1 + 1e-6; // V/ρ that still counts as the funnel's boundary, as in the library's check
+  const TIMED = ["margin", "angle", "velocity", "funnel", "level"]; // with the present instant as a line
+  const hidden = new Set(); // pictures out of sight
   let pictures; // Bokeh's document
   let columns = {}; // of the body, frame by frame
   let time = 0;
@@ -46,12 +48,31 @@ window.lumbarLift = (() => {
     slider.value = time;
     slider.setAttribute("aria-valuetext", `${clock(time)} s, ${phaseAt(time)}`);
     element("now").textContent = `${clock(time)} s · ${phaseAt(time)}`;
+    draw();
+  }
+
+  // Draw what is in sight: a page of pictures takes too long for a movie.
+  function draw() {
     const frame = frameAt(time);
-    for (const name of ["margin", "angle", "velocity", "funnel", "level"]) named(`ink now:${name}`).location = time;
-    drawBody(frame);
-    drawBalance(frame);
+    for (const name of TIMED) if (inSight(name)) named(`ink now:${name}`).location = time;
+    if (inSight("side", "behind")) drawBody(frame);
+    if (inSight("above", "margin")) drawBalance(frame);
+    if (loop === null || !inSight("plane")) return;
     drawSection();
-    if (loop !== null && near()) zoom();
+    if (near()) zoom();
+  }
+
+  const inSight = (...names) => names.some((name) => !hidden.has(name));
+
+  function watch() {
+    const observer = new IntersectionObserver((changes) => {
+      for (const { target, isIntersecting } of changes) {
+        const name = target.id.replace("picture-", "");
+        if (isIntersecting) hidden.delete(name); else hidden.add(name);
+      }
+      draw();
+    }, { rootMargin: "100px" });
+    for (const figure of document.querySelectorAll("figure[id]")) observer.observe(figure);
   }
 
   function play() {
@@ -82,8 +103,7 @@ window.lumbarLift = (() => {
   const at = (point, axis, frame) => columns[`${point}_${axis}`][frame];
 
   function drawBody(frame) {
-    const plane = chosen("plane");
-    for (const [name, axis] of [["side", "y"], ["behind", "x"]]) {
+    for (const [name, axis, plane] of [["side", "y", "flexion_extension"], ["behind", "x", "lateral_bending"]]) {
       const coordinates = (to) => page.chains.map(({ points }) => points.map((point) => at(point, to, frame)));
       set(`${name}:limbs`, {
         x: coordinates(axis), z: coordinates("z"),
@@ -94,8 +114,7 @@ window.lumbarLift = (() => {
         x: page.centres.map(({ point }) => at(point, axis, frame)), y: page.centres.map(({ point }) => at(point, "z", frame)),
         mark: page.centres.map(({ mark }) => mark), size: page.centres.map(({ name: it }) => (it === "box" ? 19 : 11)), colour: page.centres.map(({ colour }) => colour),
       });
-      const seen = (name === "side") === (plane === "flexion_extension");
-      const coms = seen ? Object.keys(page.segments).filter((com) => `${com}/${plane}/up` in columns) : [];
+      const coms = Object.keys(page.segments).filter((com) => `${com}/${plane}/up` in columns);
       set(`${name}:pendulums`, {
         x: coms.map((com) => [at("PIVOT", axis, frame), columns[`${com}/${plane}/across`][frame]]),
         z: coms.map((com) => [at("PIVOT", "z", frame), columns[`${com}/${plane}/up`][frame]]),
@@ -169,7 +188,6 @@ window.lumbarLift = (() => {
       set(name, data);
       fit(column, Object.keys(page.segments).flatMap((com) => data[com]).filter(Number.isFinite), 0.08);
     }
-    drawBody(frameAt(time));
   }
 
   function choosePendulum() {
@@ -381,6 +399,7 @@ window.lumbarLift = (() => {
     chooseState();
     choosePendulum();
     seek(time);
+    watch();
     document.body.dataset.ready = "yes";
   }
 

@@ -138,6 +138,7 @@ class LiftPage:
                 if event["time_s"] is None
             ],
             "measures": self._measures(),
+            "phases": self._strip(),
             "notes": self.course.notes,
             "no_balance": self.course.missing.get("margin_of_stability_m", ""),
             "share": self.settings.measures.functional_share,
@@ -161,13 +162,27 @@ class LiftPage:
             "content": self._content(),
         }
 
+    def _strip(self) -> list[dict[str, Any]]:
+        """Where the phases lie along the slider, percent of the recording."""
+        phases = self._phases()
+        first, length = phases[0][1], phases[-1][2] - phases[0][1]
+        return [
+            {
+                "name": name,
+                "left": f"{100 * (start - first) / length:.3f}",
+                "width": f"{100 * (stop - start) / length:.3f}",
+            }
+            for name, start, stop in phases
+        ]
+
     def _measures(self) -> list[dict[str, str]]:
         """The measures that a summary names: what it is, the value or why there is none, and which way is safer."""
         values = values_of_lift(self.course, self.lift.facts).drop_duplicates("measure")
         return [
             {
                 "name": f"{words[0].upper()}{words[1:]}".replace("5s1", "5/S1"),
-                "value": row.reason or f"{row.value:.3g} {row.unit}",
+                "value": "" if row.reason else f"{row.value:.3g} {row.unit}".replace("-", "−"),
+                "reason": row.reason,
                 "safer": row.safer,
                 "meaning": MEASURES[row.measure].meaning,
                 "phase": "over the deposit"
