@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import threading
 from collections.abc import Sequence
@@ -12,18 +11,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from tornado.routing import HostMatches, Matcher, PathMatches, Rule
+from tornado.routing import PathMatches, Rule
 from tornado.web import RequestHandler
 
-from lumbar.errors import LumbarError
 from lumbar.interface.lift_page import lift_page
+from lumbar.page_server.background import in_background, told
+from lumbar.page_server.trust import FromHere
 
 if TYPE_CHECKING:
     from bokeh.server.server import Server
 
     from lumbar.settings.stability import StabilitySettings
-
-THIS_MACHINE = r"(127\.0\.0\.1|localhost)"
 
 
 @dataclass(eq=False)
@@ -69,27 +67,16 @@ class LiftHandler(RequestHandler):
     async def get(self) -> None:
         """Answer while other pages go on."""
         try:
-            self.write(await asyncio.to_thread(self.lift.html))
-        except LumbarError as error:
+            self.write(await in_background(self.lift.html))
+        except Exception as error:
             self.set_status(500)
             self.set_header("Content-Type", "text/plain; charset=utf-8")
-            self.write(str(error))
-
-
-class _Here(Matcher):
-    """One path on this machine's names alone."""
-
-    def __init__(self, path: str):
-        self.matchers = HostMatches(THIS_MACHINE), PathMatches(path)
-
-    def match(self, request):
-        """Match where both do."""
-        found = [matcher.match(request) for matcher in self.matchers]
-        return None if None in found else found[-1]
+            self.write(told(error))
 
 
 def add_lifts(server: Server, lifts: Sequence[ServedLift]) -> None:
     """Serve the pages of these lifts too."""
     server._tornado.default_router.rules[:0] = [
-        Rule(_Here(f"{re.escape(lift.address)}$"), LiftHandler, {"lift": lift}) for lift in lifts
+        Rule(FromHere(PathMatches(f"{re.escape(lift.address)}$")), LiftHandler, {"lift": lift})
+        for lift in lifts
     ]
