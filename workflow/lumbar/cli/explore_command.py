@@ -1,4 +1,4 @@
-"""``lumbar explore``: the page of a diagnosis, served on this machine."""
+"""``lumbar explore``: the pages of diagnoses and of lifts, served on this machine."""
 
 from __future__ import annotations
 
@@ -24,15 +24,16 @@ def add(commands) -> None:
     parser = new_command(
         commands,
         "explore",
-        "look at diagnoses in the browser: compare models with records, add effects, write what was chosen",
-        "lumbar explore recordings/tissue\n  lumbar explore config/studies/davinci_tool.yaml\n  lumbar explore",
+        "look at diagnoses and lifts in the browser: compare models with records, add effects, write what was chosen; push",
+        "lumbar explore recordings/tissue\n  lumbar explore config/studies/davinci_tool.yaml\n  lumbar explore\n"
+        "  lumbar explore results/thesis/lifting",
     )
     parser.add_argument(
         "target",
         type=Path,
         nargs="?",
         metavar="STUDY|FOLDER",
-        help="file of a study, or folder of records (default: the study of config/config.yaml)",
+        help="file of a study, or folder of records or of saved lifts (default: the study of config/config.yaml)",
     )
     parser.add_argument("--port", type=int, default=5006, metavar="N", help="port (default 5006)")
     parser.add_argument("--no-browser", action="store_true", help="open no browser, print the address")
@@ -46,19 +47,31 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Serve the page until it is interrupted."""
+    from lumbar.cli.lifts_to_explore import lifts_of_folder, lifts_of_study
     from lumbar.page_server.background import WRITING
+    from lumbar.page_server.served_lifts import add_lifts
     from lumbar.page_server.served_sets import OWN
     from lumbar.page_server.server import new_server
 
-    folder = options.target is not None and options.target.is_dir()
-    sets, own = _of_folder(options) if folder else _of_study(options)
+    if options.target is not None and options.target.is_dir():
+        lifts = lifts_of_folder(options)
+        sets, own = ([], None) if lifts else _of_folder(options)
+    else:
+        sets, own = _of_study(options)
+        lifts = lifts_of_study(options)
     server = new_server(sets, options.port, own)
+    add_lifts(server, lifts)
     server.start()
-    for address in (*(explored.name for explored in sets), OWN.removeprefix("/")):
-        print(f"http://127.0.0.1:{server.port}/{address}", flush=True)
+    addresses = [
+        *(f"/{item.name}" for item in sets),
+        *(item.address for item in lifts),
+        *([OWN] if own else []),
+    ]
+    for address in addresses:
+        print(f"http://127.0.0.1:{server.port}{address}", flush=True)
     print("Ctrl-C ends it.", flush=True)
     if not options.no_browser:
-        server.io_loop.add_callback(server.show, f"/{sets[0].name}")
+        server.io_loop.add_callback(server.show, addresses[0])
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         server.io_loop.start()
