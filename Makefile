@@ -12,7 +12,7 @@ STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
 CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-portable acceptance report check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
+.PHONY: results test test-portable acceptance report provenance crate check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
 
 results: environment ## every table, figure and FMU of the study (default target)
 	@python -m lumbar.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
@@ -46,12 +46,18 @@ acceptance: environment ## records whose truth is known, public and hard ones: a
 	python tests/real_records/run.py --markdown docs/acceptance.md; real=$$?; \
 	python tests/hard_effects/run.py --markdown docs/acceptance.md && exit $$real
 
-report: results ## results/<study>/report.html: one page, works offline
-	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/report.html
+report: results ## results/<study>/report.html: every table and figure beside the thesis's, one page, works offline
+	snakemake --cores 1 $(CONFIGFILE) report
 
-check-results: environment ## regenerate the default study and compare it with tests/reference
+provenance: results ## results/<study>/provenance.html: Snakemake's own report: which job made what, when, from what
+	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/provenance.html
+
+crate: results ## results/<study>/<study>.crate.zip: code, inputs, environment and outputs of the run, to be cited
+	snakemake --cores 1 $(CONFIGFILE) crate
+
+check-results: environment ## regenerate the default study and compare it with tests/reference, or with CRATE=archive
 	snakemake --cores $(CORES) --forceall
-	python tests/reference/check_results.py
+	python tests/reference/check_results.py $(if $(CRATE),--crate $(CRATE))
 
 update-reference: results ## take the default study's numbers as the new reference
 	python tests/reference/check_results.py --update

@@ -16,7 +16,7 @@ from pathlib import Path
 WORKFLOW = Path(__file__).resolve().parent
 PACKAGE = "lumbar"
 _IMPORT = re.compile(r"^[ \t]*(?:import|from)[ \t][^(#\n]*(?:\([^)]*\))?", flags=re.M)
-_DATA_ENDINGS = {".c", ".h", ".json", ".csv", ".yaml", ".in", ".txt", ".png", ".jinja"}
+_DATA_ENDINGS = {".c", ".h", ".css", ".js", ".json", ".csv", ".yaml", ".in", ".txt", ".png", ".jinja"}
 
 
 @cache

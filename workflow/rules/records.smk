@@ -28,7 +28,9 @@ for group, checked in CHECKS.items():
         name:
             f"check_{group}_recordings"
         input:
-            recordings=[item["path"] for item in reading_plan(study, checked)],
+            recordings=lambda wildcards, chapters=checked: [
+                placed(item["path"]) for item in reading_plan(study, chapters)
+            ],
         output:
             [f"<results>/checked/{chapter}.json" for chapter in checked],
         log:
@@ -43,7 +45,7 @@ for group, checked in CHECKS.items():
             **measured(peak_mb=90, seconds=2),
         params:
             code=library_code("check_recordings.py"),
-            plan=reading_plan(study, checked),
+            plan=lambda wildcards, chapters=checked: reading_plan(study, chapters),
             data=DATA,
         message:
             f"Recordings ({', '.join(checked)}): read and checked"

@@ -42,7 +42,7 @@ if study.has("stability"):
             failures=[f"<results>/stability/{lift}/failures.csv" for lift in study.lifts],
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
-            published="resources/thesis/table_4_1.csv",
+            published=source("resources/thesis/table_4_1.csv"),
         output:
             **published(
                 *("table_4_1", "table_4_1_controls", "table_4_1_grid", "grid_figure"),

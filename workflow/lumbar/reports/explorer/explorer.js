@@ -180,6 +180,7 @@ window.lumbar = (() => {
   }
 
   function ask(content) {
+    if (document.body.hasAttribute("aria-busy")) return; // one thing after the other: the answer to the first counts
     asked += 1;
     say("Computing …");
     document.body.setAttribute("aria-busy", "true");
