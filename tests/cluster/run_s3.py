@@ -78,13 +78,8 @@ def run(folder: Path, targets: list[str], cores: str) -> list[str]:
 
     on_disk, stored = copy_project(folder / "on_disk"), copy_project(folder / "stored")
     os.environ["SOURCE_DATE_EPOCH"] = "0"  # the moment that an archive of a run says
-    made = [
-        "--cores",
-        cores,
-        "twin_surgeon",
-        "twin_survey",
-        *targets,
-    ]  # twin_*: the recordings of the other study
+    recordings = ["twin_surgeon", "twin_survey"]  # of the other study
+    made = ["--cores", cores, *recordings, *targets]
     given = ["--cores", cores, "--configfile", "recorded.json"]
     snakemake(on_disk, *made)
     with object_store.serving(folder / "server") as store:
