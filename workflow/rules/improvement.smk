@@ -47,6 +47,7 @@ rule diagnose_records:
         rate=lambda wildcards: record_layout(settings, record_set(settings, wildcards.record_set).base)[1],
         improvement=without(settings.improvement, "record_sets"),
         machine=plain(settings.signals.machine),
+        tissue=without(settings.tissue, "records", "training", "layout", "rate_Hz"),
         gravity=settings.stability.pendulum.gravity_m_s2,
         seed=settings.seed,
         data=DATA,

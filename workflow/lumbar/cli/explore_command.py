@@ -64,7 +64,8 @@ def _of_folder(options) -> ExploredSet:
     options.folder = options.target
     settings, records, chosen = read_folder(options)
     gravity = settings.stability.pendulum.gravity_m_s2
-    make = partial(diagnose, records, machine=settings.signals.machine, gravity_m_s2=gravity, **chosen)
+    machine, tissue = settings.signals.machine, settings.tissue
+    make = partial(diagnose, records, machine=machine, tissue=tissue, gravity_m_s2=gravity, **chosen)
     return ExploredSet("records", make, options.output)
 
 
@@ -109,6 +110,7 @@ def _diagnosed(study: Study, name: str) -> Diagnosis:
         session=entry.session,
         settings=settings.improvement,
         machine=settings.signals.machine,
+        tissue=settings.tissue,
         gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
         seed=settings.seed,
         data=study.data_label,

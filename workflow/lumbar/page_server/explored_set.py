@@ -14,6 +14,7 @@ from lumbar.reports.explorer.shown import model_key
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis, Refinement
     from lumbar.reports.explorer.page import ExplorerPage
+    from lumbar.reports.explorer.shown import ShownModel
 
 
 @dataclass(eq=False)
@@ -36,6 +37,7 @@ class ExploredSet:
     output: Path
     study_file: Path | None = None
     _refits: dict[str, Refinement] = field(default_factory=dict)
+    _fitted: dict[str, ShownModel] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     @cached_property
@@ -62,3 +64,12 @@ class ExploredSet:
             if key not in self._refits:
                 self._refits[key] = self.diagnosis.refit(effects)
             return self._refits[key]
+
+    def fitted(self, effects: Sequence[str]) -> ShownModel:
+        """The base with these effects as the page draws it: of the diagnosis, where it has them, else fitted; as `refitted`."""
+        key = model_key(effects)
+        if not self._fitted:
+            self._fitted.update({model.key: model for model in self.page.models})
+        if key not in self._fitted:
+            self._fitted[key] = self.page.shown(self.refitted(effects).path[-1])
+        return self._fitted[key]

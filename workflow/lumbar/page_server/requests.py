@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from lumbar.diagnosis.design.discrimination import separating_excitation
+from lumbar.diagnosis.evidence.evidence import machine_limits
 from lumbar.errors import InputError, LumbarError
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.kept_effects import Change, keep_effects
-from lumbar.reports.explorer.page import told
-from lumbar.reports.explorer.shown import ShownModel, shown_model
+from lumbar.reports.explorer.page import excitation_of, told
+from lumbar.reports.explorer.shown import ShownModel
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Refinement
@@ -33,7 +35,7 @@ class TabRequests:
     explored: ExploredSet
     proposed: Change | None = field(default=None)
 
-    def answer(self, text: str) -> tuple[dict[str, Any], ShownModel | None]:
+    def answer(self, text: str) -> tuple[dict[str, Any], list[ShownModel]]:
         """Do what is asked.
 
         Parameters
@@ -45,19 +47,26 @@ class TabRequests:
         -------
         dict
             What the page is told; ``error`` where it could not be done.
-        ShownModel or None
-            A new model for the pictures.
+        list of ShownModel
+            New models for the pictures.
         """
         asked = json.loads(text)
         number = asked.get("number")
-        actions = {"fit": self._fit, "save": self._save, "keep": self._keep, "write": self._write}
+        actions = {
+            "fit": self._fit,
+            "locate": self._locate,
+            "separate": self._separate,
+            "save": self._save,
+            "keep": self._keep,
+            "write": self._write,
+        }
         try:
             if asked.get("action") not in actions:
                 raise InputError(f"{asked.get('action')!r}: unknown request; there are: {', '.join(actions)}")
-            content, model = actions[asked["action"]](self._effects(asked))
+            content, models = actions[asked["action"]](self._effects(asked))
         except (LumbarError, OSError) as error:
-            return {"number": number, "error": str(error)}, None
-        return {"number": number, **content}, model
+            return {"number": number, "error": str(error)}, []
+        return {"number": number, **content}, models
 
     def _effects(self, asked: dict) -> list[str]:
         effects = asked.get("effects", [])
@@ -69,33 +78,49 @@ class TabRequests:
             raise InputError(f"unknown effect {wrong[0]!r}")
         return effects
 
-    def _fit(self, effects: list[str]) -> tuple[dict, ShownModel]:
-        refit, diagnosis = self.explored.refitted(effects), self.explored.diagnosis
-        model = shown_model(refit.path[-1], [], diagnosis.verdict, self.explored.page.step)
-        located = refit.locate().simulated
-        return {"model": told(model, located), "key": model.key, "effects": effects}, model
+    def _fit(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
+        """Every step of the path, and where its end fails."""
+        models = [self.explored.fitted(effects[:count]) for count in range(len(effects) + 1)]
+        located = {models[-1].key: self.explored.refitted(effects).locate().simulated}
+        content = {model.key: told(model, located.get(model.key, [])) for model in models}
+        return {"models": content, "effects": effects}, models
 
-    def _save(self, effects: list[str]) -> tuple[dict, None]:
+    def _locate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
+        model = self.explored.fitted(effects)
+        located = self.explored.refitted(effects).locate().simulated
+        return {"key": model.key, "located": told(model, located)["located"]}, []
+
+    def _separate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
+        """The excitation that tells these effects from the selected ones."""
+        diagnosis = self.explored.diagnosis
+        verdict = replace(diagnosis.verdict, tied_with=[self.explored.refitted(effects).path[-1]])
+        limits = machine_limits(diagnosis.machine, verdict.experiment)
+        found = None if diagnosis.settings.forward else separating_excitation(verdict, limits)
+        if found is None:
+            raise InputError(
+                "no excitation can be named: the force is the records' input, or an effect hangs on a further channel"
+            )
+        return {"excitation": excitation_of(found, verdict)}, []
+
+    def _save(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         refit, folder = self.explored.refitted(effects), self.explored.output
         written = save_refinement(refit, folder)
-        return {"text": f"{len(written)} files written to {folder}."}, None
+        return {"text": f"{len(written)} files written to {folder}."}, []
 
-    def _keep(self, effects: list[str]) -> tuple[dict, None]:
+    def _keep(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         if self.explored.study_file is None:
             raise InputError("no study stands behind these records: 'lumbar explore' was given a folder")
         self.proposed = keep_effects(self.explored.study_file, effects)
         if not self.proposed.diff:
-            return {"text": f"{self.proposed.path} holds these effects already."}, None
-        return {"text": "Look at the change, then write it.", "diff": self.proposed.diff}, None
+            return {"text": f"{self.proposed.path} holds these effects already."}, []
+        return {"text": "Look at the change, then write it.", "diff": self.proposed.diff}, []
 
-    def _write(self, effects: list[str]) -> tuple[dict, None]:
+    def _write(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         if self.proposed is None:
             raise InputError("no change was shown that could be written")
         change, self.proposed = self.proposed, None
         change.write()
-        return {
-            "text": f"{change.path} is written; 'snakemake' now makes the model with these effects."
-        }, None
+        return {"text": f"{change.path} is written; 'snakemake' now makes the model with these effects."}, []
 
 
 def save_refinement(refit: Refinement, folder) -> list[str]:
