@@ -79,7 +79,7 @@ window.lumbar = (() => {
     const above = made("tr", "");
     above.append(made("td", ""), made("td", ""));
     for (const key of keys) above.append(made("th", page.models[key].label, { colspan: MERITS.length, scope: "colgroup" }));
-    head.append(above, row(["record", "", ...MERITS, ...MERITS], "th", { scope: "col" }));
+    head.append(above, row(["record", "part", ...MERITS, ...MERITS], "th", { scope: "col" }));
     const body = made("tbody", "");
     for (const record of Object.keys(page.models.base.merits)) {
       const line = row([unseen(record), ...keys.flatMap((key) => merit(page.models[key].merits[record]))], "td");
@@ -297,6 +297,14 @@ window.lumbar = (() => {
     if (button.id === "table") table();
   }
 
+  // What is wider than the page can be scrolled from the keyboard.
+  function reachable() {
+    for (const box of document.querySelectorAll(".scroll, section > table")) {
+      if (box.scrollWidth > box.clientWidth) box.tabIndex = 0;
+      else box.removeAttribute("tabindex");
+    }
+  }
+
   function dark() {
     const light = "#e6e6e6";
     for (const picture of page.pictures.map(named)) {
@@ -323,8 +331,10 @@ window.lumbar = (() => {
     if (window.matchMedia("(prefers-color-scheme: dark)").matches) dark();
     // A finger that scrolls the page marks nothing: the tools stay at hand.
     if (window.matchMedia("(pointer: coarse)").matches) for (const name of page.pictures) named(name).toolbar.active_drag = null;
+    window.addEventListener("resize", reachable);
     ladder();
     show();
+    reachable();
     document.body.dataset.ready = "yes";
   }
 
