@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -18,7 +16,6 @@ import pytest
 import lumbar
 from running import FORKING, copy_project, snakemake
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 CASE = "case_03"
 STUDY = """
 study: blind
@@ -38,46 +35,6 @@ improvement:
   train: multisine
   record_sets: [{{name: tissue}}]
 """
-WAIT_MS = 120_000
-"""For jobs of a machine that is shared with others; nothing is asserted of time."""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None:
-        pytest.skip("no Chromium here: install it (Debian: apt-get install chromium)")
-    sync_playwright = pytest.importorskip(
-        "playwright.sync_api", reason="the extra 'develop' has it"
-    ).sync_playwright
-    with sync_playwright() as driver:
-        # Root may start a browser only without its sandbox, as in most containers; the pages are our own.
-        started = driver.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox"] if os.getuid() == 0 else []
-        )
-        yield started
-        started.close()
-
-
-@pytest.fixture
-def new_page(browser):
-    """Return a function that opens an address and collects what goes wrong in the page."""
-    opened = []
-
-    def open_page(address: str, **options):
-        page = browser.new_page(**options)
-        page.set_default_timeout(WAIT_MS)
-        page.wrong, page.asked = [], []
-        page.on("pageerror", lambda error: page.wrong.append(str(error)))
-        page.on("request", lambda request: page.asked.append(request.url))
-        page.goto(address)
-        page.wait_for_selector("body[data-ready=yes]")
-        opened.append(page)
-        return page
-
-    yield open_page
-    for page in opened:
-        assert page.wrong == []
-        page.close()
 
 
 @pytest.fixture(scope="module")
@@ -229,7 +186,7 @@ def test_files_are_handed_out_without_a_server(new_page, saved, tmp_path):
     rows = list(csv.DictReader((tmp_path / "models.csv").open(encoding="utf-8")))
     assert {row["record"] for row in rows} == {"multisine", "noise", "chirp"}
     assert {"KB", "KB (ARX)", "KB (output error)", "KB+coulomb_friction"} <= {row["model"] for row in rows}
-    page.get_by_role("button", name="File of the excitation that tells Hysteresis").click()
+    page.get_by_role("button", name="Excitation file that tells Hysteresis").click()
     assert "was not computed" in page.locator("#message").inner_text()
 
 
@@ -298,7 +255,7 @@ def test_from_a_blind_experiment_to_the_workflow(new_page, served):
     assert errors_of(page)[1] > errors_of(page)[2]
     page.get_by_role("button", name="inertia out").click()
     with page.expect_download() as given:
-        page.get_by_role("button", name="File of the excitation that tells Hysteresis").click()
+        page.get_by_role("button", name="Excitation file that tells Hysteresis").click()
     assert Path(given.value.path()).read_text(encoding="utf-8").startswith("time_s,position_mm")
     page.get_by_role("button", name="Keep these effects").click()
     page.wait_for_selector("#diff:has-text('coulomb_friction')")

@@ -8,6 +8,7 @@ sys.path.insert(0, str(WORKFLOW))
 
 from dependencies import library_sources
 from job_environment import set_job_environment
+from job_forks import fork_scripts
 from job_starts import lift_limit
 from run_log import watch
 from lumbar.config.artefacts import read_artefacts

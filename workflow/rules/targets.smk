@@ -26,6 +26,7 @@ for artefact in ARTEFACTS:
 
 onstart:
     lift_limit(workflow.scheduler)
+    fork_scripts(workflow)
     RUN["log"] = watch(workflow, STAGES, BENCHMARKS)
 
 

@@ -15,6 +15,7 @@ from lumbar.reports.figures.grid_figure import grid_figure
 from lumbar.settings.stability import CompareSettings
 from lumbar.stability.basins import basins_of_lift
 from lumbar.stability.comparison import grid as grid_module
+from lumbar.stability.comparison.compared_study import Study
 from lumbar.stability.comparison.grid import COLUMNS, grid_areas
 from lumbar.stability.comparison.grid_table import (
     grid_differences,
@@ -23,7 +24,7 @@ from lumbar.stability.comparison.grid_table import (
     survivors,
 )
 from lumbar.stability.comparison.percent_differences import comparison_names
-from lumbar.stability.comparison.table_4_1 import Study, published_sentence, tables_4_1
+from lumbar.stability.comparison.table_4_1 import published_sentence, tables_4_1
 from lumbar.stability.model.convention import GRID, THESIS
 from lumbar.stability.model.failures import joined
 from lumbar.stability.model.lift_trajectories import LiftStates

@@ -305,22 +305,6 @@ window.lumbar = (() => {
     }
   }
 
-  function dark() {
-    const light = "#e6e6e6";
-    for (const picture of page.pictures.map(named)) {
-      for (const axis of [...picture.below, ...picture.left]) {
-        axis.axis_label_text_color = axis.major_label_text_color = light;
-        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = light;
-      }
-      for (const grid of picture.center) if ("grid_line_color" in grid) grid.grid_line_color = "#444444";
-      for (const bar of picture.right) {
-        bar.major_label_text_color = bar.title_text_color = light;
-        bar.background_fill_alpha = 0;
-      }
-      for (const line of picture.renderers) if (line.name === "measured") line.glyph.line_color = "#ffffff";
-    }
-  }
-
   function start() {
     const found = window.Bokeh && window.Bokeh.documents.find((item) => item.get_model_by_name("shown") !== null);
     if (!found) { window.setTimeout(start, 20); return; }
@@ -328,7 +312,7 @@ window.lumbar = (() => {
     document.addEventListener("click", clicked);
     for (const id of ["record", "first", "second"]) element(id).addEventListener("change", show);
     for (const id of ["from", "to"]) element(id).addEventListener("change", brushTime);
-    if (window.matchMedia("(prefers-color-scheme: dark)").matches) dark();
+    window.lumbarDark(pictures);
     // A finger that scrolls the page marks nothing: the tools stay at hand.
     if (window.matchMedia("(pointer: coarse)").matches) for (const name of page.pictures) named(name).toolbar.active_drag = null;
     window.addEventListener("resize", reachable);
