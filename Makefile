@@ -12,7 +12,7 @@ STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
 CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-portable acceptance report check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
+.PHONY: results test test-portable acceptance report provenance check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
 
 results: environment ## every table, figure and FMU of the study (default target)
 	@python -m lumbar.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
@@ -46,8 +46,11 @@ acceptance: environment ## records whose truth is known, public and hard ones: a
 	python tests/real_records/run.py --markdown docs/acceptance.md; real=$$?; \
 	python tests/hard_effects/run.py --markdown docs/acceptance.md && exit $$real
 
-report: results ## results/<study>/report.html: one page, works offline
-	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/report.html
+report: results ## results/<study>/report.html: every table and figure beside the thesis's, one page, works offline
+	snakemake --cores 1 $(CONFIGFILE) report
+
+provenance: results ## results/<study>/provenance.html: Snakemake's own report: which job made what, when, from what
+	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/provenance.html
 
 check-results: environment ## regenerate the default study and compare it with tests/reference
 	snakemake --cores $(CORES) --forceall

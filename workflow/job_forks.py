@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 from multiprocessing import forkserver
+from multiprocessing.connection import Connection
 
 _WORTH_IT = 4
 """Scripts from which on one import of all libraries takes less than every script's own."""
@@ -48,18 +49,22 @@ def execute_script(script, path: str, edit: bool = False) -> None:
     """In place of `snakemake.script.PythonScript.execute_script`, which starts Python with the path of the script."""
     from snakemake.benchmark import benchmarked
 
-    process = _SERVER.Process(target=_run, args=(path, str(script.resources["tmpdir"])))
+    begin, measured = _SERVER.Pipe(duplex=False)
+    process = _SERVER.Process(target=_run, args=(path, str(script.resources["tmpdir"]), begin))
     process.start()
-    with benchmarked(process.pid, script.bench_record):
+    # A forked process is gone as soon as it ends: it waits until it is measured.
+    with benchmarked(process.pid, script.bench_record), begin, measured:
+        measured.send(True)
         process.join()
     if process.exitcode:
         raise subprocess.CalledProcessError(process.exitcode, [sys.executable, path])
 
 
-def _run(path: str, temporary: str) -> None:
+def _run(path: str, temporary: str, begin: Connection) -> None:
     """Run a script as Python would when started with its path."""
     # Killed with the process it was forked from: with that, Snakemake holds the job for failed and removes its files.
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    begin.recv()
     os.environ.update(dict.fromkeys(("TMPDIR", "TMP", "TEMPDIR", "TEMP"), temporary))
     sys.argv = [path]
     try:

@@ -33,14 +33,15 @@ def new_page(browser):
     """Return a function that opens an address and collects what goes wrong in the page."""
     opened = []
 
-    def open_page(address: str, **options):
+    def open_page(address: str, ready: str = "body[data-ready=yes]", **options):
         page = browser.new_page(**options)
         page.set_default_timeout(WAIT_MS)
         page.wrong, page.asked = [], []
         page.on("pageerror", lambda error: page.wrong.append(str(error)))
+        page.on("dialog", lambda dialog: (page.wrong.append(dialog.message), dialog.dismiss()))
         page.on("request", lambda request: page.asked.append(request.url))
         page.goto(address)
-        page.wait_for_selector("body[data-ready=yes]")
+        page.wait_for_selector(ready)
         opened.append(page)
         return page
 

@@ -6,9 +6,10 @@ from pathlib import Path
 WORKFLOW = Path(workflow.basedir) / "workflow"
 sys.path.insert(0, str(WORKFLOW))
 
-from dependencies import library_sources
+from dependencies import library_code
 from job_environment import set_job_environment
 from job_forks import fork_scripts
+from job_resources import measured
 from job_starts import lift_limit
 from run_log import watch
 from lumbar.config.artefacts import read_artefacts
@@ -47,7 +48,11 @@ CATEGORIES = {
     "pushes": "8 Basins of attraction",
     "claims": "9 Claims",
 }
-STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}
+STAGES = CATEGORIES | {
+    "records": CATEGORIES["twin"],
+    "hidden_effects": CATEGORIES["improvement"],
+    "report": "Report",
+}
 QUALITY = ("quality", "quality_of_trials")
 BENCHMARKS = Path("results") / STUDY / "benchmarks"
 RUN = {}  # what is told of the run under way

@@ -9,6 +9,7 @@ window.lumbar = (() => {
   let aside = null; // a path that was set aside, to be compared
   const past = [];
   let asked = 0;
+  let locating = null; // model of which the server is to say where it fails
   let since; // when the server was asked
   let windowed; // record of which the beginning was shown already
 
@@ -130,13 +131,12 @@ window.lumbar = (() => {
       place.textContent = views[place.dataset.view] || "";
       delete views[place.dataset.view];
     }
+    const open = !found && page.served && page.models[key].group === page.models.base.group;
     element("headline").textContent = found ? found.headline
-      : page.served && page.models[key].group === page.models.base.group ? "Looking where this model fails …"
+      : open ? "Looking where this model fails …"
       : "Where this model fails was not put into words: the pictures show it.";
     element("besides").replaceChildren(...Object.values(views).map((text) => made("li", text)));
-    if (!found && page.served && page.models[key].group === page.models.base.group) {
-      ask({ action: "locate", effects: page.models[key].effects }, "Looking where it fails");
-    }
+    if (open && ask({ action: "locate", effects: page.models[key].effects }, "Looking where it fails")) locating = key;
   }
 
   function rung(effects, before, top, number) {
@@ -222,12 +222,14 @@ window.lumbar = (() => {
   }
 
   function ask(content, words) {
+    if (document.body.hasAttribute("aria-busy")) return false; // one thing after the other: the answer to the first counts
     asked += 1;
     since = performance.now();
     say(words + " …");
     element("progress").hidden = false;
     document.body.setAttribute("aria-busy", "true");
     named("request").data = { content: [JSON.stringify({ number: asked, ...content })] };
+    return true;
   }
 
   function answered(text) {
@@ -237,16 +239,18 @@ window.lumbar = (() => {
     if (answer.number !== asked) return;
     document.body.removeAttribute("aria-busy");
     element("progress").hidden = true;
-    if (answer.error) { say(answer.error, true); return; }
+    if (answer.error) say(answer.error, true);
+    if (locating !== null) {
+      const unknown = Object.keys(page.models.base.merits).map((record) => [record, { headline: answer.error, views: {} }]);
+      page.models[locating].located = answer.located || Object.fromEntries(unknown);
+      locating = null;
+      if (!answer.error) say("");
+    }
     if (answer.models) {
       take(answer.effects);
       element("message").textContent += ` Fitted in ${((performance.now() - since) / 1000).toFixed(1)} s.`;
-    }
-    if (answer.located) {
-      page.models[answer.key].located = answer.located;
-      say("");
-      told(element("first").value, element("record").value);
-    }
+    } else told(element("first").value, element("record").value);
+    if (answer.error) return;
     if (answer.excitation) give(answer.excitation);
     if (answer.text !== undefined) say(answer.text);
     const proposal = element("proposal");
