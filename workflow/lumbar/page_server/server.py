@@ -136,9 +136,11 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) ->
 
 async def _answered(document: Document, requests: TabRequests, text: str) -> None:
     """Answer while other tabs go on."""
-    content, model = await in_background(requests.answer, text)
-    if model is not None:
+    content, models = await in_background(requests.answer, text)
+    for model in models:
         for record in model.values:
             for kind, columns in (("record", model.values), ("spectrum", model.density)):
-                document.get_model_by_name(f"{kind}:{record}").add(columns[record], model.key)
+                source = document.get_model_by_name(f"{kind}:{record}")
+                if model.key not in source.data:
+                    source.add(columns[record], model.key)
     document.get_model_by_name(ANSWER).data = {"content": [json.dumps(content)]}
