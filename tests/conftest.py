@@ -62,6 +62,21 @@ def made_once(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def saved_lift(made_once):
+    """Folder of a saved synthetic lift, and the page that was made before it was saved."""
+    import lumbar
+    from lumbar.synthetic.examples import example_lift
+
+    def analyse(folder):
+        somebody = example_lift(folder / "lift.c3d")
+        lift = lumbar.lift(folder / "lift.c3d", somebody, box_mass_kg=15, data="synthetic twin")
+        lift.save(folder)
+        return lumbar.lift_page(lift).to_html()
+
+    return made_once("lift", analyse)
+
+
+@pytest.fixture(scope="session")
 def default_run(made_once):
     """Folder of a project copy in which the default study was run with two cores, and what was printed.
 
