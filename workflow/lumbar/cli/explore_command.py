@@ -32,7 +32,8 @@ def add(commands) -> None:
         type=Path,
         nargs="?",
         metavar="STUDY|FOLDER",
-        help="file of a study, or folder of records (default: the study of config/config.yaml)",
+        help="file of a study, or folder of records (default: the study of config/config.yaml; where there is none, only what is "
+        "given on the page)",
     )
     parser.add_argument("--port", type=int, default=5006, metavar="N", help="port (default 5006)")
     parser.add_argument("--no-browser", action="store_true", help="open no browser, print the address")
@@ -46,19 +47,23 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Serve the page until it is interrupted."""
+    from lumbar.config.load_study import DEFAULT_FILES
     from lumbar.page_server.background import WRITING
     from lumbar.page_server.served_sets import OWN
     from lumbar.page_server.server import new_server
 
     folder = options.target is not None and options.target.is_dir()
-    sets, own = _of_folder(options) if folder else _of_study(options)
+    alone = options.target is None and not DEFAULT_FILES[0].is_file()
+    found = _of_folder if folder else _of_nothing if alone else _of_study
+    sets, own = found(options)
     server = new_server(sets, options.port, own)
     server.start()
-    for address in (*(explored.name for explored in sets), OWN.removeprefix("/")):
-        print(f"http://127.0.0.1:{server.port}/{address}", flush=True)
+    addresses = [*(f"/{explored.name}" for explored in sets), OWN]
+    for address in addresses:
+        print(f"http://127.0.0.1:{server.port}{address}", flush=True)
     print("Ctrl-C ends it.", flush=True)
     if not options.no_browser:
-        server.io_loop.add_callback(server.show, f"/{sets[0].name}")
+        server.io_loop.add_callback(server.show, addresses[0])
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         server.io_loop.start()
@@ -83,6 +88,26 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     )
 
 
+def _of_nothing(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
+    """Only what is given on the page, by the default settings."""
+    from lumbar.config.settings_files import load_settings
+    from lumbar.interface.diagnosis import diagnose
+    from lumbar.page_server.own_recordings import OwnDiagnosis
+
+    settings = load_settings(*options.config)
+    fixed = partial(
+        diagnose,
+        base=options.base,
+        forward=options.forward,
+        session=False,
+        settings=settings.improvement,
+        machine=settings.signals.machine,
+        gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
+        seed=settings.seed,
+    )
+    return [], OwnDiagnosis(fixed, (options.output or EXPLORED) / "own")
+
+
 def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     from lumbar.config.load_study import DEFAULT_FILES, load_study_file
     from lumbar.page_server.explored_set import ExploredSet
@@ -92,8 +117,8 @@ def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
 
     if not DEFAULT_FILES[0].is_file():
         raise InputError(
-            f"{options.target or DEFAULT_FILES[0]}: no folder of records, and here is no project whose study it could be "
-            f"({DEFAULT_FILES[0]}): go to the project's folder, or name a folder of records"
+            f"{options.target}: no folder of records, and here is no project whose study it could be "
+            f"({DEFAULT_FILES[0]}): go to the project's folder, name a folder of records, or none and give files on the page"
         )
     study = load_study_file(Path(), options.target)
     file = options.target or DEFAULT_FILES[0]
