@@ -26,9 +26,12 @@ def pytest_collection_modifyitems(items):
     Files of integration tests take minutes: they begin, so that no worker is left with one at the end.
     """
     for item in items:
-        starts_snakemake = {TESTS / "workflow", TESTS / "end_to_end", TESTS / "browser"} & set(
-            item.path.parents
-        )
+        starts_snakemake = {
+            TESTS / "workflow",
+            TESTS / "end_to_end",
+            TESTS / "browser",
+            TESTS / "cluster",
+        } & set(item.path.parents)
         item.add_marker("integration" if starts_snakemake else "unit")
     items.sort(key=lambda item: item.get_closest_marker("integration") is None)
 
@@ -56,6 +59,21 @@ def made_once(tmp_path_factory):
     """Make things once for all workers of a session, by name."""
     own = tmp_path_factory.getbasetemp()
     return MadeOnce(own.parent if "PYTEST_XDIST_WORKER" in os.environ else own)
+
+
+@pytest.fixture(scope="session")
+def saved_lift(made_once):
+    """Folder of a saved synthetic lift, and the page that was made before it was saved."""
+    import lumbar
+    from lumbar.synthetic.examples import example_lift
+
+    def analyse(folder):
+        somebody = example_lift(folder / "lift.c3d")
+        lift = lumbar.lift(folder / "lift.c3d", somebody, box_mass_kg=15, data="synthetic twin")
+        lift.save(folder)
+        return lumbar.lift_page(lift).to_html()
+
+    return made_once("lift", analyse)
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ from lumbar.interface.identification import identify as identify
 from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.inspecting import inspect as inspect
 from lumbar.interface.lift_basins import basins as basins
+from lumbar.interface.lift_page import lift_page as lift_page
 from lumbar.interface.movement import measure_movement as measure_movement
 from lumbar.interface.participants import analyse_survey as analyse_survey
 from lumbar.interface.people import compare_groups as compare_groups

@@ -124,3 +124,31 @@ if study.has("stability"):
             "Margins of stability, impulse to a step, posture and moment about L5/S1 of every lift"
         script:
             "../scripts/measure_movement.py"
+
+    rule show_lifts:
+        input:
+            body=[f"<results>/lifting/{lift}/body.csv" for lift in study.lifts],
+            centres=[f"<results>/lifting/{lift}/com.csv" for lift in study.lifts],
+            states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
+            facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
+            events=[f"<results>/lifting/{lift}/events.json" for lift in study.lifts],
+        output:
+            **published("lift_pages"),
+        log:
+            "<logs>/show_lifts.log",
+        benchmark:
+            "<benchmarks>/show_lifts.tsv"
+        group:
+            "lift_pages"
+        conda:
+            CONDA
+        resources:
+            **measured(peak_mb=250, seconds=12),
+        params:
+            code=library_code("show_lifts.py"),
+            settings=without(settings.stability, "compare"),
+            data=DATA,
+        message:
+            "A page of every lift to look around in, with pushes against the funnel"
+        script:
+            "../scripts/show_lifts.py"

@@ -82,6 +82,7 @@ def _route(server: Server, served: ServedSets, own: OwnDiagnosis | None) -> None
     """Put the server's own pages before Bokeh's, take away what nobody needs, and answer nobody from elsewhere."""
     from bokeh.server.views.autoload_js_handler import AutoloadJsHandler
     from bokeh.server.views.metadata_handler import MetadataHandler
+    from bokeh.server.views.root_handler import RootHandler
     from tornado.routing import PathMatches, Rule
     from tornado.web import RedirectHandler
 
@@ -90,10 +91,12 @@ def _route(server: Server, served: ServedSets, own: OwnDiagnosis | None) -> None
 
     application = server._tornado
     inner = application.wildcard_router.rules
-    inner[:] = [rule for rule in inner if rule.target not in (AutoloadJsHandler, MetadataHandler)]
-    home = next(iter(served.given), OWN)
+    inner[:] = [
+        rule for rule in inner if rule.target not in (AutoloadJsHandler, MetadataHandler, RootHandler)
+    ]
+    home = [*served.given, *([] if own is None else [OWN])][:1]
     first = [
-        Rule(PathMatches("/?"), RedirectHandler, {"url": home, "permanent": False}),
+        *(Rule(PathMatches("/?"), RedirectHandler, {"url": page, "permanent": False}) for page in home),
         Rule(waiting.NotReady(served), waiting.WaitingHandler, {"sets": served}),
         Rule(PathMatches(waiting.PROGRESS), waiting.ProgressHandler, {"sets": served}),
         Rule(PathMatches(waiting.CANCEL), waiting.CancelHandler, {"sets": served}),
@@ -139,9 +142,11 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) ->
 
 async def _answered(document: Document, requests: TabRequests, text: str) -> None:
     """Answer while other tabs go on."""
-    content, model = await in_background(requests.answer, text)
-    if model is not None:
+    content, models = await in_background(requests.answer, text)
+    for model in models:
         for record in model.values:
             for kind, columns in (("record", model.values), ("spectrum", model.density)):
-                document.get_model_by_name(f"{kind}:{record}").add(columns[record], model.key)
+                source = document.get_model_by_name(f"{kind}:{record}")
+                if model.key not in source.data:
+                    source.add(columns[record], model.key)
     document.get_model_by_name(ANSWER).data = {"content": [json.dumps(content)]}

@@ -1,0 +1,134 @@
+"""The page of a lift in a real browser: what it computes itself is what the library computes, and a push can be dragged."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from lumbar.interface.lift_page import lift_page
+from lumbar.settings.stability import StabilitySettings
+from lumbar.stability.basins import close_loops
+from lumbar.stability.comparison.grid import headline
+from lumbar.stability.extended_basins import torque_limit
+from lumbar.stability.funnel import monte_carlo_check
+from lumbar.stability.funnel.funnel import exact_funnels
+from lumbar.stability.funnel.monte_carlo_check import preimage, simulate
+from lumbar.stability.funnel.saturation import extra_acceleration, reference_of
+from lumbar.stability.model.lift_trajectories import LiftStates
+
+SETTINGS = StabilitySettings()
+PUSHES = np.array([[0.05, 0.4], [-0.3, 0.2], [0.0, -2.0], [1.2, 3.0]]).T
+"""From inside every funnel to far outside; the last are limited by the torque."""
+
+
+@pytest.fixture(scope="module")
+def page_file(saved_lift, tmp_path_factory):
+    path = tmp_path_factory.mktemp("lift") / "lift.html"
+    lift_page(saved_lift[0], settings=SETTINGS, data="synthetic twin").save(path)
+    return path.as_uri()
+
+
+@pytest.fixture
+def page(new_page, page_file):
+    return new_page(page_file, viewport={"width": 1280, "height": 900})
+
+
+@pytest.fixture(scope="module")
+def trajectories(saved_lift):
+    lift = lift_page(saved_lift[0]).lift
+    states = LiftStates(lift.states, lift.facts)
+    return states.trajectories(headline(SETTINGS, lift.facts["pivot"]))[0]
+
+
+def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch):
+    monkeypatch.setattr(monte_carlo_check, "LONGEST_STRIDE", 1)  # a step from knot to knot, as in the page
+    assert len(trajectories) == 6
+    for item, limited in product(trajectories, (False, True)):
+        loops = close_loops([item], SETTINGS.pendulum.sign, SETTINGS)
+        limit = torque_limit(item, SETTINGS)
+        reference = reference_of(loops.pendulums, limit.bias)
+
+        def limits(point, state, loops=loops, reference=reference, torque=limit.torque):
+            return extra_acceleration(loops, reference, torque, 1.0, point, state)
+
+        found = np.array(
+            [
+                page.evaluate(
+                    "([key, state, limits]) => window.lumbarLift.follow(key, 0, state, limits)",
+                    [f"{item.com}/{item.plane}", list(push), limited],
+                )
+                for push in PUSHES.T
+            ]
+        )
+        assert found.shape == (4, SETTINGS.knots, 2)
+        for knot, state in simulate(loops, PUSHES[:, None, :], limits if limited else None):
+            assert pytest.approx(state[:, 0], rel=1e-7, abs=1e-7) == found[:, knot].T
+
+
+def test_simulated_outline_is_the_goal_set_followed_backward(page, trajectories):
+    item = trajectories[3]
+    loops = close_loops([item], SETTINGS.pendulum.sign, SETTINGS)
+    outlines = np.array(page.evaluate(f"window.lumbarLift.reached('{item.com}/{item.plane}', false, 60)"))
+    edge = outlines[-1].T[:, None, :]
+    goal = exact_funnels(loops, SETTINGS.goal_level).level[-1, 0]
+    s11, s12, s22 = loops.cost[-1, 0]
+    assert s11 * edge[0] ** 2 + 2 * s12 * edge[0] * edge[1] + s22 * edge[1] ** 2 == pytest.approx(goal)
+    assert pytest.approx(preimage(loops, edge)[:, 0], rel=1e-5) == outlines[0].T
+
+
+def text(page, name: str) -> str:
+    return page.locator(f"#{name}").inner_text()
+
+
+def test_a_push_can_be_dragged_and_typed(page):
+    assert text(page, "told-certified").startswith("inside the funnel")
+    assert "does not leave the funnel, and ends in the goal set" in text(page, "told-simulated")
+    plane = page.locator("#picture-plane canvas").first
+    plane.scroll_into_view_if_needed()
+    box = plane.bounding_box()
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.45 * box["height"]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 0.3 * box["width"], y - 0.3 * box["height"], steps=4)
+    page.mouse.up()
+    page.wait_for_function("document.getElementById('told-certified').textContent.startsWith('outside')")
+    assert "It may return all the same" in text(page, "told-certified")
+    dragged = float(page.locator("#push-angle").input_value())
+    assert dragged > 0.3
+    page.locator("#push-velocity").fill("0")
+    page.locator("#push-angle").focus()
+    page.locator("#push-angle").fill("0.02")
+    page.keyboard.press("ArrowUp")
+    assert "0.03 rad and 0 rad/s off the trajectory" in text(page, "told-push")
+    assert text(page, "told-certified").startswith("inside")
+
+
+def test_limits_of_the_torque_let_a_pushed_pendulum_fall(page):
+    page.locator("#push-angle").fill("0.3")
+    page.locator("#push-velocity").fill("1.5")
+    assert "ends in the goal set" in text(page, "told-simulated")
+    page.get_by_label("limit the torque").check()
+    assert "does not end in the goal set" in text(page, "told-simulated")
+    assert "at a limit for" in text(page, "told-torque")
+
+
+def test_time_is_gone_through_by_keyboard_and_everything_follows(page):
+    for name in ("release", "start of deposit"):
+        page.get_by_role("button", name=name).click()
+    before = page.evaluate("Bokeh.documents[0].get_model_by_name('side:centres').data.y.slice()")
+    page.locator("#time").focus()
+    for _ in range(60):
+        page.keyboard.press("ArrowRight")
+    assert "6.42 s · deposit" in text(page, "now")
+    assert "Cross-section at 6.42 s" in text(page, "section")
+    after = page.evaluate("Bokeh.documents[0].get_model_by_name('side:centres').data.y.slice()")
+    assert after[-1] < before[-1]  # the box goes down
+    assert all(url.startswith(("file:", "data:", "blob:")) for url in page.asked)
+
+
+def test_nothing_is_wider_than_the_page(page):
+    for width in (390, 1280, 1920):
+        page.set_viewport_size({"width": width, "height": 900})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width

@@ -1,0 +1,92 @@
+"""``lumbar.lift_page``: one lift as a page to look around in, with a push that can be dragged."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.errors import InputError
+from lumbar.interface.data_label import NOT_SAID
+from lumbar.interface.person import Lift
+from lumbar.settings.stability import StabilitySettings
+
+if TYPE_CHECKING:
+    from lumbar.reports.lift_page.page import LiftPage
+    from lumbar.reports.lift_page.recorded_lift import RecordedLift
+
+FILES = ("body.csv", "com.csv", "pendulum.csv", "pendulum.json", "events.json")
+"""What the page of a saved lift is made of."""
+
+
+def lift_page(
+    lift: Lift | str | os.PathLike, *, settings: StabilitySettings | None = None, data: str = ""
+) -> LiftPage:
+    """Make the page of one lift: body, balance, pendulum states, and pushes against the funnel.
+
+    The page holds all it needs; what becomes of a push it integrates itself, with the equations of `basins`.
+
+    Parameters
+    ----------
+    lift : Lift or path
+        Of `lift`, or the folder that it was saved to.
+    settings : StabilitySettings, optional
+        Pendulum, regulator, goal and limits of the torque; no checks are run.
+    data : str
+        Words for the source of the data; default those of the lift.
+
+    Returns
+    -------
+    LiftPage
+        ``to_html()`` is the page, ``save(path)`` writes it.
+
+    Raises
+    ------
+    InputError
+        If the folder lacks a file, or a file is not what `lift` writes.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.synthetic.examples import example_lift
+    >>> lift = lumbar.lift("lift.c3d", example_lift("lift.c3d"), box_mass_kg=15)
+    >>> lumbar.lift_page(lift).save("lift.html")
+    """
+    from lumbar.reports.lift_page.page import LiftPage
+
+    recorded = _analysed(lift, data) if isinstance(lift, Lift) else _saved(Path(lift), data)
+    return LiftPage(recorded, settings or StabilitySettings())
+
+
+def saved_lifts(folder: str | os.PathLike) -> list[Path]:
+    """Folders of lifts: this one, those in it, or those of a study whose results it holds."""
+    folder = Path(folder)
+    inner = [path for parent in (folder, folder / "lifting") for path in sorted(parent.glob("*/"))]
+    return [path for path in (folder, *inner) if all((path / name).is_file() for name in FILES)]
+
+
+def _analysed(lift: Lift, data: str) -> RecordedLift:
+    from lumbar.reports.lift_page.recorded_lift import RecordedLift
+
+    events = {name: event.as_dict() for name, event in lift.analysed.events.items()}
+    return RecordedLift(lift.body, lift.analysed.pivot, lift.states, lift.facts, events, data or lift.data)
+
+
+def _saved(folder: Path, data: str) -> RecordedLift:
+    import numpy as np
+    import pandas as pd
+
+    from lumbar.files import read_json
+    from lumbar.reports.lift_page.recorded_lift import RecordedLift
+
+    absent = [name for name in FILES if not (folder / name).is_file()]
+    if absent:
+        raise InputError(f"{folder}: no {', '.join(absent)}; a folder that 'lumbar lift' writes is needed")
+    try:
+        body, centres, states = (pd.read_csv(folder / name) for name in FILES[:3])
+        pivots = centres.drop_duplicates("time_s")[[f"pivot_{axis}_m" for axis in "xyz"]].to_numpy(float)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError, KeyError) as error:
+        raise InputError(f"{folder}: not the tables that 'lumbar lift' writes ({error})") from error
+    facts, events = (read_json(folder / name) for name in FILES[3:])
+    pivot = pivots if len(pivots) == len(body) and np.isfinite(pivots).any() else None
+    return RecordedLift(body, pivot, states, facts, events["events"], data or facts.get("data", NOT_SAID))
