@@ -12,7 +12,7 @@ STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
 CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-portable acceptance report provenance check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
+.PHONY: results test test-portable acceptance report provenance crate check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
 
 results: environment ## every table, figure and FMU of the study (default target)
 	@python -m lumbar.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
@@ -52,9 +52,12 @@ report: results ## results/<study>/report.html: every table and figure beside th
 provenance: results ## results/<study>/provenance.html: Snakemake's own report: which job made what, when, from what
 	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/provenance.html
 
-check-results: environment ## regenerate the default study and compare it with tests/reference
+crate: results ## results/<study>/<study>.crate.zip: code, inputs, environment and outputs of the run, to be cited
+	snakemake --cores 1 $(CONFIGFILE) crate
+
+check-results: environment ## regenerate the default study and compare it with tests/reference, or with CRATE=archive
 	snakemake --cores $(CORES) --forceall
-	python tests/reference/check_results.py
+	python tests/reference/check_results.py $(if $(CRATE),--crate $(CRATE))
 
 update-reference: results ## take the default study's numbers as the new reference
 	python tests/reference/check_results.py --update
@@ -65,6 +68,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python tests/benchmark/stability.py
 	python tests/benchmark/population.py
 	python tests/benchmark/runtime.py
+	python tests/benchmark/browser.py
 	python tests/benchmark/pendulum.py
 	python tests/benchmark/calibration.py --markdown docs/acceptance.md
 	snakemake --cores $(CORES) hidden_effects --configfile config/hidden_effects_full.yaml

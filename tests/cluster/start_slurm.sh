@@ -50,14 +50,15 @@ mkdir -m 700 "$FOLDER/state" "$FOLDER/spool"
 
 # Memory is watched by reading /proc, since a container seldom may make control groups; a job over its limit is killed.
 user=$(id -un)
+port=$((20000 + 2 * ($$ % 6000))) # several may run beside each other
 node=$(hostname -s)
 memory=$(awk '/^MemTotal/ {print int($2 / 1024 * 0.9)}' /proc/meminfo)
 [ -s "$FOLDER/munge.key" ] || (umask 077 && head -c 128 /dev/urandom >"$FOLDER/munge.key")
 cat >"$FOLDER/slurm.conf" <<END
 ClusterName=lumbar
 SlurmctldHost=$node(127.0.0.1)
-SlurmctldPort=46817
-SlurmdPort=46818
+SlurmctldPort=$port
+SlurmdPort=$((port + 1))
 SlurmUser=$user
 SlurmdUser=$user
 AuthType=auth/munge

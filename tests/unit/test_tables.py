@@ -156,3 +156,4 @@ def test_latex_is_balanced_and_names_no_sign_that_ends_it():
     bare = re.sub(r"\\[\\%&_{}~#$]", "", tex)
     assert bare.count("{") == bare.count("}")
     assert r"1.2$\cdot10^{-16}$" in tex
+    assert r"$-$1.50 &" in made(frame=made().frame.assign(value_N=-1.5), decimals={"value_N": 2}).to_latex()

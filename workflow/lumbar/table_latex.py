@@ -113,4 +113,4 @@ def _cell(column: Column, row: int) -> str:
         return escaped(text)
     missing = column.fraction - len(split(text)[1])
     fill = "." + "0" * (missing - 1) if missing == column.fraction else "0" * missing
-    return escaped(text) + (rf"\phantom{{{fill}}}" if missing else "")
+    return escaped(text).replace("-", "$-$", 1) + (rf"\phantom{{{fill}}}" if missing else "")

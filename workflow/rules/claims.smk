@@ -34,8 +34,8 @@ CHAPTER_OF_FILE = {f"{chapter}.smk": chapter for chapter in CATEGORIES} | {"reco
 rule workflow_figure:
     input:
         config="<results>/run_config.yaml",
-        snakefile=str(Path(workflow.basedir) / "Snakefile"),
-        rules=sorted(map(str, WORKFLOW.glob("rules/*.smk"))),
+        snakefile=source(Path(workflow.basedir) / "Snakefile"),
+        rules=[source(path) for path in sorted(WORKFLOW.glob("rules/*.smk"))],
     output:
         **published("workflow"),
     log:
@@ -80,7 +80,7 @@ EVIDENCE = {name: path for name, (chapter, path) in EVIDENCE.items() if study.ha
 
 rule examine_claims:
     input:
-        published=[f"resources/thesis/{name}.csv" for name in ("table_3_1", "table_3_2", "table_4_1")],
+        published=[source(f"resources/thesis/{name}.csv") for name in ("table_3_1", "table_3_2", "table_4_1")],
         results=[f"<results>/{path}" for path in EVIDENCE.values()],
     output:
         **published("claims_table"),

@@ -29,7 +29,7 @@ for group, checked in CHECKS.items():
             f"check_{group}_recordings"
         input:
             recordings=lambda wildcards, chapters=checked: [
-                item["path"] for item in reading_plan(study, chapters)
+                placed(item["path"]) for item in reading_plan(study, chapters)
             ],
         output:
             [f"<results>/checked/{chapter}.json" for chapter in checked],

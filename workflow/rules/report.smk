@@ -6,8 +6,18 @@ rule report_page:
         made(ARTEFACTS),
         config="<results>/run_config.yaml",
         environment="<results>/run_environment.json",
-        sheet=str(Path(workflow.basedir) / "config" / "artefacts.tsv"),
-        captions=[str(WORKFLOW / "report" / f"{artefact.id}.rst") for artefact in ARTEFACTS if artefact.label],
+        checked=[f"<results>/checked/{chapter}.json" for chapter in RECORDED_CHAPTERS],
+        facts=[
+            f"<results>/lifting/{lift}/{name}.json"
+            for lift in study.lifts
+            if study.has("lifting")
+            for name in ("pendulum", "quality")
+        ],
+        failures="<results>/stability/failures.csv" if study.has("stability") else [],
+        sheet=source(Path(workflow.basedir) / "config" / "artefacts.tsv"),
+        captions=[
+            source(WORKFLOW / "report" / f"{artefact.id}.rst") for artefact in ARTEFACTS if artefact.label
+        ],
     output:
         page="<results>/report.html",
     log:

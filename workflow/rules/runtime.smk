@@ -33,7 +33,7 @@ rule warm_compiler:
 rule export_fmus:
     input:
         models="<results>/tissue/models.json",
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         targets="<results>/runtime/targets.json",
     output:
         fmus=FMUS,
@@ -61,7 +61,7 @@ rule check_fmus:
     input:
         fmus=FMUS,
         models="<results>/tissue/models.json",
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
     output:
         **published("fmu_check", "fmu_force"),
         checks="<results>/runtime/fmu_check.csv",
@@ -91,7 +91,7 @@ rule render_models:
         models="<results>/tissue/models.json",
         recordings=TISSUE_RECORDINGS,
         checked="<results>/checked/tissue.json",
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         targets="<results>/runtime/targets.json",
     output:
         **published("rendering", "passive_fits", "closed_loop", "z_width"),

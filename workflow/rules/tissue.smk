@@ -34,7 +34,7 @@ rule viscoelastic_models:
 rule identify_tissue:
     input:
         recordings=TISSUE_RECORDINGS,
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         checked="<results>/checked/tissue.json",
     output:
         fits="<results>/tissue/identified/{training}.json",
@@ -69,7 +69,7 @@ rule tissue_models:
         fits=expand("<results>/tissue/identified/{training}.json", training=TRAINING),
         grids=expand("<results>/tissue/identified/{training}.csv", training=TRAINING),
         recordings=TISSUE_RECORDINGS,
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         checked="<results>/checked/tissue.json",
     output:
         **published("table_3_1", "physical_parameters", "figure_3_4", "figure_3_5"),

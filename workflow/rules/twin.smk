@@ -3,7 +3,7 @@
 
 rule twin_survey:
     input:
-        answers=str(Path(workflow.basedir) / "resources" / "survey" / "survey_reconstructed.csv"),
+        answers=source(Path(workflow.basedir) / "resources" / "survey" / "survey_reconstructed.csv"),
     output:
         answers=f"<results>/twin/{settings.survey.file}",
     log:

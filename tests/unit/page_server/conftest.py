@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import http.client
 import json
 import threading
 from functools import partial
 from types import SimpleNamespace
 
 import pytest
+from asking import ask
 
 import lumbar
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.own_recordings import OwnDiagnosis
 from lumbar.page_server.server import new_server
 from lumbar.page_server.study_change import with_value
-from lumbar.page_server.trust import HOST
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.synthetic.examples import example_records
 
@@ -64,20 +62,10 @@ def served(explored, broken, tmp_path_factory):
     assert started.wait(60)
     port = held[0].port
     yield SimpleNamespace(
-        port=port, get=partial(asked, port, "GET"), post=partial(asked, port, "POST"), own=output
+        port=port, get=partial(ask, port, "GET"), post=partial(ask, port, "POST"), own=output
     )
     held[0].io_loop.add_callback(held[0].io_loop.stop)
     thread.join(10)
-
-
-def asked(port, method, path, body=None, **headers):
-    """Send a request; underscores of headers stand for hyphens."""
-    connection = http.client.HTTPConnection(HOST, port, timeout=60)
-    connection.request(method, path, body, {name.replace("_", "-"): text for name, text in headers.items()})
-    answer = connection.getresponse()
-    with contextlib.suppress(ConnectionResetError):  # refused while the body was on its way
-        return answer.status, dict(answer.getheaders()), answer.read().decode(errors="replace")
-    return answer.status, dict(answer.getheaders()), ""
 
 
 @pytest.fixture

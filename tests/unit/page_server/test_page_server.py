@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
+import signal
+import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
+from asking import ask
 
 import lumbar
+from lumbar.cli.command import INTERRUPTED
 from lumbar.errors import InputError
 from lumbar.files import read_json
 from lumbar.page_server.requests import TabRequests
@@ -26,11 +33,14 @@ def asked(tab, action, *effects):
 
 
 def test_a_model_that_was_not_fitted_is(tab, explored):
-    answer, model = asked(tab, "fit", "coulomb_friction", "inertia")
+    answer, models = asked(tab, "fit", "coulomb_friction", "inertia")
     refined = lumbar.refine(example_records(), ["coulomb_friction", "inertia"])
-    assert (answer["number"], answer["key"]) == (7, "coulomb_friction+inertia")
-    assert answer["model"]["test_rms"] == pytest.approx(refined.path[-1].test_rms, rel=1e-9)
-    assert len(model.values["other"]) == len(explored.page.records[1].columns["time"])
+    assert answer["number"] == 7
+    assert list(answer["models"]) == ["base", "coulomb_friction", "coulomb_friction+inertia"]
+    told = answer["models"]["coulomb_friction+inertia"]
+    assert told["located"]["other"]["views"].keys() >= {"depth", "reversals"}
+    assert told["test_rms"] == pytest.approx(refined.path[-1].test_rms, rel=1e-9)
+    assert len(models[-1].values["other"]) == len(explored.page.records[1].columns["time"])
     assert explored.refitted(["inertia", "coulomb_friction"]) is explored.refitted(
         ["coulomb_friction", "inertia"]
     )
@@ -66,9 +76,22 @@ def test_the_workflow_writes_the_model_that_the_page_shows(explored, tmp_path):
     ],
 )
 def test_what_cannot_be_done_is_said(tab, text, words):
-    answer, model = tab.answer(text if isinstance(text, str) else json.dumps({"number": 1, **text}))
+    answer, models = tab.answer(text if isinstance(text, str) else json.dumps({"number": 1, **text}))
     assert words in answer["error"]
-    assert model is None
+    assert models == []
+
+
+def test_what_tells_a_candidate_from_the_selected_effect_is_computed(tab):
+    answer, _ = asked(tab, "separate", "hysteresis")
+    motion = np.loadtxt(io.StringIO(answer["excitation"]["file"]), delimiter=",", skiprows=1)
+    assert motion.shape[1] == 2 and len(motion) > 100
+    assert "coulomb friction from hysteresis" in answer["excitation"]["text"]
+
+
+def test_a_candidate_that_was_not_put_into_words_is_located(tab):
+    answer, _ = asked(tab, "locate", "hysteresis")
+    refined = lumbar.refine(example_records(), ["hysteresis"]).locate()
+    assert answer["located"]["other"]["headline"] == refined["other"].location.headline
 
 
 def test_effects_are_kept_after_a_look_at_the_change(tab, explored):
@@ -181,3 +204,20 @@ def test_long_messages_are_not_read(served):
 def test_a_taken_port_is_named(served, explored):
     with pytest.raises(InputError, match=f"port {served.port}: .*--port"):
         new_server([explored], served.port)
+
+
+def test_the_server_ends_while_it_computes(tmp_path):
+    for record in example_records():
+        table = np.column_stack([record.time, record["input"], record["output"]])
+        header = "time_s,position_mm,force_N"
+        np.savetxt(tmp_path / f"{record.name}.csv", table, delimiter=",", header=header, comments="")
+    before = sorted(tmp_path.iterdir())
+    command = [sys.executable, "-m", "lumbar", "explore", str(tmp_path), "--port", "0", "--no-browser"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=tmp_path, **pipes) as server:
+        port = int(server.stdout.readline().rpartition(":")[2].partition("/")[0])
+        assert ask(port, "GET", "/records")[0] == 200
+        server.send_signal(signal.SIGINT)
+        _, said = server.communicate()
+    assert (server.returncode, "Traceback" in said) == (INTERRUPTED, False)
+    assert sorted(tmp_path.iterdir()) == before

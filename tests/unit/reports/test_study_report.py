@@ -46,6 +46,14 @@ def test_order_is_the_sheets_and_a_record_sets_own_stand_together(entries):
     assert list(entries) == [*expected, "basins"]
 
 
+def test_of_many_lifts_the_first_are_shown_and_the_others_linked(results):
+    many = {**CHOICES, "lift": {f"p{number}_1kg": "p" for number in range(100)}}
+    events = [row for row in SHEET if row.id == "events"]
+    (chapter,) = chapters(results, results / "captions", events, many, None)
+    ((artefact, files),) = chapter.files
+    assert (len(chapter.entries), artefact.id, len(files)) == (24, "events", 2 * 76)
+
+
 def test_pictures_say_whom_they_show_and_where_the_data_come_from(entries):
     assert [entries[f"events-{lift}"].shows for lift in CHOICES["lift"]] == list(CHOICES["lift"].values())
     assert entries["events-b_2kg"].title == "Events: b, box of 2 kg"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import signal
-from functools import partial
+from collections.abc import Sequence
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.page_server.explored_set import ExploredSet
     from lumbar.page_server.own_recordings import OwnDiagnosis
+    from lumbar.records.record import Record
 
 EXPLORED = Path("explored")
 
@@ -88,18 +90,18 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     options.folder = options.target
     settings, records, chosen = read_folder(options)
     gravity = settings.stability.pendulum.gravity_m_s2
-    fixed = partial(diagnose, machine=settings.signals.machine, gravity_m_s2=gravity)
+    machine, tissue = settings.signals.machine, settings.tissue
+    fixed = partial(diagnose, machine=machine, tissue=tissue, gravity_m_s2=gravity)
     output = options.output or EXPLORED / options.folder.resolve().name  # two folders, two places
-    own = {key: chosen[key] for key in ("base", "forward", "session", "settings", "seed")}
-    return [ExploredSet("records", partial(fixed, records, **chosen), output)], OwnDiagnosis(
-        partial(fixed, **own), (options.output or EXPLORED) / "own"
+    own = {key: chosen[key] for key in ("base", "forward", "settings", "seed")}
+    explored = ExploredSet("records", partial(fixed, records, **chosen), output, read=lambda: records)
+    return [explored], OwnDiagnosis(
+        partial(fixed, session=False, **own), (options.output or EXPLORED) / "own"
     )
 
 
 def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     from lumbar.config.load_study import DEFAULT_FILES, load_study_file
-    from lumbar.page_server.explored_set import ExploredSet
-    from lumbar.page_server.kept_effects import keep_effects
     from lumbar.page_server.kept_records import keep_records
     from lumbar.page_server.own_recordings import OwnDiagnosis
 
@@ -112,22 +114,35 @@ def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     file = options.target or DEFAULT_FILES[0]
     output = (options.output or EXPLORED) / study.name
     sets = [
-        ExploredSet(
-            entry.name,
-            partial(_diagnosed, study, entry.name),
-            output / entry.name,
-            partial(keep_effects, file, study.settings, entry.name),
-            file.name,
-        )
+        _of_set(study, entry.name, file, output / entry.name)
         for entry in study.settings.improvement.record_sets
     ]
     return sets, OwnDiagnosis(
-        partial(_diagnose_as, study), output / "own", partial(keep_records, file, study), file.name
+        partial(_diagnose_as, study, session=False),
+        output / "own",
+        partial(keep_records, file, study),
+        file.name,
     )
 
 
-def _diagnosed(study: Study, name: str) -> Diagnosis:
-    """Diagnose one record set as the workflow does."""
+def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
+    """A record set, diagnosed as the workflow does."""
+    from lumbar.config.study_recordings import record_set
+    from lumbar.page_server.explored_set import ExploredSet
+    from lumbar.page_server.kept_effects import keep_effects
+
+    read = cache(partial(_records_of, study, name))
+
+    def diagnosed() -> Diagnosis:
+        entry = record_set(study.settings, name)
+        fitted = {"base": entry.base, "train": entry.train, "session": entry.session}
+        return _diagnose_as(study, read(), **fitted, data=study.data_label)
+
+    keep = partial(keep_effects, file, study.settings, name)
+    return ExploredSet(name, diagnosed, output, keep, file.name, read=read)
+
+
+def _records_of(study: Study, name: str) -> Sequence[Record]:
     from lumbar.config.study_recordings import record_set, set_layout
     from lumbar.interface.reading import read_listed
 
@@ -137,9 +152,7 @@ def _diagnosed(study: Study, name: str) -> Diagnosis:
     if missing:
         made = "; 'snakemake' makes the synthetic twin's recordings" if study.synthetic else ""
         raise InputError(f"{', '.join(missing)}: not there{made}")
-    records = read_listed(paths, entry.records, *set_layout(study.settings, name))
-    fitted = {"base": entry.base, "train": entry.train, "session": entry.session}
-    return _diagnose_as(study, records, **fitted, data=study.data_label)
+    return read_listed(paths, entry.records, *set_layout(study.settings, name))
 
 
 def _diagnose_as(study: Study, records, **chosen) -> Diagnosis:
@@ -151,6 +164,7 @@ def _diagnose_as(study: Study, records, **chosen) -> Diagnosis:
         records,
         settings=settings.improvement,
         machine=settings.signals.machine,
+        tissue=settings.tissue,
         gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
         seed=settings.seed,
         **chosen,

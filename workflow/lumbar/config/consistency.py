@@ -143,6 +143,8 @@ def _check_effects(
 def check_consistency(study: Study, root: Path, origins: Origins, problems: Problems) -> None:
     """Check names, references between keys and that every given recording is there and inside the root.
 
+    Whether an object store has a recording is asked by Snakemake.
+
     Parameters
     ----------
     study : Study
@@ -198,7 +200,7 @@ def _check_recordings(study: Study, add: Add) -> None:
             path = Path(name)
             if path.is_absolute() or ".." in path.parts:
                 add(chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'")
-            elif study.data_root is not None:
+            elif isinstance(study.data_root, Path):
                 found = (study.data_root / path).resolve()
                 if not found.is_relative_to(study.data_root):
                     add(chapter, f"{name} leads out of data_root", "copy the file there")

@@ -283,7 +283,10 @@ class Lift:
             folder / "events.json", {"lift": self.name, "events": events, **in_file, "rules": rules, **label}
         )
         checked = {"force_plates": self.plates.as_dict() if self.plates else None}
-        write_json(folder / "quality.json", {"lift": self.name, **self.sheet.as_dict(), **label})
+        sheet = self.sheet.as_dict() | {
+            "file": Path(self.sheet.file).name
+        }  # the same wherever recordings lie
+        write_json(folder / "quality.json", {"lift": self.name, **sheet, **label})
         write_json(folder / "pendulum.json", {**self.facts, **checked, **label})
 
     def __str__(self) -> str:

@@ -77,6 +77,11 @@ class Job:
         threading.Thread(target=self._run, daemon=True).start()
 
     @property
+    def cancelled(self) -> bool:
+        """Whether it was told to end."""
+        return self._cancelled.is_set()
+
+    @property
     def done(self) -> bool:
         """Whether it has ended, with success or without."""
         return self._done.is_set()
@@ -105,5 +110,5 @@ class Job:
 
     def _step(self, words: str) -> None:
         self.words = words or self.words
-        if self._cancelled.is_set():
+        if self.cancelled:
             raise Cancelled("cancelled; nothing was written")

@@ -8,6 +8,7 @@ from pathlib import Path
 import yaml
 
 from lumbar.config.study_recordings import is_tissue_chapter
+from lumbar.errors import InputError
 from lumbar.page_server.study_change import Change, with_value
 from lumbar.settings.plain import plain
 from lumbar.settings.study_settings import StudySettings
@@ -41,17 +42,33 @@ def keep_effects(path: Path, settings: StudySettings, name: str, effects: Sequen
     number = next(number for number, entry in enumerate(sets) if entry.name == name)
     if is_tissue_chapter(settings, sets[number]) and sets[number].effects is None:
         return with_value(path, ("improvement", "effects"), effects)
-    if names_sets(path):
-        return with_value(path, (*SETS, number, "effects"), effects)
+    listed = listed_in(path)
+    if listed:
+        found = [place for place, entry in enumerate(listed) if entry.get("name") == name]
+        if len(found) != 1:
+            raise InputError(f"{path}: no record set {name!r} in it any more; start 'lumbar explore' again")
+        return with_value(path, (*SETS, found[0], "effects"), effects)
     entries = listed_sets(settings)
     entries[number] = {"name": name, "effects": effects} | entries[number] | {"effects": effects}
     return with_value(path, SETS, entries)
 
 
-def names_sets(path: Path) -> bool:
-    """Whether a study's file lists its record sets itself."""
-    content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-    return bool((content.get(SETS[0]) or {}).get(SETS[1]))
+def listed_in(path: Path) -> list[dict]:
+    """Record sets that a study's file lists itself, as it stands now; empty where they are those of the defaults.
+
+    Raises
+    ------
+    InputError
+        If the file is no study any more.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        listed = (content.get(SETS[0]) or {}).get(SETS[1]) or []
+    except (yaml.YAMLError, AttributeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as a study any more; mend it first") from error
+    if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
+        raise InputError(f"{path}: {'.'.join(SETS)} is no list of record sets any more; mend it first")
+    return listed
 
 
 def listed_sets(settings: StudySettings) -> list[dict]:

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
 from lumbar.config.study import Study
 from lumbar.errors import InputError
-from lumbar.page_server.kept_effects import SETS, listed_sets, names_sets
+from lumbar.page_server.kept_effects import SETS, listed_in, listed_sets
 from lumbar.page_server.own_recordings import common_rate
 from lumbar.page_server.study_change import Change, with_value
 
@@ -62,11 +60,14 @@ def keep_records(
             f"{path}: the study has no chapter improvement, which diagnoses records; add it to chapters"
         )
     entry = _entry(name, imported, train, effects)
-    now = _sets_of(path, study)
+    if study.settings.improvement.session:
+        entry["session"] = False  # as they were diagnosed: files of a person's own need not be of one session
+    listed = listed_in(path)
+    now = listed or listed_sets(study.settings)
     there = next((number for number, item in enumerate(now) if item.get("name") == name), None)
     if there is None:
         beside = _files(study, name, imported)
-        way, value = ((*SETS, len(now)), entry) if names_sets(path) else (SETS, [*now, entry])
+        way, value = ((*SETS, len(now)), entry) if listed else (SETS, [*now, entry])
         change = with_value(path, way, value)
         return Change(path, change.before, change.after, beside)
     if {**now[there], "effects": None} != {**entry, "effects": None}:
@@ -94,13 +95,6 @@ def _entry(
             {"name": item.record.name, "file": f"{name}/{item.record.name}.csv"} for item in imported
         ],
     }
-
-
-def _sets_of(path: Path, study: Study) -> list[dict]:
-    """Record sets that stand in the study's file now, else those of the defaults."""
-    if not names_sets(path):
-        return listed_sets(study.settings)
-    return yaml.safe_load(path.read_text(encoding="utf-8"))[SETS[0]][SETS[1]]
 
 
 def _files(study: Study, name: str, imported: ImportedRecordings) -> dict[Path, str]:

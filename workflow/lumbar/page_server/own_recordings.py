@@ -163,16 +163,18 @@ class OwnRecordings:
             except InputError as error:
                 in_fields(str(error), wrong)
             files = [self._file(name, wrong) for name in self.files]
-            try:
-                _, common = (self._imported(), "") if files and not any(wrong.values()) else (None, "")
-            except InputError as error:
-                common = str(error)
+            common = ""
+            if files and not any(item["wrong"] or "record" not in item for item in files):
+                try:
+                    self._imported()
+                except InputError as error:
+                    common = str(error)
             columns = next((item["columns"] for item in files if item["columns"]), [])
             return {
                 "files": files,
                 "columns": columns,
                 "fields": {name: _distinct(texts) for name, texts in wrong.items()},
-                "common": "" if any(item["wrong"] for item in files) else common,
+                "common": common,
                 "choices": self.choices | {"trim": [_finite(end) for end in self.choices.get("trim", ())]},
             }
 
@@ -222,7 +224,7 @@ class OwnRecordings:
         """
         with self._one_at_a_time:
             job = None if self._explored is None else self._explored.job
-            if job is not None and not job.done:
+            if job is not None and not (job.done or job.cancelled):
                 raise InputError("a diagnosis of this tab is under way: cancel it first")
             self.choices = checked_choices(asked.get("choices") or {})
             imported, name = self._imported(), checked_name(asked.get("name"))
@@ -230,7 +232,8 @@ class OwnRecordings:
             train = checked_training(asked.get("train"), records)
             make = partial(own.diagnose, records, train=train, data=f"own recordings {name}")
             keep = None if own.keep is None else partial(own.keep, name, imported, train)
-            explored = ExploredSet(name, make, own.output / name, keep, own.study, self.address)
+            output = own.output / name
+            explored = ExploredSet(name, make, output, keep, own.study, self.address, read=lambda: records)
             explored.begin()
             self._explored = explored
             return served.add_own(explored)

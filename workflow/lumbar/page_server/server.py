@@ -25,6 +25,14 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 1_000_000
 """Largest message that a page may send: what it asks for is a line."""
+_LOST = """
+document.body.removeAttribute("aria-busy");
+const message = document.getElementById("message");
+message.textContent = "The server was ended: what is here can still be looked at. Start 'lumbar explore' again, then load "
+  + "the page again.";
+message.className = "bad";
+"""
+"""What the page says when nobody answers it any more."""
 
 
 def new_server(sets: Sequence[ExploredSet], port: int, own: OwnDiagnosis | None = None) -> Server:
@@ -106,6 +114,8 @@ def _asked_for(document: Document, served: ServedSets) -> ExploredSet | None:
 
 def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) -> None:
     """Fill a tab's document; of a set that is not ready the page in waiting is shown instead."""
+    from bokeh.models import CustomJS
+
     explored = find(document)
     if explored is None or not explored.ready:
         return
@@ -114,6 +124,7 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) ->
     document.title = page.title
     document.template = template(PAGE)
     document.template_variables.update(explored.variables)
+    document.js_on_event("connection_lost", CustomJS(code=_LOST))
     requests = TabRequests(explored)
 
     def asked(_attribute, _old, new) -> None:
@@ -125,9 +136,11 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) ->
 
 async def _answered(document: Document, requests: TabRequests, text: str) -> None:
     """Answer while other tabs go on."""
-    content, model = await in_background(requests.answer, text)
-    if model is not None:
+    content, models = await in_background(requests.answer, text)
+    for model in models:
         for record in model.values:
             for kind, columns in (("record", model.values), ("spectrum", model.density)):
-                document.get_model_by_name(f"{kind}:{record}").add(columns[record], model.key)
+                source = document.get_model_by_name(f"{kind}:{record}")
+                if model.key not in source.data:
+                    source.add(columns[record], model.key)
     document.get_model_by_name(ANSWER).data = {"content": [json.dumps(content)]}

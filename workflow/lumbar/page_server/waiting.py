@@ -6,11 +6,13 @@ from tornado.httputil import HTTPServerRequest, url_concat
 from tornado.routing import Matcher
 from tornado.web import HTTPError, RequestHandler
 
+from lumbar.errors import LumbarError
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.served_sets import ServedSets
+from lumbar.page_server.sketch import Sketch
 from lumbar.templates import template
 
-WAITING = "page_server/waiting.html.jinja"
+WAITING, GONE = "page_server/waiting.html.jinja", "page_server/gone.html.jinja"
 PROGRESS, CANCEL = "/_progress", "/_cancel"
 
 
@@ -39,7 +41,9 @@ class WaitingHandler(RequestHandler):
         """Begin the diagnosis, or show how far it is."""
         found = self.sets.find(self.request.path, self.request.arguments)
         if found is None:
-            raise HTTPError(404, "these recordings are no longer held: give them once more")
+            self.set_status(404)
+            self.write(template(GONE).render())
+            return
         found.begin()
         asked = {"page": self.request.path, "set": self.get_query_argument("set", "")}
         self.set_header("Cache-Control", "no-store")
@@ -47,10 +51,19 @@ class WaitingHandler(RequestHandler):
             template(WAITING).render(
                 name=found.name,
                 own=found.own,
+                records=_sketches(found),
                 progress=url_concat(PROGRESS, asked),
                 cancel=url_concat(CANCEL, asked),
             )
         )
+
+
+def _sketches(explored: ExploredSet) -> list[Sketch]:
+    """The records of a set; none where they cannot be read, which its job tells."""
+    try:
+        return [Sketch.of(record) for record in explored.read()]
+    except LumbarError:
+        return []
 
 
 class _AskedHandler(RequestHandler):

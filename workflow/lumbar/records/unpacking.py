@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import struct
+import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -58,6 +60,31 @@ def unpack(stored: bytes, path: Path) -> bytes:
             left -= len(piece)
         remaining = reader.unused_data.lstrip(b"\0")
     return b"".join(pieces)
+
+
+def check_zip(content: bytes, source: str) -> None:
+    """Raise where a zip archive, as a workbook is one, says that it unpacks to more than the limits above, or is broken.
+
+    Parameters
+    ----------
+    content : bytes
+    source : str
+        For messages.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            size = sum(item.file_size for item in archive.infolist())
+    except Exception as error:  # a broken archive leads to errors of many kinds
+        raise InputError(f"{source}: the packed file is broken ({error})") from error
+    if size > _limit(len(content)):
+        raise InputError(
+            f"{source}: unpacks to {size / 1e6:.0f} MB, from {len(content) / 1e6:.2g} MB; at most {LARGEST_RATIO} times a "
+            "file's size are unpacked: save the sheet as .csv"
+        )
 
 
 def _limit(size: int) -> int:

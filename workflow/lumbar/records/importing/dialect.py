@@ -41,11 +41,11 @@ def decoded(content: bytes) -> tuple[list[str], str]:
 
 def _decoded(content: bytes) -> tuple[str, str]:
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16"), "UTF-16"
+        return content.decode("utf-16", errors="replace"), "UTF-16"
     zeros = content[:2000]
     for encoding, first in (("utf-16-le", 1), ("utf-16-be", 0)):
         if len(zeros) > 8 and zeros[first::2].count(0) > 0.4 * len(zeros):
-            return content.decode(encoding), encoding.upper()
+            return content.decode(encoding, errors="replace"), encoding.upper()
     try:
         return content.decode("utf-8-sig"), "UTF-8"
     except UnicodeDecodeError:

@@ -9,6 +9,7 @@ import numpy as np
 from lumbar.errors import InputError
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.variables import to_table
+from lumbar.records.unpacking import MOST_NUMBERS
 
 
 def read_hdf5(content: bytes, source: str, table: str | None = None) -> RawTable:
@@ -36,6 +37,10 @@ def read_hdf5(content: bytes, source: str, table: str | None = None) -> RawTable
                 arrays[f"{path}/{name}"] = np.asarray(item.attrs[name])
         if not isinstance(item, h5py.Dataset) or path.startswith("#"):  # MATLAB's own book-keeping
             return
+        if item.size is not None and item.size > MOST_NUMBERS:
+            raise InputError(
+                f"{source}: {path} says that it holds {item.size} numbers; at most {MOST_NUMBERS} are read"
+            )
         fields = item.dtype.names
         for name in fields or [None]:
             if (item.dtype[name] if name else item.dtype).kind in "fiu":
@@ -52,6 +57,8 @@ def read_hdf5(content: bytes, source: str, table: str | None = None) -> RawTable
             for name, value in file.attrs.items():
                 if np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu":
                     arrays[name] = np.asarray(value)
-    except OSError as error:
+    except InputError:
+        raise
+    except Exception as error:  # a broken file leads h5py to errors of many kinds
         raise InputError(f"{source}: a broken HDF5 file ({error})") from error
     return to_table(arrays, source, "HDF5", table, units)

@@ -12,7 +12,7 @@ from lumbar.records.clipping import check_clipping
 from lumbar.records.importing.clock import check_forward, contradictions, evened, longest, stated_time
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.roles import NONE, Role, Wish, find_roles
-from lumbar.records.record import Channel, Record, check_record, place_of, samples_between
+from lumbar.records.record import LARGEST, Channel, Record, check_record, place_of, samples_between
 
 CHANNELS = {"position": "input", "force": "output"}
 """Channel of a record by the role of a column."""
@@ -186,7 +186,13 @@ def _check_complete(record: Record, lines: Sequence[int] | None) -> None:
             first = place_of(int(absent.argmax()), lines)
             problems.add(first, f"{role} is missing in {absent.sum()} samples, {absent.mean():.3g} of all")
         missing |= absent
-    if problems.entries:
+        large = np.abs(record[channel]) > LARGEST  # no sum, spline or filter of them is finite
+        if large.any():
+            found = f"{role} is {record[channel][large.argmax()]:g}"
+            problems.add(
+                place_of(int(large.argmax()), lines), found, f"at most {LARGEST:g} in size is computed with"
+            )
+    if missing.any():
         edges = np.flatnonzero(np.diff(np.concatenate([[True], missing, [True]]).astype(int)))
         parts = [int(edge) for edge in edges]
         if parts:

@@ -7,6 +7,7 @@ import io
 from lumbar.errors import InputError
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.text_table import table_of_lines
+from lumbar.records.unpacking import check_zip
 
 
 def read_workbook(content: bytes, source: str, table: str | None = None) -> RawTable:
@@ -23,11 +24,12 @@ def read_workbook(content: bytes, source: str, table: str | None = None) -> RawT
         raise InputError(
             f"{source}: an Excel workbook needs the package openpyxl: pip install 'lumbar[import]'"
         ) from error
+    check_zip(content, source)
     try:
         book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-    except Exception as error:  # a zip that is no workbook leads to errors of many kinds
+        sheets = {sheet.title: [_line(row) for row in sheet.iter_rows(values_only=True)] for sheet in book}
+    except Exception as error:  # a zip that is no workbook, or a broken one, leads to errors of many kinds
         raise InputError(f"{source}: not an Excel workbook that can be read ({error})") from error
-    sheets = {sheet.title: [_line(row) for row in sheet.iter_rows(values_only=True)] for sheet in book}
     filled = {title: lines for title, lines in sheets.items() if any(line.strip() for line in lines)}
     if table is None and len(filled) != 1:
         raise InputError(

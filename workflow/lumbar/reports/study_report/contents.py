@@ -49,7 +49,8 @@ PLACES = {
 """Where in the thesis each chapter of the study stands."""
 _MAIN = re.compile(r"<main>(.*)</main>", flags=re.S)
 _DATA = re.compile(r'<p class="data">Data: (.*?)</p>')
-PICTURES, TABLES = (".svg",), (".html",)
+MANY = 24
+"""Lifts, or record sets, that are shown one by one: of more, the files of the others are linked alone."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ class Chapter:
     name, title, place : str
     entries : tuple of Entry
     files : tuple of (Artefact, tuple of str)
-        Artefacts that are files alone.
+        What is not shown: artefacts that are files alone, and those beyond `MANY`.
     """
 
     name: str
@@ -146,21 +147,26 @@ def chapters(
     for name, rows in itertools.groupby(sheet, key=lambda row: row.chapter):
         entries, files = [], []
         for artefact in rows:
-            if artefact.label:
-                caption = " ".join((captions / f"{artefact.id}.rst").read_text(encoding="utf-8").split())
-                entries += [
-                    _entry(
-                        results, artefact, choice, caption.replace("``", "").replace("*", ""), choices, claims
-                    )
-                    for choice in _choices(artefact, choices)
-                ]
-            else:
-                files.append((artefact, tuple(_paths(artefact, choices))))
+            every = _choices(artefact, choices) if artefact.label else []
+            caption = _caption(captions, artefact) if every else ""
+            entries += [
+                _entry(results, artefact, choice, caption, choices, claims) for choice in every[:MANY]
+            ]
+            paths = _paths(artefact, choices)
+            told = {path for entry in entries for path in entry.files}
+            if not told.issuperset(paths):
+                files.append((artefact, tuple(path for path in paths if path not in told)))
         # All of one record set stands together.
         sets = list(choices.get("record_set", ()))
         entries.sort(key=lambda entry: _set_of(entry, sets))
         made.append(Chapter(name, CHAPTERS[name], PLACES[name], tuple(entries), tuple(files)))
     return made
+
+
+def _caption(captions: Path, artefact: Artefact) -> str:
+    """Caption of an artefact without the marks of reStructuredText."""
+    text = " ".join((captions / f"{artefact.id}.rst").read_text(encoding="utf-8").split())
+    return text.replace("``", "").replace("*", "")
 
 
 def _set_of(entry: Entry, sets: list[str]) -> int:
@@ -198,8 +204,8 @@ def _entry(
     key = "-".join([artefact.id, *choice.values()])
     if not all((results / path).is_file() for path in files):
         return Entry(key, artefact, title, caption, files=files, missing=True)
-    pictures = [path for path in files if path.endswith(PICTURES)]
-    pages = [path for path in files if path.endswith(TABLES)]
+    pictures = [path for path in files if path.endswith(".svg")]
+    pages = [path for path in files if path.endswith(".html")]
     picture = read_picture(results / pictures[0]) if pictures else None
     is_table = bool(pages) and any(path.endswith(".tex") for path in files)
     text = (results / pages[0]).read_text(encoding="utf-8") if is_table else ""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from lumbar.table_layout import split
+from lumbar.table_layout import scientific, split
 from lumbar.table_words import column_in_words
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def in_digits(value) -> str:
     if value is None or value != value:
         return "–"
     try:
-        return f"{float(value):.4g}"
+        return scientific(f"{float(value):.4g}")
     except ValueError:
         return str(value)
 
