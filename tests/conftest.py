@@ -64,12 +64,12 @@ def default_run(made_once):
 
     Three of its results are made first as users make them, every job a Python of its own, and not made again.
     """
-    from running import FORKING, PLAIN, copy_project, snakemake
+    from running import DRAWN, FORKING, PLAIN, copy_project, snakemake
 
     def run_default_study(folder):
         copy_project(folder)
         for program, targets in ((PLAIN, ("bandwidth", "table_2_1", "table_3_2")), (FORKING, ())):
-            run = snakemake(folder, "--cores", "2", *targets, program=program)
+            run = snakemake(folder, "--cores", "2", *targets, program=program, pictures=DRAWN)
             assert run.status == 0, run.text[-6000:]
         assert not {"surgeon_motion", "viscoelastic_models", "survey_tables"} & set(run.jobs)
         return run

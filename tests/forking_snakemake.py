@@ -31,6 +31,8 @@ SERVER.set_forkserver_preload(
         "matplotlib.backends.backend_pdf",
         "matplotlib.backends.backend_svg",
         "fontTools.subset",
+        "bokeh.embed",
+        "bokeh.plotting",
         "clarabel",
         "control",
         "jinja2",
@@ -39,7 +41,9 @@ SERVER.set_forkserver_preload(
 )
 
 
-def run(folder: Path, arguments: Sequence[str], environment: dict[str, str], output: Path) -> int:
+def run(
+    folder: Path, arguments: Sequence[str], environment: dict[str, str], output: Path, sketched: bool = False
+) -> int:
     """Run Snakemake in a folder; return its status.
 
     Parameters
@@ -51,10 +55,14 @@ def run(folder: Path, arguments: Sequence[str], environment: dict[str, str], out
         All variables of it and its jobs.
     output : Path
         File to which all that it and its jobs say is added.
+    sketched : bool
+        Whether its jobs save pictures without layout and without PDF: half of the time that a study takes.
     """
     forkserver.ensure_running()
     address = forkserver._forkserver._forkserver_address
-    process = SERVER.Process(target=_snakemake, args=(folder, list(arguments), environment, output, address))
+    process = SERVER.Process(
+        target=_snakemake, args=(folder, list(arguments), environment, output, sketched, address)
+    )
     process.start()
     process.join()
     return process.exitcode
@@ -74,7 +82,7 @@ def _at(folder: Path, environment: dict[str, str], output: Path) -> None:
     sys.path[:] = [str(folder), *others, str(here)]
 
 
-def _snakemake(folder, arguments, environment, output, address) -> None:
+def _snakemake(folder, arguments, environment, output, sketched, address) -> None:
     from snakemake.cli import main
     from snakemake.scheduling.job_scheduler import JobScheduler
     from snakemake.script import PythonScript
@@ -83,24 +91,37 @@ def _snakemake(folder, arguments, environment, output, address) -> None:
     forkserver._forkserver._forkserver_address = address
     forkserver._forkserver.ensure_running = lambda: None
     _at(folder, environment, output)
-    PythonScript.execute_script = lambda script, name, edit=False: execute_script(script, name, output)
+    PythonScript.execute_script = lambda script, name, edit=False: execute_script(
+        script, name, output, sketched
+    )
     JobScheduler.update_input_sizes = no_input_sizes
     sys.argv = ["snakemake", *arguments]
     main()
 
 
-def _script(path: str, folder: Path, environment: dict[str, str], output: Path) -> None:
+def sketch_pictures() -> None:
+    """Let Matplotlib leave out in this process what takes longest in a picture: constrained layout and PDF."""
+    from matplotlib.backends.backend_pdf import FigureCanvasPdf
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    ConstrainedLayoutEngine.execute = lambda engine, figure: None
+    FigureCanvasPdf.print_pdf = lambda canvas, path, **options: path.write_bytes(b"%PDF-")
+
+
+def _script(path: str, folder: Path, environment: dict[str, str], output: Path, sketched: bool) -> None:
     """Run a script as Python would when started with its path."""
     _at(folder, environment, output)
+    if sketched:
+        sketch_pictures()
     sys.argv = [path]
     runpy.run_path(path, run_name="__main__")
 
 
-def execute_script(script, path: str, output: Path) -> None:
+def execute_script(script, path: str, output: Path, sketched: bool) -> None:
     """In place of `snakemake.script.PythonScript.execute_script`."""
     from snakemake.benchmark import benchmarked
 
-    process = SERVER.Process(target=_script, args=(path, Path.cwd(), dict(os.environ), output))
+    process = SERVER.Process(target=_script, args=(path, Path.cwd(), dict(os.environ), output, sketched))
     process.start()
     if script.bench_record is None:
         process.join()

@@ -24,6 +24,8 @@ NOT_INHERITED = ("PYTHONPATH", "LUMBAR_DATA", "PYTHONDONTWRITEBYTECODE")
 
 PLAIN, FORKING = "plain", "forking"
 """Snakemake and a Python for each job started as users do; or all forked from a process that has imported their libraries."""
+DRAWN, SKETCHED = "drawn", "sketched"
+"""Pictures as users get them; or without layout and PDF, where only `FORKING` can leave them out."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,11 @@ def copy_project(folder: Path) -> Path:
 
 
 def snakemake(
-    folder: Path, *arguments: str, env: dict[str, str] | None = None, program: str = FORKING
+    folder: Path,
+    *arguments: str,
+    env: dict[str, str] | None = None,
+    program: str = FORKING,
+    pictures: str = SKETCHED,
 ) -> Run:
     """Call Snakemake in a project folder and return its status and output.
 
@@ -69,6 +75,8 @@ def snakemake(
     env : dict of str to str, optional
         Variables beside the inherited ones.
     program : {PLAIN, FORKING}
+    pictures : {SKETCHED, DRAWN}
+        What jobs of `FORKING` save; those of `PLAIN` draw.
     """
     environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED} | (env or {})
     with tempfile.TemporaryDirectory() as name:
@@ -81,5 +89,7 @@ def snakemake(
                 )
             status = done.returncode
         else:
-            status = forking_snakemake.run(folder, ["--nocolor", *arguments], environment, output)
+            status = forking_snakemake.run(
+                folder, ["--nocolor", *arguments], environment, output, pictures == SKETCHED
+            )
         return Run(status, output.read_text(encoding="utf-8"))
