@@ -1,6 +1,6 @@
 """Snakemake and the scripts of its jobs, each forked from one process that has imported their libraries: seconds less each.
 
-What `run` starts runs as ``python -m snakemake`` does, its scripts as they are, in processes of their own.
+What `run` starts runs as ``python -m snakemake`` does, its scripts as they are, in processes of their own; pictures are sketched.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 from multiprocessing import forkserver
 from pathlib import Path
+
+from pictures import sketched
 
 SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload(
@@ -41,9 +43,7 @@ SERVER.set_forkserver_preload(
 )
 
 
-def run(
-    folder: Path, arguments: Sequence[str], environment: dict[str, str], output: Path, sketched: bool = False
-) -> int:
+def run(folder: Path, arguments: Sequence[str], environment: dict[str, str], output: Path) -> int:
     """Run Snakemake in a folder; return its status.
 
     Parameters
@@ -55,14 +55,10 @@ def run(
         All variables of it and its jobs.
     output : Path
         File to which all that it and its jobs say is added.
-    sketched : bool
-        Whether its jobs save pictures without layout and without PDF: half of the time that a study takes.
     """
     forkserver.ensure_running()
     address = forkserver._forkserver._forkserver_address
-    process = SERVER.Process(
-        target=_snakemake, args=(folder, list(arguments), environment, output, sketched, address)
-    )
+    process = SERVER.Process(target=_snakemake, args=(folder, list(arguments), environment, output, address))
     process.start()
     process.join()
     return process.exitcode
@@ -82,7 +78,7 @@ def _at(folder: Path, environment: dict[str, str], output: Path) -> None:
     sys.path[:] = [str(folder), *others, str(here)]
 
 
-def _snakemake(folder, arguments, environment, output, sketched, address) -> None:
+def _snakemake(folder, arguments, environment, output, address) -> None:
     from snakemake.cli import main
     from snakemake.scheduling.job_scheduler import JobScheduler
     from snakemake.script import PythonScript
@@ -91,37 +87,25 @@ def _snakemake(folder, arguments, environment, output, sketched, address) -> Non
     forkserver._forkserver._forkserver_address = address
     forkserver._forkserver.ensure_running = lambda: None
     _at(folder, environment, output)
-    PythonScript.execute_script = lambda script, name, edit=False: execute_script(
-        script, name, output, sketched
-    )
+    PythonScript.execute_script = lambda script, name, edit=False: execute_script(script, name, output)
     JobScheduler.update_input_sizes = no_input_sizes
     sys.argv = ["snakemake", *arguments]
     main()
 
 
-def sketch_pictures() -> None:
-    """Let Matplotlib leave out in this process what takes longest in a picture: constrained layout and PDF."""
-    from matplotlib.backends.backend_pdf import FigureCanvasPdf
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
-    ConstrainedLayoutEngine.execute = lambda engine, figure: None
-    FigureCanvasPdf.print_pdf = lambda canvas, path, **options: path.write_bytes(b"%PDF-")
-
-
-def _script(path: str, folder: Path, environment: dict[str, str], output: Path, sketched: bool) -> None:
+def _script(path: str, folder: Path, environment: dict[str, str], output: Path) -> None:
     """Run a script as Python would when started with its path."""
     _at(folder, environment, output)
-    if sketched:
-        sketch_pictures()
     sys.argv = [path]
-    runpy.run_path(path, run_name="__main__")
+    with sketched():
+        runpy.run_path(path, run_name="__main__")
 
 
-def execute_script(script, path: str, output: Path, sketched: bool) -> None:
+def execute_script(script, path: str, output: Path) -> None:
     """In place of `snakemake.script.PythonScript.execute_script`."""
     from snakemake.benchmark import benchmarked
 
-    process = SERVER.Process(target=_script, args=(path, Path.cwd(), dict(os.environ), output, sketched))
+    process = SERVER.Process(target=_script, args=(path, Path.cwd(), dict(os.environ), output))
     process.start()
     if script.bench_record is None:
         process.join()

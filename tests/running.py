@@ -23,9 +23,8 @@ NOT_INHERITED = ("PYTHONPATH", "LUMBAR_DATA", "PYTHONDONTWRITEBYTECODE")
 
 
 PLAIN, FORKING = "plain", "forking"
-"""Snakemake and a Python for each job started as users do; or all forked from a process that has imported their libraries."""
-DRAWN, SKETCHED = "drawn", "sketched"
-"""Pictures as users get them; or without layout and PDF, where only `FORKING` can leave them out."""
+"""Snakemake and a Python for each job started as users do; or all forked from a process that has imported their libraries, with
+pictures that are `pictures.sketched`."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +58,7 @@ def copy_project(folder: Path) -> Path:
 
 
 def snakemake(
-    folder: Path,
-    *arguments: str,
-    env: dict[str, str] | None = None,
-    program: str = FORKING,
-    pictures: str = SKETCHED,
+    folder: Path, *arguments: str, env: dict[str, str] | None = None, program: str = FORKING
 ) -> Run:
     """Call Snakemake in a project folder and return its status and output.
 
@@ -75,8 +70,6 @@ def snakemake(
     env : dict of str to str, optional
         Variables beside the inherited ones.
     program : {PLAIN, FORKING}
-    pictures : {SKETCHED, DRAWN}
-        What jobs of `FORKING` save; those of `PLAIN` draw.
     """
     environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED} | (env or {})
     with tempfile.TemporaryDirectory() as name:
@@ -89,7 +82,5 @@ def snakemake(
                 )
             status = done.returncode
         else:
-            status = forking_snakemake.run(
-                folder, ["--nocolor", *arguments], environment, output, pictures == SKETCHED
-            )
+            status = forking_snakemake.run(folder, ["--nocolor", *arguments], environment, output)
         return Run(status, output.read_text(encoding="utf-8"))
