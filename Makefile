@@ -12,7 +12,7 @@ STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
 CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-portable acceptance report check-results update-reference benchmark lint format lock docs docs-site clean help environment
+.PHONY: results test test-portable acceptance report provenance crate check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
 
 results: environment ## every table, figure and FMU of the study (default target)
 	@python -m lumbar.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
@@ -28,6 +28,12 @@ $(VENV)/installed: envs/build-lock.txt envs/lock.txt pyproject.toml
 	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
+$(VENV)/cluster: $(VENV)/installed envs/cluster-lock.txt
+	$(PIP) install --quiet --require-hashes --no-deps --no-build-isolation -r envs/cluster-lock.txt
+	touch $@
+
+cluster: $(VENV)/cluster ## .venv with what SLURM and object storage need: docs/cluster.md
+
 # A file stays with one worker, as its fixtures do; the longest come first, in order.
 test: environment ## the tests
 	python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
@@ -40,12 +46,18 @@ acceptance: environment ## records whose truth is known, public and hard ones: a
 	python tests/real_records/run.py --markdown docs/acceptance.md; real=$$?; \
 	python tests/hard_effects/run.py --markdown docs/acceptance.md && exit $$real
 
-report: results ## results/<study>/report.html: one page, works offline
-	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/report.html
+report: results ## results/<study>/report.html: every table and figure beside the thesis's, one page, works offline
+	snakemake --cores 1 $(CONFIGFILE) report
 
-check-results: environment ## regenerate the default study and compare it with tests/reference
+provenance: results ## results/<study>/provenance.html: Snakemake's own report: which job made what, when, from what
+	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/provenance.html
+
+crate: results ## results/<study>/<study>.crate.zip: code, inputs, environment and outputs of the run, to be cited
+	snakemake --cores 1 $(CONFIGFILE) crate
+
+check-results: environment ## regenerate the default study and compare it with tests/reference, or with CRATE=archive
 	snakemake --cores $(CORES) --forceall
-	python tests/reference/check_results.py
+	python tests/reference/check_results.py $(if $(CRATE),--crate $(CRATE))
 
 update-reference: results ## take the default study's numbers as the new reference
 	python tests/reference/check_results.py --update
@@ -85,9 +97,13 @@ docs-site: ## build/docs-site: the pages and the API reference as a site (downlo
 	$(SITE)/bin/pip install --quiet $$($(PYTHON) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["docs"])')
 	NO_MKDOCS_2_WARNING=1 $(SITE)/bin/mkdocs build --strict --quiet
 
+COMPILE := uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \
+	--generate-hashes --no-emit-index-url --no-header --no-annotate --quiet
+# The cluster's packages are solved with the lock's versions at hand; derive.py keeps what they add.
 lock: ## renew envs/ from pyproject.toml (needs uv)
-	uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \
-		--generate-hashes --no-emit-index-url --no-header --no-annotate --upgrade --quiet -o envs/lock.txt
+	$(COMPILE) --upgrade -o envs/lock.txt
+	cp envs/lock.txt envs/cluster-lock.txt
+	$(COMPILE) --extra cluster -o envs/cluster-lock.txt
 	$(PYTHON) envs/derive.py
 
 clean: ## remove results and caches, keep .venv

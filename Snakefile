@@ -41,6 +41,8 @@ include: "workflow/rules/population.smk"
 include: "workflow/rules/pushes.smk"
 include: "workflow/rules/claims.smk"
 include: "workflow/rules/hidden_effects.smk"
+include: "workflow/rules/crate.smk"
+include: "workflow/rules/report.smk"
 include: "workflow/rules/targets.smk"
 
 

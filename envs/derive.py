@@ -1,4 +1,4 @@
-"""Tidy lock.txt and derive build-lock.txt (what building a source distribution needs) and lumbar.yaml (conda).
+"""Tidy lock.txt; derive cluster-lock.txt, build-lock.txt (for source distributions) and lumbar.yaml (conda) from it.
 
 The lock is the one place where versions are decided; ``make lock`` renews it and calls this script.
 """
@@ -53,8 +53,19 @@ def build_lock(lock: str) -> str:
     return "\n".join(block for pin, block in entries(lock).items() if pin.split("==")[0] in BUILD) + "\n"
 
 
+def additions(cluster_lock: str, lock: str) -> str:
+    """Text of the cluster's lock: what it adds to the lock, or needs in another version."""
+    present = entries(lock)
+    return (
+        "\n".join(block for pin, block in entries(supported(cluster_lock)).items() if pin not in present)
+        + "\n"
+    )
+
+
 if __name__ == "__main__":
     text = supported((FOLDER / "lock.txt").read_text(encoding="utf-8"))
     (FOLDER / "lock.txt").write_text(text, encoding="utf-8")
+    cluster = FOLDER / "cluster-lock.txt"
+    cluster.write_text(additions(cluster.read_text(encoding="utf-8"), text), encoding="utf-8")
     (FOLDER / "build-lock.txt").write_text(build_lock(text), encoding="utf-8")
     (FOLDER / "lumbar.yaml").write_text(conda_environment(text), encoding="utf-8")

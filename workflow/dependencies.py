@@ -1,12 +1,13 @@
 """Which source files of the library a script uses, found from its import statements.
 
-Snakemake re-runs a rule when one of its input files changes, but it does not see imports. Every rule therefore
-declares the files returned here as inputs.
+Snakemake re-runs a rule when one of its parameters changes, but it does not see imports. Every rule therefore has
+`library_code` of its script as a parameter. As inputs, a hundred files a job would make up most of the plan of a large study.
 """
 
 from __future__ import annotations
 
 import ast
+import hashlib
 import re
 from collections.abc import Iterator
 from functools import cache
@@ -15,7 +16,7 @@ from pathlib import Path
 WORKFLOW = Path(__file__).resolve().parent
 PACKAGE = "lumbar"
 _IMPORT = re.compile(r"^[ \t]*(?:import|from)[ \t][^(#\n]*(?:\([^)]*\))?", flags=re.M)
-_DATA_ENDINGS = {".c", ".h", ".json", ".csv", ".yaml", ".in", ".txt", ".png", ".jinja"}
+_DATA_ENDINGS = {".c", ".h", ".css", ".js", ".json", ".csv", ".yaml", ".in", ".txt", ".png", ".jinja"}
 
 
 @cache
@@ -79,3 +80,24 @@ def library_sources(script: str) -> list[str]:
     for folder in {file.parent for file in seen if PACKAGE in file.parts}:
         seen.update(file for file in folder.iterdir() if file.suffix in _DATA_ENDINGS)
     return sorted(str(file) for file in seen)
+
+
+@cache
+def library_code(script: str) -> str:
+    """Return a digest of all that `library_sources` names for a script: another one whenever any of it changes.
+
+    Parameters
+    ----------
+    script : str
+        File name in ``workflow/scripts``.
+
+    Returns
+    -------
+    str
+        The same wherever the project lies.
+    """
+    digest = hashlib.sha256()
+    for path in map(Path, library_sources(script)):
+        for part in (path.relative_to(WORKFLOW).as_posix().encode(), path.read_bytes()):
+            digest.update(len(part).to_bytes(8, "big") + part)
+    return digest.hexdigest()[:16]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -15,66 +14,29 @@ import pytest
 import lumbar
 from running import FORKING, copy_project, snakemake
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 CASE = "case_03"
 STUDY = """
 study: blind
 title: A blind experiment
 data: recordings
-data_root: {folder}
-data_source: {{name: a blind experiment, licence: the project's, obtain: beside the project}}
+data_root: data
+data_source: {name: a blind experiment, licence: the project's, obtain: beside the project}
 chapters: [tissue, improvement]
 tissue:
   # the page may add to this file
   records:
-    - {{name: multisine, file: multisine.csv, period_s: 10}}
-    - {{name: noise, file: noise.csv}}
-    - {{name: chirp, file: chirp.csv}}
+    - {name: multisine, file: multisine.csv, period_s: 10}
+    - {name: noise, file: noise.csv}
+    - {name: chirp, file: chirp.csv}
   training: [multisine]
 improvement:
   train: multisine
-  record_sets: [{{name: tissue}}]
+  record_sets:
+    - {name: tissue}
+    - name: again   # the same records, fitted otherwise
+      train: chirp
+      records: [{name: chirp, file: chirp.csv}, {name: noise, file: noise.csv}]
 """
-WAIT_MS = 120_000
-"""For jobs of a machine that is shared with others; nothing is asserted of time."""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None:
-        pytest.skip("no Chromium here: install it (Debian: apt-get install chromium)")
-    sync_playwright = pytest.importorskip(
-        "playwright.sync_api", reason="the extra 'develop' has it"
-    ).sync_playwright
-    with sync_playwright() as driver:
-        # Root may start a browser only without its sandbox, as in most containers; the pages are our own.
-        started = driver.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox"] if os.getuid() == 0 else []
-        )
-        yield started
-        started.close()
-
-
-@pytest.fixture
-def new_page(browser):
-    """Return a function that opens an address and collects what goes wrong in the page."""
-    opened = []
-
-    def open_page(address: str, **options):
-        page = browser.new_page(**options)
-        page.set_default_timeout(WAIT_MS)
-        page.wrong, page.asked = [], []
-        page.on("pageerror", lambda error: page.wrong.append(str(error)))
-        page.on("request", lambda request: page.asked.append(request.url))
-        page.goto(address)
-        page.wait_for_selector("body[data-ready=yes]")
-        opened.append(page)
-        return page
-
-    yield open_page
-    for page in opened:
-        assert page.wrong == []
-        page.close()
 
 
 @pytest.fixture(scope="module")
@@ -153,51 +115,109 @@ def test_nothing_is_wider_than_the_page(new_page, saved, width):
 
 @pytest.fixture
 def served(shared, tmp_path):
-    """Project with a study of a blind experiment, and the address at which it is served."""
+    """Project with a study of a blind experiment, and the addresses at which it is served."""
     project = copy_project(tmp_path / "project")
+    shutil.copytree(shared / "hidden_effects" / CASE, project / "data")
     study = project / "config" / "studies" / "blind.yaml"
-    study.write_text(STUDY.format(folder=shared / "hidden_effects" / CASE), encoding="utf-8")
-    command = [
-        sys.executable,
-        "-m",
-        "lumbar",
-        "explore",
-        "config/studies/blind.yaml",
-        "--port",
-        "0",
-        "--no-browser",
-    ]
-    server = subprocess.Popen(command, cwd=project, stdout=subprocess.PIPE, text=True)
-    yield project, server.stdout.readline().strip()
+    study.write_text(STUDY, encoding="utf-8")
+    command = [sys.executable, "-m", "lumbar", "explore", "config/studies/blind.yaml", "--port", "0"]
+    server = subprocess.Popen([*command, "--no-browser"], cwd=project, stdout=subprocess.PIPE, text=True)
+    yield project, [server.stdout.readline().strip() for _ in range(3)]
     server.terminate()
     server.wait(30)
 
 
+def keep(page, button: str) -> None:
+    """Keep what is on the ladder in the study."""
+    page.get_by_role("button", name=button).click()
+    page.wait_for_selector("#diff:has-text('effects')")
+    page.get_by_role("button", name="Write it").click()
+    page.wait_for_function("document.getElementById('message').textContent.includes('is written')")
+
+
+def error_of(page, key: str) -> float:
+    """Error of a model on unseen records, as the page knows it."""
+    return page.evaluate(
+        "key => JSON.parse(document.getElementById('page-data').textContent).models[key].test_rms", key
+    )
+
+
+def made(project, *targets: str) -> list[dict]:
+    """Run the workflow; return the last model of every file."""
+    files = [f"results/blind/{target}" for target in targets]
+    given = ("--cores", "1", *files, "--configfile", "config/studies/blind.yaml")
+    run = snakemake(project, *given, program=FORKING)
+    assert run.status == 0, run.text[-4000:]
+    return [json.loads(Path(project, file).read_text(encoding="utf-8"))["models"] for file in files]
+
+
 def test_from_a_blind_experiment_to_the_workflow(new_page, served):
-    project, address = served
-    page = new_page(address)
+    project, (tissue, again, own) = served
+    page, other, mine = new_page(tissue), new_page(again), new_page(own, ready="#choose")
     page.get_by_role("button", name="Base alone").click()
     add(page, "Coulomb friction")
     assert errors_of(page)[-1] < 0.25 * errors_of(page)[0]
     add(page, "Inertia")  # computed on the server
     page.wait_for_function("document.querySelectorAll('#ladder li').length === 3")
     page.get_by_role("button", name="Remove the last effect").click()
-    page.get_by_role("button", name="Keep these effects").click()
-    page.wait_for_selector("#diff:has-text('coulomb_friction')")
-    page.get_by_role("button", name="Write it").click()
-    page.wait_for_function("document.getElementById('message').textContent.includes('is written')")
-    kept = page.evaluate(
-        "JSON.parse(document.getElementById('page-data').textContent).models.coulomb_friction"
+    keep(page, "Keep these effects")
+    other.get_by_role("button", name="Base alone").click()
+    add(other, "Coulomb friction")
+    keep(other, "Keep these effects")
+    give_own(mine, project / "foreign")
+    keep(mine, "Keep these recordings")
+    kept, of_again, of_own = made(
+        project, "tissue/models.json", "improvement/again/refined.json", "improvement/mine/refined.json"
     )
-    run = snakemake(
-        project,
-        *("--cores", "1", "results/blind/tissue/models.json", "--configfile", "config/studies/blind.yaml"),
-        program=FORKING,
+    model = next(item for item in kept if item["name"] == "KB+coulomb_friction")
+    assert model["scores"]["test_rms"] == pytest.approx(error_of(page, "coulomb_friction"), rel=1e-6)
+    for shown, models in ((other, of_again), (mine, of_own)):
+        assert models[-1]["name"].endswith("+coulomb_friction")
+        assert models[-1]["scores"]["test_rms"] == pytest.approx(
+            error_of(shown, "coulomb_friction"), rel=1e-9
+        )
+    study = (project / "config/studies/blind.yaml").read_text(encoding="utf-8")
+    assert "# the page may add to this file" in study and "# the same records" in study
+
+
+SCRIPT = "<img src=x onerror=alert(1)>"
+
+
+def give_own(page, folder: Path) -> None:
+    """Give two files of a machine by the keyboard, say what the force's unit is, and wait for the diagnosis."""
+    folder.mkdir()
+    for name in ("multisine", "chirp"):
+        text = (folder.parent / "data" / f"{name}.csv").read_text(encoding="utf-8")
+        header = f"Zeit [s];Weg [mm];Kraft {SCRIPT}"
+        rows = text.split("\n", 1)[1].replace(",", ";").replace(".", ",")
+        (folder / f"{name} {SCRIPT}.txt").write_text(f"{header}\n{rows}", encoding="utf-8")
+    page.keyboard.press("Tab")
+    while page.evaluate("document.activeElement.id") != "choose":
+        page.keyboard.press("Tab")
+    with page.expect_file_chooser() as chooser:
+        page.keyboard.press("Enter")
+    chooser.value.set_files(sorted(folder.iterdir()))
+    page.locator("#files li").nth(1).wait_for()
+    page.locator("#force_unit-wrong", has_text="give “Unit of force”").wait_for()
+    assert SCRIPT in page.locator("#files").inner_text()
+    assert page.locator("img").count() == 0
+    page.get_by_label("Unit of force").fill("N")
+    page.keyboard.press("Tab")
+    page.locator("#start:enabled").wait_for()
+    assert page.locator("#training input:checked").count() == 1
+    page.get_by_label("Name of the set").fill("mine")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("body[data-ready=yes]")
+    assert "missing coulomb friction" in page.locator(".headline").first.inner_text()
+
+
+def test_own_recordings_page_fits_a_phone(new_page, served):
+    _, (_, _, own) = served
+    page = new_page(own, ready="#choose", viewport={"width": 390, "height": 844})
+    page.locator("#choose").set_input_files(
+        [{"name": f"{'x' * 150}.csv", "mimeType": "text/csv", "buffer": b"t_s,pos_mm,F_N\n1,2\n" * 20}]
     )
-    assert run.status == 0, run.text[-4000:]
-    written = json.loads(Path(project, "results/blind/tissue/models.json").read_text(encoding="utf-8"))
-    model = next(item for item in written["models"] if item["name"] == "KB+coulomb_friction")
-    assert model["scores"]["test_rms"] == pytest.approx(kept["test_rms"], rel=1e-6)
-    assert "# the page may add to this file" in (project / "config/studies/blind.yaml").read_text(
-        encoding="utf-8"
-    )
+    page.locator("#files li").wait_for()
+    page.locator("#previews .bad").first.wait_for()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert page.locator("#start").is_disabled()

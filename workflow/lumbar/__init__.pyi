@@ -23,6 +23,7 @@ from lumbar.interface.proposing import propose as propose
 from lumbar.interface.pushing import push_prediction as push_prediction
 from lumbar.interface.reading import read as read
 from lumbar.interface.rendering import render as render
+from lumbar.interface.study_report import report as report
 from lumbar.interface.surgeons import bandwidth as bandwidth
 from lumbar.interface.surgeons import design_signals as design_signals
 

@@ -1,14 +1,34 @@
-"""Progress of long work, one line at a time on standard error."""
+"""Progress of long work: one line at a time on standard error, and to whoever watches it, who may end it."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TypeVar
 
 Item = TypeVar("Item")
 _EVERY_S = 2.0
+_watcher: ContextVar[Callable[[str], None] | None] = ContextVar("watcher", default=None)
+
+
+@contextmanager
+def watched(watcher: Callable[[str], None]) -> Iterator[None]:
+    """Tell `watcher` of the work in the block, often: in words where they are known, else with ""; what it raises ends it."""
+    token = _watcher.set(watcher)
+    try:
+        yield
+    finally:
+        _watcher.reset(token)
+
+
+def going_on(words: str = "") -> None:
+    """Tell whoever watches that the work goes on."""
+    watcher = _watcher.get()
+    if watcher is not None:
+        watcher(words)
 
 
 def track(items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
@@ -16,6 +36,7 @@ def track(items: Iterable[Item], label: str, total: int | None = None) -> Iterat
     total = len(items) if total is None else total  # type: ignore[arg-type]
     last = began = time.monotonic()
     for done, item in enumerate(items):
+        going_on(f"{label}: {done} of {total}")
         now = time.monotonic()
         if now - last >= _EVERY_S:
             left = f", about {(now - began) / done * (total - done):.0f} s left" if done else ""

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.errors import NumericalError
 from lumbar.files import write_text
+from lumbar.table_latex import latex_table
+from lumbar.table_layout import EMPTY, Column, blocks, fitting, keys_of, scientific, split
+from lumbar.table_words import column_in_words, value_in_words
 from lumbar.templates import template
 
 if TYPE_CHECKING:
@@ -18,22 +22,9 @@ if TYPE_CHECKING:
 SYNTHETIC_TWIN = "synthetic twin"
 """The words that stand on everything made from synthetic data."""
 
-_TEX_ESCAPES = str.maketrans(
-    {
-        "\\": r"\textbackslash{}",
-        "&": r"\&",
-        "%": r"\%",
-        "$": r"\$",
-        "#": r"\#",
-        "_": r"\_",
-        "{": r"\{",
-        "}": r"\}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-        "<": r"\textless{}",
-        ">": r"\textgreater{}",
-    }
-)
+ROWS_SHOWN = 40
+"""Rows that are shown at once; of more the first ones, the others below them on demand."""
+_FIRST_ROWS = 12
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,8 +49,12 @@ class Table:
     may_be_empty : frozenset of str
         Columns in which a cell may be empty ("not applicable").
     headers : dict of str to str
-        Words that stand over the columns in LaTeX and HTML; where there are any, the columns without stand in the CSV
-        file alone. Default: all columns under their own names.
+        Words that stand over columns in LaTeX and HTML. Default: the column's name in words, its unit in brackets.
+    first : tuple of str
+        Columns shown first, in this order; HTML has the others on demand, LaTeX has none of them. Default: those of
+        `headers` where there are any, otherwise as many as fit the page.
+    first_rows : tuple of int
+        Rows shown first, as `first`. Default: all where they are few.
     """
 
     title: str
@@ -70,6 +65,8 @@ class Table:
     decimals: dict[str, int] = field(default_factory=dict)
     may_be_empty: frozenset[str] = frozenset()
     headers: dict[str, str] = field(default_factory=dict)
+    first: tuple[str, ...] = ()
+    first_rows: tuple[int, ...] = ()
 
     def __post_init__(self):
         undefined = [column for column in self.frame.columns if column not in self.definitions]
@@ -108,56 +105,66 @@ class Table:
         write_text(stem.with_name(stem.name + ".html"), self.to_html())
 
     def cell(self, column: str, value) -> str:
-        """Format one cell for print: missing as an en dash, floats rounded."""
+        """Format one cell for print: missing as an en dash, floats rounded, names with their words apart."""
         if value is None or value != value:
-            return "–"
+            return EMPTY
+        if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
+            return "yes" if value else "no"
         if isinstance(value, float):
-            return f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}"
-        return str(value)
+            return scientific(
+                f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}"
+            )
+        return value_in_words(str(value)) or EMPTY
+
+    def header(self, name: str) -> str:
+        """Words over a column."""
+        return self.headers.get(name, column_in_words(name))
+
+    def _columns(self, names: Iterable[str], rows: Sequence[int]) -> list[Column]:
+        return [
+            Column(self.header(name), tuple(self.cell(name, value) for value in self.frame[name].iloc[rows]))
+            for name in names
+        ]
 
     @property
-    def _shown(self) -> dict[str, str]:
-        """Columns in print and the words over them."""
-        return self.headers or {str(column): str(column) for column in self.frame.columns}
+    def _first(self) -> tuple[list[str], list[int]]:
+        """Columns and rows shown first."""
+        every = list(range(len(self.frame)))
+        rows = list(self.first_rows) or (every if len(every) <= ROWS_SHOWN else every[:_FIRST_ROWS])
+        if self.first or self.headers:
+            return list(self.first or self.headers), rows
+        names = [str(name) for name in self.frame.columns]
+        return names[: fitting(self._columns(names, every))], rows
 
-    def _rows(self):
-        for record in self.frame[list(self._shown)].itertuples(index=False):
-            yield [self.cell(column, value) for column, value in zip(self._shown, record, strict=True)]
-
-    def _remarks(self):
-        return [(self._shown[name], text) for name, text in self.definitions.items() if name in self._shown]
+    def _remarks(self, names: Iterable[str]) -> list[tuple[str, str]]:
+        return [(self.header(name), self.definitions[name]) for name in names]
 
     def to_latex(self) -> str:
-        """Return a ``booktabs`` table environment."""
-        columns = [name.translate(_TEX_ESCAPES) for name in self._shown.values()]
-        numeric = [self.frame[column].dtype.kind in "fi" for column in self._shown]
-        body = [" & ".join(cell.translate(_TEX_ESCAPES) for cell in row) + r" \\" for row in self._rows()]
-        remarks = [f"{name}: {text}" for name, text in self._remarks()]
-        notes = " ".join(f"{text.rstrip('.')}." for text in (*self.notes, *remarks)).translate(_TEX_ESCAPES)
-        caption = f"{self.title} Data: {self.data}.".translate(_TEX_ESCAPES)
-        lines = [
-            r"% needs \usepackage{booktabs}; compile with LuaLaTeX or XeLaTeX, which know the Greek letters",
-            r"\begin{table}",
-            rf"\caption{{{caption}}}",
-            rf"\begin{{tabular}}{{{''.join('r' if flag else 'l' for flag in numeric)}}}",
-            r"\toprule",
-            " & ".join(columns) + r" \\",
-            r"\midrule",
-            *body,
-            r"\bottomrule",
-            r"\end{tabular}",
-            r"\par\footnotesize " + notes,
-            r"\end{table}",
-        ]
-        return "\n".join(lines) + "\n"
+        """Return ``booktabs`` table environments of what is shown first: a journal's column, or both."""
+        names, rows = self._first
+        told = [f"{word}: {text}" for word, text in self._remarks(names)]
+        return latex_table(self.title, self._columns(names, rows), [*self.notes, *told], self.data)
 
     def to_html(self) -> str:
-        """Return a page of its own: no script, no outside resource."""
+        """Return a page of its own: no script, no outside resource.
+
+        What stands between ``<main>`` and ``</main>`` is whole by itself, with the style of ``table.css``.
+        """
+        names, rows = self._first
+        every = range(len(self.frame))
+        hidden = [str(name) for name in self.frame.columns if name not in names]
+        rest: list[list[Column]] = []
+        if hidden or len(rows) < len(every):
+            columns = self._columns([*names, *hidden], every)
+            rest = blocks(columns, keys_of(columns))
+        shown = self._columns(names, rows)
         return template("table.html.jinja").render(
             title=self.title,
             data=self.data,
-            columns=list(self._shown.values()),
-            rows=self._rows(),
+            shown=blocks(shown, keys_of(shown)),
+            rest=rest,
+            counts=(len(rows), len(every), len(names), len(names) + len(hidden)),
             notes=self.notes,
-            definitions=self._remarks(),
+            definitions=self._remarks([*names, *hidden]),
+            split=split,
         )

@@ -11,8 +11,12 @@ rule run_config:
         "<logs>/run_config.log",
     benchmark:
         "<benchmarks>/run_config.tsv"
+    group:
+        "claims"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=50, seconds=1),
     params:
         config=plain(settings),
         subjects=plain(study.subjects),
@@ -30,18 +34,22 @@ CHAPTER_OF_FILE = {f"{chapter}.smk": chapter for chapter in CATEGORIES} | {"reco
 rule workflow_figure:
     input:
         config="<results>/run_config.yaml",
-        snakefile=str(Path(workflow.basedir) / "Snakefile"),
-        rules=sorted(map(str, WORKFLOW.glob("rules/*.smk"))),
-        sources=library_sources("workflow_figure.py"),
+        snakefile=source(Path(workflow.basedir) / "Snakefile"),
+        rules=[source(path) for path in sorted(WORKFLOW.glob("rules/*.smk"))],
     output:
         **published("workflow"),
     log:
         "<logs>/workflow_figure.log",
     benchmark:
         "<benchmarks>/workflow_figure.tsv"
+    group:
+        "claims"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=175, seconds=3),
     params:
+        code=library_code("workflow_figure.py"),
         chapters=CATEGORIES,
         chapter_of=lambda wildcards: {
             rule.name: CHAPTER_OF_FILE[Path(str(rule.snakefile)).name]
@@ -72,9 +80,8 @@ EVIDENCE = {name: path for name, (chapter, path) in EVIDENCE.items() if study.ha
 
 rule examine_claims:
     input:
-        published=[f"resources/thesis/{name}.csv" for name in ("table_3_1", "table_3_2", "table_4_1")],
+        published=[source(f"resources/thesis/{name}.csv") for name in ("table_3_1", "table_3_2", "table_4_1")],
         results=[f"<results>/{path}" for path in EVIDENCE.values()],
-        sources=library_sources("claims.py"),
     output:
         **published("claims_table"),
         claims="<results>/claims.csv",
@@ -82,9 +89,14 @@ rule examine_claims:
         "<logs>/examine_claims.log",
     benchmark:
         "<benchmarks>/examine_claims.tsv"
+    group:
+        "claims"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=80, seconds=2),
     params:
+        code=library_code("claims.py"),
         names=list(EVIDENCE),
         synthetic=study.synthetic,
         groups=list(settings.stability.compare.groups),

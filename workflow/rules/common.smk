@@ -1,13 +1,18 @@
 # What all rules share: the validated study, where its recordings lie, and what a script depends on.
 
+import os
 import sys
 from pathlib import Path
+
+from snakemake.io import sourcecache_entry
 
 WORKFLOW = Path(workflow.basedir) / "workflow"
 sys.path.insert(0, str(WORKFLOW))
 
-from dependencies import library_sources
+from dependencies import library_code
 from job_environment import set_job_environment
+from job_forks import fork_scripts
+from job_resources import measured
 from job_starts import lift_limit
 from run_log import watch
 from lumbar.config.artefacts import read_artefacts
@@ -16,6 +21,7 @@ from lumbar.errors import LumbarError
 from lumbar.settings.plain import plain
 from lumbar.stability.model.failures import announcement
 
+DECLARED_EPOCH = os.environ.get("SOURCE_DATE_EPOCH")  # before jobs get theirs
 set_job_environment(WORKFLOW)
 
 # Snakemake has merged these files, those of the command line last; messages name the line in the file.
@@ -46,16 +52,46 @@ CATEGORIES = {
     "pushes": "8 Basins of attraction",
     "claims": "9 Claims",
 }
-STAGES = CATEGORIES | {"records": CATEGORIES["twin"], "hidden_effects": CATEGORIES["improvement"]}
+STAGES = CATEGORIES | {
+    "crate": CATEGORIES["claims"],
+    "records": CATEGORIES["twin"],
+    "hidden_effects": CATEGORIES["improvement"],
+    "report": "Report",
+}
 QUALITY = ("quality", "quality_of_trials")
-BENCHMARKS = Path("results") / STUDY / "benchmarks"
 RUN = {}  # what is told of the run under way
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 
 
+def placed(path):
+    """Recording at this path: made by the twin, a file that stays where it is, or an object of a store."""
+    if study.synthetic:
+        return path
+    return storage(path) if study.remote else local(path)
+
+
 def recording(path):
-    """Path of a recording: made by the twin, or below the study's data root."""
-    return study.recording(path)
+    """Recording by its name in the configuration."""
+    return placed(study.recording(path))
+
+
+def source(path):
+    """File that comes with the workflow: it stays where it is, wherever results are stored."""
+    return sourcecache_entry(str(path), str(path))  # `local` would also keep the job from the cluster's nodes
+
+
+def at_hand(path):
+    """Path at which this machine sees a result: its own, or that of the copy of the store's object."""
+    return str(workflow.modifier.path_modifier.apply_default_storage(path))
+
+
+def address(path):
+    """Where a result is kept, as a person would name it."""
+    return os.path.join(workflow.storage_settings.default_storage_prefix or "", path)
+
+
+EFFECT_FILES = [source(path) for path in settings.improvement.effect_files]
+BENCHMARKS = Path(at_hand(f"results/{STUDY}/benchmarks"))
 
 
 def without(section, *keys):

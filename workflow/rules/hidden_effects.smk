@@ -35,8 +35,6 @@ rule hidden_effects:
 
 
 rule make_hidden_effects:
-    input:
-        sources=library_sources("make_hidden_effects.py"),
     output:
         recordings=(
             directory("results/hidden_effects/experiments/{kind}_{part}")
@@ -51,9 +49,14 @@ rule make_hidden_effects:
     wildcard_constraints:
         kind="single|pair|outside|null",
         part=r"\d+",
+    group:
+        "hidden_effects"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=10),
     params:
+        code=library_code("make_hidden_effects.py"),
         kind=lambda wildcards: wildcards.kind,
         part=lambda wildcards: int(wildcards.part),
         settings=lambda wildcards: HIDDEN_NULL if wildcards.kind == "null" else HIDDEN_EFFECT,
@@ -66,7 +69,6 @@ rule make_hidden_effects:
 rule diagnose_hidden_effects:
     input:
         recordings="results/hidden_effects/experiments/{kind}_{part}",
-        sources=library_sources("diagnose_hidden_effects.py"),
     output:
         diagnoses="results/hidden_effects/diagnoses/{kind}_{part}.json",
     log:
@@ -76,8 +78,14 @@ rule diagnose_hidden_effects:
     wildcard_constraints:
         kind="single|pair|outside|null",
         part=r"\d+",
+    group:
+        "hidden_effects"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=230, seconds=60),
+    params:
+        code=library_code("diagnose_hidden_effects.py"),
     message:
         "Blind diagnosis: {wildcards.kind} {wildcards.part}"
     script:
@@ -88,7 +96,6 @@ rule score_hidden_effects:
     input:
         labels=expand("results/hidden_effects/labels/{batch}.json", batch=HIDDEN_BATCHES),
         diagnoses=expand("results/hidden_effects/diagnoses/{batch}.json", batch=HIDDEN_BATCHES),
-        sources=library_sources("score_hidden_effects.py"),
     output:
         scores="results/hidden_effects/scores.csv",
         confusion="results/hidden_effects/confusion.csv",
@@ -109,7 +116,10 @@ rule score_hidden_effects:
         "results/hidden_effects/benchmarks/score_hidden_effects.tsv"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=20),
     params:
+        code=library_code("score_hidden_effects.py"),
         settings=HIDDEN,
     message:
         "Scores of the diagnosis"

@@ -1,6 +1,6 @@
 # Improvement: what the base model is missing on each record set, the model with it, and the error ladder.
 
-from lumbar.config.study_recordings import record_layout, record_set
+from lumbar.config.study_recordings import record_set, set_layout
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
 RECORD_SETS = [entry.name for entry in settings.improvement.record_sets]
@@ -16,8 +16,7 @@ rule diagnose_records:
             for chapter in RECORDED_CHAPTERS
             if chapter in RECORD_SET_CHAPTERS
         ],
-        effects=list(settings.improvement.effect_files),
-        sources=library_sources("diagnose_records.py"),
+        effects=EFFECT_FILES,
     output:
         **published(
             "diagnoses",
@@ -37,15 +36,18 @@ rule diagnose_records:
         record_set="|".join(RECORD_SETS) or "none",
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=230, seconds=15),
     params:
+        code=library_code("diagnose_records.py"),
         records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),
         base=lambda wildcards: record_set(settings, wildcards.record_set).base,
         session=lambda wildcards: record_set(settings, wildcards.record_set).session,
-        layout=lambda wildcards: plain(
-            record_layout(settings, record_set(settings, wildcards.record_set).base)[0]
-        ),
-        rate=lambda wildcards: record_layout(settings, record_set(settings, wildcards.record_set).base)[1],
-        improvement=without(settings.improvement, "record_sets"),
+        train=lambda wildcards: plain(record_set(settings, wildcards.record_set).train),
+        effects=lambda wildcards: plain(record_set(settings, wildcards.record_set).effects),
+        layout=lambda wildcards: plain(set_layout(settings, wildcards.record_set)[0]),
+        rate=lambda wildcards: set_layout(settings, wildcards.record_set)[1],
+        improvement=without(settings.improvement, "effects", "record_sets"),
         machine=plain(settings.signals.machine),
         gravity=settings.stability.pendulum.gravity_m_s2,
         seed=settings.seed,

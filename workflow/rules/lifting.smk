@@ -12,7 +12,6 @@ rule lift:
             recording(path) for path in [study.lifts[wildcards.lift].static] if path is not None
         ],
         checked="<results>/checked/lifting.json",
-        sources=library_sources("lift.py"),
     output:
         centres="<results>/lifting/{lift}/com.csv",
         body="<results>/lifting/{lift}/body.csv",
@@ -29,9 +28,14 @@ rule lift:
         "<logs>/lift/{lift}.log",
     benchmark:
         "<benchmarks>/lift/{lift}.tsv"
+    group:
+        "lift"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=155, seconds=4),
     params:
+        code=library_code("lift.py"),
         lift="{lift}",
         subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
         trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
@@ -51,7 +55,6 @@ if settings.lifting.body_model is not None:
             forces=rules.lift.input.forces,
             static=rules.lift.input.static,
             checked="<results>/checked/lifting.json",
-            sources=library_sources("body_model.py"),
         output:
             states="<results>/lifting/{lift}/body_model_pendulum.csv",
             markers="<results>/lifting/{lift}/body_model_markers.csv",
@@ -60,9 +63,14 @@ if settings.lifting.body_model is not None:
             "<logs>/body_model/{lift}.log",
         benchmark:
             "<benchmarks>/body_model/{lift}.tsv"
+        group:
+            "lift"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=220, seconds=30),
         params:
+            code=library_code("body_model.py"),
             lift="{lift}",
             subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
             trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
@@ -87,16 +95,20 @@ if study.has("lifting"):
             landmarks=[f"<results>/lifting/{lift}/landmarks.csv" for lift in study.lifts],
             spread=[f"<results>/lifting/{lift}/spread.csv" for lift in study.lifts],
             quality=[f"<results>/lifting/{lift}/quality.json" for lift in study.lifts],
-            sources=library_sources("lifting_figures.py"),
         output:
             **published("quality", "lifting_events", "figure_4_1", "figure_4_2", "centre_of_mass_checks"),
         log:
             "<logs>/lifting_figures.log",
         benchmark:
             "<benchmarks>/lifting_figures.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=140, seconds=4),
         params:
+            code=library_code("lifting_figures.py"),
             data=DATA,
         message:
             "Quality of the recordings, Figures 4.1 and 4.2, events and centres of mass of every lift"

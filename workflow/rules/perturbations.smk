@@ -8,7 +8,6 @@ if study.has("perturbations"):
             unperturbed=[recording(path) for path in settings.perturbations.unperturbed],
             perturbed=[recording(path) for path in settings.perturbations.perturbed],
             checked="<results>/checked/perturbations.json",
-            sources=library_sources("perturbed_trials.py"),
         output:
             **published(
                 "quality_of_trials", "perturbed_trials", "trial_separation", "perturbed_trials_figure"
@@ -19,7 +18,10 @@ if study.has("perturbations"):
             "<benchmarks>/perturbed_trials.tsv"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=215, seconds=12),
         params:
+            code=library_code("perturbed_trials.py"),
             settings=plain(settings.perturbations),
             stability=plain(settings.stability),
             lifting={key: plain(getattr(settings.lifting, key)) for key in ("gaps", "filter")},

@@ -15,7 +15,6 @@ if study.has("population"):
                 recording(path) for path in [study.subjects[wildcards.person].static] if path is not None
             ],
             checked=ALL_CHECKED,
-            sources=library_sources("measure_person.py"),
         output:
             **({"states": "<results>/pushes/persons/{person}.csv"} if study.has("pushes") else {}),
             measures="<results>/population/persons/{person}.csv",
@@ -23,9 +22,14 @@ if study.has("population"):
             "<logs>/measure_person/{person}.log",
         benchmark:
             "<benchmarks>/measure_person/{person}.tsv"
+        group:
+            "person"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=205, seconds=9),
         params:
+            code=library_code("measure_person.py"),
             subject=lambda wildcards: without(
                 study.subjects[wildcards.person], "trials", "experience", "static"
             ),
@@ -47,7 +51,6 @@ if study.has("population"):
     rule compare_people:
         input:
             persons=[f"<results>/population/persons/{person}.csv" for person in study.subjects],
-            sources=library_sources("compare_people.py"),
         output:
             **published("measure_comparison", "measure_planning", "measure_comparison_figure"),
             measures="<results>/population/measures.csv",
@@ -57,7 +60,10 @@ if study.has("population"):
             "<benchmarks>/compare_people.tsv"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=210, seconds=10),
         params:
+            code=library_code("compare_people.py"),
             settings=plain(settings.population),
             groups=list(settings.stability.compare.groups),
             labels=study.labels,

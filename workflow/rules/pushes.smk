@@ -15,7 +15,6 @@ if study.has("pushes"):
     rule predict_steps:
         input:
             **PUSHED,
-            sources=library_sources("push_prediction.py"),
         output:
             **published("push_prediction", "push_sensitivity", "push_figure"),
             pushes="<results>/pushes/pushes.csv",
@@ -26,7 +25,10 @@ if study.has("pushes"):
             "<benchmarks>/predict_steps.tsv"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=215, seconds=15),
         params:
+            code=library_code("push_prediction.py"),
             settings=plain(settings.pushes),
             stability=without(settings.stability, "compare"),
             seed=settings.seed,

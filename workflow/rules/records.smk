@@ -13,6 +13,13 @@ ALL_CHECKED = (
 CHECKS = (
     {chapter: [chapter] for chapter in RECORDED_CHAPTERS} if study.synthetic else {"all": RECORDED_CHAPTERS}
 )
+# With what else the checks of a chapter are submitted to a cluster.
+CHECK_GROUPS = {
+    "surgeon": "excitation",
+    "tissue": "excitation",
+    "lifting": "lifts",
+    "improvement": "improvement_records",
+}
 
 
 for group, checked in CHECKS.items():
@@ -21,18 +28,24 @@ for group, checked in CHECKS.items():
         name:
             f"check_{group}_recordings"
         input:
-            recordings=[item["path"] for item in reading_plan(study, checked)],
-            sources=library_sources("check_recordings.py"),
+            recordings=lambda wildcards, chapters=checked: [
+                placed(item["path"]) for item in reading_plan(study, chapters)
+            ],
         output:
             [f"<results>/checked/{chapter}.json" for chapter in checked],
         log:
             f"<logs>/check_{group}_recordings.log",
         benchmark:
             f"<benchmarks>/check_{group}_recordings.tsv"
+        group:
+            CHECK_GROUPS.get(group, group)
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=90, seconds=2),
         params:
-            plan=reading_plan(study, checked),
+            code=library_code("check_recordings.py"),
+            plan=lambda wildcards, chapters=checked: reading_plan(study, chapters),
             data=DATA,
         message:
             f"Recordings ({', '.join(checked)}): read and checked"

@@ -8,16 +8,20 @@ FMUS = [f"<results>/fmu/{model}_fmi{version}.fmu" for model in settings.runtime.
 rule warm_compiler:
     input:
         checked=ALL_CHECKED,
-        sources=library_sources("warm_compiler.py"),
     output:
         targets="<results>/runtime/targets.json",
     log:
         "<logs>/warm_compiler.log",
     benchmark:
         "<benchmarks>/warm_compiler.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=30, seconds=1),
     params:
+        code=library_code("warm_compiler.py"),
         targets=plain(settings.runtime.targets),
         compiler_cache=settings.runtime.compiler_cache,
     message:
@@ -29,18 +33,22 @@ rule warm_compiler:
 rule export_fmus:
     input:
         models="<results>/tissue/models.json",
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         targets="<results>/runtime/targets.json",
-        sources=library_sources("export_fmus.py"),
     output:
         fmus=FMUS,
     log:
         "<logs>/export_fmus.log",
     benchmark:
         "<benchmarks>/export_fmus.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=270, seconds=8),
     params:
+        code=library_code("export_fmus.py"),
         settings=plain(settings.runtime),
         data=DATA,
     message:
@@ -53,8 +61,7 @@ rule check_fmus:
     input:
         fmus=FMUS,
         models="<results>/tissue/models.json",
-        effects=list(settings.improvement.effect_files),
-        sources=library_sources("check_fmus.py"),
+        effects=EFFECT_FILES,
     output:
         **published("fmu_check", "fmu_force"),
         checks="<results>/runtime/fmu_check.csv",
@@ -62,9 +69,14 @@ rule check_fmus:
         "<logs>/check_fmus.log",
     benchmark:
         "<benchmarks>/check_fmus.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=6),
     params:
+        code=library_code("check_fmus.py"),
         settings=plain(settings.runtime),
         seed=settings.seed,
         data=DATA,
@@ -79,9 +91,8 @@ rule render_models:
         models="<results>/tissue/models.json",
         recordings=TISSUE_RECORDINGS,
         checked="<results>/checked/tissue.json",
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         targets="<results>/runtime/targets.json",
-        sources=library_sources("render_models.py"),
     output:
         **published("rendering", "passive_fits", "closed_loop", "z_width"),
         models="<results>/runtime/passive_models.json",
@@ -89,9 +100,14 @@ rule render_models:
         "<logs>/render_models.log",
     benchmark:
         "<benchmarks>/render_models.tsv"
+    group:
+        "runtime"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=225, seconds=7),
     params:
+        code=library_code("render_models.py"),
         settings=plain(settings.runtime),
         tissue=plain(settings.tissue),
         data=DATA,

@@ -4,7 +4,6 @@
 rule design_signals:
     input:
         bandwidth="<results>/surgeon/bandwidth.json",
-        sources=library_sources("design_signals.py"),
     output:
         **published("signal_properties", "excitation_signals"),
         multisine="<results>/signals/multisine.csv",
@@ -16,9 +15,14 @@ rule design_signals:
         "<logs>/design_signals.log",
     benchmark:
         "<benchmarks>/design_signals.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=165, seconds=3),
     params:
+        code=library_code("design_signals.py"),
         settings=plain(settings.signals),
         seed=settings.seed,
         data=DATA,

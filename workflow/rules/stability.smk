@@ -6,7 +6,6 @@ rule basins_of_lift:
         states="<results>/lifting/{lift}/pendulum.csv",
         facts="<results>/lifting/{lift}/pendulum.json",
         others="<results>/lifting/{lift}/other_pivots.csv",
-        sources=library_sources("basins_of_lift.py"),
     output:
         boa="<results>/stability/{lift}/boa.csv",
         funnel="<results>/stability/{lift}/funnel.csv",
@@ -17,9 +16,14 @@ rule basins_of_lift:
         "<logs>/basins_of_lift/{lift}.log",
     benchmark:
         "<benchmarks>/basins_of_lift/{lift}.tsv"
+    group:
+        "lift"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=220, seconds=17),
     params:
+        code=library_code("basins_of_lift.py"),
         settings=without(settings.stability, "compare", "measures"),
         seed=settings.seed,
     message:
@@ -38,8 +42,7 @@ if study.has("stability"):
             failures=[f"<results>/stability/{lift}/failures.csv" for lift in study.lifts],
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
-            published="resources/thesis/table_4_1.csv",
-            sources=library_sources("stability_tables.py"),
+            published=source("resources/thesis/table_4_1.csv"),
         output:
             **published(
                 *("table_4_1", "table_4_1_controls", "table_4_1_grid", "grid_figure"),
@@ -51,9 +54,14 @@ if study.has("stability"):
             "<logs>/stability_tables.log",
         benchmark:
             "<benchmarks>/stability_tables.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=220, seconds=10),
         params:
+            code=library_code("stability_tables.py"),
             settings=plain(settings.stability),
             labels=study.labels,
             data=DATA,
@@ -67,16 +75,20 @@ if study.has("stability"):
             funnels=[f"<results>/stability/{lift}/funnel.csv" for lift in study.lifts],
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
-            sources=library_sources("stability_figures.py"),
         output:
             **published("figure_4_3", "figure_4_4", "basin_comparison"),
         log:
             "<logs>/stability_figures.log",
         benchmark:
             "<benchmarks>/stability_figures.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=160, seconds=6),
         params:
+            code=library_code("stability_figures.py"),
             settings=plain(settings.stability),
             labels=study.labels,
             data=DATA,
@@ -90,7 +102,6 @@ if study.has("stability"):
             body=[f"<results>/lifting/{lift}/body.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
             events=[f"<results>/lifting/{lift}/events.json" for lift in study.lifts],
-            sources=library_sources("measure_movement.py"),
         output:
             **published("movement_measures", "movement_course", "base_of_support"),
             courses=[f"<results>/measures/{lift}.csv" for lift in study.lifts],
@@ -98,9 +109,14 @@ if study.has("stability"):
             "<logs>/measure_movement.log",
         benchmark:
             "<benchmarks>/measure_movement.tsv"
+        group:
+            "lift_pages"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=160, seconds=6),
         params:
+            code=library_code("measure_movement.py"),
             settings={key: plain(settings.stability)[key] for key in ("pendulum", "measures")},
             labels=study.labels,
             data=DATA,

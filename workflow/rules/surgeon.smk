@@ -5,7 +5,6 @@ rule surgeon_motion:
     input:
         records=[recording(record.file) for record in settings.surgeon.records],
         checked="<results>/checked/surgeon.json",
-        sources=library_sources("surgeon_motion.py"),
     output:
         **published("surgeon_psd"),
         bandwidth="<results>/surgeon/bandwidth.json",
@@ -14,9 +13,14 @@ rule surgeon_motion:
         "<logs>/surgeon_motion.log",
     benchmark:
         "<benchmarks>/surgeon_motion.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=195, seconds=7),
     params:
+        code=library_code("surgeon_motion.py"),
         settings=plain(settings.surgeon),
         seed=settings.seed,
         data=DATA,

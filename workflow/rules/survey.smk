@@ -5,7 +5,6 @@ rule survey_tables:
     input:
         ratings=recording(settings.survey.file),
         checked="<results>/checked/survey.json",
-        sources=library_sources("survey_tables.py"),
     output:
         **published("table_3_2", "survey_paired", "survey_best_picks"),
         results="<results>/survey/survey.json",
@@ -13,9 +12,14 @@ rule survey_tables:
         "<logs>/survey_tables.log",
     benchmark:
         "<benchmarks>/survey_tables.tsv"
+    group:
+        "survey"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=155, seconds=4),
     params:
+        code=library_code("survey_tables.py"),
         settings=plain(settings.survey),
         seed=settings.seed,
         data=DATA,
@@ -28,16 +32,20 @@ rule survey_tables:
 rule survey_figures:
     input:
         results="<results>/survey/survey.json",
-        sources=library_sources("survey_figures.py"),
     output:
         **published("survey_likert", "survey_best_picks_figure"),
     log:
         "<logs>/survey_figures.log",
     benchmark:
         "<benchmarks>/survey_figures.tsv"
+    group:
+        "survey"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=95, seconds=3),
     params:
+        code=library_code("survey_figures.py"),
         scale_labels=plain(settings.survey.scale_labels),
         statement=settings.survey.statement,
         confidence=settings.survey.confidence,

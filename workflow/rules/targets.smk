@@ -26,15 +26,16 @@ for artefact in ARTEFACTS:
 
 onstart:
     lift_limit(workflow.scheduler)
+    fork_scripts(workflow)
     RUN["log"] = watch(workflow, STAGES, BENCHMARKS)
 
 
 onsuccess:
     closing = RUN["log"].closing(BENCHMARKS)
-    missing = Path("results") / STUDY / "stability" / "failures.csv"
+    missing = Path(at_hand(f"results/{STUDY}/stability/failures.csv"))
     failed = announcement(missing) if study.has("stability") and missing.is_file() else ""
     print(closing if failed in closing else f"{closing}\n{failed}")
-    print(f"Results of the study {STUDY!r} ({DATA}): results/{STUDY}")
+    print(f"Results of the study {STUDY!r} ({DATA}): {address(f'results/{STUDY}')}")
 
 
 onerror:

@@ -10,16 +10,20 @@ TRAINING = settings.tissue.training
 rule viscoelastic_models:
     input:
         checked=ALL_CHECKED,
-        sources=library_sources("viscoelastic_models.py"),
     output:
         **published("table_2_1", "figure_2_4", "figure_3_2"),
     log:
         "<logs>/viscoelastic_models.log",
     benchmark:
         "<benchmarks>/viscoelastic_models.tsv"
+    group:
+        "tissue"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=130, seconds=3),
     params:
+        code=library_code("viscoelastic_models.py"),
         data="definitions, no data",
     message:
         "Table 2.1, Figures 2.4 and 3.2: the models and their mechanical analogues"
@@ -30,9 +34,8 @@ rule viscoelastic_models:
 rule identify_tissue:
     input:
         recordings=TISSUE_RECORDINGS,
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         checked="<results>/checked/tissue.json",
-        sources=library_sources("identify_tissue.py"),
     output:
         fits="<results>/tissue/identified/{training}.json",
         grid="<results>/tissue/identified/{training}.csv",
@@ -42,9 +45,14 @@ rule identify_tissue:
         "<benchmarks>/identify_tissue/{training}.tsv"
     wildcard_constraints:
         training="|".join(map(re.escape, TRAINING)) or "none",
+    group:
+        "tissue"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=155, seconds=5),
     params:
+        code=library_code("identify_tissue.py"),
         tissue=plain(settings.tissue),
         training=lambda wildcards: wildcards.training,
         improvement=without(settings.improvement, "train", "record_sets"),
@@ -61,9 +69,8 @@ rule tissue_models:
         fits=expand("<results>/tissue/identified/{training}.json", training=TRAINING),
         grids=expand("<results>/tissue/identified/{training}.csv", training=TRAINING),
         recordings=TISSUE_RECORDINGS,
-        effects=list(settings.improvement.effect_files),
+        effects=EFFECT_FILES,
         checked="<results>/checked/tissue.json",
-        sources=library_sources("tissue_models.py"),
     output:
         **published("table_3_1", "physical_parameters", "figure_3_4", "figure_3_5"),
         models="<results>/tissue/models.json",
@@ -72,9 +79,14 @@ rule tissue_models:
         "<logs>/tissue_models.log",
     benchmark:
         "<benchmarks>/tissue_models.tsv"
+    group:
+        "tissue"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=205, seconds=7),
     params:
+        code=library_code("tissue_models.py"),
         tissue=plain(settings.tissue),
         data=DATA,
     message:

@@ -3,16 +3,21 @@
 
 rule twin_survey:
     input:
-        answers=str(Path(workflow.basedir) / "resources" / "survey" / "survey_reconstructed.csv"),
-        sources=library_sources("twin_survey.py"),
+        answers=source(Path(workflow.basedir) / "resources" / "survey" / "survey_reconstructed.csv"),
     output:
         answers=f"<results>/twin/{settings.survey.file}",
     log:
         "<logs>/twin_survey.log",
     benchmark:
         "<benchmarks>/twin_survey.tsv"
+    group:
+        "survey"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=10, seconds=1),
+    params:
+        code=library_code("twin_survey.py"),
     message:
         "Survey answers that fit the published margins"
     script:
@@ -20,17 +25,20 @@ rule twin_survey:
 
 
 rule twin_surgeon:
-    input:
-        sources=library_sources("twin_surgeon.py"),
     output:
         recordings=[f"<results>/twin/{record.file}" for record in settings.surgeon.records],
     log:
         "<logs>/twin_surgeon.log",
     benchmark:
         "<benchmarks>/twin_surgeon.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=80, seconds=2),
     params:
+        code=library_code("twin_surgeon.py"),
         records=[without(record, "file") for record in settings.surgeon.records],
         settings=plain(settings.twin.surgeon),
         seed=settings.twin.seed,
@@ -47,17 +55,20 @@ if study.cohort:
     COHORT_LIFTS = list(lifts_of(study.cohort))
 
     rule twin_person:
-        input:
-            sources=library_sources("twin_person.py"),
         output:
             markers=[f"<results>/twin/{marker_file('{person}', *lift)}" for lift in COHORT_LIFTS],
         log:
             "<logs>/twin_person/{person}.log",
         benchmark:
             "<benchmarks>/twin_person/{person}.tsv"
+        group:
+            "person"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=50, seconds=1),
         params:
+            code=library_code("twin_person.py"),
             # Without the other groups and the numbers of persons: whoever is added makes nobody anew.
             settings=without(settings.twin.lifting, "cohort", "people", "lifts", "hip_moment"),
             cohort=lambda wildcards: plain(
@@ -74,8 +85,6 @@ if study.cohort:
 elif study.synthetic and study.lifts:
 
     rule twin_lifting:
-        input:
-            sources=library_sources("twin_lifting.py"),
         output:
             markers=[recording(lift.trial.markers) for lift in study.lifts.values()],
             hip_moment=[
@@ -85,9 +94,14 @@ elif study.synthetic and study.lifts:
             "<logs>/twin_lifting.log",
         benchmark:
             "<benchmarks>/twin_lifting.tsv"
+        group:
+            "lifts"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=120, seconds=2),
         params:
+            code=library_code("twin_lifting.py"),
             settings=plain(settings.twin.lifting),
             lifts=list(study.lifts),
             with_moment=[name for name, lift in study.lifts.items() if lift.trial.hip_moment],
@@ -110,17 +124,20 @@ HIP_MOMENTS = [
 if study.synthetic and HIP_MOMENTS:
 
     rule twin_hip_moment:
-        input:
-            sources=library_sources("twin_hip_moment.py"),
         output:
             recordings=[f"<results>/twin/{record.file}" for record in HIP_MOMENTS],
         log:
             "<logs>/twin_hip_moment.log",
         benchmark:
             "<benchmarks>/twin_hip_moment.tsv"
+        group:
+            "improvement_records"
         conda:
             CONDA
+        resources:
+            **measured(peak_mb=120, seconds=2),
         params:
+            code=library_code("twin_hip_moment.py"),
             settings=plain(settings.twin.lifting),
             trials=[record.name for record in HIP_MOMENTS],
             gravity=settings.stability.pendulum.gravity_m_s2,
@@ -134,16 +151,20 @@ if study.synthetic and HIP_MOMENTS:
 rule twin_tissue:
     input:
         signals=expand("<results>/signals/{name}.csv", name=["multisine", "noise", "chirp"]),
-        sources=library_sources("twin_tissue.py"),
     output:
         recordings=expand("<results>/twin/tissue/{name}.csv", name=["multisine", "noise", "chirp"]),
     log:
         "<logs>/twin_tissue.log",
     benchmark:
         "<benchmarks>/twin_tissue.tsv"
+    group:
+        "excitation"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=45, seconds=1),
     params:
+        code=library_code("twin_tissue.py"),
         tissue=plain(settings.twin.tissue),
         seed=settings.twin.seed,
     message:
@@ -153,8 +174,6 @@ rule twin_tissue:
 
 
 rule twin_two_hidden_effects:
-    input:
-        sources=library_sources("twin_two_hidden_effects.py"),
     output:
         recordings=expand(
             "<results>/twin/two_hidden_effects/{name}.csv", name=["multisine", "noise", "chirp"]
@@ -163,9 +182,14 @@ rule twin_two_hidden_effects:
         "<logs>/twin_two_hidden_effects.log",
     benchmark:
         "<benchmarks>/twin_two_hidden_effects.tsv"
+    group:
+        "improvement_records"
     conda:
         CONDA
+    resources:
+        **measured(peak_mb=125, seconds=3),
     params:
+        code=library_code("twin_two_hidden_effects.py"),
         twin=without(settings.twin, "surgeon", "tissue", "lifting"),
         generator=plain(settings.hidden_effects),
     message:

@@ -11,7 +11,9 @@ def main(input, output, params):
     from lumbar.quality.axes import read_upright
     from lumbar.records.checking import check_recordings
 
-    chapters = check_recordings(params.plan, read_upright)
+    # Where they are for this job: a store's objects are copied for it.
+    plan = [{**item, "path": path} for item, path in zip(params.plan, input.recordings, strict=True)]
+    chapters = check_recordings(plan, read_upright)
     for path in output:
         recordings = chapters[Path(path).stem]
         write_json(path, {"schema": "lumbar.checked/1", "data": params.data, "recordings": recordings})

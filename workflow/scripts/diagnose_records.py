@@ -19,6 +19,7 @@ def main(input, output, params):
     diagnosis = diagnose(
         records,
         base=params.base,
+        train=params.train,
         session=params.session,
         settings=typed(ImprovementSettings, params.improvement),
         machine=typed(MachineSettings, params.machine),
@@ -26,7 +27,7 @@ def main(input, output, params):
         seed=params.seed,
         data=params.data,
     )
-    diagnosis.save(Path(output.refined).parent)
+    diagnosis.save(Path(output.refined).parent, effects=params.effects)
 
 
 run(main, snakemake)

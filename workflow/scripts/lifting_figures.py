@@ -11,7 +11,7 @@ def main(input, output, params):
     from lumbar.lifting.model_spread import spread_table
     from lumbar.quality.quality_table import quality_table
     from lumbar.reports.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
-    from lumbar.reports.figures.style import save
+    from lumbar.reports.figures.style import person_and_box, save
 
     sheets = [read_json(path) for path in input.quality]
     quality_table(sheets, params.data).write(stem(output.quality))
@@ -35,10 +35,11 @@ def main(input, output, params):
         )
     ]
     for lift, svg in zip(lifts, output.lifting_events[::2], strict=True):
-        save(events_figure(lift), stem([svg]), params.data)
+        save(events_figure(lift), stem([svg]), params.data, who=person_and_box(lift["summary"]))
     shown = next((lift for lift in lifts if len(lift["states"])), lifts[0])
-    save(pendulum_figure(shown), stem(output.figure_4_1), params.data)
-    save(segments_figure(shown), stem(output.figure_4_2), params.data)
+    who = person_and_box(shown["summary"])
+    save(pendulum_figure(shown), stem(output.figure_4_1), params.data, who=who)
+    save(segments_figure(shown), stem(output.figure_4_2), params.data, who=who)
     spreads = [pd.read_csv(path) for path in input.spread]
     spread_table(spreads, [lift["summary"] for lift in lifts], params.data).write(
         stem(output.centre_of_mass_checks)

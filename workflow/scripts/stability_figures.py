@@ -10,7 +10,7 @@ def main(input, output, params):
     from lumbar.files import read_json
     from lumbar.reports.figures.basin_comparison_figure import comparison_figure
     from lumbar.reports.figures.stability_figures import figure_4_3, figure_4_4, shown_lift
-    from lumbar.reports.figures.style import save
+    from lumbar.reports.figures.style import person_and_box, save
     from lumbar.settings.plain import typed
     from lumbar.settings.stability import StabilitySettings
     from lumbar.stability.model.lift_trajectories import trajectories_of_lift
@@ -19,20 +19,16 @@ def main(input, output, params):
     facts = [read_json(path) for path in input.facts]
     chosen = shown_lift(facts, params.labels, settings.compare.groups[0])
     funnels = pd.read_csv(input.funnels[chosen])
-    known, pendulum = facts[chosen], settings.pendulum
-    who = f"{known['subject']}, {known['box_mass_kg']:g} kg, {pendulum.sign}, {pendulum.time} time"
-    save(
-        figure_4_3(funnels, settings.goal_level, who),
-        stem(output.figure_4_3),
-        params.data,
-    )
-    save(figure_4_4(funnels, who), stem(output.figure_4_4), params.data)
+    person, pendulum = person_and_box(facts[chosen]), settings.pendulum
+    who = f"{person}, {pendulum.sign}, {pendulum.time} time"
+    save(figure_4_3(funnels, settings.goal_level, who), stem(output.figure_4_3), params.data, who=person)
+    save(figure_4_4(funnels, who), stem(output.figure_4_4), params.data, who=person)
     states = pd.read_csv(input.states[chosen])
     trajectories, _ = trajectories_of_lift(
         states, facts[chosen], settings.pendulum.mass, settings.pendulum.time
     )
-    comparison = comparison_figure(trajectories, settings)
-    save(comparison, stem(output.basin_comparison), params.data)
+    comparison = comparison_figure(trajectories, settings, who)
+    save(comparison, stem(output.basin_comparison), params.data, who=person)
 
 
 run(main, snakemake)

@@ -16,9 +16,10 @@ def main(input, output, params):
     from lumbar.settings.stability import StabilitySettings
     from lumbar.stability.basins import DTYPES
     from lumbar.stability.comparison.basin_areas import areas_table
+    from lumbar.stability.comparison.compared_study import Study
     from lumbar.stability.comparison.cross_check import cross_checked
     from lumbar.stability.comparison.grid_table import grid_table
-    from lumbar.stability.comparison.table_4_1 import Study, tables_4_1
+    from lumbar.stability.comparison.table_4_1 import tables_4_1
     from lumbar.stability.extended_basins import COUNTS, extended_table
     from lumbar.stability.model.failures import announcement, failures_frame, failures_table, joined
     from lumbar.stability.model.lift_trajectories import LiftStates

@@ -240,6 +240,12 @@ def test_the_environment_variable_replaces_the_data_root(config, folder, monkeyp
     assert not study.synthetic
 
 
+def test_a_data_root_may_be_a_place_in_an_object_store(config, folder):
+    study = load_study(recorded(config, "s3://lab/recordings/"), folder)
+    assert study.recording("survey.csv") == "s3://lab/recordings/survey.csv"
+    assert (study.remote, study.synthetic) == (True, False)
+
+
 @pytest.mark.parametrize("name", ["../survey.csv", "/etc/passwd", "a/../../survey.csv"])
 def test_recordings_cannot_be_named_outside_the_root(config, folder, name):
     (folder / "data").mkdir()

@@ -1,56 +1,134 @@
-"""Effects are written into a study's file without touching anything else in it."""
+"""Effects and recordings are kept in the study where the workflow finds them again."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 import yaml
 
+import lumbar
+from lumbar.config.load_study import load_study
+from lumbar.config.study_recordings import record_set, set_layout
 from lumbar.errors import InputError
+from lumbar.interface.importing import import_recordings
+from lumbar.interface.reading import read_listed
 from lumbar.page_server.kept_effects import keep_effects
+from lumbar.page_server.kept_records import keep_records
+from lumbar.synthetic.examples import example_records
 
-FILES = {
-    "absent section": "# a study\nstudy: a\n",
-    "section without the key": "study: a\nimprovement:  # see below\n  train: noise   # the longest\n\nsurvey: {file: x.csv}\n",
-    "empty section": "improvement:\nstudy: a\n",
-    "null section": "improvement: null\nstudy: a\n",
-    "list in brackets": "improvement:\n  effects: [hysteresis, delay]  # once\n  train: noise\n",
-    "list in lines": "improvement:\n  effects:\n    - hysteresis   # once\n    - delay\n  train: noise\nstudy: a\n",
-    "empty list": "improvement: \n  effects: []\n",
-    "last key, no end of line": "study: a\nimprovement:\n  train: noise\n  effects: [delay]",
-    "section in braces": "study: a\nimprovement: {train: noise, effects: [delay]}\n",
-    "empty file": "",
-}
+SETS = "  record_sets:\n    - {name: tissue}\n    - {name: other, base: KB}\n"
+STUDY = """study: kept
+title: kept
+data: recordings
+data_root: data
+data_source: {name: examples, licence: none, obtain: here}
+chapters: [tissue, improvement]
+tissue:
+  records: [{name: multisine, file: multisine.csv}]
+  training: [multisine]
+improvement:
+  propose_law: false   # quick
+  most_effects: 1
+"""
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_only_the_effects_change(tmp_path, name):
-    path = tmp_path / "study.yaml"
-    path.write_text(FILES[name], encoding="utf-8")
-    change = keep_effects(path, ["coulomb_friction", "delay"])
-    assert path.read_text(encoding="utf-8") == FILES[name]
-    assert "coulomb_friction" in change.diff
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Folder of two recordings as a machine may write them."""
+    folder = tmp_path_factory.mktemp("files")
+    for record in example_records():
+        table = np.column_stack([1e3 * record.time, record["input"] / 1e3, record["output"]])
+        np.savetxt(
+            folder / f"{record.name}.csv", table, delimiter=",", header="t [ms],pos [m],F [N]", comments=""
+        )
+    return folder
+
+
+@pytest.fixture
+def study(tmp_path, project, files):
+    """Return a function that writes a study's file and loads the study."""
+    (tmp_path / "data").mkdir()
+    (tmp_path / "config").mkdir()
+    (tmp_path / "config" / "artefacts.tsv").symlink_to(project / "config" / "artefacts.tsv")
+    rows = np.column_stack([0.01 * np.arange(300), np.arange(300) % 7, np.arange(300) % 5])
+    np.savetxt(
+        tmp_path / "data" / "multisine.csv",
+        rows,
+        delimiter=",",
+        header="time_s,position_mm,force_N",
+        comments="",
+    )
+
+    def load(text: str | None = None):
+        path = tmp_path / "study.yaml"
+        if text is not None:
+            path.write_text(text, encoding="utf-8")
+        return path, load_study(yaml.safe_load(path.read_text(encoding="utf-8")), tmp_path, [path])
+
+    return load
+
+
+def test_each_set_has_its_own_effects(study):
+    path, loaded = study(STUDY + SETS)
+    for name, effects in (("tissue", ["delay"]), ("other", ["coulomb_friction", "delay"]), ("other", [])):
+        keep_effects(path, loaded.settings, name, effects).write()
+        _, loaded = study()
+        assert record_set(loaded.settings, name).effects == tuple(effects)
+    assert loaded.settings.improvement.effects == ("delay",)
+    assert keep_effects(path, loaded.settings, "tissue", ["delay"]).diff == ""
+
+
+def test_a_study_with_the_sets_of_the_defaults_gets_the_list(study):
+    path, loaded = study(STUDY.replace("  most_effects: 1\n", "  most_effects: 1\n" + SETS))
+    path.write_text(STUDY, encoding="utf-8")  # the list stands in another file, below this one
+    keep_effects(path, loaded.settings, "other", ["inertia"]).write()
+    written = yaml.safe_load(path.read_text(encoding="utf-8"))["improvement"]
+    assert written["record_sets"] == [
+        {"name": "tissue"},
+        {"name": "other", "effects": ["inertia"], "base": "KB"},
+    ]
+    assert "# quick" in path.read_text(encoding="utf-8")
+
+
+def test_effects_of_a_set_are_checked(study):
+    with pytest.raises(InputError, match=r"record_sets.1.effects.0: 'freind' is no effect"):
+        study(STUDY + SETS.replace("base: KB", "base: KB, effects: [freind]"))
+    with pytest.raises(InputError, match=r"record_sets.1.train: 'chirp' is no record; records: multisine"):
+        study(STUDY + SETS.replace("base: KB", "train: chirp"))
+
+
+def test_recordings_are_kept_so_that_the_workflow_finds_the_same_numbers(study, files, tmp_path):
+    imported = import_recordings(sorted(files.glob("*.csv")))
+    shown = lumbar.refine(imported.records, ["coulomb_friction"], train=["other"], base="KB")
+    path, loaded = study(STUDY + SETS)
+    change = keep_records(path, loaded, "own", imported, ["other"], shown.effects)
+    assert not (tmp_path / "data" / "own").exists()
     change.write()
-    before, after = yaml.safe_load(FILES[name]) or {}, yaml.safe_load(path.read_text(encoding="utf-8"))
-    assert after.pop("improvement")["effects"] == ["coulomb_friction", "delay"]
-    before.pop("improvement", None)
-    assert after == before
-    for comment in ("# a study", "# see below", "# the longest"):
-        assert (comment in FILES[name]) == (comment in path.read_text(encoding="utf-8"))
-    assert keep_effects(path, ["coulomb_friction", "delay"]).diff == ""
+    _, loaded = study()
+    entry = record_set(loaded.settings, "own")
+    paths = [loaded.recording(item.file) for item in entry.records]
+    assert all(Path(item).is_relative_to(tmp_path / "data" / "own") for item in paths)
+    records = read_listed(paths, entry.records, *set_layout(loaded.settings, "own"))
+    again = lumbar.refine(records, entry.effects, train=entry.train, base="KB")
+    assert again.rows() == shown.rows()
+    update = keep_records(path, loaded, "own", imported, ["other"], ["delay"])
+    assert update.beside == {} and "[delay]" in update.diff
+    with pytest.raises(InputError, match="another record set 'other'"):
+        keep_records(path, loaded, "other", imported, ["other"], [])
 
 
-def test_what_cannot_be_changed_alone_is_refused(tmp_path):
-    path = tmp_path / "study.yaml"
-    path.write_text("a: &shared {train: noise}\nimprovement: *shared\n", encoding="utf-8")
-    with pytest.raises(InputError, match="by hand"):
-        keep_effects(path, ["delay"])
-
-
-def test_a_file_that_somebody_else_changed_is_not_written(tmp_path):
-    path = tmp_path / "study.yaml"
-    path.write_text("study: a\n", encoding="utf-8")
-    change = keep_effects(path, ["delay"])
-    path.write_text("study: b\n", encoding="utf-8")
-    with pytest.raises(InputError, match="changed since"):
-        change.write()
-    assert path.read_text(encoding="utf-8") == "study: b\n"
+def test_recordings_stay_inside_the_data_root(study, files, tmp_path):
+    imported = import_recordings(sorted(files.glob("*.csv")))
+    path, loaded = study(STUDY + SETS)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "data" / "own").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="leads out of the study's data root"):
+        keep_records(path, loaded, "own", imported, ["other"], [])
+    path.write_text(
+        path.read_text(encoding="utf-8").replace("data: recordings", "data: twin"), encoding="utf-8"
+    )
+    _, twin = study()
+    with pytest.raises(InputError, match="made by the workflow"):
+        keep_records(path, twin, "mine", imported, ["other"], [])

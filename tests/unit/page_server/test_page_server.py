@@ -2,31 +2,18 @@
 
 from __future__ import annotations
 
-import http.client
 import json
-import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 import lumbar
 from lumbar.errors import InputError
-from lumbar.page_server.explored_set import ExploredSet
+from lumbar.files import read_json
 from lumbar.page_server.requests import TabRequests
-from lumbar.page_server.server import HOST, new_server
-from lumbar.settings.improvement import ImprovementSettings
+from lumbar.page_server.server import new_server
 from lumbar.synthetic.examples import example_records
-
-
-@pytest.fixture(scope="module")
-def explored(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("explored")
-    study = folder / "study.yaml"
-    study.write_text("study: a\n", encoding="utf-8")
-
-    def make():
-        return lumbar.diagnose(example_records(), settings=ImprovementSettings(most_effects=1))
-
-    return ExploredSet("records", make, folder / "out", study)
 
 
 @pytest.fixture
@@ -49,81 +36,148 @@ def test_a_model_that_was_not_fitted_is(tab, explored):
     )
 
 
+def test_the_workflow_writes_the_model_that_the_page_shows(explored, tmp_path):
+    shown = {item.key: item for item in explored.page.models}
+    for key in ("base", "coulomb_friction", "inertia"):
+        effects = [] if key == "base" else [key]
+        fitted = explored.diagnosis.with_effects(effects).path[-1]
+        assert (fitted.train_rms, fitted.test_rms) == (shown[key].train_rms, shown[key].test_rms)
+    fitted = explored.refitted(["inertia", "coulomb_friction"]).path[-1]  # maybe in the order of another tab
+    explored.diagnosis.save(tmp_path, pictures=False, effects=fitted.effects)
+    scores = read_json(tmp_path / "refined.json")["models"][-1]["scores"]
+    assert (scores["train_rms"], scores["test_rms"]) == (fitted.train_rms, fitted.test_rms)
+
+
 @pytest.mark.parametrize(
-    ("action", "effects", "words"),
+    ("text", "words"),
     [
-        ("fit", ["no_such_effect"], "unknown effect"),
-        ("fit", "coulomb_friction", "a list of up to"),
-        ("fit", ["delay"] * 9, "a list of up to"),
-        ("run", [], "unknown request"),
-        ("write", [], "no change was shown"),
+        ({"action": "fit", "effects": ["no_such_effect"]}, "unknown effect"),
+        ({"action": "fit", "effects": [{"a": 1}]}, "unknown effect"),
+        ({"action": "fit", "effects": "coulomb_friction"}, "a list of up to"),
+        ({"action": "fit", "effects": ["delay"] * 9}, "a list of up to"),
+        ({"action": "fit", "effects": ["delay", "delay"]}, "none of them twice"),
+        ({"action": "run"}, "unknown request"),
+        ({"action": ["fit"]}, "unknown request"),
+        ({"action": "write"}, "no change was shown"),
+        ({"action": "fit", "number": "1"}, "without a number"),
+        ("[" * 100_000, "not JSON"),
+        ("[1]", "no mapping"),
+        ("", "not JSON"),
     ],
 )
-def test_what_cannot_be_done_is_said(tab, action, effects, words):
-    answer, model = tab.answer(json.dumps({"number": 1, "action": action, "effects": effects}))
+def test_what_cannot_be_done_is_said(tab, text, words):
+    answer, model = tab.answer(text if isinstance(text, str) else json.dumps({"number": 1, **text}))
     assert words in answer["error"]
     assert model is None
 
 
 def test_effects_are_kept_after_a_look_at_the_change(tab, explored):
+    path = tab.explored.output.parent / "study.yaml"
     answer, _ = asked(tab, "keep", "coulomb_friction")
     assert "+  effects: [coulomb_friction]" in answer["diff"]
-    assert "effects" not in explored.study_file.read_text(encoding="utf-8")
-    answer, _ = asked(tab, "write", "coulomb_friction")
-    assert "is written" in answer["text"]
-    assert lumbar.load_settings(explored.study_file).improvement.effects == ("coulomb_friction",)
-    assert "holds these effects already" in asked(tab, "keep", "coulomb_friction")[0]["text"]
+    assert "effects" not in path.read_text(encoding="utf-8")
+    with ThreadPoolExecutor(2) as pool:  # two clicks at once
+        first, second = pool.map(lambda _: asked(tab, "write", "coulomb_friction")[0], range(2))
+    done, refused = (first, second) if "text" in first else (second, first)
+    assert "is written" in done["text"]
+    assert "no change was shown" in refused["error"]
+    assert lumbar.load_settings(path).improvement.effects == ("coulomb_friction",)
+    assert "holds this already" in asked(tab, "keep", "coulomb_friction")[0]["text"]
 
 
-@pytest.fixture(scope="module")
-def port(explored):
-    import asyncio
-
-    started, ports = threading.Event(), []
-
-    def serve():
-        asyncio.set_event_loop(asyncio.new_event_loop())
-        server = new_server([explored], 0)
-        server.start()
-        ports.extend([server.port, server])
-        started.set()
-        server.io_loop.start()
-
-    thread = threading.Thread(target=serve, daemon=True)
-    thread.start()
-    assert started.wait(30)
-    yield ports[0]
-    ports[1].io_loop.add_callback(ports[1].io_loop.stop)
-    thread.join(10)
+def waited(served, page):
+    """State of a page's work once it has ended."""
+    while True:
+        status, _, text = served.get(f"/_progress?page={page}")
+        assert status == 200
+        if json.loads(text)["done"]:
+            return json.loads(text)
+        time.sleep(0.05)
 
 
-def got(port, path, **headers):
-    connection = http.client.HTTPConnection(HOST, port, timeout=60)
-    connection.request("GET", path, headers=headers)
-    answer = connection.getresponse()
-    return answer.status, answer.read().decode(errors="replace")
-
-
-def test_page_is_served_with_its_buttons(port):
-    status, text = got(port, "/records")
+def test_page_is_served_when_the_diagnosis_is_made(served, explored):
+    status, _, text = served.get("/records")
     assert status == 200
+    if not explored.ready:
+        assert 'id="cancel"' in text
+        assert waited(served, "/records")["error"] == ""
+        status, _, text = served.get("/records")
     assert "Keep these effects in the study" in text
+    assert "Diagnose your own recordings" in text
 
 
-def test_other_hosts_origins_and_paths_are_refused(port):
-    assert got(port, "/records", Host="somewhere.example")[0] == 404
-    assert got(port, "/static/../../../../etc/passwd")[0] in (400, 403, 404)
-    assert got(port, "/static/%2e%2e/%2e%2e/%2e%2e/%2e%2e/etc/passwd")[0] in (400, 403, 404)
+def test_a_diagnosis_that_fails_says_why_and_may_be_tried_again(served, broken):
+    for _ in range(2):
+        status, _, text = served.get("/broken")
+        assert status == 200 and "Try again" in text
+        assert "no such folder" in waited(served, "/broken")["error"]
+
+
+ELSEWHERE = [
+    {"Host": "somewhere.example"},
+    {"Host": "127.0.0.1.somewhere.example"},
+    {"Origin": "http://somewhere.example"},
+    {"Origin": "null"},
+    {"Origin": "http://127.0.0.1:1"},
+    {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Dest": "image"},
+    {"Sec_Fetch_Site": "same-site", "Sec_Fetch_Dest": "iframe"},
+]
+
+
+@pytest.mark.parametrize("headers", ELSEWHERE)
+def test_pages_of_elsewhere_get_nothing(served, headers):
+    for path in ("/records", "/broken", "/_own", "/_progress?page=/records", "/static/js/bokeh.min.js"):
+        assert served.get(path, **headers)[0] == 404
+    if "Sec_Fetch_Dest" not in headers or headers["Sec_Fetch_Dest"] != "image":
+        assert served.post("/_cancel?page=/records", "", **headers)[0] == 404
     upgrade = {
         "Upgrade": "websocket",
         "Connection": "Upgrade",
-        "Sec-WebSocket-Key": "x" * 22 + "==",
-        "Sec-WebSocket-Version": "13",
-        "Sec-WebSocket-Protocol": "bokeh, nothing",
+        "Sec_WebSocket_Key": "x" * 22 + "==",
+        "Sec_WebSocket_Version": "13",
+        "Sec_WebSocket_Protocol": "bokeh, nothing",
     }
-    assert got(port, "/records/ws", Origin="http://somewhere.example", **upgrade)[0] == 403
+    assert served.get("/records/ws", **upgrade, **headers)[0] in (403, 404)
 
 
-def test_a_taken_port_is_named(port, explored):
-    with pytest.raises(InputError, match=f"port {port}: .*--port"):
-        new_server([explored], port)
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/../../../../etc/passwd",
+        "/static/%2e%2e/%2e%2e/%2e%2e/%2e%2e/etc/passwd",
+        "/static//etc/passwd",
+        "/static/extensions/../../../../etc/passwd",
+        "/static/extensions/%2fetc%2fpasswd",
+        "/records/static/../../study.yaml",
+        "/records/../study.yaml",
+        "/records/autoload.js?bokeh-autoload-element=1",
+        "/records/metadata",
+        "/_progress?page=../../etc/passwd",
+        "/_progress",
+        "/_own/result?set=../../etc/passwd",
+        "/_own/result?set=%ff",
+        "/_own/result",
+        "/_own/file",
+        "/study.yaml",
+    ],
+)
+def test_paths_lead_nowhere(served, path):
+    status, _, text = served.get(path)
+    assert status in (400, 403, 404, 405)
+    assert "root:" not in text and "study: a" not in text
+
+
+def test_nobody_frames_the_page_or_loads_into_it(served):
+    for path in ("/records", "/_own?tab=x", "/static/js/bokeh.min.js"):
+        _, headers, _ = served.get(path)
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+        assert headers["X-Content-Type-Options"] == "nosniff"
+
+
+def test_long_messages_are_not_read(served):
+    assert served.post("/_own/look", b"", Content_Length="2000000")[0] == 400  # which never come
+
+
+def test_a_taken_port_is_named(served, explored):
+    with pytest.raises(InputError, match=f"port {served.port}: .*--port"):
+        new_server([explored], served.port)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
-from lumbar.reports.figures.workflow_figure import depths, draw_workflow, parse_rule_graph
+from lumbar.reports.figures.workflow_figure import box, depths, draw_workflow, parse_rule_graph, routes
 
 DOT = """digraph snakemake_dag {
     graph[bgcolor=white, margin=0];
@@ -43,3 +45,27 @@ def test_a_word_that_is_no_graph_has_no_edges():
     assert parse_rule_graph("Building DAG of jobs...\n") == []
     with pytest.raises(KeyError):
         parse_rule_graph("1 -> 2\n")
+
+
+def test_no_arrow_runs_behind_a_box():
+    rules = {f"{chapter}_{number}": chapter for chapter in "abc" for number in range(6)}
+    names = list(rules)
+    edges = [(first, second) for number, first in enumerate(names) for second in names[number + 1 :: 3]]
+    edges.append((names[-1], names[0]))  # upwards, as no rule graph has it: the drawing must not care
+    places = {name: (number % 4, number // 4) for number, name in enumerate(names)}
+    ends = []
+    for source, paths in routes(edges, places).items():
+        for path in paths:
+            ends.append((source, path[-1]))
+            assert all(a[0] == b[0] or a[1] == b[1] for a, b in itertools.pairwise(path))
+            for (x0, y0), (x1, y1) in itertools.pairwise(path):
+                for column, line in places.values():
+                    (left, right), (low, high) = box(column, line)
+                    apart = (
+                        max(x0, x1) <= left
+                        or min(x0, x1) >= right
+                        or max(y0, y1) <= low
+                        or min(y0, y1) >= high
+                    )
+                    assert apart, (source, column, line)
+    assert len({end for _, end in ends}) == len(ends) == len(edges)

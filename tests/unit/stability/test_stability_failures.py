@@ -14,7 +14,7 @@ from lumbar.errors import InputError, NumericalError
 from lumbar.reports.figures.basin_comparison_figure import comparison_figure
 from lumbar.reports.figures.stability_figures import figure_4_3, figure_4_4
 from lumbar.stability.basins import basins_of_lift
-from lumbar.stability.comparison import table_4_1 as table_module
+from lumbar.stability.comparison import compared_study
 from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.stability.comparison.percent_differences import VARIANTS, comparisons
 from lumbar.stability.comparison.table_4_1 import tables_4_1
@@ -113,7 +113,7 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, mon
 
     study = study_of([lift_states(), lift_states("novice")], replace(FAST, checks=()), published)
     gone = (study.boa["subject"] == "novice") & (study.boa["com"] == "thorax") & (study.boa["time"] == "real")
-    monkeypatch.setattr(table_module, "varied_areas", areas)
+    monkeypatch.setattr(compared_study, "varied_areas", areas)
     table, controls, _, missing = tables_4_1(replace(study, boa=study.boa[~gone]))
     rows = table.frame.set_index(["comparison", "com"])
     row = rows.loc["expert_vs_novice", "thorax"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from lumbar.reports.figures.grid_figure import grid_figure
 from lumbar.settings.stability import CompareSettings
 from lumbar.stability.basins import basins_of_lift
 from lumbar.stability.comparison import grid as grid_module
+from lumbar.stability.comparison.compared_study import Study
 from lumbar.stability.comparison.grid import COLUMNS, grid_areas
 from lumbar.stability.comparison.grid_table import (
     grid_differences,
@@ -23,7 +25,7 @@ from lumbar.stability.comparison.grid_table import (
     survivors,
 )
 from lumbar.stability.comparison.percent_differences import comparison_names
-from lumbar.stability.comparison.table_4_1 import Study, published_sentence, tables_4_1
+from lumbar.stability.comparison.table_4_1 import published_sentence, tables_4_1
 from lumbar.stability.model.convention import GRID, THESIS
 from lumbar.stability.model.failures import joined
 from lumbar.stability.model.lift_trajectories import LiftStates
@@ -215,7 +217,7 @@ def test_table_4_1_stands_beside_the_published_one(made, published):
     assert status["decrease_in_mass_novice"].str.startswith("not testable: one box mass").all()
     assert "–" in table.to_html() and "nan" not in table.to_latex() + controls.to_html()
     for name in ("percent", "lowest", "exponents"):
-        assert f"<th>{name}" not in table.to_html() + controls.to_html()
+        assert not re.search(f"<th[^>]*>{name}", table.to_html() + controls.to_html())
 
 
 def test_controls_hold_the_headline_within_its_range(made, study):

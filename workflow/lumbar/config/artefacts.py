@@ -29,6 +29,10 @@ class Artefact:
         One of `CHAPTERS`.
     label : str
         What the report calls it; empty where it is not shown there.
+    source : str
+        Equations, figure, table or section of the thesis that it follows.
+    function : str
+        Dotted name of what computes it in Python.
     """
 
     id: str
@@ -36,6 +40,8 @@ class Artefact:
     path: str
     chapter: str
     label: str = ""
+    source: str = ""
+    function: str = ""
 
     def expanded(self, **choices: Iterable[str]) -> Artefact:
         """Return the artefact with ``{name}`` standing for each of the choices given for it."""
@@ -70,7 +76,7 @@ def _expand_braces(pattern: str) -> list[str]:
 
 
 def read_artefacts(path: Path) -> list[Artefact]:
-    """Read the sheet of artefacts (tab-separated: id, rule, path, chapter, label in the report)."""
+    """Read the sheet of artefacts (tab-separated: id, rule, path, chapter, label in the report, source, function)."""
     with path.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream, delimiter="\t"))
     problems = Problems(str(path))
@@ -84,4 +90,10 @@ def read_artefacts(path: Path) -> list[Artefact]:
                 f"line {line}", f"label {row['label']!r} stands twice", "the report could show one only"
             )
     problems.raise_if_any()
-    return [Artefact(row["id"], row["rule"], row["path"], row["chapter"], row["label"] or "") for row in rows]
+    optional = ("label", "source", "function")
+    return [
+        Artefact(
+            row["id"], row["rule"], row["path"], row["chapter"], *(row.get(name) or "" for name in optional)
+        )
+        for row in rows
+    ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,15 +62,26 @@ def _check_tissue(tissue: TissueSettings, add: Add) -> None:
         add("tissue.search.selection", "'test' with a single record", "use training")
 
 
-def _check_record_sets(settings: StudySettings, add: Add) -> None:
-    """Check that a set whose base is no model of a tissue has records of its own."""
+def _check_record_sets(settings: StudySettings, root: Path, add: Add) -> None:
+    """Check that a set whose base is no model of a tissue has records of its own, and that sets name what they have."""
     _check_names("improvement.record_sets", [entry.name for entry in settings.improvement.record_sets], add)
     for number, entry in enumerate(settings.improvement.record_sets):
-        layout, _ = record_layout(settings, record_set(settings, entry.name).base)
+        place, used = f"improvement.record_sets.{number}", record_set(settings, entry.name)
+        layout, _ = record_layout(settings, used.base)
         if layout is not settings.tissue.layout and entry.records is None:
             found = f"{entry.name} has the base {entry.base} and no records"
-            allowed = "those of the tissue chapter are none: name its own"
-            add(f"improvement.record_sets.{number}", found, allowed)
+            add(place, found, "those of the tissue chapter are none: name its own")
+        if entry.layout is not None and entry.records is None:
+            add(f"{place}.layout", "a layout without records", "it is of the set's own records: name them")
+        if entry.rate_Hz is not None and entry.layout is None:
+            add(f"{place}.rate_Hz", "a rate without a layout", "records of tissue.layout have tissue.rate_Hz")
+        names = [record.name for record in used.records]
+        for name in [entry.train] if isinstance(entry.train, str) else entry.train or ():
+            if name not in names:
+                add(f"{place}.train", f"{name!r} is no record", f"records: {', '.join(names)}")
+        if entry.effects:
+            key = f"{place}.effects"
+            _check_effects(entry.effects, key, settings.improvement.effect_files, used.base, root, add)
 
 
 def _check_gravity(settings: StudySettings, add: Add) -> None:
@@ -108,23 +119,31 @@ def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> Non
     add : callable
         Takes key, what was found and what is allowed.
     """
-    if not (improvement.effects or improvement.effect_files):
-        return
+    if improvement.effects or improvement.effect_files:
+        files, base = improvement.effect_files, improvement.base
+        _check_effects(improvement.effects, "improvement.effects", files, base, root, add)
+
+
+def _check_effects(
+    effects: Sequence[str], key: str, files: Sequence[str], base: str, root: Path, add: Add
+) -> None:
     from lumbar.effects.catalogue import catalogue_with
 
     try:
-        known = catalogue_with([str(root / file) for file in improvement.effect_files], improvement.base)
+        known = catalogue_with([str(root / file) for file in files], base)
     except (LumbarError, OSError) as error:
         add("improvement.effect_files", str(error), "")
         return
-    for number, name in enumerate(improvement.effects):
+    for number, name in enumerate(effects):
         if name not in known:
             allowed = f"effects: {', '.join(known)}; improvement.effect_files may define more"
-            add(f"improvement.effects.{number}", f"{name!r} is no effect", allowed)
+            add(f"{key}.{number}", f"{name!r} is no effect", allowed)
 
 
 def check_consistency(study: Study, root: Path, origins: Origins, problems: Problems) -> None:
     """Check names, references between keys and that every given recording is there and inside the root.
+
+    Whether an object store has a recording is asked by Snakemake.
 
     Parameters
     ----------
@@ -150,7 +169,7 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
             add("runtime.trained_on", f"{trained_on!r} is not trained on", "take one of tissue.training")
         check_effects(settings.improvement, root, add)
     if study.has("improvement"):
-        _check_record_sets(settings, add)
+        _check_record_sets(settings, root, add)
         _check_gravity(settings, add)
     if study.has("survey"):
         _check_survey(settings.survey, add)
@@ -181,7 +200,7 @@ def _check_recordings(study: Study, add: Add) -> None:
             path = Path(name)
             if path.is_absolute() or ".." in path.parts:
                 add(chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'")
-            elif study.data_root is not None:
+            elif isinstance(study.data_root, Path):
                 found = (study.data_root / path).resolve()
                 if not found.is_relative_to(study.data_root):
                     add(chapter, f"{name} leads out of data_root", "copy the file there")

@@ -182,7 +182,9 @@ def read_subject(path: Path, name: str, problems: Problems) -> SubjectSettings |
     return checked.subject if checked else None
 
 
-def _data_root(settings: StudySettings, root: Path, problems: Problems, origins: Origins) -> Path | None:
+def _data_root(
+    settings: StudySettings, root: Path, problems: Problems, origins: Origins
+) -> Path | str | None:
     if settings.data == TWIN:
         return None
     named = os.environ.get("LUMBAR_DATA") or settings.data_root
@@ -195,6 +197,8 @@ def _data_root(settings: StudySettings, root: Path, problems: Problems, origins:
         words = "set it in the study's YAML or in the environment variable LUMBAR_DATA"
         problems.add(origins.place(("data_root",)), "not set", words)
         return None
+    if "://" in named:
+        return named.rstrip("/")
     folder = _below(root, Path(named).expanduser())
     if not folder.is_dir():
         problems.add(

@@ -37,8 +37,8 @@ class Study:
         Subject files by name, in the study's order.
     artefacts : list of Artefact
         Those of the study's chapters.
-    data_root : Path or None
-        Folder of the recordings; None where the twin makes them.
+    data_root : Path or str or None
+        Folder of the recordings, or the address of a place in an object store; None where the twin makes them.
     lifts : dict of str to RecordedLift
         By name, e.g. ``expert_23kg``.
     """
@@ -47,7 +47,7 @@ class Study:
     settings: StudySettings
     subjects: dict[str, SubjectSettings]
     artefacts: list[Artefact]
-    data_root: Path | None
+    data_root: Path | str | None
     lifts: dict[str, RecordedLift] = field(default_factory=dict)
 
     @property
@@ -61,10 +61,15 @@ class Study:
         return SYNTHETIC_TWIN if self.synthetic else self.settings.data_source.name
 
     def recording(self, path: str) -> str:
-        """Path of a recording named in the configuration; relative to the working directory if made here."""
+        """Path or address of a recording named in the configuration; relative to the working directory if made here."""
         if self.synthetic:
             return f"results/{self.name}/twin/{path}"
-        return str(self.data_root / path)
+        return f"{self.data_root}/{path}" if self.remote else str(self.data_root / path)
+
+    @property
+    def remote(self) -> bool:
+        """Whether the recordings are objects of a store, which Snakemake brings to each job."""
+        return isinstance(self.data_root, str)
 
     def subject_of(self, lift: str) -> SubjectSettings:
         """The subject of a lift by itself: another trial, another label or the static trial's name do not change this lift."""

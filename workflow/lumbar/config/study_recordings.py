@@ -12,7 +12,7 @@ from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
     from lumbar.settings.improvement import RecordSetSettings
-    from lumbar.settings.layout import ColumnLayout, MarkerLayout
+    from lumbar.settings.layout import ColumnLayout
     from lumbar.settings.study_settings import StudySettings
 
 
@@ -59,10 +59,30 @@ def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, flo
 
 
 def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
-    """Return a record set of the improvement chapter with its base and records, its own or the study's."""
-    entry = next(item for item in settings.improvement.record_sets if item.name == name)
-    base, records = entry.base or settings.improvement.base, entry.records or settings.tissue.records
-    return replace(entry, base=base, records=records)
+    """Return a record set of the improvement chapter with its base, records and effects, its own or the study's.
+
+    Its ``effects`` are None where the study names none: its model is then the one that the diagnosis selects.
+    """
+    chapter = settings.improvement
+    entry = next(item for item in chapter.record_sets if item.name == name)
+    effects = entry.effects
+    if effects is None and is_tissue_chapter(settings, entry):
+        effects = chapter.effects or None
+    base, records = entry.base or chapter.base, entry.records or settings.tissue.records
+    return replace(entry, base=base, records=records, effects=effects)
+
+
+def is_tissue_chapter(settings: StudySettings, entry: RecordSetSettings) -> bool:
+    """Whether a record set is read and fitted as the tissue chapter's model with ``improvement.effects``."""
+    chapter = settings.improvement
+    same_base = entry.base in (None, chapter.base) and entry.session in (None, chapter.session)
+    return entry.records is None and entry.train is None and same_base
+
+
+def set_layout(settings: StudySettings, name: str) -> tuple[ColumnLayout, float | None]:
+    """Layout of a record set's files, its own or that of its base, and the rate (Hz) to which they are resampled."""
+    entry = record_set(settings, name)
+    return record_layout(settings, entry.base) if entry.layout is None else (entry.layout, entry.rate_Hz)
 
 
 def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
@@ -83,15 +103,15 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
             plan += _lift_readings(study)
         elif chapter == "improvement":
             for entry in settings.improvement.record_sets:
-                layout, rate = record_layout(settings, record_set(settings, entry.name).base)
+                layout, rate = set_layout(settings, entry.name)
                 plan += [
                     {**_column_reading(study, chapter, record, layout, rate), "set": entry.name}
                     for record in entry.records or ()
                 ]
         elif chapter == "perturbations":
-            trials = settings.perturbations
+            trials, layout = settings.perturbations, plain(settings.perturbations.markers)
             plan += [
-                _marker_reading(study, chapter, name, trials.markers)
+                _marker_reading(study, chapter, name, layout)
                 for name in (*trials.unperturbed, *trials.perturbed)
             ]
         elif chapter == "survey":
@@ -120,18 +140,18 @@ def _column_reading(study: Study, chapter: str, record, layout: ColumnLayout, ra
     return {key: value for key, value in reading.items() if value is not None}
 
 
-def _marker_reading(study: Study, chapter: str, file: str, layout: MarkerLayout) -> dict:
-    path = study.recording(file)
-    return {"chapter": chapter, "reader": "markers", "path": path, "layout": plain(layout)}
+def _marker_reading(study: Study, chapter: str, file: str, layout: dict) -> dict:
+    return {"chapter": chapter, "reader": "markers", "path": study.recording(file), "layout": layout}
 
 
 def _lift_readings(study: Study) -> list[dict]:
     lifting = study.settings.lifting
-    moments = {"chapter": "lifting", "set": "hip moments", "reader": "columns"}
+    markers, moment = plain(lifting.markers), plain(lifting.moment_layout)
+    moments = {"chapter": "lifting", "set": "hip moments", "reader": "columns", "layout": moment}
     plan = []
     for name, lift in study.lifts.items():
-        plan.append(_marker_reading(study, "lifting", lift.trial.markers, lifting.markers))
+        plan.append(_marker_reading(study, "lifting", lift.trial.markers, markers))
         if lift.trial.hip_moment:
-            path, layout = study.recording(lift.trial.hip_moment), plain(lifting.moment_layout)
-            plan.append({**moments, "path": path, "layout": layout, "name": f"hip moment of {name}"})
+            path = study.recording(lift.trial.hip_moment)
+            plan.append({**moments, "path": path, "name": f"hip moment of {name}"})
     return plan

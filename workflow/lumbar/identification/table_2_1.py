@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from lumbar.models.bases import BASES
 from lumbar.models.fitted_model import FittedModel
+from lumbar.models.model_data import OUTPUT_ERROR
 from lumbar.models.network import in_words
 from lumbar.models.tissue_models import KB, KV, LE, MAXWELL, MW, TABLE_2_1
 from lumbar.tables import Table
@@ -63,6 +64,7 @@ def physical_parameters_table(models: list[FittedModel], confidence: float, data
     columns = ["trained_on", "model", "estimator", "parameter", "effect", "derived"]
     columns += ["value", "low", "high", "unit", "refused"]
     frame = pd.DataFrame(rows, columns=columns)
+    unbiased = frame["derived"].eq(True) & (frame["estimator"] == OUTPUT_ERROR)
     return Table(
         title="Physical parameters of the viscoelastic models.",
         frame=frame,
@@ -88,4 +90,6 @@ def physical_parameters_table(models: list[FittedModel], confidence: float, data
             "past forces for a fast relaxation; output_error has no such bias.",
         ),
         may_be_empty=frozenset(columns) - {"trained_on", "model", "estimator"},
+        first=("trained_on", "model", "estimator", "parameter", "value", "low", "high", "unit"),
+        first_rows=tuple(unbiased.to_numpy().nonzero()[0]),
     )

@@ -44,6 +44,7 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) ->
     )
     frame = pd.DataFrame(_row(model, unit) for model in ordered)
     numbers = len(models[0].scores.tests)
+    printed = (frame["estimator"] == ARX) & frame["model"].isin((MW.name, KB.name, HO.name))
     return Table(
         title="Table 3.1: error metrics of the tissue models.",
         frame=frame,
@@ -53,6 +54,8 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) ->
         decimals=_decimals(unit, numbers),
         may_be_empty=frozenset(frame.columns)
         - {"trained_on", "model", "order", "estimator", "stable", "parameters", "rank"},
+        first=tuple(frame.columns[: frame.columns.get_loc("estimator")]),  # the thesis's columns and rows
+        first_rows=tuple(printed.to_numpy().nonzero()[0]),
     )
 
 

@@ -266,6 +266,22 @@ class Diagnosis:
         """Fit the base with these effects and no others; arguments and errors as of `lumbar.refine`."""
         return _refined(self.records, list(effects), self.settings, self.seed, self.data)
 
+    def with_effects(self, effects: Iterable[str]) -> Refinement:
+        """Return the base with these effects as the page of the diagnosis shows it.
+
+        Models that the search fitted are taken from it, in whatever order their effects were added there; others are
+        fitted now, as by `refit`.
+        """
+        from lumbar.reports.explorer.shown import candidates_of, model_key
+
+        effects = list(effects)
+        known = {model_key(item.effects): item for item, _ in candidates_of(self.verdict)}
+        if model_key(effects) not in known:
+            return self.refit(effects)
+        steps = [model_key(effects[:number]) for number in range(len(effects) + 1)]
+        path = [known[step] for step in steps if step in known]
+        return Refinement(self.records, self.settings, self.verdict.experiment, path, self.seed, self.data)
+
     def propose(self) -> ProposedLaw:
         """Look for a short formula for what the catalogue leaves.
 
@@ -307,7 +323,9 @@ class Diagnosis:
             evidence_blocks(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
         )
 
-    def save(self, folder: str | os.PathLike, pictures: bool = True) -> None:
+    def save(
+        self, folder: str | os.PathLike, pictures: bool = True, effects: Iterable[str] | None = None
+    ) -> None:
         """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json``, ``diagnosis.html`` and a proposed law's file.
 
         Parameters
@@ -316,6 +334,8 @@ class Diagnosis:
         pictures : bool
             Draw comparison, location, ladder and signatures too, and write the tables ``compare`` and ``location``;
             takes a few seconds more.
+        effects : iterable of str, optional
+            Effects of the model in ``refined.json``; default those that were selected.
         """
         from lumbar.diagnosis.evidence.diagnosis_files import write_diagnosis
         from lumbar.diagnosis.selection.refined_model import refined_document
@@ -324,7 +344,8 @@ class Diagnosis:
         folder, drawn = Path(folder), {}
         if pictures:
             drawn = self._save_pictures(folder)
-        document = refined_document(self.verdict.path, self.verdict.experiment, self.data)
+        kept = self.verdict if effects is None else self.with_effects(effects)
+        document = refined_document(kept.path, kept.experiment, self.data)
         write_json(folder / "refined.json", document)
         write_text(folder / "diagnosis.html", self.page(drawn).to_html())
         write_diagnosis(self.verdict, self.evidence, folder, self.data)

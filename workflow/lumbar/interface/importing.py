@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import InputError, Problems
-from lumbar.records.importing.raw_table import COLUMNS_FOLLOW
+from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable
 from lumbar.records.importing.recording import Choices, ImportedRecording, to_record
-from lumbar.records.importing.source_file import read_source, record_name
+from lumbar.records.importing.source_file import read_content, read_source, record_name
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
 from lumbar.records.record_set import RecordSet
 
@@ -25,8 +25,41 @@ _SHOWN = 4
 """Rows of a preview."""
 
 
+@dataclass(frozen=True, eq=False)
+class ForeignFile:
+    """A recording's file as it was read, before anything is known of its meaning.
+
+    Attributes
+    ----------
+    name : str
+        Of the record.
+    table : RawTable
+    sha256 : str
+    """
+
+    name: str
+    table: RawTable
+    sha256: str
+
+    @classmethod
+    def of_content(cls, name: str, content: bytes, table: str | None = None) -> ForeignFile:
+        """Read a file that lies in memory; `table` as of `import_recordings`.
+
+        Raises
+        ------
+        InputError
+            If there is no table in it.
+        """
+        return cls(record_name(Path(name)), *read_content(content, Path(name), table))
+
+    @classmethod
+    def of_path(cls, path: Path, table: str | None = None) -> ForeignFile:
+        """Read a file; errors as of `of_content`."""
+        return cls(record_name(path), *read_source(path, table))
+
+
 def import_recordings(
-    files: str | os.PathLike | Iterable[str | os.PathLike],
+    files: str | os.PathLike | Iterable[str | os.PathLike | ForeignFile],
     *,
     time: str | int | None = None,
     position: str | int | None = None,
@@ -47,7 +80,7 @@ def import_recordings(
 
     Parameters
     ----------
-    files : path or iterable of path
+    files : path, or iterable of path or ForeignFile
         One file per recording: text in any dialect, MATLAB, HDF5 or Excel, also gzipped.
     time, position, force : str or int, optional
         Column, by name or number counted from 1; ``time="none"`` where there is none.
@@ -91,18 +124,20 @@ def import_recordings(
     )
     units = (time_unit, position_unit, force_unit)
     choices = Choices(called, moved, pushed, *units, rate, flip_force, trim, part, accept_clipped)
-    paths = [Path(files)] if isinstance(files, str | os.PathLike) else [Path(file) for file in files]
-    names = [record_name(path) for path in paths]
+    given = [files] if isinstance(files, str | os.PathLike) else files
+    sources = [item if isinstance(item, ForeignFile) else Path(item) for item in given]
+    names = [item.name if isinstance(item, ForeignFile) else record_name(item) for item in sources]
+    places = [Path(item.table.source) if isinstance(item, ForeignFile) else item for item in sources]
     problems = Problems("import")
     for name in sorted({name for name in names if names.count(name) > 1}):
-        shared = ", ".join(str(path) for path, own in zip(paths, names, strict=True) if own == name)
+        shared = ", ".join(str(path) for path, own in zip(places, names, strict=True) if own == name)
         problems.add("", f"{shared} would all be the record {name!r}", "rename all but one of them")
     recordings: list = []
     told: dict = {}
-    for path, name in zip(paths, names, strict=True):
+    for item, path in zip(sources, places, strict=True):
         try:
-            raw, sha256 = read_source(path, choices.table)
-            recordings.append(to_record(raw, choices, name, sha256))
+            found = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.table)
+            recordings.append(to_record(found.table, choices, found.name, found.sha256))
         except InputError as error:
             what = str(error).replace(str(path), "").split(COLUMNS_FOLLOW)[0]
             alike = told.setdefault(what, path)

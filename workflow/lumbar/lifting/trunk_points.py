@@ -19,7 +19,6 @@ from lumbar.lifting.joint_centres import (
     pelvis_of,
     reed_hips,
     thoracolumbar_centre,
-    typical_distance,
     unit,
 )
 from lumbar.lifting.rigid_filling import carried_by_the_body
@@ -301,12 +300,3 @@ class _InnerPoints:
         name: str, position: np.ndarray, rule: str, markers: tuple[str, ...], off: float = _SPINE_OFF_MM
     ) -> TrunkPoint:
         return TrunkPoint(position, f"{name} is the {rule}", True, off, markers)
-
-
-def skin_depth_mm(points: TrunkPoints, skin: TrunkPoints) -> dict[str, float]:
-    """Median distance of each joint's centre from the marker on the skin, millimetres."""
-    return {
-        name: 1e3 * typical_distance(point.position, skin[name])
-        for name, point in points.points.items()
-        if point.inner and name in skin
-    }

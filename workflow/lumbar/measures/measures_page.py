@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.files import write_csv, write_text
 from lumbar.measures.registry import MEASURES
+from lumbar.table_words import value_in_words
 from lumbar.tables import SYNTHETIC_TWIN, Table
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def measures_page(values: pd.DataFrame, data: str) -> Table:
     counts = cells.groupby("column")["lift"].nunique()
     definitions = {**_FIXED, **{name: f"mean of {counts[name]} lifts" for name in names}}
     notes = [
-        f"{measure.name} ({measure.symbol}): {measure.meaning}. Source: {measure.source}"
+        f"{value_in_words(measure.name)} ({measure.symbol}): {measure.meaning}. Source: {measure.source}"
         for measure in MEASURES.values()
     ]
     absent = values[values["reason"] != ""]

@@ -7,12 +7,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from lumbar.page_server.background import DRAWING, Job
+from lumbar.progress import going_on
 from lumbar.reports.explorer.shown import model_key
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis, Refinement
+    from lumbar.page_server.study_change import Change
     from lumbar.reports.explorer.page import ExplorerPage
 
 
@@ -25,18 +28,26 @@ class ExploredSet:
     name : str
     make : callable
         Without arguments; returns the diagnosis.
-    output : pathlib.Path
+    output : Path
         Folder that the page may write to.
-    study_file : pathlib.Path or None
-        Study whose ``improvement.effects`` the page may change.
+    keep : callable or None
+        Takes effects, returns the change of the study that keeps them; None without a study.
+    study : str
+        File that `keep` changes, for the page.
+    own : str
+        Address of the page on which the records were given; empty for those of a study or folder.
     """
 
     name: str
     make: Callable[[], Diagnosis]
     output: Path
-    study_file: Path | None = None
+    keep: Callable[[Sequence[str]], Change] | None = None
+    study: str = ""
+    own: str = ""
+    job: Job | None = None
     _refits: dict[str, Refinement] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
+    _preparing: threading.Lock = field(default_factory=threading.Lock)
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -46,8 +57,33 @@ class ExploredSet:
     @cached_property
     def page(self) -> ExplorerPage:
         """Its page."""
+        return self.diagnosis.page()
+
+    @cached_property
+    def variables(self) -> dict[str, Any]:
+        """What the page's template shows; the same for every tab."""
+        return {**self.page.variables(served=True, study=self.study), "own": self.own}
+
+    @property
+    def ready(self) -> bool:
+        """Whether the page can be shown at once."""
+        return "variables" in self.__dict__
+
+    def begin(self) -> Job:
+        """Prepare the page beside the server, once; again where that failed or was cancelled."""
         with self._one_at_a_time:
-            return self.diagnosis.page()
+            if self.job is None or (self.job.done and self.job.error):
+                self.job = Job(self.prepare)
+            return self.job
+
+    def prepare(self) -> None:
+        """Diagnose the records and draw the page."""
+        with self._preparing:
+            going_on("diagnosing the records")
+            _ = self.diagnosis
+            going_on("drawing the page")
+            with DRAWING:
+                _ = self.page.records, self.page.models, self.variables
 
     def refitted(self, effects: Sequence[str]) -> Refinement:
         """The base with these effects, fitted once: every tab that asks again gets the same one.
@@ -60,5 +96,5 @@ class ExploredSet:
         with self._one_at_a_time:
             key = model_key(effects)
             if key not in self._refits:
-                self._refits[key] = self.diagnosis.refit(effects)
+                self._refits[key] = self.diagnosis.with_effects(effects)
             return self._refits[key]

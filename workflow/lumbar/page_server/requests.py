@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import threading
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from lumbar.errors import InputError, LumbarError
+from lumbar.errors import InputError
+from lumbar.page_server.background import DRAWING, WRITING, told
 from lumbar.page_server.explored_set import ExploredSet
-from lumbar.page_server.kept_effects import Change, keep_effects
-from lumbar.reports.explorer.page import told
+from lumbar.page_server.study_change import Change
+from lumbar.reports.explorer.page import told as told_of_model
 from lumbar.reports.explorer.shown import ShownModel, shown_model
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ MOST_EFFECTS = 8
 
 @dataclass(eq=False)
 class TabRequests:
-    """The requests of one tab.
+    """The requests of one tab, answered one after the other.
 
     Attributes
     ----------
@@ -32,6 +34,7 @@ class TabRequests:
 
     explored: ExploredSet
     proposed: Change | None = field(default=None)
+    _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def answer(self, text: str) -> tuple[dict[str, Any], ShownModel | None]:
         """Do what is asked.
@@ -48,32 +51,40 @@ class TabRequests:
         ShownModel or None
             A new model for the pictures.
         """
-        asked = json.loads(text)
-        number = asked.get("number")
+        number = None
         actions = {"fit": self._fit, "save": self._save, "keep": self._keep, "write": self._write}
         try:
-            if asked.get("action") not in actions:
-                raise InputError(f"{asked.get('action')!r}: unknown request; there are: {', '.join(actions)}")
-            content, model = actions[asked["action"]](self._effects(asked))
-        except (LumbarError, OSError) as error:
-            return {"number": number, "error": str(error)}, None
+            asked = read_request(text)
+            number = asked.get("number")
+            if not isinstance(number, int):
+                raise InputError("a request without a number")
+            action = asked.get("action")
+            if not isinstance(action, str) or action not in actions:
+                raise InputError(f"{action!r}: unknown request; there are: {', '.join(actions)}")
+            with self._one_at_a_time:
+                content, model = actions[action](self._effects(asked))
+        except Exception as error:
+            return {"number": number, "error": told(error)}, None
         return {"number": number, **content}, model
 
     def _effects(self, asked: dict) -> list[str]:
         effects = asked.get("effects", [])
         known = self.explored.diagnosis.candidates
+        wanted = f"{effects!r:.80}: a list of up to {MOST_EFFECTS} effects is needed, none of them twice"
         if not isinstance(effects, list) or len(effects) > MOST_EFFECTS:
-            raise InputError(f"{effects!r}: a list of up to {MOST_EFFECTS} effects is needed")
-        wrong = [name for name in effects if name not in known]
+            raise InputError(wanted)
+        wrong = [name for name in effects if not isinstance(name, str) or name not in known]
         if wrong:
-            raise InputError(f"unknown effect {wrong[0]!r}")
+            raise InputError(f"unknown effect {wrong[0]!r:.80}")
+        if len(set(effects)) < len(effects):
+            raise InputError(wanted)
         return effects
 
     def _fit(self, effects: list[str]) -> tuple[dict, ShownModel]:
         refit, diagnosis = self.explored.refitted(effects), self.explored.diagnosis
         model = shown_model(refit.path[-1], [], diagnosis.verdict, self.explored.page.step)
         located = refit.locate().simulated
-        return {"model": told(model, located), "key": model.key, "effects": effects}, model
+        return {"model": told_of_model(model, located), "key": model.key, "effects": effects}, model
 
     def _save(self, effects: list[str]) -> tuple[dict, None]:
         refit, folder = self.explored.refitted(effects), self.explored.output
@@ -81,29 +92,47 @@ class TabRequests:
         return {"text": f"{len(written)} files written to {folder}."}, None
 
     def _keep(self, effects: list[str]) -> tuple[dict, None]:
-        if self.explored.study_file is None:
+        if self.explored.keep is None:
             raise InputError("no study stands behind these records: 'lumbar explore' was given a folder")
-        self.proposed = keep_effects(self.explored.study_file, effects)
+        # In the order in which they were fitted, whichever tab asked for them first: the workflow fits them so again.
+        self.proposed = self.explored.keep(self.explored.refitted(effects).effects)
         if not self.proposed.diff:
-            return {"text": f"{self.proposed.path} holds these effects already."}, None
+            return {"text": f"{self.proposed.path} holds this already."}, None
         return {"text": "Look at the change, then write it.", "diff": self.proposed.diff}, None
 
     def _write(self, effects: list[str]) -> tuple[dict, None]:
         if self.proposed is None:
             raise InputError("no change was shown that could be written")
         change, self.proposed = self.proposed, None
-        change.write()
-        return {
-            "text": f"{change.path} is written; 'snakemake' now makes the model with these effects."
-        }, None
+        with WRITING:
+            change.write()
+        return {"text": f"{change.path} is written; 'snakemake' now makes the same model."}, None
+
+
+def read_request(text: str | bytes) -> dict[str, Any]:
+    """Return what a page sent as JSON.
+
+    Raises
+    ------
+    InputError
+        If it is no mapping in JSON.
+    """
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError("a request that is not JSON") from error
+    if not isinstance(content, dict):
+        raise InputError("a request that is no mapping")
+    return content
 
 
 def save_refinement(refit: Refinement, folder) -> list[str]:
     """Write the model, its tables and figures, and its FMUs; return the files' names."""
     from lumbar.interface.device import export_fmu
 
-    refit.save(folder)
-    refit.compare().save(folder)
-    refit.locate().save(folder)
-    export_fmu(refit.model, folder, data=refit.data)
+    with WRITING, DRAWING:
+        refit.save(folder)
+        refit.compare().save(folder)
+        refit.locate().save(folder)
+        export_fmu(refit.model, folder, data=refit.data)
     return sorted(path.name for path in folder.iterdir() if path.is_file())

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError
+from lumbar.page_server.background import in_background
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.requests import TabRequests
+from lumbar.page_server.served_sets import RESULT, ServedSets
+from lumbar.page_server.trust import HOST, FromHere, Guarded
 from lumbar.reports.explorer.page import PAGE
 from lumbar.reports.explorer.plots import ANSWER, REQUEST
 from lumbar.templates import template
@@ -20,12 +21,13 @@ if TYPE_CHECKING:
     from bokeh.document import Document
     from bokeh.server.server import Server
 
-HOST = "127.0.0.1"
+    from lumbar.page_server.own_recordings import OwnDiagnosis
+
 MOST_BYTES = 1_000_000
 """Largest message that a page may send: what it asks for is a line."""
 
 
-def new_server(sets: Sequence[ExploredSet], port: int) -> Server:
+def new_server(sets: Sequence[ExploredSet], port: int, own: OwnDiagnosis | None = None) -> Server:
     """Return a server of these sets, each at its name, that listens on the loopback interface.
 
     Parameters
@@ -33,6 +35,8 @@ def new_server(sets: Sequence[ExploredSet], port: int) -> Server:
     sets : sequence of ExploredSet
     port : int
         0 takes a free one.
+    own : OwnDiagnosis, optional
+        How recordings that are given on the page are diagnosed; without it the page takes none.
 
     Raises
     ------
@@ -43,9 +47,13 @@ def new_server(sets: Sequence[ExploredSet], port: int) -> Server:
     from bokeh.application.handlers.function import FunctionHandler
     from bokeh.server.server import Server
 
+    served = ServedSets(sets)
+    pages: dict[str, Callable[[Document], ExploredSet | None]] = {
+        address: partial(_given, explored=explored) for address, explored in served.given.items()
+    }
+    pages[RESULT] = partial(_asked_for, served=served)
     applications = {
-        f"/{explored.name}": Application(FunctionHandler(partial(_fill, explored=explored)))
-        for explored in sets
+        address: Application(FunctionHandler(partial(_fill, find=find))) for address, find in pages.items()
     }
     try:
         server = Server(
@@ -54,41 +62,70 @@ def new_server(sets: Sequence[ExploredSet], port: int) -> Server:
             address=HOST,
             allow_websocket_origin=[f"{HOST}:{port}", f"localhost:{port}"] if port else None,
             websocket_max_message_size=MOST_BYTES,
+            http_server_kwargs={"max_body_size": MOST_BYTES, "max_buffer_size": 4 * MOST_BYTES},
         )
     except OSError as error:
         raise InputError(f"port {port}: {error.strerror or error}; choose another with --port") from error
-    _refuse_other_hosts(server)
+    _route(server, served, own)
     return server
 
 
-def _refuse_other_hosts(server: Server) -> None:
-    """Answer to this machine's names only: a page of elsewhere whose name was made to lead here gets nothing."""
-    from tornado.routing import HostMatches
+def _route(server: Server, served: ServedSets, own: OwnDiagnosis | None) -> None:
+    """Put the server's own pages before Bokeh's, take away what nobody needs, and answer nobody from elsewhere."""
+    from bokeh.server.views.autoload_js_handler import AutoloadJsHandler
+    from bokeh.server.views.metadata_handler import MetadataHandler
+    from tornado.routing import PathMatches, Rule
 
-    names = rf"({re.escape(HOST)}|localhost)"
-    for rule in server._tornado.default_router.rules:
-        rule.matcher = HostMatches(names)
+    from lumbar.page_server import waiting
+    from lumbar.page_server.own_handlers import own_rules
+
+    application = server._tornado
+    inner = application.wildcard_router.rules
+    inner[:] = [rule for rule in inner if rule.target not in (AutoloadJsHandler, MetadataHandler)]
+    first = [
+        Rule(waiting.NotReady(served), waiting.WaitingHandler, {"sets": served}),
+        Rule(PathMatches(waiting.PROGRESS), waiting.ProgressHandler, {"sets": served}),
+        Rule(PathMatches(waiting.CANCEL), waiting.CancelHandler, {"sets": served}),
+        *([] if own is None else own_rules(served, own)),
+    ]
+    rules = application.default_router.rules
+    rules[:0] = first
+    for rule in rules:
+        rule.matcher = FromHere(rule.matcher)
+    application.add_transform(Guarded)
 
 
-def _fill(document: Document, explored: ExploredSet) -> None:
-    """Fill a tab's document."""
+def _given(_document: Document, explored: ExploredSet) -> ExploredSet:
+    return explored
+
+
+def _asked_for(document: Document, served: ServedSets) -> ExploredSet | None:
+    """The set of own recordings that the address names."""
+    return served.find(RESULT, document.session_context.request.arguments)
+
+
+def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) -> None:
+    """Fill a tab's document; of a set that is not ready the page in waiting is shown instead."""
+    explored = find(document)
+    if explored is None or not explored.ready:
+        return
     page = explored.page
     page.fill(document)
-    study = "" if explored.study_file is None else explored.study_file.name
     document.title = page.title
     document.template = template(PAGE)
-    document.template_variables.update(page.variables(served=True, study=study))
+    document.template_variables.update(explored.variables)
     requests = TabRequests(explored)
 
     def asked(_attribute, _old, new) -> None:
-        document.add_next_tick_callback(partial(_answered, document, requests, new["content"][0]))
+        content = new.get("content") or [""]
+        document.add_next_tick_callback(partial(_answered, document, requests, str(content[0])))
 
     document.get_model_by_name(REQUEST).on_change("data", asked)
 
 
 async def _answered(document: Document, requests: TabRequests, text: str) -> None:
     """Answer while other tabs go on."""
-    content, model = await asyncio.to_thread(requests.answer, text)
+    content, model = await in_background(requests.answer, text)
     if model is not None:
         for record in model.values:
             for kind, columns in (("record", model.values), ("spectrum", model.density)):

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 
 LINKS = ("legs", "trunk", "arms")
-JOINTS = ("ankle", "hip", "shoulder")
 GRAVITY = 9.81
 JOINT_ANGLES = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [0.0, -1.0, 1.0]])
 """P of φ = Pθ."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from lumbar.settings.key import NAME, UNIQUE, key, required, settings
-from lumbar.settings.layout import RecordSettings
+from lumbar.settings.layout import ColumnLayout, RecordSettings
 
 TissueBase = Literal[
     "auto", "LE", "Maxwell", "KV", "KB", "KV-mass", "KB-mass", "LE-contact", "KV-contact", "KB-contact"
@@ -27,8 +27,25 @@ class RecordSetSettings:
         "Whether the records of this set were cut from one session, instead of improvement.session.",
         default=None,
     )
+    train: str | Annotated[tuple[str, ...], UNIQUE] | None = key(
+        "Record of this set to fit on, or a list of records, instead of improvement.train.", default=None
+    )
+    effects: Annotated[tuple[str, ...], UNIQUE] | None = key(
+        "Effects of this set's model in refined.json, in this order; null takes improvement.effects for the records and base "
+        "of the tissue chapter where it names any, else what the diagnosis selects.",
+        default=None,
+    )
     records: tuple[RecordSettings, ...] | None = key(
         "Records of the set; left out, they are those of the tissue chapter.", default=None, min_length=1
+    )
+    layout: ColumnLayout | None = key(
+        "Columns of this set's own records, instead of tissue.layout or lifting.moment_layout.", default=None
+    )
+    rate_Hz: float | None = key(
+        "Rate to which records read by a layout of this set's own are resampled; null leaves them as recorded.",
+        default=None,
+        unit="Hz",
+        gt=0,
     )
 
 

@@ -61,7 +61,8 @@ class StudySettings:
         default="twin",
     )
     data_root: str | None = key(
-        "Folder of the recordings, absolute or relative to the project. The environment variable LUMBAR_DATA replaces it.",
+        "Folder of the recordings, absolute or relative to the project, or a place in an object store such as "
+        "s3://lab/recordings. The environment variable LUMBAR_DATA replaces it.",
         default=None,
     )
     data_source: SourceSettings | None = key(

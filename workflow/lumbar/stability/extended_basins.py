@@ -13,7 +13,7 @@ import numpy as np
 
 from lumbar.stability.basins import COLUMNS as BASIN_COLUMNS
 from lumbar.stability.basins import basin_rows, close_loops, meaningful
-from lumbar.stability.comparison.basin_areas import as_counts
+from lumbar.stability.comparison.basin_areas import AREA_HEADERS, as_counts
 from lumbar.stability.funnel.funnel import ClosedLoops, Funnels, exact_funnels
 from lumbar.stability.funnel.lyapunov_family import best_of_family
 from lumbar.stability.funnel.saturation import Saturation, reference_of
@@ -251,6 +251,8 @@ def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) 
     notes = (
         () if "extended" in settings.checks else ("Not computed: 'extended' is not among stability.checks",)
     )
+    shown = (frame["com"] == "abdomen") & (frame["method"] == "exact")
+    shown &= frame["sign"] == settings.pendulum.sign
     return Table(
         title="Basins of attraction with limited torque, with an uncertain mass, and with a better V.",
         frame=frame.assign(**{name: as_counts(frame[name]) for name in COUNTS}),
@@ -269,6 +271,18 @@ def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) 
             + ", ".join(f"{share:g}" for share in settings.lyapunov_shares),
         ),
         may_be_empty=frozenset({*optional, "best_share", "lowest_torque_N_m", "highest_torque_N_m", "binds"}),
+        headers=AREA_HEADERS,
+        first=(
+            "subject",
+            "box_mass_kg",
+            "plane",
+            "loop",
+            "mean_area",
+            "area_ratio",
+            "best_share",
+            "initial_area",
+        ),
+        first_rows=tuple(shown.to_numpy().nonzero()[0]),
     )
 
 

@@ -156,7 +156,13 @@ def table_3_2(ratings: Ratings, data: str) -> Table:
         notes=_notes(ratings, p_values, adjusted),
         decimals={"best_percent": 2},
         may_be_empty=frozenset(name for name in columns if "_vs_" in name),
+        headers=_HEADERS
+        | {name: f"p against {name.rpartition('_')[2]}" for name in columns if "printed" in name},
+        first=tuple(name for name in columns if not name.startswith("p_")),  # the thesis's columns
     )
+
+
+_HEADERS = {"mode_count": "Times the mode was given", "best_percent": "Picked as the best (%)"}
 
 
 def _definitions(ratings: Ratings) -> dict[str, str]:

@@ -17,6 +17,7 @@ from lumbar.models.form import Form, Place
 from lumbar.models.joined_motions import JoinedMotions
 from lumbar.models.motion import Motion
 from lumbar.models.structure import Structure
+from lumbar.progress import going_on
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +172,7 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     Fit
         The same one wherever the same is asked for.
     """
+    going_on()
     return data.kept((structure, start.tobytes()), lambda: _fitted(structure, data, start))
 
 

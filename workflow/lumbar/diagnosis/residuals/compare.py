@@ -282,6 +282,12 @@ def comparison_table(comparisons: list[Comparison], data: str) -> Table:
             "record blocks of its period: what another excitation of the same kind would give.",
         ),
         may_be_empty=_EMPTY,
+        headers={
+            "rms": "RMS error",
+            "noise_floor_rms": "RMS of the noise",
+            "explainable_rms": "RMS that is explainable",
+        },
+        first=("record", "unit", "rms", "vaf_percent", "fit_percent", "noise_floor_rms", "explainable_rms"),
     )
 
 

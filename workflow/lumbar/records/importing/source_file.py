@@ -39,7 +39,11 @@ def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
         raise InputError(f"{path}: a folder; name the files in it that are recordings")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    stored = path.read_bytes()
+    return read_content(path.read_bytes(), path, table)
+
+
+def read_content(stored: bytes, path: Path, table: str | None = None) -> tuple[RawTable, str]:
+    """Read what a file holds, wherever it lies; the path is for messages and for the ending of its name. As `read_source`."""
     content = _unpacked(stored, path)
     return _reader(content, path)(content, str(path), table), hashlib.sha256(stored).hexdigest()
 

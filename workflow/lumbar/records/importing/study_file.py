@@ -85,12 +85,17 @@ def _earlier(folder: Path) -> dict:
     return content
 
 
+def _source(path: Path) -> str:
+    """Where a recording comes from; the name alone of a file that was given without its place."""
+    return str(path.resolve()) if path.is_file() else str(path)
+
+
 def _entry(recording: ImportedRecording) -> dict:
     record = recording.record
     return {
         "name": record.name,
         "file": f"{record.name}.csv",
-        "source": str(Path(record.source).resolve()),
+        "source": _source(Path(record.source)),
         "sha256": recording.sha256,
         "form": recording.form,
         "grounds": recording.grounds,

@@ -180,6 +180,7 @@ window.lumbar = (() => {
   }
 
   function ask(content) {
+    if (document.body.hasAttribute("aria-busy")) return; // one thing after the other: the answer to the first counts
     asked += 1;
     say("Computing …");
     document.body.setAttribute("aria-busy", "true");
@@ -223,31 +224,13 @@ window.lumbar = (() => {
     if (button.id === "restart") take([]);
   }
 
-  function dark() {
-    if (!window.matchMedia("(prefers-color-scheme: dark)").matches) return;
-    const light = "#e6e6e6";
-    for (const name of ["course", "residual", "loop", "plane", "spectrum"]) {
-      const picture = named(name);
-      for (const axis of [...picture.below, ...picture.left]) {
-        axis.axis_label_text_color = axis.major_label_text_color = light;
-        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = light;
-      }
-      for (const grid of picture.center) if ("grid_line_color" in grid) grid.grid_line_color = "#444444";
-      for (const bar of picture.right) {
-        bar.major_label_text_color = bar.title_text_color = light;
-        bar.background_fill_alpha = 0;
-      }
-      for (const line of picture.renderers) if (line.name === "measured") line.glyph.line_color = "#ffffff";
-    }
-  }
-
   function start() {
     const found = window.Bokeh && window.Bokeh.documents.find((item) => item.get_model_by_name("shown") !== null);
     if (!found) { window.setTimeout(start, 20); return; }
     pictures = found;
     document.addEventListener("click", clicked);
     for (const id of ["record", "first", "second"]) element(id).addEventListener("change", show);
-    dark();
+    window.lumbarDark(pictures);
     ladder();
     show();
     document.body.dataset.ready = "yes";

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.diagnosis.evidence.evidence import Evidence
@@ -17,6 +14,7 @@ from lumbar.diagnosis.selection.sentences import headline
 from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.models.form import Effect
 from lumbar.reports.explorer.answers import cards, how_sure
+from lumbar.reports.explorer.one_file import beside, one_file
 from lumbar.reports.explorer.plots import ANSWER, FIRST, SECOND, page_models
 from lumbar.reports.explorer.shown import (
     ShownModel,
@@ -27,7 +25,6 @@ from lumbar.reports.explorer.shown import (
     shown_model,
     shown_records,
 )
-from lumbar.templates import template
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -44,8 +41,6 @@ PICTURES = (
 """Name, caption, and whether it takes the page's whole width."""
 _FIRST_SHOWN_S = 10.0
 """Seconds that are shown at first of records that do not repeat; of others a period."""
-_UNIQUE = re.compile(r"\b[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}\b")
-_NUMBERED = re.compile(r"\bp\d{4,}\b")
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +108,10 @@ class ExplorerPage:
         """
         verdict, experiment = self.verdict, self.verdict.experiment
         floor = experiment.floor
-        here = Path(__file__).parent
         return {
             "title": self.title,
-            "style": (here / "explorer.css").read_text(encoding="utf-8"),
-            "behaviour": (here / "explorer.js").read_text(encoding="utf-8"),
+            "style": beside("explorer.css"),
+            "behaviour": beside("dark.js", "explorer.js"),
             "data": self.data,
             "verdict": verdict.verdict,
             "headline": headline(verdict),
@@ -162,20 +156,7 @@ class ExplorerPage:
 
     def to_html(self) -> str:
         """Return the page as a file that needs nothing else: the same bytes for the same diagnosis."""
-        from bokeh.document import Document
-        from bokeh.embed import file_html
-        from bokeh.resources import INLINE
-
-        document = Document()
-        self.fill(document)
-        text = file_html(
-            document,
-            INLINE,
-            title=self.title,
-            template=template(PAGE),
-            template_variables=self.variables(),
-        )
-        return _named_alike(text)
+        return one_file(self.fill, PAGE, self.variables())
 
 
 def told(model: ShownModel, located: Sequence[Simulated]) -> dict[str, Any]:
@@ -188,12 +169,3 @@ def told(model: ShownModel, located: Sequence[Simulated]) -> dict[str, Any]:
         "merits": model.merits,
         "located": {item.record.name: item.location.sentences for item in located},
     }
-
-
-def _named_alike(text: str) -> str:
-    """Bokeh names its parts by chance and by how many there were before: number them as they come."""
-    for pattern, prefix in ((_UNIQUE, "part-"), (_NUMBERED, "model-")):
-        numbers = itertools.count(1)
-        names: dict[str, str] = {}
-        text = pattern.sub(lambda found: names.setdefault(found[0], f"{prefix}{next(numbers)}"), text)  # noqa: B023
-    return text

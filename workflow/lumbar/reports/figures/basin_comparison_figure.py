@@ -31,7 +31,7 @@ _CIRCLE = np.linspace(0.0, 2 * np.pi, 241)
 
 
 @house_style
-def comparison_figure(trajectories: list[Trajectory], settings: StabilitySettings):
+def comparison_figure(trajectories: list[Trajectory], settings: StabilitySettings, who: str = ""):
     """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates.
 
     Parameters
@@ -39,6 +39,8 @@ def comparison_figure(trajectories: list[Trajectory], settings: StabilitySetting
     trajectories : list of Trajectory
         Of one lift.
     settings : StabilitySettings
+    who : str
+        Person, box and convention, shown above.
 
     Returns
     -------
@@ -50,7 +52,7 @@ def comparison_figure(trajectories: list[Trajectory], settings: StabilitySetting
         drawn = shown and _draw(axis, shown, settings)
         if not drawn:
             axis.text(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
-        axis.set_title(title)
+        axis.set_title(f"{title}, abdomen" + (f"\n{who}" if who else ""))
         axis.set_xlabel("θ − θ0 (rad)")
     axes[0].set_ylabel(r"$\dot\theta - \dot\theta_0$ (rad/s)")
     shared_legend(figure, axes, ncols=3)

@@ -10,6 +10,7 @@ from lumbar.reports.figures.style import (
     house_style,
     label_panels,
     new_figure,
+    person_and_box,
 )
 
 EVENT_LABELS = {
@@ -57,7 +58,7 @@ def events_figure(lift: dict):
         "box": ("box", "#D55E00", "-"),
         "wrists": ("wrists", "#0072B2", dashed),
         "l_wrist": ("left wrist", "#0072B2", dashed),
-        "r_wrist": ("right wrist", "#0072B2", dashed),
+        "r_wrist": ("right wrist", "#56B4E9", (0, (1, 1))),
     }
     for name, (label, color, line) in drawn.items():
         for axis, quantity in ((axes[0], "height_m"), (axes[1], "speed_m_s")):
@@ -87,7 +88,7 @@ def events_figure(lift: dict):
 
 
 def _lift_name(lift: dict) -> str:
-    return f"{lift['summary']['subject']}, box of {lift['summary']['box_mass_kg']:g} kg"
+    return person_and_box(lift["summary"])
 
 
 def _mark_events(axes, events: dict) -> None:

@@ -100,6 +100,15 @@ def label_panels(axes) -> None:
         axis.set_title(f"({letter})", loc="left", fontweight="bold")
 
 
+SHOWS = "Shows: "
+"""What stands before person and box at the foot of a picture and in its file's description."""
+
+
+def person_and_box(facts: dict) -> str:
+    """Return person and box of a lift in words, from its ``subject`` and ``box_mass_kg``."""
+    return f"{facts['subject']}, box of {facts['box_mass_kg']:g} kg"
+
+
 def _settle_layout(figure) -> None:
     """Lay the figure out once, with positions rounded.
 
@@ -137,7 +146,13 @@ def svg_text(figure) -> str:
 
 
 @house_style
-def save(figure, stem: str | os.PathLike, data: str, endings: Collection[str] = ("svg", "pdf")) -> None:
+def save(
+    figure,
+    stem: str | os.PathLike,
+    data: str,
+    endings: Collection[str] = ("svg", "pdf"),
+    who: str = "",
+) -> None:
     """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run.
 
     Parameters
@@ -151,9 +166,12 @@ def save(figure, stem: str | os.PathLike, data: str, endings: Collection[str] = 
         metadata. Empty only for drawings that show no data.
     endings : collection of str
         Which of both are written.
+    who : str
+        Person and box that the picture shows, where it shows one: stands beside `data`.
     """
     stem = Path(stem)
     words = f"Data: {data}" if data else "Drawing without data"
+    words = f"{SHOWS}{who}. {words}" if who else words
     if data:
         figure.supxlabel(words, x=0.995, ha="right", fontsize=6, color="#555555")
     _settle_layout(figure)

@@ -40,4 +40,6 @@ def summary_table(claims: pd.DataFrame, data: str) -> Table:
         definitions=DEFINITIONS,
         data=data,
         notes=(f"{len(claims)} claims. {notes}",),
+        first=tuple(DEFINITIONS),
+        first_rows=tuple((~claims.claim.str.startswith("table_")).to_numpy().nonzero()[0]),
     )

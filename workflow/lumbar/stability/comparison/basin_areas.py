@@ -13,6 +13,16 @@ if TYPE_CHECKING:
     from lumbar.settings.stability import StabilitySettings
 
 
+AREA_HEADERS = {
+    "mean_area": "Average section (rad²/s)",
+    "initial_area": "Section at t = 0 (rad²/s)",
+    "minimum_area": "Smallest section (rad²/s)",
+    "final_area": "Goal set (rad²/s)",
+    "liouville_area": "Bound by Liouville (rad²/s)",
+}
+"""Words over the columns of areas."""
+
+
 def as_counts(column: pd.Series):
     """Return counts with empty cells as objects, which print as whole numbers."""
     import pandas as pd
@@ -47,6 +57,8 @@ def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Ta
     shown = [name for name in COLUMNS if name not in left_out]
     optional = {name for check in chosen for name in CHECK_COLUMNS[check]}
     frame = boa[shown].assign(**{name: as_counts(boa[name]) for name in DTYPES if name in shown})
+    drawn = (frame["method"] == "exact") & (frame["sign"] == settings.pendulum.sign)
+    drawn &= (frame["time"] == settings.pendulum.time) & (frame["mass"] == settings.pendulum.mass)
     return Table(
         title="Areas of all basins of attraction, and what was checked of each.",
         frame=frame,
@@ -54,4 +66,7 @@ def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Ta
         data=data,
         notes=(*_shares(boa), checks_note(settings)),
         may_be_empty=frozenset(optional),
+        headers=AREA_HEADERS,
+        first=("subject", "box_mass_kg", "com", "plane", "duration_s", *list(AREA_HEADERS)[:4]),
+        first_rows=tuple(drawn.to_numpy().nonzero()[0]),
     )

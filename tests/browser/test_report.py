@@ -1,0 +1,38 @@
+"""The report of a study in a real browser: nothing is wider than the page, on any screen or on paper."""
+
+from __future__ import annotations
+
+import pytest
+
+from small_report import make_results, page_of
+
+WIDTHS = """() => [document.documentElement.scrollWidth,
+  [...document.querySelectorAll(".scroll")].filter(e => e.scrollWidth > e.clientWidth + 1).length]"""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    file = tmp_path_factory.mktemp("report") / "report.html"
+    file.write_text(page_of(make_results(file.parent)), encoding="utf-8")
+    return file.as_uri()
+
+
+@pytest.mark.parametrize(("width", "tables_may_scroll"), [(1920, False), (1280, False), (390, True)])
+def test_nothing_is_wider_than_the_page(browser, report, width, tables_may_scroll):
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(report)
+    page.evaluate("document.querySelectorAll('details').forEach(item => { item.open = true; })")
+    whole, scrolling = page.evaluate(WIDTHS)
+    assert whole == width
+    assert tables_may_scroll or scrolling == 0
+    page.close()
+
+
+def test_nothing_is_wider_than_paper_and_no_picture_is_lost(browser, report):
+    page = browser.new_page(viewport={"width": 688, "height": 1000})  # A4 less its margins
+    page.emulate_media(media="print")
+    page.goto(report)
+    assert page.evaluate(WIDTHS)[0] == 688
+    drawn = page.evaluate("[...document.images].map(item => item.complete && item.naturalWidth > 100)")
+    assert len(drawn) == 4 and all(drawn)
+    page.close()

@@ -1,0 +1,26 @@
+"""A chapter through a SLURM of one node, its running job cancelled: tried again, and the same bytes as without SLURM."""
+
+from __future__ import annotations
+
+import pytest
+from faults import CHAPTER, RESULTS, job_cancelled
+from slurm_node import differing, obstacle, slurm_node
+
+from running import copy_project, snakemake
+
+
+@pytest.fixture
+def node(tmp_path):
+    missing = obstacle()
+    if missing:
+        pytest.skip(missing)
+    with slurm_node(tmp_path / "node", 2) as node:
+        yield node
+
+
+def test_a_chapter_through_slurm_has_the_same_bytes_also_when_its_job_is_cancelled(node, tmp_path):
+    expected, folder = (copy_project(tmp_path / name) for name in ("local", "slurm"))
+    job_cancelled(node, folder)
+    local = snakemake(expected, "--cores", "1", CHAPTER)
+    assert local.status == 0, local.text[-4000:]
+    assert not differing(expected / RESULTS, folder / RESULTS)

@@ -1,0 +1,218 @@
+"""Recordings that are given on the page: read by the library, refused with its words, diagnosed, written when asked."""
+
+from __future__ import annotations
+
+import gzip
+import http.client
+import io
+import json
+import re
+import time
+
+import numpy as np
+import pytest
+
+from lumbar.page_server import own_recordings
+from lumbar.page_server.field_problems import FIELDS, in_fields
+from lumbar.page_server.own_recordings import OwnRecordings
+from lumbar.page_server.trust import HOST
+from lumbar.synthetic.examples import example_records
+
+SCRIPT = "<img src=x onerror=alert(1)>"
+
+
+def text_of(record, header="t [ms];pos [m];F"):
+    table = np.column_stack([1e3 * record.time, record["input"] / 1e3, record["output"]])
+    stream = io.StringIO()
+    np.savetxt(stream, table, delimiter=";", header=header, comments="")
+    return stream.getvalue().encode()
+
+
+@pytest.fixture(scope="module")
+def contents():
+    """Contents of two files in the units of a machine, the force without one."""
+    return {f"{record.name}.txt": text_of(record) for record in example_records()}
+
+
+def test_columns_and_units_are_found_and_what_is_open_is_asked_for(own_tab, contents):
+    for name, content in contents.items():
+        status, state = own_tab(f"file?name={name}", content)
+    assert status == 200
+    assert state["fields"]["force_unit"] == [
+        "force is column 3 'F', by its name, without a unit; give “Unit of force”, e.g. N"
+    ]
+    assert [text for name, texts in state["fields"].items() if name != "force_unit" for text in texts] == []
+    assert state["columns"][1]["label"] == "column 2 'pos' [m]"
+    _, state = own_tab("look", {"choices": {"force_unit": "2 N"}})
+    assert all(texts == [] for texts in state["fields"].values()) and state["common"] == ""
+    first, record = state["files"][0], example_records()[0]
+    assert first["grounds"]["position"] == "column 2 'pos' [m], by its name; unit m, as the file says"
+    assert first["header"] == ["time_s", "position_mm", "force_N"]
+    assert [float(value) for value in first["rows"][1]] == pytest.approx(
+        [record.time[1], record["input"][1], 2 * record["output"][1]], rel=1e-5
+    )
+    _, state = own_tab("look", {"choices": {"force_unit": "2 N", "position": "3", "force": "2"}})
+    assert "mm" not in json.dumps(state["files"][0].get("header"))
+    assert any("not of" in text or "unit" in text for texts in state["fields"].values() for text in texts)
+    _, state = own_tab("remove", {"file": "other.txt"})
+    assert [item["file"] for item in state["files"]] == ["multisine.txt"]
+
+
+def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents):
+    for name, content in contents.items():
+        own_tab(f"file?name={name}", content)
+    wanted = {"choices": {"force_unit": "N"}, "name": "mine", "train": ["other"]}
+    status, answer = own_tab("start", wanted)
+    assert status == 200
+    assert own_tab("start", wanted)[1]["error"].startswith("a diagnosis of this tab is under way")
+    page, _, asked_for = answer["address"].partition("?")
+    assert served.get(answer["address"])[0] == 200
+    while not (state := json.loads(served.get(f"/_progress?page={page}&{asked_for}")[2]))["done"]:
+        time.sleep(0.05)
+    assert state["error"] == ""
+    _, _, text = served.get(answer["address"])
+    assert "missing coulomb friction" in text
+    assert "other (training)" in text and "multisine (unseen)" in text
+    assert not served.own.exists()
+    status, answer = own_tab("save", wanted)
+    assert status == 200 and "lumbar diagnose" in answer["text"]
+    written = {str(path.relative_to(served.own)) for path in served.own.rglob("*") if path.is_file()}
+    assert written == {
+        f"mine/records/{name}" for name in ("multisine.csv", "other.csv", "study.yaml", "imported.json")
+    }
+
+
+def test_a_diagnosis_is_cancelled(own_tab, served, contents):
+    for name, content in contents.items():
+        own_tab(f"file?name={name}", content)
+    _, answer = own_tab("start", {"choices": {"force_unit": "N"}, "name": "cancelled"})
+    page, _, asked_for = answer["address"].partition("?")
+    assert served.post(f"/_cancel?page={page}&{asked_for}", "")[0] == 200
+    while not (state := json.loads(served.get(f"/_progress?page={page}&{asked_for}")[2]))["done"]:
+        time.sleep(0.05)
+    assert "cancelled" in state["error"]
+
+
+MALFORMED = {
+    "binary": bytes(range(256)) * 40,
+    "empty": b"",
+    "zeros": b"\0" * 5000,
+    "words": b"there is no table here\n" * 50,
+    "ragged": b"t_s,pos_mm,F_N\n"
+    + b"".join(b"%f,%d\n" % (n / 100, n % 7) if n % 3 else b"1\n" for n in range(300)),
+    "nan": b"t_s,pos_mm,F_N\n" + b"".join(b"%f,%d,nan\n" % (n / 100, n % 7) for n in range(300)),
+    "infinite": b"t_s,pos_mm,F_N\n" + b"".join(b"%f,%d,inf\n" % (n / 100, n % 7) for n in range(300)),
+    "huge": b"t_s,pos_mm,F_N\n" + b"".join(b"%f,%de308,1e308\n" % (n / 100, n % 2) for n in range(300)),
+    "constant": b"t_s,pos_mm,F_N\n" + b"".join(b"%f,1,1\n" % (n / 100) for n in range(300)),
+    "backward": b"t_s,pos_mm,F_N\n" + b"".join(b"%f,%d,%d\n" % (-n / 100, n % 7, n % 5) for n in range(300)),
+    "hdf5": b"\x89HDF\r\n\x1a\n" + b"\0" * 600,
+    "matlab": b"MATLAB 5.0 MAT-file" + b"\0" * 600,
+    "zip": b"PK\x03\x04" + b"\0" * 600,
+    "gzip": b"\x1f\x8b" + b"\0" * 600,
+    "bomb": gzip.compress(b"1,2,3\n" * 20_000_000, 9),
+    "deep json": b"[" * 100_000,
+}
+
+
+@pytest.mark.parametrize("kind", MALFORMED)
+def test_malformed_files_are_refused_in_words(kind):
+    held = OwnRecordings("")
+    state = held.add(f"{SCRIPT}.csv", MALFORMED[kind])
+    file = state["files"][0]
+    told = [*file["wrong"], *(text for texts in state["fields"].values() for text in texts)]
+    assert told and all(told)
+    assert "record" not in file
+    assert not any("Traceback" in text or "program failed" in text for text in told)
+    json.dumps(state, allow_nan=False)
+
+
+def test_names_are_names_and_no_paths(own_tab, served, tmp_path):
+    record = example_records()[0]
+    content = text_of(record, f"t [ms];{SCRIPT} pos [m];F [N]")
+    for name in ("../../../etc/cron.d/x.txt", "/etc/passwd.txt", "..%5C..%5Cx.txt", f"%3Cb%3E{'x' * 500}"):
+        status, state = own_tab(f"file?name={name}", content)
+        assert status == 200
+    assert all("/" not in item["file"] and len(item["file"]) <= 200 for item in state["files"])
+    assert all(re.fullmatch(r"[A-Za-z0-9_.-]+", item["record"]) for item in state["files"])
+    assert SCRIPT in json.dumps(state)  # as it stands: the page shows it as text
+    for name in ("../x", "/etc", "a/b", "", ".hidden", "x" * 61, 7, None, "a\0"):
+        for action in ("start", "save"):
+            status, answer = own_tab(action, {"choices": {}, "name": name})
+            assert status == 400 and "letters, digits" in answer["error"]
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [
+        {"rate": "abc"},
+        {"rate": -1},
+        {"rate": "1e400"},
+        {"rate": [1]},
+        {"trim": ["2", "1"]},
+        {"trim": "x"},
+        {"trim": [1, 2, 3]},
+        {"time": 7},
+        {"force": "x" * 300},
+        {"force": "no such column"},
+        {"force_unit": "furlong"},
+        {"table": "../../etc/passwd"},
+    ],
+)
+def test_wrong_choices_are_told_beside_their_field(contents, choices):
+    held = OwnRecordings("")
+    held.add("a.txt", text_of(example_records()[0], "t [ms];pos [m];F [N]"))
+    state = held.look(choices)
+    assert state["fields"][next(iter(choices))]
+    json.dumps(state, allow_nan=False)
+
+
+def test_every_option_has_its_field():
+    for name, label in FIELDS.items():
+        wrong = {field: [] for field in FIELDS}
+        assert (
+            in_fields(f"import: 1 problem\n  - a.csv: open; choose by --{name.replace('_', '-')} NAME", wrong)
+            == []
+        )
+        assert wrong.pop(name) == [f"a.csv: open; choose by “{label}”"]
+        assert not any(wrong.values())
+
+
+def test_a_large_file_is_refused_before_it_is_read(served, own_tab):
+    status, answer = own_tab("look", {})
+    assert status == 200
+    connection = http.client.HTTPConnection(HOST, served.port, timeout=60)
+    connection.putrequest("POST", "/_own/file?name=large.csv")
+    connection.putheader("Content-Length", str(200_000_000))
+    connection.putheader("X-Lumbar-Tab", "any")
+    connection.endheaders()  # and not a byte of the file
+    answer = connection.getresponse()
+    assert answer.status == 413
+    assert "large.csv: larger than 50 MB" in answer.read().decode()
+    for size, expected in (("-1", (400, 411)), ("x", (400, 411)), ("9" * 5000, (400, 413))):
+        assert served.post("/_own/file?name=a.csv", b"", Content_Length=size)[0] in expected
+    assert served.post("/_own/file?name=a.csv", iter([b"x" * 100]))[0] == 411
+
+
+def test_too_many_and_too_much_are_refused(monkeypatch):
+    monkeypatch.setattr(own_recordings, "MOST_HELD", 100)
+    held = OwnRecordings("")
+    held.add("a.csv", b"x" * 60)
+    with pytest.raises(own_recordings.InputError, match="together"):
+        held.add("b.csv", b"x" * 60)
+    held.add("a.csv", b"y" * 90)  # in its place
+    monkeypatch.setattr(own_recordings, "MOST_FILES", 1)
+    with pytest.raises(own_recordings.InputError, match="1 files are held at most"):
+        held.add("b.csv", b"")
+    with pytest.raises(own_recordings.InputError, match="unpack it"):
+        OwnRecordings("").add("b.gz", b"\x1f\x8b" + b"\0" * own_recordings.MOST_PACKED)
+
+
+def test_tabs_do_not_see_each_other(served, own_tab, contents):
+    own_tab("file?name=a.txt", contents["other.txt"])
+    status, headers, _ = served.get("/_own?tab=guessed")
+    assert status == 302
+    tab = headers["Location"].partition("tab=")[2]
+    status, _, text = served.post("/_own/look", "{}", X_Lumbar_Tab=tab)
+    assert (status, json.loads(text)["files"]) == (200, [])
+    assert served.post("/_own/look", "{}", X_Lumbar_Tab="guessed")[0] == 410
+    assert served.post("/_own/look", "{}")[0] == 410

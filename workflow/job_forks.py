@@ -1,0 +1,73 @@
+"""Scripts of a run on this machine, each forked from one process that has imported their libraries: seconds less a job.
+
+What a job does stays the same: its script runs as it is, in a process of its own, with the same log and benchmark.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import multiprocessing
+import os
+import runpy
+import signal
+import subprocess
+import sys
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection
+
+_WORTH_IT = 4
+"""Scripts from which on one import of all libraries takes less than every script's own."""
+_PR_SET_PDEATHSIG = 1
+"""Of Linux's prctl(2): the signal that a process gets when its parent ends."""
+_SERVER = multiprocessing.get_context("forkserver")
+
+
+def fork_scripts(workflow) -> None:
+    """Let the run that begins fork its scripts, where it has several and starts them itself.
+
+    On a cluster, in a container or in a conda environment every script starts a Python of its own, as on other systems
+    than Linux, whose libraries may hold threads that a fork does not survive.
+
+    Parameters
+    ----------
+    workflow : snakemake.workflow.Workflow
+        With its graph of jobs.
+    """
+    from snakemake.script import PythonScript
+
+    elsewhere = not workflow.local_exec or workflow.deployment_settings.deployment_method
+    replaced = PythonScript.execute_script.__module__ != "snakemake.script"
+    scripts = sum(job.rule.script is not None for job in workflow.dag.needrun_jobs())
+    if sys.platform == "linux" and not elsewhere and not replaced and scripts >= _WORTH_IT:
+        _SERVER.set_forkserver_preload(["job_libraries"])
+        forkserver.ensure_running()
+        PythonScript.execute_script = execute_script
+
+
+def execute_script(script, path: str, edit: bool = False) -> None:
+    """In place of `snakemake.script.PythonScript.execute_script`, which starts Python with the path of the script."""
+    from snakemake.benchmark import benchmarked
+
+    begin, measured = _SERVER.Pipe(duplex=False)
+    process = _SERVER.Process(target=_run, args=(path, str(script.resources["tmpdir"]), begin))
+    process.start()
+    # A forked process is gone as soon as it ends: it waits until it is measured.
+    with benchmarked(process.pid, script.bench_record), begin, measured:
+        measured.send(True)
+        process.join()
+    if process.exitcode:
+        raise subprocess.CalledProcessError(process.exitcode, [sys.executable, path])
+
+
+def _run(path: str, temporary: str, begin: Connection) -> None:
+    """Run a script as Python would when started with its path."""
+    # Killed with the process it was forked from: with that, Snakemake holds the job for failed and removes its files.
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    begin.recv()
+    os.environ.update(dict.fromkeys(("TMPDIR", "TMP", "TEMPDIR", "TEMP"), temporary))
+    sys.argv = [path]
+    try:
+        runpy.run_path(path, run_name="__main__")
+    finally:
+        atexit._run_exitfuncs()  # a forked process ends without

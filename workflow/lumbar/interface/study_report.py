@@ -1,0 +1,109 @@
+"""The verb ``report``: a finished study as one page."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from lumbar.errors import InputError
+from lumbar.files import read_json, write_text
+
+
+@dataclass(frozen=True, repr=False)
+class StudyReport:
+    """A study's report.
+
+    Attributes
+    ----------
+    study : str
+    html : str
+        The page: it needs nothing from elsewhere; its links are relative to the study's results.
+    """
+
+    study: str
+    html: str
+
+    def __repr__(self) -> str:
+        return f"<StudyReport of {self.study}: {len(self.html) / 1e6:.1f} MB>"
+
+    def _repr_html_(self) -> str:
+        return self.html
+
+    def save(self, file: str | os.PathLike) -> None:
+        """Write the page."""
+        write_text(Path(file), self.html)
+
+
+def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> StudyReport:
+    """Return the report of a finished study: what fails or warns, then every table and figure in the thesis's order.
+
+    Parameters
+    ----------
+    results : path
+        ``results/<study>``, with ``run_config.yaml``.
+    project : path
+        Folder with ``config/artefacts.tsv``, and the captions in ``workflow/report``.
+
+    Returns
+    -------
+    StudyReport
+
+    Raises
+    ------
+    InputError
+        The folder holds no study, or its settings are wrong.
+
+    Examples
+    --------
+    >>> lumbar.report("results/thesis").save("results/thesis/report.html")        # doctest: +SKIP
+    """
+    import pandas as pd
+
+    from lumbar.config.artefacts import read_artefacts
+    from lumbar.config.load_study import load_study
+    from lumbar.errors import Problems
+    from lumbar.reports.figures.style import person_and_box
+    from lumbar.reports.study_report.contents import chapters
+    from lumbar.reports.study_report.page import StudyFacts, report_page
+    from lumbar.table_words import value_in_words
+    from lumbar.yaml_file import read_yaml
+
+    results, project = Path(results), Path(project)
+    for path in (results / "run_config.yaml", results / "run_environment.json"):
+        if not path.is_file():
+            raise InputError(f"{path}: no such file; a study's results hold it: run the workflow first")
+    problems = Problems(str(results / "run_config.yaml"))
+    config = read_yaml(results / "run_config.yaml", problems).content
+    problems.raise_if_any()
+    study = load_study(config, project.resolve())
+    claims = results / "claims.csv"
+    found = pd.read_csv(claims) if claims.is_file() and study.has("claims") else None
+    people = {
+        name: person_and_box({"subject": lift.subject, "box_mass_kg": lift.trial.box_mass_kg})
+        for name, lift in study.lifts.items()
+    }
+    sheet = read_artefacts(project / "config" / "artefacts.tsv")
+    made = chapters(
+        results,
+        project / "workflow" / "report",
+        [row for row in sheet if row.chapter in study.settings.chapters],
+        {
+            "lift": people,
+            "record_set": {
+                entry.name: value_in_words(entry.name) for entry in study.settings.improvement.record_sets
+            },
+            "model": {name: name for name in study.settings.runtime.models},
+        },
+        found,
+    )
+    environment = read_json(results / "run_environment.json")
+    facts = StudyFacts(
+        study.name,
+        study.settings.title,
+        environment["data"],
+        tuple(dict.fromkeys(people.values())),
+        study.settings.seed,
+        environment["versions"],
+    )
+    return StudyReport(study.name, report_page(facts, results, made, found))

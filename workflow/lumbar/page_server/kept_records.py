@@ -1,0 +1,118 @@
+"""Recordings given on the page kept in a study: tidy files below its data root, and a record set in its YAML."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from lumbar.config.study import Study
+from lumbar.errors import InputError
+from lumbar.page_server.kept_effects import SETS, listed_sets, names_sets
+from lumbar.page_server.own_recordings import common_rate
+from lumbar.page_server.study_change import Change, with_value
+
+if TYPE_CHECKING:
+    from lumbar.interface.importing import ImportedRecordings
+
+
+def keep_records(
+    path: Path,
+    study: Study,
+    name: str,
+    imported: ImportedRecordings,
+    train: Sequence[str],
+    effects: Sequence[str],
+) -> Change:
+    """Add a record set with its files and effects to a study; of one that was added before, set the effects.
+
+    Parameters
+    ----------
+    path : Path
+        The study's file.
+    study : Study
+        What it held when the server was started.
+    name : str
+        Of the set, and of the folder of its files below the data root.
+    imported : ImportedRecordings
+    train : sequence of str
+        Records that the models are fitted to.
+    effects : sequence of str
+
+    Returns
+    -------
+    Change
+        With the files that go with it.
+
+    Raises
+    ------
+    InputError
+        If the study has no data root or no chapter improvement, or if its file names such a set that is another one.
+    """
+    if study.synthetic:
+        raise InputError(
+            f"{path}: the recordings of this study are made by the workflow, and no others can be kept in it; write them with "
+            "a study of their own on the page where they were given"
+        )
+    if not study.has("improvement"):
+        raise InputError(
+            f"{path}: the study has no chapter improvement, which diagnoses records; add it to chapters"
+        )
+    entry = _entry(name, imported, train, effects)
+    now = _sets_of(path, study)
+    there = next((number for number, item in enumerate(now) if item.get("name") == name), None)
+    if there is None:
+        beside = _files(study, name, imported)
+        way, value = ((*SETS, len(now)), entry) if names_sets(path) else (SETS, [*now, entry])
+        change = with_value(path, way, value)
+        return Change(path, change.before, change.after, beside)
+    if {**now[there], "effects": None} != {**entry, "effects": None}:
+        raise InputError(f"{path}: has another record set {name!r}; give the recordings another name")
+    return with_value(path, (*SETS, there, "effects"), list(effects))
+
+
+def _entry(
+    name: str, imported: ImportedRecordings, train: Sequence[str], effects: Sequence[str]
+) -> dict[str, Any]:
+    """The record set as the study's file has it."""
+    first = imported[0]
+    columns: dict[str, Any] = {"time": {"column": "time_s", "quantity": "time", "unit": "s"}}
+    for role, channel in first.record.channels.items():
+        columns[role] = {"column": first.names[role], "quantity": channel.quantity, "unit": channel.unit}
+    clipped = {"clipped": "accept"} if any(item.clipped for item in imported) else {}
+    rate = common_rate(imported.records)
+    return {
+        "name": name,
+        "train": list(train),
+        "effects": list(effects),
+        "layout": {"columns": columns, **clipped},
+        **({} if rate is None else {"rate_Hz": rate}),
+        "records": [
+            {"name": item.record.name, "file": f"{name}/{item.record.name}.csv"} for item in imported
+        ],
+    }
+
+
+def _sets_of(path: Path, study: Study) -> list[dict]:
+    """Record sets that stand in the study's file now, else those of the defaults."""
+    if not names_sets(path):
+        return listed_sets(study.settings)
+    return yaml.safe_load(path.read_text(encoding="utf-8"))[SETS[0]][SETS[1]]
+
+
+def _files(study: Study, name: str, imported: ImportedRecordings) -> dict[Path, str]:
+    """Text of the tidy files by their place below the data root."""
+    folder = study.data_root / name
+    if folder.resolve().parent != study.data_root.resolve():
+        raise InputError(f"{folder}: leads out of the study's data root; give the recordings another name")
+    if folder.exists() and any(folder.iterdir()):
+        raise InputError(f"{folder}: holds files already; give the recordings another name")
+    files = {}
+    for item in imported:
+        text = io.StringIO()
+        item.frame().to_csv(text, index=False, lineterminator="\n")
+        files[folder / f"{item.record.name}.csv"] = text.getvalue()
+    return files

@@ -1,0 +1,143 @@
+"""The page for own recordings over HTTP: the page, files that are sent to it, and what it asks."""
+
+from __future__ import annotations
+
+import secrets
+from typing import Any
+
+from tornado.httputil import url_concat
+from tornado.routing import PathMatches, Rule
+from tornado.web import Finish, RequestHandler, stream_request_body
+
+from lumbar.errors import InputError
+from lumbar.page_server.background import in_background, told
+from lumbar.page_server.field_problems import FIELDS
+from lumbar.page_server.own_recordings import MOST_FILE, OwnDiagnosis, OwnRecordings, OwnTabs
+from lumbar.page_server.requests import read_request
+from lumbar.page_server.served_sets import OWN, ServedSets
+from lumbar.templates import template
+
+PAGE = "page_server/own_recordings.html.jinja"
+TAB = "X-Lumbar-Tab"
+"""Header by which a page says which tab it is; no form of another page can send it."""
+_GONE = "this tab is no longer held by the server: load the page again, and give the files once more"
+
+
+def own_rules(served: ServedSets, own: OwnDiagnosis) -> list[Rule]:
+    """Addresses of the page and of what it asks."""
+    tabs = OwnTabs()
+    known = {"tabs": tabs, "own": own, "served": served}
+    return [
+        Rule(PathMatches(OWN), _PageHandler, known),
+        Rule(PathMatches(f"{OWN}/file"), _FileHandler, known),
+        Rule(PathMatches(f"{OWN}/(look|remove|start|save)"), _AskHandler, known),
+    ]
+
+
+class _OwnHandler(RequestHandler):
+    def initialize(self, tabs: OwnTabs, own: OwnDiagnosis, served: ServedSets) -> None:
+        """Take what Tornado hands over."""
+        self.tabs, self.own, self.served = tabs, own, served
+
+    def recordings(self) -> OwnRecordings:
+        """What the tab that asks holds."""
+        found = self.tabs.find(self.request.headers.get(TAB, ""))
+        if found is None:
+            self.refuse(410, _GONE)
+        return found
+
+    def refuse(self, status: int, words: str) -> None:
+        """Answer with a message, and end."""
+        self.set_status(status)
+        raise Finish({"error": words})
+
+
+class _PageHandler(_OwnHandler):
+    def get(self) -> None:
+        """Show the page of a tab; one that is not known, or none, begins anew."""
+        tab = self.get_query_argument("tab", "")
+        if self.tabs.find(tab) is None:
+            self.redirect(url_concat(OWN, {"tab": self.tabs.new()}))
+            return
+        nonce = secrets.token_urlsafe(16)
+        self.set_header("Cache-Control", "no-store")
+        self.set_header(
+            "Content-Security-Policy",
+            f"default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; connect-src 'self'; img-src data:; "
+            "frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+        )
+        self.write(
+            template(PAGE).render(
+                tab=tab,
+                nonce=nonce,
+                labels=FIELDS,
+                most=MOST_FILE,
+                study=self.own.study,
+                sets=[(address, found.name) for address, found in self.served.given.items()],
+            )
+        )
+
+
+@stream_request_body
+class _FileHandler(_OwnHandler):
+    """One file, piece by piece; what is too large is refused before it is read."""
+
+    def prepare(self) -> None:
+        """Refuse what is not to be taken, before the body comes."""
+        self.pieces: list[bytes] = []
+        self.left = MOST_FILE
+        size = self.request.headers.get("Content-Length", "")
+        if self.request.method != "POST":
+            self.refuse(405, "POST is needed")
+        if not (size.isascii() and size.isdecimal()):
+            self.refuse(411, "a file of unknown size")
+        if int(size[:20]) > MOST_FILE:
+            # Nothing more is read: the connection ends here.
+            self.set_header("Connection", "close")
+            self.refuse(413, too_large(self.get_query_argument("name", "the file")))
+        self.held = self.recordings()
+        self.request.connection.set_max_body_size(MOST_FILE)
+
+    def data_received(self, chunk: bytes) -> None:
+        """Take a piece."""
+        self.left -= len(chunk)
+        if self.left >= 0:
+            self.pieces.append(chunk)
+
+    async def post(self) -> None:
+        """Read the file."""
+        name = self.get_query_argument("name", "")
+        try:
+            self.write(await in_background(self.held.add, name, b"".join(self.pieces)))
+        except Exception as error:
+            self.refuse(400, told(error))
+
+
+def too_large(name: str) -> str:
+    """Why a file is not taken."""
+    return (
+        f"{name:.200}: larger than {MOST_FILE / 1e6:.0f} MB, the most that the page takes; nothing of it was read. Give a part, "
+        "or use lumbar import, which reads files where they are"
+    )
+
+
+class _AskHandler(_OwnHandler):
+    async def post(self, action: str) -> None:
+        """Do what the page asks."""
+        held = self.recordings()
+        try:
+            asked = read_request(self.request.body)
+            self.write(await in_background(self._answer, held, action, asked))
+        except Exception as error:
+            self.refuse(400, told(error))
+
+    def _answer(self, held: OwnRecordings, action: str, asked: dict[str, Any]) -> dict[str, Any]:
+        if action == "look":
+            return held.look(asked.get("choices") or held.choices)
+        if action == "remove":
+            return held.remove(str(asked.get("file")))
+        if action == "start":
+            return {"address": held.start(asked, self.own, self.served)}
+        if action == "save":
+            return {"text": held.save(asked, self.own)}
+        raise InputError(f"{action}: unknown request")

@@ -1,0 +1,353 @@
+"""Recordings that a person gives on the page: held in memory, read by the library, looked at, then diagnosed."""
+
+from __future__ import annotations
+
+import math
+import re
+import secrets
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lumbar.errors import InputError
+from lumbar.interface.importing import ForeignFile, ImportedRecordings, import_recordings
+from lumbar.page_server.background import WRITING, told
+from lumbar.page_server.explored_set import ExploredSet
+from lumbar.page_server.field_problems import FIELDS, in_fields
+from lumbar.page_server.recording_preview import preview, tables_columns
+from lumbar.page_server.served_sets import OWN, ServedSets
+from lumbar.settings.key import NAME
+
+if TYPE_CHECKING:
+    from lumbar.interface.diagnosis import Diagnosis
+    from lumbar.page_server.study_change import Change
+    from lumbar.records.record import Record
+
+MOST_FILE, MOST_HELD, MOST_PACKED = 50_000_000, 150_000_000, 5_000_000
+"""Bytes of one file, of all files of a tab, and of one packed file, which may unpack to a hundred times as many."""
+MOST_FILES, MOST_TABS = 12, 16
+"""Files of a tab, and tabs that are held; the one that was used longest ago is let go for one more."""
+_TEXTS = (
+    "time",
+    "position",
+    "force",
+    "time_unit",
+    "position_unit",
+    "force_unit",
+    "table",
+)
+_SWITCHES = ("flip_force", "accept_clipped")
+_LONGEST_TEXT = 200
+_PACKED = (b"\x1f\x8b", b"PK\x03\x04")
+
+
+@dataclass(frozen=True)
+class OwnDiagnosis:
+    """How recordings that are given on the page are diagnosed and kept.
+
+    Attributes
+    ----------
+    diagnose : callable
+        Takes records, ``train`` and ``data``; returns the diagnosis.
+    output : Path
+        Folder below which files are written when they are asked for.
+    keep : callable or None
+        Takes the name of the set, the imported recordings, the training records and effects; returns the change of the
+        study. None without a study.
+    study : str
+        The study's file, for the page.
+    """
+
+    diagnose: Callable[..., Diagnosis]
+    output: Path
+    keep: Callable[[str, ImportedRecordings, list[str], Sequence[str]], Change] | None = None
+    study: str = ""
+
+
+class OwnTabs:
+    """The tabs that recordings were given in, each by a name that nobody guesses."""
+
+    def __init__(self) -> None:
+        self._tabs: dict[str, OwnRecordings] = {}
+
+    def new(self) -> str:
+        """Return the name of a new tab."""
+        while len(self._tabs) >= MOST_TABS:
+            del self._tabs[next(iter(self._tabs))]
+        name = secrets.token_urlsafe(16)
+        self._tabs[name] = OwnRecordings(f"{OWN}?tab={name}")
+        return name
+
+    def find(self, name: str) -> OwnRecordings | None:
+        """Return a tab's recordings; None where it is not held any more."""
+        found = self._tabs.pop(name, None)
+        if found is not None:
+            self._tabs[name] = found  # now the last to be let go
+        return found
+
+
+@dataclass(eq=False)
+class OwnRecordings:
+    """Files of one tab, and what was said of them.
+
+    Attributes
+    ----------
+    address : str
+        Of the tab's page.
+    files : dict of str to bytes
+        Contents by file name.
+    choices : dict
+        What was chosen last, as arguments of `lumbar.import_recordings`.
+    """
+
+    address: str
+    files: dict[str, bytes] = field(default_factory=dict)
+    choices: dict[str, Any] = field(default_factory=dict)
+    _explored: ExploredSet | None = None
+    _read: dict[tuple[str, str | None], ForeignFile] = field(default_factory=dict)
+    _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
+
+    def add(self, name: str, content: bytes) -> dict[str, Any]:
+        """Hold a file more; return what `look` does.
+
+        Raises
+        ------
+        InputError
+            If it cannot be held: without a name, too many, too large.
+        """
+        name = re.split(r"[/\\]", name)[-1][:_LONGEST_TEXT]
+        with self._one_at_a_time:
+            others = {key: value for key, value in self.files.items() if key != name}
+            if not name:
+                raise InputError("a file without a name")
+            if len(others) >= MOST_FILES:
+                raise InputError(f"{name}: {MOST_FILES} files are held at most; take one away")
+            if content.startswith(_PACKED) and len(content) > MOST_PACKED:
+                raise InputError(
+                    f"{name}: a packed file of more than {MOST_PACKED / 1e6:.0f} MB; unpack it, or save it as text"
+                )
+            if sum(map(len, others.values())) + len(content) > MOST_HELD:
+                raise InputError(
+                    f"{name}: more than {MOST_HELD / 1e6:.0f} MB together; take a file away, or use lumbar import"
+                )
+            self._forget(name)
+            self.files[name] = content
+        return self.look(self.choices)
+
+    def remove(self, name: str) -> dict[str, Any]:
+        """Hold a file no longer; return what `look` does."""
+        with self._one_at_a_time:
+            self._forget(name)
+            self.files.pop(name, None)
+        return self.look(self.choices)
+
+    def _forget(self, name: str) -> None:
+        self._read = {key: found for key, found in self._read.items() if key[0] != name}
+
+    def look(self, choices: Mapping[str, Any]) -> dict[str, Any]:
+        """Read all files as they would be diagnosed, and say what was found, guessed and wrong.
+
+        Returns
+        -------
+        dict
+            ``files`` (see `lumbar.page_server.recording_preview.preview`), ``columns`` of the first file, ``fields`` (by
+            field, what is wrong with it), ``common`` (what is wrong with the files together), ``choices``.
+        """
+        with self._one_at_a_time:
+            wrong: dict[str, list[str]] = {name: [] for name in FIELDS}
+            try:
+                self.choices = checked_choices(choices)
+            except InputError as error:
+                in_fields(str(error), wrong)
+            files = [self._file(name, wrong) for name in self.files]
+            try:
+                _, common = (self._imported(), "") if files and not any(wrong.values()) else (None, "")
+            except InputError as error:
+                common = str(error)
+            columns = next((item["columns"] for item in files if item["columns"]), [])
+            return {
+                "files": files,
+                "columns": columns,
+                "fields": {name: _distinct(texts) for name, texts in wrong.items()},
+                "common": "" if any(item["wrong"] for item in files) else common,
+                "choices": self.choices | {"trim": [_finite(end) for end in self.choices.get("trim", ())]},
+            }
+
+    def _file(self, name: str, wrong: dict[str, list[str]]) -> dict[str, Any]:
+        """What is told of one file; what a field decides goes to `wrong`."""
+        shown: dict[str, Any] = {"file": name, "columns": [], "wrong": []}
+        try:
+            read = self._foreign(name)
+            shown["columns"] = tables_columns(read.table)
+            return shown | preview(import_recordings([read], **self.choices))
+        except Exception as error:
+            return shown | {"wrong": in_fields(told(error), wrong)}
+
+    def _foreign(self, name: str) -> ForeignFile:
+        table = self.choices.get("table")
+        if (name, table) not in self._read:
+            self._read[name, table] = ForeignFile.of_content(name, self.files[name], table)
+        return self._read[name, table]
+
+    def _imported(self) -> ImportedRecordings:
+        """All files as recordings that agree in quantities and units.
+
+        Raises
+        ------
+        InputError
+        """
+        if not self.files:
+            raise InputError("no recordings yet: drop files on the page, or choose them")
+        imported = import_recordings([self._foreign(name) for name in self.files], **self.choices)
+        _ = imported.records
+        return imported
+
+    def start(self, asked: Mapping[str, Any], own: OwnDiagnosis, served: ServedSets) -> str:
+        """Begin the diagnosis; return the address of its page.
+
+        Parameters
+        ----------
+        asked : dict
+            ``choices``, ``train`` (names of records; none takes the longest) and ``name`` of the set.
+        own : OwnDiagnosis
+        served : ServedSets
+
+        Raises
+        ------
+        InputError
+            If what was asked for cannot be used, or a diagnosis of this tab is under way.
+        """
+        with self._one_at_a_time:
+            job = None if self._explored is None else self._explored.job
+            if job is not None and not job.done:
+                raise InputError("a diagnosis of this tab is under way: cancel it first")
+            self.choices = checked_choices(asked.get("choices") or {})
+            imported, name = self._imported(), checked_name(asked.get("name"))
+            records = at_one_rate(imported.records)
+            train = checked_training(asked.get("train"), records)
+            make = partial(own.diagnose, records, train=train, data=f"own recordings {name}")
+            keep = None if own.keep is None else partial(own.keep, name, imported, train)
+            explored = ExploredSet(name, make, own.output / name, keep, own.study, self.address)
+            explored.begin()
+            self._explored = explored
+            return served.add_own(explored)
+
+    def save(self, asked: Mapping[str, Any], own: OwnDiagnosis) -> str:
+        """Write tidy records and a study of their own, as ``lumbar import`` does; return what to do next.
+
+        Raises
+        ------
+        InputError
+        """
+        with self._one_at_a_time, WRITING:
+            self.choices = checked_choices(asked.get("choices") or {})
+            imported, name = self._imported(), checked_name(asked.get("name"))
+            study = imported.save(own.output / name / "records")
+            return f"{len(imported)} records and {study.name} written to {study.parent}; next: {imported.next_command(study)}"
+
+
+def checked_choices(given: Any) -> dict[str, Any]:
+    """Return what a page chose as arguments of `lumbar.import_recordings`.
+
+    Raises
+    ------
+    InputError
+        Naming the option as the command line does.
+    """
+    if not isinstance(given, Mapping):
+        raise InputError("choices that are no mapping")
+    chosen: dict[str, Any] = {}
+    for name in _TEXTS:
+        value = given.get(name)
+        option = f"--{name.replace('_', '-')}"
+        if value is None or value == "":
+            continue
+        if not isinstance(value, str) or len(value) > _LONGEST_TEXT:
+            raise InputError(f"{option}: words of up to {_LONGEST_TEXT} characters are needed")
+        chosen[name] = value
+    for name in _SWITCHES:
+        if given.get(name) is True:
+            chosen[name] = True
+    if given.get("rate") not in (None, ""):
+        chosen["rate"] = _number(given["rate"], "--rate")
+        if not 0 < chosen["rate"] < math.inf:
+            raise InputError(f"--rate {given['rate']!s:.40}: a positive number of hertz is needed")
+    if given.get("trim") not in (None, [], ["", ""], [None, None]):
+        chosen["trim"] = _trim(given["trim"])
+    return chosen
+
+
+def _trim(given: Any) -> tuple[float, float]:
+    if not isinstance(given, list | tuple) or len(given) != 2:
+        raise InputError("--trim: a start and a stop in seconds are needed")
+    start, stop = (
+        default if value in (None, "") else _number(value, "--trim")
+        for value, default in zip(given, (-math.inf, math.inf), strict=True)
+    )
+    if not start < stop:
+        raise InputError(f"--trim: the start, {start:g} s, must lie before the stop, {stop:g} s")
+    return start, stop
+
+
+def _number(value: Any, option: str) -> float:
+    try:
+        found = float(value) if isinstance(value, str | int | float) else math.nan
+    except (ValueError, OverflowError):
+        found = math.nan
+    if math.isnan(found):
+        raise InputError(f"{option}: {value!s:.40} is no number")
+    return found
+
+
+def checked_name(given: Any) -> str:
+    """Return the name of a set, which names a folder.
+
+    Raises
+    ------
+    InputError
+    """
+    if not isinstance(given, str) or len(given) > 60 or not re.fullmatch(NAME, given):
+        raise InputError(f"name {given!s:.60}: up to 60 letters, digits, _ and - are needed")
+    return given
+
+
+def checked_training(given: Any, records: Sequence[Record]) -> list[str]:
+    """Return the names of the records to fit on; the longest where none is named.
+
+    Raises
+    ------
+    InputError
+        If one is unknown, or none is left to test on.
+    """
+    names = [record.name for record in records]
+    if not given:
+        return [max(records, key=lambda record: record.duration).name]
+    if not isinstance(given, list) or not all(name in names for name in given):
+        raise InputError(f"training {given!s:.80}: the records are {', '.join(names)}")
+    return [name for name in names if name in given]
+
+
+def at_one_rate(records: Sequence[Record]) -> list[Record]:
+    """Return records at the lowest of their rates: one model needs one."""
+    from lumbar.records.resampling import resample
+
+    rate = common_rate(records)
+    return list(records) if rate is None else [resample(record, rate) for record in records]
+
+
+def common_rate(records: Sequence[Record]) -> float | None:
+    """Lowest rate of records that have several; None where all have one."""
+    rates = [float(f"{1 / record.sampling_time:.9g}") for record in records]
+    return min(rates) if max(rates) > (1 + 1e-6) * min(rates) else None
+
+
+def _finite(value: float) -> float | None:
+    """The number as JSON has it."""
+    return value if math.isfinite(value) else None
+
+
+def _distinct(texts: Sequence[str]) -> list[str]:
+    return list(dict.fromkeys(texts))

@@ -1,0 +1,88 @@
+"""The page that stands where a diagnosis is still being made: how far it is, and a button that ends it."""
+
+from __future__ import annotations
+
+from tornado.httputil import HTTPServerRequest, url_concat
+from tornado.routing import Matcher
+from tornado.web import HTTPError, RequestHandler
+
+from lumbar.page_server.explored_set import ExploredSet
+from lumbar.page_server.served_sets import ServedSets
+from lumbar.templates import template
+
+WAITING = "page_server/waiting.html.jinja"
+PROGRESS, CANCEL = "/_progress", "/_cancel"
+
+
+class NotReady(Matcher):
+    """Matches the address of a set whose page cannot be shown at once."""
+
+    def __init__(self, sets: ServedSets):
+        self.sets = sets
+
+    def match(self, request: HTTPServerRequest) -> dict | None:
+        """Arguments for the handler; None where the page is ready, or is no page of a set."""
+        found = self.sets.find(request.path, request.arguments)
+        if found is None:
+            return {} if self.sets.is_own(request.path) else None
+        return None if found.ready else {}
+
+
+class WaitingHandler(RequestHandler):
+    """The page in waiting, which begins the work."""
+
+    def initialize(self, sets: ServedSets) -> None:
+        """Take what Tornado hands over."""
+        self.sets = sets
+
+    def get(self) -> None:
+        """Begin the diagnosis, or show how far it is."""
+        found = self.sets.find(self.request.path, self.request.arguments)
+        if found is None:
+            raise HTTPError(404, "these recordings are no longer held: give them once more")
+        found.begin()
+        asked = {"page": self.request.path, "set": self.get_query_argument("set", "")}
+        self.set_header("Cache-Control", "no-store")
+        self.write(
+            template(WAITING).render(
+                name=found.name,
+                own=found.own,
+                progress=url_concat(PROGRESS, asked),
+                cancel=url_concat(CANCEL, asked),
+            )
+        )
+
+
+class _AskedHandler(RequestHandler):
+    """A question about the set of a page that is named."""
+
+    def initialize(self, sets: ServedSets) -> None:
+        """Take what Tornado hands over."""
+        self.sets = sets
+
+    @property
+    def explored(self) -> ExploredSet:
+        """The set that is asked about."""
+        found = self.sets.find(self.get_query_argument("page"), self.request.arguments)
+        if found is None or found.job is None:
+            raise HTTPError(404)
+        return found
+
+
+class ProgressHandler(_AskedHandler):
+    """How far a diagnosis is."""
+
+    def get(self) -> None:
+        """Say it."""
+        job = self.explored.job
+        self.set_header("Cache-Control", "no-store")
+        self.write({"words": job.words, "seconds": job.seconds, "done": job.done, "error": job.error})
+
+
+class CancelHandler(_AskedHandler):
+    """The button that ends a diagnosis."""
+
+    def post(self) -> None:
+        """End it."""
+        self.explored.job.cancel()
+        self.write({})

@@ -1,0 +1,103 @@
+"""How a table stands on a page: numbers aligned on the decimal sign, no wider than the page."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+PAGE_WIDTH = 124
+"""Characters that stand side by side on a page."""
+_GAP = 3
+_WORDS = 26
+"""Characters of a line of words in a cell: longer ones go on below."""
+EMPTY = "–"
+_NUMBER = re.compile(r"([+−-]?\d+)((?:\.\d+)?(?:·10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?)")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column as it is printed.
+
+    Attributes
+    ----------
+    header : str
+    cells : tuple of str
+        All rows.
+    """
+
+    header: str
+    cells: tuple[str, ...]
+
+    @cached_property
+    def numeric(self) -> bool:
+        """Whether all cells that are not empty are numbers."""
+        filled = [cell for cell in self.cells if cell != EMPTY]
+        return bool(filled) and all(_NUMBER.fullmatch(cell) for cell in filled)
+
+    @cached_property
+    def fraction(self) -> int:
+        """Characters from the decimal sign on of the cell that has most."""
+        return max((len(split(cell)[1]) for cell in self.cells), default=0)
+
+    @cached_property
+    def width(self) -> int:
+        """Characters that the column takes, the space beside it counted in."""
+        word = max(map(len, re.split(r"[ /]", self.header)))
+        if self.numeric:
+            widest = max(len(split(cell)[0]) for cell in self.cells) + self.fraction
+        else:
+            widest = min(max(map(len, self.cells), default=0), _WORDS)
+        return max(word, widest) + _GAP
+
+    @cached_property
+    def longest(self) -> int:
+        """Characters of the longest cell."""
+        return max(map(len, self.cells), default=0)
+
+
+def split(cell: str) -> tuple[str, str]:
+    """Return a number's part before the decimal sign, and the rest."""
+    found = _NUMBER.fullmatch(cell)
+    return (found[1], found[2]) if found else (cell, "")
+
+
+def scientific(text: str) -> str:
+    """Return a number such as ``1.2e-16`` as ``1.2·10⁻¹⁶``; others as they are."""
+    mantissa, sign, exponent = text.partition("e")
+    if not sign or not re.fullmatch(r"[+-]?\d+", exponent):
+        return text
+    return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+
+
+def fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:
+    """Return how many columns, from the first on, stand side by side."""
+    taken = 0
+    for count, column in enumerate(columns):
+        taken += column.width
+        if taken > width and count:
+            return count
+    return len(columns)
+
+
+def blocks(columns: Sequence[Column], keys: int, width: int = PAGE_WIDTH) -> list[list[Column]]:
+    """Split columns into tables that fit, each beginning with the first `keys` columns."""
+    own, others = list(columns[:keys]), list(columns[keys:])
+    room = width - sum(column.width for column in own)
+    found = []
+    while others:
+        count = fitting(others, room)
+        found.append(own + others[:count])
+        others = others[count:]
+    return found or [own]
+
+
+def keys_of(columns: Sequence[Column]) -> int:
+    """Count the first columns that tell one row from another: those of words, three at most, or the first."""
+    count = 0
+    for column in columns[:3]:
+        if column.numeric or column.longest > _WORDS:
+            break
+        count += 1
+    return max(count, 1)

@@ -1,0 +1,15 @@
+"""The report of the study: one page with all that it made."""
+
+from pathlib import Path
+
+from job import run
+
+
+def main(input, output, params):
+    """Compose the page from the study's results."""
+    from lumbar.interface.study_report import report
+
+    report(Path(input.config).parent, Path(input.sheet).parents[1]).save(output.page)
+
+
+run(main, snakemake)
