@@ -41,10 +41,11 @@ test: environment ## the tests
 test-portable: environment ## tests, results and verdicts under other processors' kernels, threads, Pythons, packages: hours
 	python tests/portable/run.py
 
-# Both suites run to their end; the status tells whether an answer is another one than recorded.
+# All suites run to their end; the status tells whether an answer is another one than recorded.
 acceptance: environment ## records whose truth is known, public and hard ones: a judgement each, and docs/acceptance.md: minutes
 	python tests/real_records/run.py --markdown docs/acceptance.md; real=$$?; \
-	python tests/hard_effects/run.py --markdown docs/acceptance.md && exit $$real
+	python tests/hard_effects/run.py --markdown docs/acceptance.md; hard=$$?; \
+	python -m pytest -m acceptance tests/unit && exit $$(( real | hard ))
 
 report: results ## results/<study>/report.html: every table and figure beside the thesis's, one page, works offline
 	snakemake --cores 1 $(CONFIGFILE) report
