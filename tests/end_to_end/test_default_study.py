@@ -18,8 +18,8 @@ VOLATILE = ("logs", "benchmarks")
 
 
 # Fewer knots, starts, resamples, effects, FMUs and lifts, fewer records to diagnose, and pictures that are sketched: the same
-# steps on less, with checks that the default leaves out. The proof, which would take four times all the rest, is held by the tests
-# of its own.
+# steps on less, with checks that the default leaves out. The proof, which would take four times all the rest, is held by tests of
+# its own.
 COARSE = f"""
 surgeon: {{bandwidth: {{resamples: 200}}}}
 survey: {{resamples: 1000}}
