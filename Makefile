@@ -68,6 +68,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python tests/benchmark/stability.py
 	python tests/benchmark/population.py
 	python tests/benchmark/runtime.py
+	python tests/benchmark/browser.py
 	python tests/benchmark/pendulum.py
 	python tests/benchmark/calibration.py --markdown docs/acceptance.md
 	snakemake --cores $(CORES) hidden_effects --configfile config/hidden_effects_full.yaml

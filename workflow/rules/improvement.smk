@@ -49,6 +49,7 @@ rule diagnose_records:
         rate=lambda wildcards: set_layout(settings, wildcards.record_set)[1],
         improvement=without(settings.improvement, "effects", "record_sets"),
         machine=plain(settings.signals.machine),
+        tissue=without(settings.tissue, "records", "training", "layout", "rate_Hz"),
         gravity=settings.stability.pendulum.gravity_m_s2,
         seed=settings.seed,
         data=DATA,

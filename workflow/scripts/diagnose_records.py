@@ -13,6 +13,7 @@ def main(input, output, params):
     from lumbar.settings.layout import ColumnLayout, RecordSettings
     from lumbar.settings.plain import typed
     from lumbar.settings.signals import MachineSettings
+    from lumbar.settings.tissue import TissueSettings
 
     listed = [typed(RecordSettings, entry) for entry in params.records]
     records = read_listed(input.recordings, listed, typed(ColumnLayout, params.layout), params.rate)
@@ -23,6 +24,7 @@ def main(input, output, params):
         session=params.session,
         settings=typed(ImprovementSettings, params.improvement),
         machine=typed(MachineSettings, params.machine),
+        tissue=typed(TissueSettings, params.tissue),
         gravity_m_s2=params.gravity,
         seed=params.seed,
         data=params.data,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import signal
 import subprocess
@@ -32,11 +33,14 @@ def asked(tab, action, *effects):
 
 
 def test_a_model_that_was_not_fitted_is(tab, explored):
-    answer, model = asked(tab, "fit", "coulomb_friction", "inertia")
+    answer, models = asked(tab, "fit", "coulomb_friction", "inertia")
     refined = lumbar.refine(example_records(), ["coulomb_friction", "inertia"])
-    assert (answer["number"], answer["key"]) == (7, "coulomb_friction+inertia")
-    assert answer["model"]["test_rms"] == pytest.approx(refined.path[-1].test_rms, rel=1e-9)
-    assert len(model.values["other"]) == len(explored.page.records[1].columns["time"])
+    assert answer["number"] == 7
+    assert list(answer["models"]) == ["base", "coulomb_friction", "coulomb_friction+inertia"]
+    told = answer["models"]["coulomb_friction+inertia"]
+    assert told["located"]["other"]["views"].keys() >= {"depth", "reversals"}
+    assert told["test_rms"] == pytest.approx(refined.path[-1].test_rms, rel=1e-9)
+    assert len(models[-1].values["other"]) == len(explored.page.records[1].columns["time"])
     assert explored.refitted(["inertia", "coulomb_friction"]) is explored.refitted(
         ["coulomb_friction", "inertia"]
     )
@@ -72,9 +76,22 @@ def test_the_workflow_writes_the_model_that_the_page_shows(explored, tmp_path):
     ],
 )
 def test_what_cannot_be_done_is_said(tab, text, words):
-    answer, model = tab.answer(text if isinstance(text, str) else json.dumps({"number": 1, **text}))
+    answer, models = tab.answer(text if isinstance(text, str) else json.dumps({"number": 1, **text}))
     assert words in answer["error"]
-    assert model is None
+    assert models == []
+
+
+def test_what_tells_a_candidate_from_the_selected_effect_is_computed(tab):
+    answer, _ = asked(tab, "separate", "hysteresis")
+    motion = np.loadtxt(io.StringIO(answer["excitation"]["file"]), delimiter=",", skiprows=1)
+    assert motion.shape[1] == 2 and len(motion) > 100
+    assert "coulomb friction from hysteresis" in answer["excitation"]["text"]
+
+
+def test_a_candidate_that_was_not_put_into_words_is_located(tab):
+    answer, _ = asked(tab, "locate", "hysteresis")
+    refined = lumbar.refine(example_records(), ["hysteresis"]).locate()
+    assert answer["located"]["other"]["headline"] == refined["other"].location.headline
 
 
 def test_effects_are_kept_after_a_look_at_the_change(tab, explored):
@@ -102,6 +119,7 @@ def waited(served, page):
 
 
 def test_page_is_served_when_the_diagnosis_is_made(served, explored):
+    assert (served.get("/")[0], served.get("/")[1]["Location"]) == (302, "/records")
     status, _, text = served.get("/records")
     assert status == 200
     if not explored.ready:

@@ -13,8 +13,9 @@ import lumbar
 from lumbar.identification.metrics import variance_accounted_for
 from lumbar.models.motion import Motion
 from lumbar.reports.explorer import shown
-from lumbar.reports.explorer.shown import candidates_of, drawing_step, model_key
+from lumbar.reports.explorer.shown import WITH_EFFECTS, candidates_of, drawing_step, model_key
 from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.tissue import BootstrapSettings, TissueSettings
 from lumbar.synthetic.examples import example_records
 
 EVIL = "</script><script>alert(1)</script>"
@@ -43,15 +44,45 @@ def content(html: str) -> dict:
 
 
 def test_every_model_of_the_search_is_drawn_as_its_fit_simulates_it(diagnosis, page):
-    candidates = {model_key(item.effects): item for item, _ in candidates_of(diagnosis.verdict)}
-    assert {"base", "coulomb_friction"} < {model.key for model in page.models} == set(candidates)
-    for model in page.models[:3]:
+    candidates = {model_key(item.effects): item for item in candidates_of(diagnosis.verdict)}
+    fitted = [model for model in page.models if model.group == WITH_EFFECTS]
+    assert {"base", "coulomb_friction"} < {model.key for model in fitted} == set(candidates)
+    for model in fitted[:3]:
         for record in diagnosis.verdict.experiment.records:
             simulated = candidates[model.key].fit.simulate(Motion.of(record))
             assert np.allclose(model.values[record.name], simulated, rtol=1e-5, atol=1e-6)
             first = round(0.5 / record.sampling_time)
             vaf = variance_accounted_for(record["output"][first:], simulated[first:])
             assert model.merits[record.name]["vaf"] == pytest.approx(vaf)
+
+
+def test_the_thesis_s_models_stand_beside_as_identify_finds_them(page):
+    settings = TissueSettings(bootstrap=BootstrapSettings(resamples=100))
+    records = example_records()
+    found = lumbar.identify(records, "multisine", settings=settings)
+    shown = {model.key: model for model in page.models}
+    for estimator in ("arx", "output_error"):
+        for name in ("KB", "HO"):
+            simulated = found.get(name, estimator).simulate(records[1])
+            assert np.allclose(shown[f"{name}:{estimator}"].values["other"], simulated, rtol=1e-5, atol=1e-6)
+    unseen = records[1]["output"][25:] - found["KB"].simulate(records[1])[25:]
+    assert shown["KB:arx"].test_rms == pytest.approx(np.sqrt(np.mean(unseen**2)))
+    assert shown["IL:given"].group.endswith("given")
+
+
+def test_without_them_the_page_says_how_to_get_them(diagnosis):
+    page = diagnosis.page(thesis=False)
+    assert "lumbar diagnose --pictures" in page.others_remark
+    assert {model.group for model in page.models} == {WITH_EFFECTS}
+
+
+def test_samples_know_the_nearest_reversal(page):
+    """From a reversal on the motion goes in the direction that the sample knows, before it in the other."""
+    columns = page.records[0].columns
+    near = np.flatnonzero(np.abs(columns["since"]) > 0.04)
+    moving = np.sign(np.gradient(columns["position"]))[near]
+    agrees = moving == np.sign(columns["since"][near]) * columns["turned"][near]
+    assert near.size > 100 and np.mean(agrees) > 0.95
 
 
 def test_spectrum_of_white_error_is_flat_and_has_its_variance(page):
@@ -76,7 +107,9 @@ def test_script_knows_models_errors_and_sentences(diagnosis, html):
     base = told["models"]["base"]
     assert told["selected"] == ["coulomb_friction"]
     assert told["models"]["coulomb_friction"]["test_rms"] == diagnosis.verdict.model.test_rms
-    assert base["located"]["other"] == diagnosis.base_on_records[1].location.sentences
+    location = diagnosis.base_on_records[1].location
+    found = base["located"]["other"]
+    assert {found["headline"], *found["views"].values()} == set(location.sentences)
     assert told["noise_rms"] == diagnosis.verdict.experiment.floor.rms
 
 
@@ -87,11 +120,11 @@ def test_words_of_the_data_are_shown_and_not_run(html):
 
 def test_long_records_are_thinned_and_the_page_says_so(page, monkeypatch):
     monkeypatch.setattr(shown, "MOST_VALUES", 20000)
-    experiment, models = page.verdict.experiment, len(page.models)
-    step = drawing_step(experiment, models)
+    models = len(page.models)
+    step = drawing_step(page.verdict.experiment.records, models)
     assert step > 1
     thinned = replace(page)
     samples = sum(len(record.columns["time"]) for record in thinned.records)
-    assert samples * (models + 4) <= 20000 * 1.01 + (models + 4) * len(thinned.records)
+    assert samples * (models + 6) <= 20000 * 1.01 + (models + 6) * len(thinned.records)
     assert thinned.models[1].merits == page.models[1].merits
     assert f"Every {step}th sample is drawn" in thinned.to_html()

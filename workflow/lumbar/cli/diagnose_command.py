@@ -19,7 +19,7 @@ def add(commands) -> None:
     parser.add_argument(
         "--pictures",
         action="store_true",
-        help="draw comparison, location, ladder and signatures too; takes a few seconds more",
+        help="draw comparison, location, ladder and signatures too, show the thesis's models; takes a few seconds more",
     )
     add_output(parser)
     add_data(parser)
@@ -32,6 +32,7 @@ def run(options) -> None:
 
     settings, records, chosen = read_folder(options)
     gravity = settings.stability.pendulum.gravity_m_s2
-    diagnosis = diagnose(records, machine=settings.signals.machine, gravity_m_s2=gravity, **chosen)
+    machine, tissue = settings.signals.machine, settings.tissue
+    diagnosis = diagnose(records, machine=machine, tissue=tissue, gravity_m_s2=gravity, **chosen)
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import signal
-from functools import partial
+from collections.abc import Sequence
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.page_server.explored_set import ExploredSet
     from lumbar.page_server.own_recordings import OwnDiagnosis
+    from lumbar.records.record import Record
 
 EXPLORED = Path("explored")
 
@@ -33,7 +35,8 @@ def add(commands) -> None:
         type=Path,
         nargs="?",
         metavar="STUDY|FOLDER",
-        help="file of a study, or folder of records or of saved lifts (default: the study of config/config.yaml)",
+        help="file of a study, or folder of records or of saved lifts (default: the study of config/config.yaml; where there is "
+        "none, only what is given on the page)",
     )
     parser.add_argument("--port", type=int, default=5006, metavar="N", help="port (default 5006)")
     parser.add_argument("--no-browser", action="store_true", help="open no browser, print the address")
@@ -48,6 +51,7 @@ def add(commands) -> None:
 def run(options) -> None:
     """Serve the page until it is interrupted."""
     from lumbar.cli.lifts_to_explore import lifts_of_folder, lifts_of_study
+    from lumbar.config.load_study import DEFAULT_FILES
     from lumbar.page_server.background import WRITING
     from lumbar.page_server.served_lifts import add_lifts
     from lumbar.page_server.served_sets import OWN
@@ -56,6 +60,8 @@ def run(options) -> None:
     if options.target is not None and options.target.is_dir():
         lifts = lifts_of_folder(options)
         sets, own = ([], None) if lifts else _of_folder(options)
+    elif options.target is None and not DEFAULT_FILES[0].is_file():
+        lifts, (sets, own) = [], _of_nothing(options)
     else:
         sets, own = _of_study(options)
         lifts = lifts_of_study(options)
@@ -88,37 +94,52 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     options.folder = options.target
     settings, records, chosen = read_folder(options)
     gravity = settings.stability.pendulum.gravity_m_s2
-    fixed = partial(diagnose, machine=settings.signals.machine, gravity_m_s2=gravity)
+    machine, tissue = settings.signals.machine, settings.tissue
+    fixed = partial(diagnose, machine=machine, tissue=tissue, gravity_m_s2=gravity)
     output = options.output or EXPLORED / options.folder.resolve().name  # two folders, two places
     own = {key: chosen[key] for key in ("base", "forward", "settings", "seed")}
-    return [ExploredSet("records", partial(fixed, records, **chosen), output)], OwnDiagnosis(
+    explored = ExploredSet("records", partial(fixed, records, **chosen), output, read=lambda: records)
+    return [explored], OwnDiagnosis(
         partial(fixed, session=False, **own), (options.output or EXPLORED) / "own"
     )
 
 
+def _of_nothing(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
+    """Only what is given on the page, by the default settings."""
+    from lumbar.config.settings_files import load_settings
+    from lumbar.interface.diagnosis import diagnose
+    from lumbar.page_server.own_recordings import OwnDiagnosis
+
+    settings = load_settings(*options.config)
+    fixed = partial(
+        diagnose,
+        base=options.base,
+        forward=options.forward,
+        session=False,
+        settings=settings.improvement,
+        machine=settings.signals.machine,
+        tissue=settings.tissue,
+        gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
+        seed=settings.seed,
+    )
+    return [], OwnDiagnosis(fixed, (options.output or EXPLORED) / "own")
+
+
 def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     from lumbar.config.load_study import DEFAULT_FILES, load_study_file
-    from lumbar.page_server.explored_set import ExploredSet
-    from lumbar.page_server.kept_effects import keep_effects
     from lumbar.page_server.kept_records import keep_records
     from lumbar.page_server.own_recordings import OwnDiagnosis
 
     if not DEFAULT_FILES[0].is_file():
         raise InputError(
-            f"{options.target or DEFAULT_FILES[0]}: no folder of records, and here is no project whose study it could be "
-            f"({DEFAULT_FILES[0]}): go to the project's folder, or name a folder of records"
+            f"{options.target}: no folder of records, and here is no project whose study it could be "
+            f"({DEFAULT_FILES[0]}): go to the project's folder, name a folder of records, or none and give files on the page"
         )
     study = load_study_file(Path(), options.target)
     file = options.target or DEFAULT_FILES[0]
     output = (options.output or EXPLORED) / study.name
     sets = [
-        ExploredSet(
-            entry.name,
-            partial(_diagnosed, study, entry.name),
-            output / entry.name,
-            partial(keep_effects, file, study.settings, entry.name),
-            file.name,
-        )
+        _of_set(study, entry.name, file, output / entry.name)
         for entry in study.settings.improvement.record_sets
     ]
     return sets, OwnDiagnosis(
@@ -129,8 +150,24 @@ def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     )
 
 
-def _diagnosed(study: Study, name: str) -> Diagnosis:
-    """Diagnose one record set as the workflow does."""
+def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
+    """A record set, diagnosed as the workflow does."""
+    from lumbar.config.study_recordings import record_set
+    from lumbar.page_server.explored_set import ExploredSet
+    from lumbar.page_server.kept_effects import keep_effects
+
+    read = cache(partial(_records_of, study, name))
+
+    def diagnosed() -> Diagnosis:
+        entry = record_set(study.settings, name)
+        fitted = {"base": entry.base, "train": entry.train, "session": entry.session}
+        return _diagnose_as(study, read(), **fitted, data=study.data_label)
+
+    keep = partial(keep_effects, file, study.settings, name)
+    return ExploredSet(name, diagnosed, output, keep, file.name, read=read)
+
+
+def _records_of(study: Study, name: str) -> Sequence[Record]:
     from lumbar.config.study_recordings import record_set, set_layout
     from lumbar.interface.reading import read_listed
 
@@ -140,9 +177,7 @@ def _diagnosed(study: Study, name: str) -> Diagnosis:
     if missing:
         made = "; 'snakemake' makes the synthetic twin's recordings" if study.synthetic else ""
         raise InputError(f"{', '.join(missing)}: not there{made}")
-    records = read_listed(paths, entry.records, *set_layout(study.settings, name))
-    fitted = {"base": entry.base, "train": entry.train, "session": entry.session}
-    return _diagnose_as(study, records, **fitted, data=study.data_label)
+    return read_listed(paths, entry.records, *set_layout(study.settings, name))
 
 
 def _diagnose_as(study: Study, records, **chosen) -> Diagnosis:
@@ -154,6 +189,7 @@ def _diagnose_as(study: Study, records, **chosen) -> Diagnosis:
         records,
         settings=settings.improvement,
         machine=settings.signals.machine,
+        tissue=settings.tissue,
         gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
         seed=settings.seed,
         **chosen,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
 from lumbar.settings.signals import MachineSettings
+from lumbar.settings.tissue import TissueSettings
 
 if TYPE_CHECKING:
     from lumbar.diagnosis.evidence.evidence import Evidence
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from lumbar.diagnosis.selection.verdict import Verdict
     from lumbar.interface.comparison import Comparisons, Locations
     from lumbar.interface.proposed_law import ProposedLaw
+    from lumbar.interface.thesis_models import ThesisModels
     from lumbar.models.fitted_model import FittedModel
     from lumbar.models.form import Effect
     from lumbar.reports.explorer.page import ExplorerPage
@@ -44,6 +46,7 @@ def diagnose(
     session: bool | None = None,
     settings: ImprovementSettings | None = None,
     machine: MachineSettings | None = None,
+    tissue: TissueSettings | None = None,
     gravity_m_s2: float = GRAVITY,
     forward: bool | None = None,
     seed: int = SEED,
@@ -68,6 +71,8 @@ def diagnose(
         Effects of your own (``effect_files``), how many effects to add, whether to propose a law for what they leave.
     machine : MachineSettings, optional
         Limits of the machine that would play a separating excitation.
+    tissue : TissueSettings, optional
+        How the thesis's models are identified that the page shows beside those of the diagnosis.
     gravity_m_s2 : float
         That acts on a pendulum.
     forward : bool, optional
@@ -109,7 +114,8 @@ def diagnose(
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
     proposing = settings.propose_law and chosen.system == "tissue" and not chosen.forward
     proposal = law_beside(verdict) if proposing else None
-    return Diagnosis(used, chosen, with_law(verdict, proposal), machine, seed, data, proposal)
+    tissue = tissue or TissueSettings()
+    return Diagnosis(used, chosen, with_law(verdict, proposal), machine, seed, data, proposal, tissue)
 
 
 def refine(
@@ -190,6 +196,8 @@ class Diagnosis:
     data : str
     proposal : Proposal or None
         The search of a law for what the catalogue leaves, where one was made.
+    tissue : TissueSettings
+        Of the thesis's models.
     """
 
     records: list[Record]
@@ -199,6 +207,7 @@ class Diagnosis:
     seed: int
     data: str
     proposal: Proposal | None = None
+    tissue: TissueSettings = field(default_factory=TissueSettings)
 
     @property
     def selected(self) -> tuple[str, ...]:
@@ -275,7 +284,7 @@ class Diagnosis:
         from lumbar.reports.explorer.shown import candidates_of, model_key
 
         effects = list(effects)
-        known = {model_key(item.effects): item for item, _ in candidates_of(self.verdict)}
+        known = {model_key(item.effects): item for item in candidates_of(self.verdict)}
         if model_key(effects) not in known:
             return self.refit(effects)
         steps = [model_key(effects[:number]) for number in range(len(effects) + 1)]
@@ -309,11 +318,28 @@ class Diagnosis:
 
         return diagnosis_page(self.verdict, self.evidence, self.candidates, self.data, dict(pictures or {}))
 
-    def page(self, pictures: Mapping[str, Path] | None = None) -> ExplorerPage:
-        """Return the page that one can look around in: every model that was fitted beside every record."""
+    @cached_property
+    def thesis_models(self) -> ThesisModels:
+        """The thesis's models, ridge ARX and output error, of the same records; none beside force as the input."""
+        from lumbar.interface.thesis_models import ThesisModels, thesis_models
+
+        return ThesisModels() if self.settings.forward else thesis_models(self.verdict, self.tissue)
+
+    def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
+        """Return the page that one can look around in: every model that was fitted beside every record.
+
+        Parameters
+        ----------
+        pictures : mapping of str to path, optional
+            SVG files by caption, shown with the evidence.
+        thesis : bool
+            Whether the thesis's models stand beside; identifying them takes a few seconds.
+        """
+        from lumbar.interface.thesis_models import NOT_IDENTIFIED
         from lumbar.reports.explorer.page import ExplorerPage
         from lumbar.reports.pages.diagnosis_page import evidence_blocks
 
+        beside = self.thesis_models if thesis else NOT_IDENTIFIED
         return ExplorerPage(
             self.verdict,
             self.evidence,
@@ -321,6 +347,8 @@ class Diagnosis:
             self.base_on_records,
             self.data,
             evidence_blocks(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
+            beside.models,
+            beside.remark,
         )
 
     def save(
@@ -332,8 +360,8 @@ class Diagnosis:
         ----------
         folder : path
         pictures : bool
-            Draw comparison, location, ladder and signatures too, and write the tables ``compare`` and ``location``;
-            takes a few seconds more.
+            Draw comparison, location, ladder and signatures too, write the tables ``compare`` and ``location``, and show the
+            thesis's models on the page; takes a few seconds more.
         effects : iterable of str, optional
             Effects of the model in ``refined.json``; default those that were selected.
         """
@@ -347,7 +375,7 @@ class Diagnosis:
         kept = self.verdict if effects is None else self.with_effects(effects)
         document = refined_document(kept.path, kept.experiment, self.data)
         write_json(folder / "refined.json", document)
-        write_text(folder / "diagnosis.html", self.page(drawn).to_html())
+        write_text(folder / "diagnosis.html", self.page(drawn, thesis=pictures).to_html())
         write_diagnosis(self.verdict, self.evidence, folder, self.data)
         self._save_law(folder / "proposed_law.yaml")
 

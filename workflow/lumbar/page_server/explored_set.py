@@ -16,7 +16,9 @@ from lumbar.reports.explorer.shown import model_key
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis, Refinement
     from lumbar.page_server.study_change import Change
+    from lumbar.records.record import Record
     from lumbar.reports.explorer.page import ExplorerPage
+    from lumbar.reports.explorer.shown import ShownModel
 
 
 @dataclass(eq=False)
@@ -36,6 +38,8 @@ class ExploredSet:
         File that `keep` changes, for the page.
     own : str
         Address of the page on which the records were given; empty for those of a study or folder.
+    read : callable
+        Without arguments; returns the records, to be shown while they are diagnosed.
     """
 
     name: str
@@ -44,8 +48,10 @@ class ExploredSet:
     keep: Callable[[Sequence[str]], Change] | None = None
     study: str = ""
     own: str = ""
+    read: Callable[[], Sequence[Record]] = tuple
     job: Job | None = None
     _refits: dict[str, Refinement] = field(default_factory=dict)
+    _fitted: dict[str, ShownModel] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
     _preparing: threading.Lock = field(default_factory=threading.Lock)
 
@@ -98,3 +104,12 @@ class ExploredSet:
             if key not in self._refits:
                 self._refits[key] = self.diagnosis.with_effects(effects)
             return self._refits[key]
+
+    def fitted(self, effects: Sequence[str]) -> ShownModel:
+        """The base with these effects as the page draws it: of the diagnosis, where it has them, else fitted; as `refitted`."""
+        key = model_key(effects)
+        if not self._fitted:
+            self._fitted.update({model.key: model for model in self.page.models})
+        if key not in self._fitted:
+            self._fitted[key] = self.page.shown(self.refitted(effects).path[-1])
+        return self._fitted[key]

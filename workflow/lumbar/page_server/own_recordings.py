@@ -232,7 +232,8 @@ class OwnRecordings:
             train = checked_training(asked.get("train"), records)
             make = partial(own.diagnose, records, train=train, data=f"own recordings {name}")
             keep = None if own.keep is None else partial(own.keep, name, imported, train)
-            explored = ExploredSet(name, make, own.output / name, keep, own.study, self.address)
+            output = own.output / name
+            explored = ExploredSet(name, make, output, keep, own.study, self.address, read=lambda: records)
             explored.begin()
             self._explored = explored
             return served.add_own(explored)

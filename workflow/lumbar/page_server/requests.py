@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from lumbar.diagnosis.design.discrimination import separating_excitation
+from lumbar.diagnosis.evidence.evidence import machine_limits
 from lumbar.errors import InputError
 from lumbar.page_server.background import DRAWING, WRITING, told
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.study_change import Change
+from lumbar.reports.explorer.page import excitation_of
 from lumbar.reports.explorer.page import told as told_of_model
-from lumbar.reports.explorer.shown import ShownModel, shown_model
+from lumbar.reports.explorer.shown import ShownModel
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Refinement
@@ -36,7 +39,7 @@ class TabRequests:
     proposed: Change | None = field(default=None)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
-    def answer(self, text: str) -> tuple[dict[str, Any], ShownModel | None]:
+    def answer(self, text: str) -> tuple[dict[str, Any], list[ShownModel]]:
         """Do what is asked.
 
         Parameters
@@ -48,11 +51,18 @@ class TabRequests:
         -------
         dict
             What the page is told; ``error`` where it could not be done.
-        ShownModel or None
-            A new model for the pictures.
+        list of ShownModel
+            New models for the pictures.
         """
         number = None
-        actions = {"fit": self._fit, "save": self._save, "keep": self._keep, "write": self._write}
+        actions = {
+            "fit": self._fit,
+            "locate": self._locate,
+            "separate": self._separate,
+            "save": self._save,
+            "keep": self._keep,
+            "write": self._write,
+        }
         try:
             asked = read_request(text)
             number = asked.get("number")
@@ -62,10 +72,10 @@ class TabRequests:
             if not isinstance(action, str) or action not in actions:
                 raise InputError(f"{action!r}: unknown request; there are: {', '.join(actions)}")
             with self._one_at_a_time:
-                content, model = actions[action](self._effects(asked))
+                content, models = actions[action](self._effects(asked))
         except Exception as error:
-            return {"number": number, "error": told(error)}, None
-        return {"number": number, **content}, model
+            return {"number": number, "error": told(error)}, []
+        return {"number": number, **content}, models
 
     def _effects(self, asked: dict) -> list[str]:
         effects = asked.get("effects", [])
@@ -80,33 +90,51 @@ class TabRequests:
             raise InputError(wanted)
         return effects
 
-    def _fit(self, effects: list[str]) -> tuple[dict, ShownModel]:
-        refit, diagnosis = self.explored.refitted(effects), self.explored.diagnosis
-        model = shown_model(refit.path[-1], [], diagnosis.verdict, self.explored.page.step)
-        located = refit.locate().simulated
-        return {"model": told_of_model(model, located), "key": model.key, "effects": effects}, model
+    def _fit(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
+        """Every step of the path, and where its end fails."""
+        models = [self.explored.fitted(effects[:count]) for count in range(len(effects) + 1)]
+        located = {models[-1].key: self.explored.refitted(effects).locate().simulated}
+        content = {model.key: told_of_model(model, located.get(model.key, [])) for model in models}
+        return {"models": content, "effects": effects}, models
 
-    def _save(self, effects: list[str]) -> tuple[dict, None]:
+    def _locate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
+        model = self.explored.fitted(effects)
+        located = self.explored.refitted(effects).locate().simulated
+        return {"key": model.key, "located": told_of_model(model, located)["located"]}, []
+
+    def _separate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
+        """The excitation that tells these effects from the selected ones."""
+        diagnosis = self.explored.diagnosis
+        verdict = replace(diagnosis.verdict, tied_with=[self.explored.refitted(effects).path[-1]])
+        limits = machine_limits(diagnosis.machine, verdict.experiment)
+        found = None if diagnosis.settings.forward else separating_excitation(verdict, limits)
+        if found is None:
+            raise InputError(
+                "no excitation can be named: the force is the records' input, or an effect hangs on a further channel"
+            )
+        return {"excitation": excitation_of(found, verdict)}, []
+
+    def _save(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         refit, folder = self.explored.refitted(effects), self.explored.output
         written = save_refinement(refit, folder)
-        return {"text": f"{len(written)} files written to {folder}."}, None
+        return {"text": f"{len(written)} files written to {folder}."}, []
 
-    def _keep(self, effects: list[str]) -> tuple[dict, None]:
+    def _keep(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         if self.explored.keep is None:
             raise InputError("no study stands behind these records: 'lumbar explore' was given a folder")
         # In the order in which they were fitted, whichever tab asked for them first: the workflow fits them so again.
         self.proposed = self.explored.keep(self.explored.refitted(effects).effects)
         if not self.proposed.diff:
-            return {"text": f"{self.proposed.path} holds this already."}, None
-        return {"text": "Look at the change, then write it.", "diff": self.proposed.diff}, None
+            return {"text": f"{self.proposed.path} holds this already."}, []
+        return {"text": "Look at the change, then write it.", "diff": self.proposed.diff}, []
 
-    def _write(self, effects: list[str]) -> tuple[dict, None]:
+    def _write(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         if self.proposed is None:
             raise InputError("no change was shown that could be written")
         change, self.proposed = self.proposed, None
         with WRITING:
             change.write()
-        return {"text": f"{change.path} is written; 'snakemake' now makes the same model."}, None
+        return {"text": f"{change.path} is written; 'snakemake' now makes the same model."}, []
 
 
 def read_request(text: str | bytes) -> dict[str, Any]:

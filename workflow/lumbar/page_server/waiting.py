@@ -6,8 +6,10 @@ from tornado.httputil import HTTPServerRequest, url_concat
 from tornado.routing import Matcher
 from tornado.web import HTTPError, RequestHandler
 
+from lumbar.errors import LumbarError
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.served_sets import ServedSets
+from lumbar.page_server.sketch import Sketch
 from lumbar.templates import template
 
 WAITING, GONE = "page_server/waiting.html.jinja", "page_server/gone.html.jinja"
@@ -49,10 +51,19 @@ class WaitingHandler(RequestHandler):
             template(WAITING).render(
                 name=found.name,
                 own=found.own,
+                records=_sketches(found),
                 progress=url_concat(PROGRESS, asked),
                 cancel=url_concat(CANCEL, asked),
             )
         )
+
+
+def _sketches(explored: ExploredSet) -> list[Sketch]:
+    """The records of a set; none where they cannot be read, which its job tells."""
+    try:
+        return [Sketch.of(record) for record in explored.read()]
+    except LumbarError:
+        return []
 
 
 class _AskedHandler(RequestHandler):

@@ -201,14 +201,19 @@ def reversals(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(turns, dtype=int), np.array(directions, dtype=int)
 
 
+def reversal_reach(turns: np.ndarray, size: int) -> int:
+    """How many of `size` samples before and after a reversal count as around it; 0 with fewer than two reversals."""
+    gaps = np.diff(turns)
+    return int(np.clip(0.5 * np.median(gaps), 2, size // 8)) if gaps.size else 0
+
+
 def reversal_view(residual: Residual) -> View:
     """Mean residual around reversals, signed by the direction taken after them.
 
     Columns ``time`` (s after the reversal), ``mean`` and ``deviation`` under noise, of direction times residual.
     """
     turns, directions = reversals(residual.position)
-    gaps = np.diff(turns)
-    half = int(np.clip(0.5 * np.median(gaps), 2, len(residual.values) // 8)) if gaps.size else 0
+    half = reversal_reach(turns, len(residual.values))
     inside = (turns >= half) & (turns < len(residual.values) - half) if half else np.zeros(0, dtype=bool)
     turns, directions = (turns[inside], directions[inside]) if half else (turns[:0], directions[:0])
     if turns.size < 4:

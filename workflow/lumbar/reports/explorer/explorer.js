@@ -1,227 +1,312 @@
-// What the page does by itself: shows another record or model, marks a region everywhere, adds what was fitted already.
-// Where it is served, it asks the server for what was not.
+// What the page does by itself: shows another record or model, adds what was fitted already, hands out files.
+// Where it is served, it asks the server for what was not computed.
 "use strict";
 window.lumbar = (() => {
   const page = JSON.parse(document.getElementById("page-data").textContent);
   const element = (id) => document.getElementById(id);
-  const CELLS = 24;
   let pictures; // Bokeh's document
   let added = page.selected.slice();
+  let aside = null; // a path that was set aside, to be compared
   const past = [];
   let asked = 0;
+  let locating = null; // model of which the server is to say where it fails
+  let since; // when the server was asked
   let windowed; // record of which the beginning was shown already
 
   const named = (name) => pictures.get_model_by_name(name);
   const keyOf = (effects) => effects.slice().sort().join("+") || "base";
   const readable = (effects) => effects.map((name) => name.replaceAll("_", " ")).join(" and ") || "no effect";
   const digits = (value) => (value === null ? "unknown" : Number(value).toPrecision(3));
+  const known = (effects) => keyOf(effects) in page.models;
+  const steps = (effects) => [[], ...effects.map((_, i) => effects.slice(0, i + 1))];
+  const where = window.lumbarWhere(named, digits, page);
+
+  function made(tag, text, attributes = {}) {
+    const node = document.createElement(tag);
+    node.textContent = text;
+    for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
+    return node;
+  }
 
   function show() {
     const record = element("record").value;
     const first = element("first").value;
     const second = element("second").value;
     const data = named("record:" + record).data;
-    const less = (key) => data.measured.map((value, i) => value - data[key][i]);
+    const less = (key) => Float32Array.from(data.measured, (value, i) => value - data[key][i]);
+    const [first_error, second_error] = [less(first), less(second)];
+    const turned = (error) => error.map((value, i) => value * data.turned[i]);
     named("shown").data = {
-      time: data.time, position: data.position, velocity: data.velocity, measured: data.measured,
-      first: data[first], second: data[second], first_error: less(first), second_error: less(second),
+      time: data.time, position: data.position, velocity: data.velocity, since: data.since, measured: data.measured,
+      first: data[first], second: data[second], first_error, second_error,
+      first_turned: turned(first_error), second_turned: turned(second_error),
     };
-    const lines = named("spectrum:" + record).data;
-    named("lines").data = { frequency: lines.frequency, noise: lines.noise, first: lines[first], second: lines[second] };
+    const { frequency, noise, marker, ...lines } = named("spectrum:" + record).data;
+    named("lines").data = { frequency, noise, marker, first: lines[first], second: lines[second] };
     const duration = data.time[data.time.length - 1];
     if (record !== windowed) {
       const end = Math.min(duration, page.window_s);
       named("course").x_range.setv({ start: 0, end, reset_start: 0, reset_end: duration });
+      element("to").max = element("from").max = duration.toFixed(3);
     }
     windowed = record;
-    shade();
-    brushed([]);
-    merits(record, first, second);
+    where.draw();
+    element("region").textContent = where.nothing();
+    merits(record, [first, second]);
     told(first, record);
   }
 
-  // Mean squared error of the first model in cells of position and velocity.
-  function shade() {
-    const { position, velocity, first_error } = named("shown").data;
-    const [x, y] = [span(position), span(velocity)];
-    const sums = new Map();
-    first_error.forEach((error, i) => {
-      const column = Math.min(CELLS - 1, Math.floor((position[i] - x.low) / x.step));
-      const row = Math.min(CELLS - 1, Math.floor((velocity[i] - y.low) / y.step));
-      const cell = sums.get(row * CELLS + column) || [0, 0];
-      sums.set(row * CELLS + column, [cell[0] + error * error, cell[1] + 1]);
-    });
-    const cells = { position: [], velocity: [], width: [], height: [], rms: [] };
-    for (const [place, [sum, count]] of sums) {
-      cells.position.push(x.low + ((place % CELLS) + 0.5) * x.step);
-      cells.velocity.push(y.low + (Math.floor(place / CELLS) + 0.5) * y.step);
-      cells.width.push(x.step);
-      cells.height.push(y.step);
-      cells.rms.push(Math.sqrt(sum / count));
-    }
-    named("cells").data = cells;
-    const shading = named("shading");
-    shading.high = Math.max(...cells.rms, 1e-12);
-  }
-
-  function span(values) {
-    let [low, high] = [Infinity, -Infinity];
-    for (const value of values) { low = Math.min(low, value); high = Math.max(high, value); }
-    return { low, step: (high - low) / CELLS || 1 };
-  }
-
   function brush(across, up, event) {
-    if (!event.final || event.geometry.type !== "rect") return;
-    const { x0, x1, y0, y1 } = event.geometry;
-    const data = named("shown").data;
-    const inside = [];
-    for (let i = 0; i < data.time.length; i++) {
-      const [x, y] = [data[across][i], data[up][i]];
-      if (x >= x0 && x <= x1 && y >= y0 && y <= y1) inside.push(i);
-    }
-    brushed(inside);
+    if (event.final && event.geometry.type === "rect") element("region").textContent = where.box(across, up, event.geometry);
   }
 
-  function brushed(inside) {
-    const data = named("shown").data;
-    named("brushed").data = Object.fromEntries(Object.keys(data).map((name) => [name, inside.map((i) => data[name][i])]));
-    const rms = (name) => Math.sqrt(inside.reduce((sum, i) => sum + data[name][i] ** 2, 0) / inside.length);
-    element("region").textContent = inside.length === 0
-      ? "Draw a box in a picture to mark the same samples in all of them."
-      : `${inside.length} samples marked: error ${digits(rms("first_error"))} ${page.unit} RMS with the first model, ` +
-        `${digits(rms("second_error"))} ${page.unit} with the second.`;
+  function brushBand(event) {
+    if (event.final && event.geometry.type === "rect") element("region").textContent = where.band(event.geometry);
   }
 
-  function row(cells, head) {
-    const line = document.createElement("tr");
-    for (const text of cells) {
-      const cell = document.createElement(head ? "th" : "td");
-      cell.textContent = text;
-      line.append(cell);
+  function brushTime() {
+    const [low, high] = [element("from").valueAsNumber, element("to").valueAsNumber];
+    if (low < high) element("region").textContent = where.between(low, high);
+  }
+
+  const unseen = (record) => (page.trained.includes(record) ? "training" : "unseen");
+  const ofNoise = (rms) => (page.noise_rms === null ? "unknown" : digits(rms / page.noise_rms));
+  const merit = ({ rms, vaf, fit }) => [digits(rms), ofNoise(rms), vaf.toPrecision(5), digits(fit)];
+  const MERITS = [`RMS error (${page.unit})`, "× noise", "VAF (%)", "FIT (%)"];
+
+  // Both models on every record, the one that is shown in bold.
+  function merits(shown, keys) {
+    const head = made("thead", "");
+    const above = made("tr", "");
+    above.append(made("td", ""), made("td", ""));
+    for (const key of keys) above.append(made("th", page.models[key].label, { colspan: MERITS.length, scope: "colgroup" }));
+    head.append(above, row(["record", "part", ...MERITS, ...MERITS], "th", { scope: "col" }));
+    const body = made("tbody", "");
+    for (const record of Object.keys(page.models.base.merits)) {
+      const line = row([unseen(record), ...keys.flatMap((key) => merit(page.models[key].merits[record]))], "td");
+      line.prepend(made("th", record, { scope: "row" }));
+      if (record === shown) line.setAttribute("aria-current", "true");
+      body.append(line);
     }
+    element("merits").replaceChildren(head, body);
+  }
+
+  function row(cells, tag, attributes) {
+    const line = made("tr", "");
+    line.append(...cells.map((text) => made(tag, text, attributes)));
     return line;
   }
 
-  function merits(record, first, second) {
-    const rows = [row(["model", `RMS error (${page.unit})`, "of the noise", "VAF (%)", "FIT (%)"], true)];
-    for (const key of [first, second]) {
-      const { label, merits: all } = page.models[key];
-      const { rms, vaf, fit } = all[record];
-      const noise = page.noise_rms === null ? "unknown" : `${digits(rms / page.noise_rms)} ×`;
-      rows.push(row([label, digits(rms), noise, vaf.toPrecision(5), digits(fit)], false));
+  // Every model on every record, as a file.
+  function table() {
+    const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+    const lines = [["model", "group", "record", "part", `rms_${page.unit}`, "rms_of_noise", "vaf_percent", "fit_percent"]];
+    for (const { label, group, merits: all } of Object.values(page.models)) {
+      for (const [record, { rms, vaf, fit }] of Object.entries(all)) {
+        const noise = page.noise_rms === null ? "" : rms / page.noise_rms;
+        lines.push([label, group, record, unseen(record), rms, noise, vaf, fit]);
+      }
     }
-    element("merits").replaceChildren(...rows);
+    hand("models.csv", "text/csv", lines.map((line) => line.map((cell) => quoted(String(cell))).join(",") + "\n").join(""));
   }
 
-  // What locate says of the first model on this record.
+  function hand(name, type, content) {
+    const link = made("a", "", { download: name, href: URL.createObjectURL(new Blob([content], { type })) });
+    link.click();
+    window.setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  }
+
+  // A picture as it stands on the screen.
+  async function picture(name) {
+    const { id } = named(name);
+    const canvas = window.Bokeh.index.get_by_id(id).export("svg", true);
+    hand(`${name}.svg`, "image/svg+xml", await canvas.to_blob());
+  }
+
+  // What locate says of the first model on this record, each sentence under the picture it speaks of.
   function told(key, record) {
-    const lines = page.models[key].located[record] || ["Where this model fails was not put into words: see the pictures."];
-    element("located").replaceChildren(...lines.map((text) => {
-      const item = document.createElement("li");
-      item.textContent = text;
-      return item;
-    }));
+    const found = page.models[key].located[record];
+    const views = { ...(found ? found.views : {}) };
+    for (const place of document.querySelectorAll("[data-view]")) {
+      place.textContent = views[place.dataset.view] || "";
+      delete views[place.dataset.view];
+    }
+    const open = !found && page.served && page.models[key].group === page.models.base.group;
+    element("headline").textContent = found ? found.headline
+      : open ? "Looking where this model fails …"
+      : "Where this model fails was not put into words: the pictures show it.";
+    element("besides").replaceChildren(...Object.values(views).map((text) => made("li", text)));
+    if (open && ask({ action: "locate", effects: page.models[key].effects }, "Looking where it fails")) locating = key;
   }
 
-  function rungs(effects) {
-    const steps = effects.map((_, i) => effects.slice(0, i + 1));
-    return [[], ...steps].filter((step) => keyOf(step) in page.models);
+  function rung(effects, before, top, number) {
+    const { train_rms, test_rms } = page.models[keyOf(effects)];
+    const item = made("li", "");
+    const name = before === null ? page.base : "+ " + readable(effects.slice(before.length));
+    const noise = page.noise_rms === null ? "" : `, ${ofNoise(test_rms)} × noise`;
+    item.append(made("span", `${name}: ${digits(test_rms)} ${page.unit} unseen (${digits(train_rms)} in training${noise})`));
+    if (number !== undefined) {
+      const tools = made("span", "", { class: "tools" });
+      const effect = effects[effects.length - 1];
+      for (const [action, sign, words] of [["up", "↑", "earlier"], ["down", "↓", "later"], ["out", "✕", "out"]]) {
+        const button = made("button", sign, { "data-move": action, "data-effect": effect, "aria-label": `${readable([effect])} ${words}` });
+        button.disabled = (action === "up" && number === 1) || (action === "down" && number === added.length);
+        tools.append(button);
+      }
+      item.append(tools);
+    }
+    const bar = made("span", "", { class: "bar" });
+    bar.style.width = `${Math.min(100, (100 * test_rms) / top)}%`;
+    const track = made("span", "", { class: "track" });
+    track.append(bar);
+    item.append(track);
+    return item;
+  }
+
+  function fill(list, effects, movable) {
+    const top = page.models.base.test_rms;
+    const rungs = steps(effects).filter(known);
+    const items = rungs.map((step, i) => rung(step, i === 0 ? null : rungs[i - 1], top, movable && i > 0 ? step.length : undefined));
+    list.replaceChildren(...items);
+    if (page.noise_rms !== null) list.style.setProperty("--noise", `${Math.min(100, (100 * page.noise_rms) / top)}%`);
   }
 
   function ladder() {
-    const steps = rungs(added);
-    const top = page.models.base.test_rms;
-    const items = steps.map((effects, i) => {
-      const { train_rms, test_rms } = page.models[keyOf(effects)];
-      const item = document.createElement("li");
-      const track = document.createElement("span");
-      track.className = "track";
-      const bar = document.createElement("span");
-      bar.className = "bar";
-      bar.style.width = `${Math.min(100, (100 * test_rms) / top)}%`;
-      track.append(bar);
-      const noise = page.noise_rms === null ? "" : `, ${digits(test_rms / page.noise_rms)} × noise`;
-      const words = document.createElement("span");
-      const name = i === 0 ? page.base : "+ " + readable(effects.slice(steps[i - 1].length));
-      words.textContent = `${name}: ${digits(test_rms)} ${page.unit} unseen (${digits(train_rms)} in training${noise})`;
-      item.append(words, track);
-      return item;
-    });
-    element("ladder").replaceChildren(...items);
-    if (page.noise_rms !== null) {
-      element("ladder").style.setProperty("--noise", `${Math.min(100, (100 * page.noise_rms) / top)}%`);
-    }
+    fill(element("ladder"), added, true);
     element("undo").disabled = past.length === 0;
     element("remove").disabled = added.length === 0;
     for (const button of document.querySelectorAll("[data-needs-effects]")) button.disabled = added.length === 0;
+    element("beside").hidden = aside === null;
+    if (aside === null) return;
+    fill(element("ladder-aside"), aside, false);
+    const [own, other] = [added, aside].map((effects) => page.models[keyOf(effects)].test_rms);
+    element("paths").textContent = `This path ends at ${digits(own)} ${page.unit} with ${count(added)}, the one set aside at ` +
+      `${digits(other)} ${page.unit} with ${count(aside)}.`;
   }
+
+  const count = (effects) => `${effects.length} effect${effects.length === 1 ? "" : "s"}`;
 
   function say(text, bad) {
     element("message").textContent = text;
     element("message").className = bad ? "bad" : "";
   }
 
+  // Shows a path down the ladder; what was not fitted of it the server fits.
   function take(effects, remember = true) {
-    if (!(keyOf(effects) in page.models)) {
-      if (!page.served) {
-        say(`${readable(effects)} together were not fitted in this diagnosis. "lumbar explore" fits them.`, true);
-        return;
-      }
-      ask({ action: "fit", effects });
+    const missing = steps(effects).filter((step) => !known(step));
+    if (missing.length > 0 && page.served) {
+      ask({ action: "fit", effects }, `Fitting ${page.base} with ${readable(effects)}`);
+      return;
+    }
+    if (!known(effects)) {
+      say(`${readable(effects)} together were not fitted in this diagnosis. "lumbar explore" fits them.`, true);
       return;
     }
     if (remember) past.push(added);
     added = effects;
     const { label, test_rms } = page.models[keyOf(effects)];
-    say(`${label}: error on unseen records ${digits(test_rms)} ${page.unit}.`);
+    const left = missing.length === 0 ? "" : ` Not fitted in this diagnosis, so without a step: ${missing.map(readable).join("; ")}.`;
+    say(`${label}: error on unseen records ${digits(test_rms)} ${page.unit}.${left}`);
     element("second").value = keyOf(effects);
     ladder();
     show();
   }
 
-  function ask(content) {
-    if (document.body.hasAttribute("aria-busy")) return; // one thing after the other: the answer to the first counts
+  function move(action, effect) {
+    const at = added.indexOf(effect);
+    const effects = added.filter((name) => name !== effect);
+    if (action !== "out") effects.splice(at + (action === "up" ? -1 : 1), 0, effect);
+    take(effects);
+    const again = document.querySelector(`#ladder [data-move=${action}][data-effect=${effect}]:not(:disabled)`);
+    (again || element("message")).focus();
+  }
+
+  function ask(content, words) {
+    if (document.body.hasAttribute("aria-busy")) return false; // one thing after the other: the answer to the first counts
     asked += 1;
-    say("Computing …");
+    since = performance.now();
+    say(words + " …");
+    element("progress").hidden = false;
     document.body.setAttribute("aria-busy", "true");
     named("request").data = { content: [JSON.stringify({ number: asked, ...content })] };
+    return true;
   }
 
   function answered(text) {
     const answer = JSON.parse(text);
+    Object.assign(page.models, answer.models);
+    for (const key of Object.keys(answer.models || {})) offer(key);
     if (answer.number !== asked) return;
     document.body.removeAttribute("aria-busy");
-    if (answer.error) { say(answer.error, true); return; }
-    if (answer.model) {
-      page.models[answer.key] = answer.model;
-      for (const id of ["first", "second"]) offer(element(id), answer.key);
-      take(answer.effects);
+    element("progress").hidden = true;
+    if (answer.error) say(answer.error, true);
+    if (locating !== null) {
+      const unknown = Object.keys(page.models.base.merits).map((record) => [record, { headline: answer.error, views: {} }]);
+      page.models[locating].located = answer.located || Object.fromEntries(unknown);
+      locating = null;
+      if (!answer.error) say("");
     }
+    if (answer.models) {
+      take(answer.effects);
+      element("message").textContent += ` Fitted in ${((performance.now() - since) / 1000).toFixed(1)} s.`;
+    } else told(element("first").value, element("record").value);
+    if (answer.error) return;
+    if (answer.excitation) give(answer.excitation);
     if (answer.text !== undefined) say(answer.text);
     const proposal = element("proposal");
+    if (proposal === null) return;
     proposal.hidden = answer.diff === undefined;
     if (answer.diff !== undefined) element("diff").textContent = answer.diff;
   }
 
-  function offer(select, key) {
-    if ([...select.options].some((option) => option.value === key)) return;
-    select.append(new Option(page.models[key].label, key));
+  function offer(key) {
+    const { label, group } = page.models[key];
+    for (const select of [element("first"), element("second")]) {
+      if ([...select.options].some((option) => option.value === key)) continue;
+      [...select.children].find((item) => item.label === group).append(new Option(label, key));
+    }
+  }
+
+  function give({ text, name, file }) {
+    say(`${text} The motion is in ${name}, with the other files that your browser keeps.`);
+    hand(name, "text/csv", file);
+  }
+
+  function separate(key) {
+    if (key in page.excitations) give(page.excitations[key]);
+    else if (page.served) ask({ action: "separate", effects: page.models[key].effects }, "Looking for the excitation that tells most");
+    else say('An excitation that tells this candidate from the selected one was not computed. "lumbar explore" computes it.', true);
   }
 
   function clicked(event) {
     const button = event.target.closest("button");
     if (button === null) return;
-    const { show: shown, add, ask: action } = button.dataset;
+    const { show: shown, add, ask: action, move: way, svg, separate: other } = button.dataset;
     if (shown !== undefined) { element("second").value = shown; show(); element("compare").scrollIntoView(); }
     if (add !== undefined) {
       const more = JSON.parse(add).filter((name) => !added.includes(name));
       if (more.length === 0) say(`${readable(JSON.parse(add))}: in the model already.`);
       else take([...added, ...more]);
     }
-    if (action !== undefined) ask({ action, effects: added, first: element("first").value, record: element("record").value });
+    if (way !== undefined) move(way, button.dataset.effect);
+    if (svg !== undefined) picture(svg);
+    if (other !== undefined) separate(other);
+    if (action !== undefined) ask({ action, effects: added }, "Working");
     if (button.id === "undo") take(past.pop(), false);
     if (button.id === "remove") take(added.slice(0, -1));
     if (button.id === "restart") take([]);
+    if (button.id === "set-aside") { aside = added; ladder(); }
+    if (button.id === "swap") { const other_path = aside; aside = added; take(other_path); }
+    if (button.id === "forget") { aside = null; ladder(); }
+    if (button.id === "table") table();
+  }
+
+  // What is wider than the page can be scrolled from the keyboard.
+  function reachable() {
+    for (const box of document.querySelectorAll(".scroll, section > table")) {
+      if (box.scrollWidth > box.clientWidth) box.tabIndex = 0;
+      else box.removeAttribute("tabindex");
+    }
   }
 
   function start() {
@@ -230,12 +315,17 @@ window.lumbar = (() => {
     pictures = found;
     document.addEventListener("click", clicked);
     for (const id of ["record", "first", "second"]) element(id).addEventListener("change", show);
+    for (const id of ["from", "to"]) element(id).addEventListener("change", brushTime);
     window.lumbarDark(pictures);
+    // A finger that scrolls the page marks nothing: the tools stay at hand.
+    if (window.matchMedia("(pointer: coarse)").matches) for (const name of page.pictures) named(name).toolbar.active_drag = null;
+    window.addEventListener("resize", reachable);
     ladder();
     show();
+    reachable();
     document.body.dataset.ready = "yes";
   }
 
   start();
-  return { brush, answered };
+  return { brush, brushBand, answered };
 })();

@@ -7,11 +7,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from lumbar.diagnosis.design.discrimination import Separation, excitation_csv, separation_sentence
+from lumbar.diagnosis.evidence.diagnosis_files import EXCITATION
 from lumbar.diagnosis.evidence.evidence import Evidence
 from lumbar.diagnosis.residuals.residual_report import Simulated
+from lumbar.diagnosis.selection.forward_selection import Candidate
 from lumbar.diagnosis.selection.refined_model import model_name
 from lumbar.diagnosis.selection.sentences import headline
 from lumbar.diagnosis.selection.verdict import Verdict
+from lumbar.models.fitted_model import FittedModel
 from lumbar.models.form import Effect
 from lumbar.reports.explorer.answers import cards, how_sure
 from lumbar.reports.explorer.one_file import beside, one_file
@@ -22,7 +26,8 @@ from lumbar.reports.explorer.shown import (
     candidates_of,
     drawing_step,
     model_key,
-    shown_model,
+    shown_candidate,
+    shown_fitted,
     shown_records,
 )
 
@@ -32,13 +37,17 @@ if TYPE_CHECKING:
 
 PAGE = "reports/explorer/explorer.html.jinja"
 PICTURES = (
-    ("course", "Measured and simulated over time", True),
-    ("residual", "Measured less simulated over time; grey: ± the noise's RMS", True),
-    ("loop", "Output over input: loops", False),
-    ("plane", "Error of the first model in the motion", False),
-    ("spectrum", "Spectrum of the error; grey: noise", True),
+    ("course", "Measured and simulated over time", True, "time"),
+    ("residual", "Measured less simulated over time; grey: ± the noise's RMS", True, "cycles"),
+    ("loop", "Output over input: loops", False, "linear dynamics"),
+    ("plane", "Error of the first model in the motion", False, "position and velocity"),
+    ("depth", "Mean error over depth; ▲ advancing, ▼ retracting", False, "depth"),
+    ("turns", "Mean error around reversals, along the motion after them", False, "reversals"),
+    ("spectrum", "Spectrum of the error; grey: noise", True, "frequency"),
 )
-"""Name, caption, and whether it takes the page's whole width."""
+"""Name, caption, whether it takes the page's whole width, and which of `locate`'s views speaks of it."""
+LINES = {"circle": "● excited", "square": "■ even", "triangle": "▲ odd ones that were left out"}
+"""Marks of the spectrum's lines in words."""
 _FIRST_SHOWN_S = 10.0
 """Seconds that are shown at first of records that do not repeat; of others a period."""
 
@@ -58,6 +67,10 @@ class ExplorerPage:
         Where the data come from.
     blocks : sequence of Markup
         Further evidence, shown below.
+    others : sequence of FittedModel
+        Models that are shown beside those of the diagnosis: the thesis's.
+    others_remark : str
+        What is to be said of those that are not.
     """
 
     verdict: Verdict
@@ -66,19 +79,25 @@ class ExplorerPage:
     base_on_records: list[Simulated]
     data: str
     blocks: Sequence[Markup] = field(default_factory=tuple)
+    others: Sequence[FittedModel] = ()
+    others_remark: str = ""
 
     @cached_property
     def step(self) -> int:
         """Every how manieth sample is drawn."""
-        return drawing_step(self.verdict.experiment, len(candidates_of(self.verdict)))
+        models = len(candidates_of(self.verdict)) + len(self.others)
+        return drawing_step(self.verdict.experiment.records, models)
 
     @cached_property
     def models(self) -> list[ShownModel]:
-        """Every model that was fitted, the base first."""
-        return [
-            shown_model(candidate, parameters, self.verdict, self.step)
-            for candidate, parameters in candidates_of(self.verdict)
-        ]
+        """Every model that was fitted, the base first, then the thesis's."""
+        fitted = [self.shown(candidate) for candidate in candidates_of(self.verdict)]
+        others = [shown_fitted(model, self.verdict, self.records, self.step) for model in self.others]
+        return [*fitted, *others]
+
+    def shown(self, candidate: Candidate) -> ShownModel:
+        """One model of the diagnosis, or one that was fitted later, as it is drawn."""
+        return shown_candidate(candidate, self.verdict, self.records, self.step)
 
     @cached_property
     def records(self) -> list[ShownRecord]:
@@ -111,7 +130,7 @@ class ExplorerPage:
         return {
             "title": self.title,
             "style": beside("explorer.css"),
-            "behaviour": beside("dark.js", "explorer.js"),
+            "behaviour": beside("dark.js", "where.js", "explorer.js"),
             "data": self.data,
             "verdict": verdict.verdict,
             "headline": headline(verdict),
@@ -119,11 +138,12 @@ class ExplorerPage:
             "sure": how_sure(verdict, self.evidence),
             "floor": "" if floor is None else f"{floor.rms:.3g} {experiment.output_unit}",
             "records": sorted(self.records, key=lambda record: not record.trained),
-            "models": self.models,
+            "groups": _grouped(self.models),
+            "others_remark": self.others_remark,
             "chosen": model_key(verdict.selected),
             "first_colour": FIRST,
             "second_colour": SECOND,
-            "pictures": PICTURES,
+            "pictures": self._captioned(),
             "cards": cards(verdict, self.catalogue),
             "blocks": self.blocks,
             "step": self.step,
@@ -136,6 +156,17 @@ class ExplorerPage:
     def title(self) -> str:
         """Title of the page."""
         return f"Diagnosis of the {self.verdict.base.fit.structure.base.name} model"
+
+    def _captioned(self) -> list[tuple[str, str, bool, str]]:
+        """`PICTURES`, with what the marks of the spectrum's lines mean."""
+        found = [
+            words for mark, words in LINES.items() if any(mark in record.marker for record in self.records)
+        ]
+        lines = f"; the first model's lines: {', '.join(found)}" if found else ""
+        return [
+            (name, caption + (lines if name == "spectrum" else ""), wide, view)
+            for name, caption, wide, view in PICTURES
+        ]
 
     def _content(self, served: bool) -> dict[str, Any]:
         """What the page's script knows: models with errors, and sentences, by key."""
@@ -151,8 +182,19 @@ class ExplorerPage:
             "base": model_name(verdict.base.fit),
             "selected": list(verdict.selected),
             "served": served,
+            "trained": [record.name for record in self.records if record.trained],
+            "pictures": [name for name, *_ in PICTURES],
+            "excitations": self._excitations(),
             "models": {model.key: told(model, located.get(model.key, [])) for model in self.models},
         }
+
+    def _excitations(self) -> dict[str, dict[str, str]]:
+        """The excitation that settles a tie, by the models it is between."""
+        separation = self.evidence.separation
+        if separation is None:
+            return {}
+        tied = [self.verdict.model, *self.verdict.tied_with]
+        return {model_key(item.effects): excitation_of(separation, self.verdict) for item in tied}
 
     def to_html(self) -> str:
         """Return the page as a file that needs nothing else: the same bytes for the same diagnosis."""
@@ -163,9 +205,32 @@ def told(model: ShownModel, located: Sequence[Simulated]) -> dict[str, Any]:
     """Return what the page's script knows of a model."""
     return {
         "label": model.label,
+        "group": model.group,
         "effects": list(model.effects),
         "train_rms": model.train_rms,
         "test_rms": model.test_rms,
         "merits": model.merits,
-        "located": {item.record.name: item.location.sentences for item in located},
+        "located": {
+            item.record.name: {
+                "headline": item.location.headline,
+                "views": {name: view.sentence for name, view in item.location.views.items()},
+            }
+            for item in located
+        },
     }
+
+
+def excitation_of(separation: Separation, verdict: Verdict) -> dict[str, str]:
+    """Return what the page's script knows of an excitation: what it tells, and the file to play."""
+    return {
+        "text": separation_sentence(separation, verdict),
+        "name": EXCITATION,
+        "file": excitation_csv(separation, verdict),
+    }
+
+
+def _grouped(models: Sequence[ShownModel]) -> dict[str, list[ShownModel]]:
+    groups: dict[str, list[ShownModel]] = {}
+    for model in models:
+        groups.setdefault(model.group, []).append(model)
+    return groups

@@ -18,16 +18,18 @@ if TYPE_CHECKING:
 FIRST, SECOND = SERIES[0], SERIES[3]
 """Colours of the two models that are compared; the first is drawn whole, the second dashed: readable in grey."""
 NOISE = "#777777"
-SHOWN, CELLS, BRUSHED, SPECTRUM, REQUEST, ANSWER = (
-    "shown",
-    "cells",
-    "brushed",
-    "lines",
-    "request",
-    "answer",
+MARKED = SERIES[2]
+SHOWN, CELLS, DEPTH, TURNS, SPECTRUM = "shown", "cells", "depth means", "turn means", "lines"
+"""Names of the document's sources: what is drawn now."""
+BRUSHED, BRUSHED_LINES = "brushed", "brushed lines"
+"""What is marked of it."""
+REQUEST, ANSWER = "request", "answer"
+"""What page and server say to each other."""
+_COLUMNS = (
+    *("time", "position", "velocity", "since", "measured", "first", "second"),
+    *("first_error", "second_error", "first_turned", "second_turned"),
 )
-"""Names of the document's sources: what is drawn now, and what page and server say to each other."""
-_COLUMNS = ("time", "position", "velocity", "measured", "first", "second", "first_error", "second_error")
+_WAYS = ("first_advancing", "first_retracting", "second_advancing", "second_retracting")
 _HEIGHT = 230
 
 
@@ -55,12 +57,15 @@ def page_models(
     shown = _source(SHOWN, _COLUMNS)
     brushed = _source(BRUSHED, _COLUMNS)
     held = [
-        ColumnDataSource({**record.columns, **_by_model(models, record.name)}, name=f"record:{record.name}")
+        ColumnDataSource(
+            {**record.columns, **{model.key: model.values[record.name] for model in models}},
+            name=f"record:{record.name}",
+        )
         for record in records
     ]
     held += [
         ColumnDataSource(
-            {"frequency": record.frequency, "noise": _noise(record)}
+            {"frequency": record.frequency, "noise": _noise(record), "marker": record.marker}
             | {model.key: model.density[record.name] for model in models},
             name=f"spectrum:{record.name}",
         )
@@ -69,10 +74,6 @@ def page_models(
     held += [brushed, _source(REQUEST, ("content",)), _source(ANSWER, ("content",))]
     drawn = _pictures(experiment, shown, brushed)
     return drawn, held
-
-
-def _by_model(models: Sequence[ShownModel], record: str) -> dict[str, np.ndarray]:
-    return {model.key: model.values[record] for model in models}
 
 
 def _noise(record: ShownRecord) -> np.ndarray:
@@ -86,7 +87,7 @@ def _source(name: str, columns: Sequence[str]) -> ColumnDataSource:
 
 
 def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDataSource) -> list[figure]:
-    from bokeh.models import CustomJS, Range1d
+    from bokeh.models import Range1d
 
     output, moved = (
         f"{experiment.output_quantity.capitalize()} ({experiment.output_unit})",
@@ -99,6 +100,10 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
     residual = _figure("residual", "Time (s)", error, x_range=course.x_range)
     loop = _figure("loop", position, output)
     plane = _figure("plane", position, velocity, x_range=loop.x_range)
+    depth = _figure("depth", position, error, x_range=loop.x_range)
+    turns = _figure(
+        "turns", "Time after the nearest reversal (s)", f"Error along the motion ({experiment.output_unit})"
+    )
     lines = {
         course: ("time", ("measured", "first", "second")),
         residual: ("time", ("first_error", "second_error")),
@@ -109,16 +114,26 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
         for up in ups:
             picture.line(across, up, source=shown, **_line(up))
     _draw_cells(plane, error)
+    _draw_means(depth, _source(DEPTH, ("position", *_WAYS)), "position", _WAYS)
+    _draw_means(turns, _source(TURNS, ("since", "first", "second")), "since", ("first", "second"))
     for picture, across, up in (
         (course, "time", "measured"),
         (residual, "time", "first_error"),
         (loop, "position", "measured"),
         (plane, "position", "velocity"),
+        (depth, "position", "first_error"),
+        (turns, "since", "first_turned"),
     ):
-        picture.scatter(across, up, source=brushed, size=4, color=SERIES[2], alpha=0.6)
-        told = CustomJS(code=f"window.lumbar.brush('{across}', '{up}', cb_obj)")
-        picture.js_on_event("selectiongeometry", told)
-    return [course, residual, loop, plane, _spectrum(experiment)]
+        picture.scatter(across, up, source=brushed, size=4, color=MARKED, alpha=0.6)
+        _when_drawn(picture, f"window.lumbar.brush('{across}', '{up}', cb_obj)")
+    return [course, residual, loop, plane, depth, turns, _spectrum(experiment)]
+
+
+def _when_drawn(picture: figure, script: str) -> None:
+    """Call the page's script when a box is drawn in a picture."""
+    from bokeh.models import CustomJS
+
+    picture.js_on_event("selectiongeometry", CustomJS(code=script))
 
 
 def _line(column: str) -> dict:
@@ -148,13 +163,23 @@ def _figure(name: str, across: str, up: str, **more) -> figure:
     return picture
 
 
-def _draw_noise(residual: figure, experiment: Experiment) -> None:
+def _draw_noise(picture: figure, experiment: Experiment) -> None:
     """Band of ± the noise's RMS."""
     from bokeh.models import BoxAnnotation
 
     if experiment.floor is not None:
         rms = experiment.floor.rms
-        residual.add_layout(BoxAnnotation(bottom=-rms, top=rms, fill_color=NOISE, fill_alpha=0.25))
+        picture.add_layout(BoxAnnotation(bottom=-rms, top=rms, fill_color=NOISE, fill_alpha=0.25))
+
+
+def _draw_means(picture: figure, source: ColumnDataSource, across: str, columns: Sequence[str]) -> None:
+    """Mean errors of both models; marks point to where the motion goes."""
+    for column in columns:
+        look = _line(column)
+        picture.line(across, column, source=source, **look)
+        mark = "inverted_triangle" if column.endswith("retracting") else "triangle"
+        if column in _WAYS:
+            picture.scatter(across, column, source=source, marker=mark, size=6, color=look["color"])
 
 
 def _draw_cells(plane: figure, error: str) -> None:
@@ -183,7 +208,7 @@ def _palette() -> list[str]:
 
 
 def _spectrum(experiment: Experiment) -> figure:
-    spectrum = _source(SPECTRUM, ("frequency", "noise", "first", "second"))
+    spectrum = _source(SPECTRUM, ("frequency", "noise", "marker", "first", "second"))
     picture = _figure(
         "spectrum",
         "Frequency (Hz)",
@@ -193,5 +218,9 @@ def _spectrum(experiment: Experiment) -> figure:
     )
     picture.line("frequency", "noise", source=spectrum, color=NOISE, line_width=3, alpha=0.6)
     picture.line("frequency", "first", source=spectrum, color=FIRST, line_width=1.4)
+    picture.scatter("frequency", "first", source=spectrum, marker="marker", size=5, color=FIRST)
     picture.line("frequency", "second", source=spectrum, color=SECOND, line_width=1.4, line_dash=[6, 3])
+    marked = _source(BRUSHED_LINES, ("frequency", "density"))
+    picture.line("frequency", "density", source=marked, color=MARKED, line_width=3, alpha=0.7)
+    _when_drawn(picture, "window.lumbar.brushBand(cb_obj)")
     return picture

@@ -90,7 +90,7 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
         rows.append(_error_row(effects_text(item.candidate.effects), item.candidate, item, diagnosis, role))
     head = (
         "effects added",
-        "",
+        "role",
         "form",
         f"training ({unit})",
         f"unseen ({unit})",

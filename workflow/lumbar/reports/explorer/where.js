@@ -1,0 +1,177 @@
+// Where the first model fails: its error in the motion, over depth, around reversals; and what is marked in all pictures.
+"use strict";
+window.lumbarWhere = (named, digits, page) => {
+  const CELLS = 24;
+  const FEWEST = 5; // samples that make a mean
+  const put = (name, data) => { named(name).data = data; };
+  const shown = () => named("shown").data;
+
+  function span(values) {
+    let [low, high] = [Infinity, -Infinity];
+    for (const value of values) { low = Math.min(low, value); high = Math.max(high, value); }
+    const step = (high - low) / CELLS || 1;
+    return { low, step, cell: (value) => Math.min(CELLS - 1, Math.floor((value - low) / step)) };
+  }
+
+  // Means of values over groups of samples; group(i) is undefined where a sample belongs to none.
+  function means(values, count, group) {
+    const [sums, numbers] = [new Float64Array(count), new Float64Array(count)];
+    for (let i = 0; i < values.length; i++) {
+      const own = group(i);
+      if (own !== undefined) { sums[own] += values[i]; numbers[own] += 1; }
+    }
+    return Array.from(sums, (sum, own) => (numbers[own] >= FEWEST ? sum / numbers[own] : NaN));
+  }
+
+  // Root mean square error in cells of position and velocity.
+  function plane() {
+    const { position, velocity, first_error: error } = shown();
+    const [x, y] = [span(position), span(velocity)];
+    const [sums, numbers] = [new Float64Array(CELLS * CELLS), new Float64Array(CELLS * CELLS)];
+    for (let i = 0; i < error.length; i++) {
+      const cell = y.cell(velocity[i]) * CELLS + x.cell(position[i]);
+      sums[cell] += error[i] * error[i];
+      numbers[cell] += 1;
+    }
+    const cells = { position: [], velocity: [], width: [], height: [], rms: [] };
+    numbers.forEach((number, cell) => {
+      if (number === 0) return;
+      cells.position.push(x.low + ((cell % CELLS) + 0.5) * x.step);
+      cells.velocity.push(y.low + (Math.floor(cell / CELLS) + 0.5) * y.step);
+      cells.width.push(x.step);
+      cells.height.push(y.step);
+      cells.rms.push(Math.sqrt(sums[cell] / number));
+    });
+    put("cells", cells);
+    named("shading").high = Math.max(...cells.rms, 1e-12);
+  }
+
+  function depth() {
+    const { position, velocity, first_error: first, second_error: second } = shown();
+    const x = span(position);
+    const along = (sign) => (i) => (sign * velocity[i] > 0 ? x.cell(position[i]) : undefined);
+    put("depth means", {
+      position: Array.from({ length: CELLS }, (_, cell) => x.low + (cell + 0.5) * x.step),
+      first_advancing: means(first, CELLS, along(1)), first_retracting: means(first, CELLS, along(-1)),
+      second_advancing: means(second, CELLS, along(1)), second_retracting: means(second, CELLS, along(-1)),
+    });
+  }
+
+  function turns() {
+    const { time, since, first_turned: first, second_turned: second } = shown();
+    let reach = 0;
+    for (const value of since) if (Math.abs(value) > reach) reach = Math.abs(value);
+    const step = Math.max(time[1] - time[0], reach / CELLS);
+    const half = Math.round(reach / step);
+    const group = (i) => (Number.isNaN(since[i]) ? undefined : Math.round(since[i] / step) + half);
+    const count = reach > 0 ? 2 * half + 1 : 0;
+    put("turn means", {
+      since: Array.from({ length: count }, (_, bin) => (bin - half) * step),
+      first: means(first, count, group), second: means(second, count, group),
+    });
+  }
+
+  // Discrete Fourier transform in place; the length is a power of two (Cooley and Tukey, 1965).
+  function transform(real, imaginary) {
+    const length = real.length;
+    for (let i = 1, j = 0; i < length; i++) {
+      let bit = length >> 1;
+      for (; j & bit; bit >>= 1) j ^= bit;
+      j ^= bit;
+      if (i < j) for (const part of [real, imaginary]) [part[i], part[j]] = [part[j], part[i]];
+    }
+    for (let size = 2; size <= length; size *= 2) {
+      for (let k = 0; k < size / 2; k++) {
+        const [cosine, sine] = [Math.cos((2 * Math.PI * k) / size), -Math.sin((2 * Math.PI * k) / size)];
+        for (let a = k; a < length; a += size) {
+          const b = a + size / 2;
+          const [x, y] = [real[b] * cosine - imaginary[b] * sine, real[b] * sine + imaginary[b] * cosine];
+          [real[b], imaginary[b]] = [real[a] - x, imaginary[a] - y];
+          real[a] += x;
+          imaginary[a] += y;
+        }
+      }
+    }
+  }
+
+  // The first model's error, padded; with the frequencies' distance in Hz.
+  function transformed(weight) {
+    const { time, first_error: error } = shown();
+    const length = 2 ** Math.ceil(Math.log2(error.length));
+    const [real, imaginary] = [new Float64Array(length), new Float64Array(length)];
+    for (let i = 0; i < error.length; i++) real[i] = weight(i) * error[i];
+    transform(real, imaginary);
+    return { real, imaginary, spacing: 1 / (length * (time[1] - time[0])) };
+  }
+
+  // What of the first model's error lies in a band of frequencies.
+  function inBand(low, high) {
+    const { real, imaginary, spacing } = transformed(() => 1);
+    const length = real.length;
+    for (let k = 0; k < length; k++) {
+      const frequency = Math.min(k, length - k) * spacing;
+      if (frequency < low || frequency > high) real[k] = imaginary[k] = 0;
+      imaginary[k] *= -1; // the inverse is the conjugate's transform
+    }
+    transform(real, imaginary);
+    return real.slice(0, shown().time.length).map((value) => value / length);
+  }
+
+  // Amplitude density of the error in the samples that are marked, at the spectrum's lines.
+  function density(inside) {
+    const weights = new Uint8Array(shown().time.length);
+    for (const i of inside) weights[i] = 1;
+    const { time } = shown();
+    const { real, imaginary, spacing } = transformed((i) => weights[i]);
+    const scale = (2 * (time[1] - time[0])) / inside.length;
+    const lines = Array.from(named("lines").data.frequency).filter((line) => line <= (spacing * real.length) / 2);
+    const found = lines.map((line, i) => {
+      const low = Math.round((i > 0 ? (lines[i - 1] + line) / 2 : line / 2) / spacing);
+      const high = Math.max(low + 1, Math.round((i + 1 < lines.length ? (lines[i + 1] + line) / 2 : line) / spacing));
+      let power = 0;
+      for (let k = low; k < high; k++) power += real[k] ** 2 + imaginary[k] ** 2;
+      return Math.sqrt((scale * power) / (high - low));
+    });
+    return { frequency: lines, density: found };
+  }
+
+  function mark(inside, lines) {
+    const data = shown();
+    put("brushed", Object.fromEntries(Object.keys(data).map((name) => [name, inside.map((i) => data[name][i])])));
+    put("brushed lines", inside.length === 0 ? { frequency: [], density: [] } : lines || density(inside));
+    const rms = (name) => Math.sqrt(inside.reduce((sum, i) => sum + data[name][i] ** 2, 0) / inside.length);
+    return inside.length === 0
+      ? "Draw a box in a picture to mark the same samples in all of them."
+      : `${inside.length} samples marked: error ${digits(rms("first_error"))} ${page.unit} RMS with the first model, ` +
+        `${digits(rms("second_error"))} ${page.unit} with the second.`;
+  }
+
+  function samples(belongs) {
+    const inside = [];
+    for (let i = 0; i < shown().time.length; i++) if (belongs(i)) inside.push(i);
+    return inside;
+  }
+
+  function box(across, up, { x0, x1, y0, y1 }) {
+    const { [across]: x, [up]: y } = shown();
+    return mark(samples((i) => x[i] >= x0 && x[i] <= x1 && y[i] >= y0 && y[i] <= y1));
+  }
+
+  // Of a band of frequencies those samples are marked in which the error in it is larger than its root mean square.
+  function band({ x0, x1 }) {
+    const part = inBand(x0, x1);
+    const { first_error: error } = shown();
+    const square = (values) => values.reduce((sum, value) => sum + value * value, 0);
+    const level = Math.sqrt(square(part) / part.length);
+    const { frequency, first } = named("lines").data;
+    const inside = Array.from(frequency.keys()).filter((i) => frequency[i] >= x0 && frequency[i] <= x1);
+    const lines = { frequency: inside.map((i) => frequency[i]), density: inside.map((i) => first[i]) };
+    const share = digits((100 * square(part)) / square(error));
+    return `${digits(x0)} to ${digits(x1)} Hz hold ${share} % of the first model's error. Where it is largest: ` +
+      mark(samples((i) => Math.abs(part[i]) > level), lines);
+  }
+
+  const draw = () => { plane(); depth(); turns(); };
+  const between = (low, high) => mark(samples((i) => shown().time[i] >= low && shown().time[i] <= high));
+  return { draw, box, band, between, nothing: () => mark([]) };
+};
