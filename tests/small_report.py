@@ -49,6 +49,9 @@ def make_results(folder: Path) -> Path:
     frame = pd.DataFrame({name: [10.0**row for row in range(-4, 4)] for name in names}).assign(
         trained_on="noise"
     )
+    for number in range(7):
+        frame[f"remark_{number}"] = "an explanation of inhomogeneously distributed words " * 3
+    names = list(frame.columns)
     Table("Table 3.1: errors.", frame, dict.fromkeys(names, "a word"), "synthetic twin").write(
         results / "tables" / "table_3_1"
     )

@@ -14,6 +14,7 @@ import os
 import sys
 import tempfile
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -79,6 +80,10 @@ def main() -> int:
     parser.add_argument("--processors", type=int, default=os.cpu_count())
     parser.add_argument("--folder", type=Path, help="keep everything there, instead of in a temporary one")
     options = parser.parse_args()
+    if find_spec("snakemake_executor_plugin_slurm") is None:
+        parser.error(
+            "no SLURM plugin for Snakemake in this Python: make cluster, then .venv/bin/python tests/cluster/run.py"
+        )
     failed = 0
     with tempfile.TemporaryDirectory(prefix="lumbar_slurm_") as name:
         work = (options.folder or Path(name)).resolve()

@@ -29,7 +29,7 @@ def test_a_job_asks_for_head_room_and_for_more_with_every_attempt(measured):
 def test_every_rule_with_a_script_says_what_it_needs_and_groups_in_profiles_exist():
     rules = [path.read_text(encoding="utf-8") for path in (PROJECT / "workflow" / "rules").glob("*.smk")]
     for text in rules:
-        assert len(re.findall(r"^ +script:", text, flags=re.M)) == text.count("**measured(")
+        assert text.count("**measured(") == len(re.findall(r"^ +script:", text, flags=re.M))
     groups = set(re.findall(r'group:\n +"(\w+)"', "\n".join(rules)))
     for profile in ("slurm", "kubernetes"):
         settings = yaml.safe_load(

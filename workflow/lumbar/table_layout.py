@@ -10,8 +10,8 @@ from functools import cached_property
 PAGE_WIDTH = 124
 """Characters that stand side by side on a page."""
 _GAP = 3
-_WORDS = 26
-"""Characters of a line of words in a cell: longer ones go on below."""
+_WORDS, _FEWEST = 26, 14
+"""Characters of a line of words in a cell: longer ones go on below; where columns are many, lines are shorter."""
 EMPTY = "–"
 _NUMBER = re.compile(r"([+−-]?\d+)((?:\.\d+)?(?:·10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?)")
 
@@ -52,6 +52,14 @@ class Column:
         return max(word, widest) + _GAP
 
     @cached_property
+    def narrowest(self) -> int:
+        """Characters that the column needs at least: words go on below one another, numbers do not."""
+        if self.numeric:
+            return self.width
+        words = (len(word) for cell in (self.header, *self.cells) for word in re.split(r"[ /]", cell))
+        return min(self.width, max(_FEWEST, *words) + _GAP)
+
+    @cached_property
     def longest(self) -> int:
         """Characters of the longest cell."""
         return max(map(len, self.cells), default=0)
@@ -73,6 +81,8 @@ def scientific(text: str) -> str:
 
 def fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:
     """Return how many columns, from the first on, stand side by side."""
+    if sum(column.narrowest for column in columns) <= width:
+        return len(columns)
     taken = 0
     for count, column in enumerate(columns):
         taken += column.width
@@ -83,6 +93,8 @@ def fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:
 
 def blocks(columns: Sequence[Column], keys: int, width: int = PAGE_WIDTH) -> list[list[Column]]:
     """Split columns into tables that fit, each beginning with the first `keys` columns."""
+    if fitting(columns, width) == len(columns):
+        return [list(columns)]
     own, others = list(columns[:keys]), list(columns[keys:])
     room = width - sum(column.width for column in own)
     found = []

@@ -57,7 +57,7 @@ def column_in_words(name: str) -> str:
             break
     words = " ".join(_WORDS.get(part, part) for part in parts)
     # A symbol keeps its case: p value, a0, α.
-    small = (len(parts[0]) < 3 and parts[0] not in ("no", "at", "of")) or not words.isascii()
+    small = (len(parts[0]) < 3 and parts[0] not in ("no", "at", "of", "up")) or not words.isascii()
     return (words if small else words[:1].upper() + words[1:]) + unit
 
 

@@ -106,7 +106,7 @@ if study.has("lifting"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=140, seconds=4),
+            **measured(peak_mb=140 + 0.2 * len(study.lifts), seconds=4 + len(study.lifts)),
         params:
             code=library_code("lifting_figures.py"),
             data=DATA,

@@ -61,7 +61,7 @@ if study.has("population"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=210, seconds=10),
+            **measured(peak_mb=210 + 0.1 * len(study.lifts), seconds=10 + 0.02 * len(study.lifts)),
         params:
             code=library_code("compare_people.py"),
             settings=plain(settings.population),

@@ -26,7 +26,7 @@ if study.has("pushes"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=215, seconds=15),
+            **measured(peak_mb=215 + 0.25 * len(study.lifts), seconds=15 + 0.5 * len(study.lifts)),
         params:
             code=library_code("push_prediction.py"),
             settings=plain(settings.pushes),

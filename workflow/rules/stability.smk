@@ -59,7 +59,7 @@ if study.has("stability"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=220, seconds=10),
+            **measured(peak_mb=220 + 0.2 * len(study.lifts), seconds=10 + len(study.lifts)),
         params:
             code=library_code("stability_tables.py"),
             settings=plain(settings.stability),
@@ -86,7 +86,7 @@ if study.has("stability"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=160, seconds=6),
+            **measured(peak_mb=160 + 0.2 * len(study.lifts), seconds=6 + len(study.lifts)),
         params:
             code=library_code("stability_figures.py"),
             settings=plain(settings.stability),
@@ -114,7 +114,7 @@ if study.has("stability"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=160, seconds=6),
+            **measured(peak_mb=160 + 0.2 * len(study.lifts), seconds=6 + len(study.lifts)),
         params:
             code=library_code("measure_movement.py"),
             settings={key: plain(settings.stability)[key] for key in ("pendulum", "measures")},

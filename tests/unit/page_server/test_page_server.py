@@ -131,6 +131,7 @@ def waited(served, page):
 
 
 def test_page_is_served_when_the_diagnosis_is_made(served, explored):
+    assert (served.get("/")[0], served.get("/")[1]["Location"]) == (302, "/records")
     status, _, text = served.get("/records")
     assert status == 200
     if not explored.ready:

@@ -35,7 +35,8 @@ def add(commands) -> None:
         type=Path,
         nargs="?",
         metavar="STUDY|FOLDER",
-        help="file of a study, or folder of records or of saved lifts (default: the study of config/config.yaml)",
+        help="file of a study, or folder of records or of saved lifts (default: the study of config/config.yaml; where there is "
+        "none, only what is given on the page)",
     )
     parser.add_argument("--port", type=int, default=5006, metavar="N", help="port (default 5006)")
     parser.add_argument("--no-browser", action="store_true", help="open no browser, print the address")
@@ -50,6 +51,7 @@ def add(commands) -> None:
 def run(options) -> None:
     """Serve the page until it is interrupted."""
     from lumbar.cli.lifts_to_explore import lifts_of_folder, lifts_of_study
+    from lumbar.config.load_study import DEFAULT_FILES
     from lumbar.page_server.background import WRITING
     from lumbar.page_server.served_lifts import add_lifts
     from lumbar.page_server.served_sets import OWN
@@ -58,6 +60,8 @@ def run(options) -> None:
     if options.target is not None and options.target.is_dir():
         lifts = lifts_of_folder(options)
         sets, own = ([], None) if lifts else _of_folder(options)
+    elif options.target is None and not DEFAULT_FILES[0].is_file():
+        lifts, (sets, own) = [], _of_nothing(options)
     else:
         sets, own = _of_study(options)
         lifts = lifts_of_study(options)
@@ -100,6 +104,27 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     )
 
 
+def _of_nothing(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
+    """Only what is given on the page, by the default settings."""
+    from lumbar.config.settings_files import load_settings
+    from lumbar.interface.diagnosis import diagnose
+    from lumbar.page_server.own_recordings import OwnDiagnosis
+
+    settings = load_settings(*options.config)
+    fixed = partial(
+        diagnose,
+        base=options.base,
+        forward=options.forward,
+        session=False,
+        settings=settings.improvement,
+        machine=settings.signals.machine,
+        tissue=settings.tissue,
+        gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
+        seed=settings.seed,
+    )
+    return [], OwnDiagnosis(fixed, (options.output or EXPLORED) / "own")
+
+
 def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     from lumbar.config.load_study import DEFAULT_FILES, load_study_file
     from lumbar.page_server.kept_records import keep_records
@@ -107,8 +132,8 @@ def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
 
     if not DEFAULT_FILES[0].is_file():
         raise InputError(
-            f"{options.target or DEFAULT_FILES[0]}: no folder of records, and here is no project whose study it could be "
-            f"({DEFAULT_FILES[0]}): go to the project's folder, or name a folder of records"
+            f"{options.target}: no folder of records, and here is no project whose study it could be "
+            f"({DEFAULT_FILES[0]}): go to the project's folder, name a folder of records, or none and give files on the page"
         )
     study = load_study_file(Path(), options.target)
     file = options.target or DEFAULT_FILES[0]

@@ -56,7 +56,12 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
 
     Examples
     --------
+    >>> import lumbar
     >>> lumbar.report("results/thesis").save("results/thesis/report.html")        # doctest: +SKIP
+    >>> lumbar.report("results/unknown")
+    Traceback (most recent call last):
+        ...
+    lumbar.errors.InputError: results/unknown/run_config.yaml: no such file; a study's results hold it: run the workflow first
     """
     import pandas as pd
 

@@ -11,7 +11,7 @@ from lumbar.errors import InputError
 from lumbar.page_server.background import in_background
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.requests import TabRequests
-from lumbar.page_server.served_sets import RESULT, ServedSets
+from lumbar.page_server.served_sets import OWN, RESULT, ServedSets
 from lumbar.page_server.trust import HOST, FromHere, Guarded
 from lumbar.templates import template
 
@@ -80,15 +80,21 @@ def _route(server: Server, served: ServedSets, own: OwnDiagnosis | None) -> None
     """Put the server's own pages before Bokeh's, take away what nobody needs, and answer nobody from elsewhere."""
     from bokeh.server.views.autoload_js_handler import AutoloadJsHandler
     from bokeh.server.views.metadata_handler import MetadataHandler
+    from bokeh.server.views.root_handler import RootHandler
     from tornado.routing import PathMatches, Rule
+    from tornado.web import RedirectHandler
 
     from lumbar.page_server import waiting
     from lumbar.page_server.own_handlers import own_rules
 
     application = server._tornado
     inner = application.wildcard_router.rules
-    inner[:] = [rule for rule in inner if rule.target not in (AutoloadJsHandler, MetadataHandler)]
+    inner[:] = [
+        rule for rule in inner if rule.target not in (AutoloadJsHandler, MetadataHandler, RootHandler)
+    ]
+    home = [*served.given, *([] if own is None else [OWN])][:1]
     first = [
+        *(Rule(PathMatches("/?"), RedirectHandler, {"url": page, "permanent": False}) for page in home),
         Rule(waiting.NotReady(served), waiting.WaitingHandler, {"sets": served}),
         Rule(PathMatches(waiting.PROGRESS), waiting.ProgressHandler, {"sets": served}),
         Rule(PathMatches(waiting.CANCEL), waiting.CancelHandler, {"sets": served}),

@@ -73,7 +73,7 @@ class ImprovementSettings:
     )
     effects: Annotated[tuple[str, ...], UNIQUE] = key(
         "Effects added to the base, in this order; the model with them stands in Table 3.1, Figure "
-        "3.5 and models.json.",
+        "3.5 and models.json, and in refined.json of the record sets that are the tissue chapter's.",
         default=(),
     )
     record_sets: tuple[RecordSetSettings, ...] = key(
