@@ -74,22 +74,3 @@ def saved_lift(made_once):
         return lumbar.lift_page(lift).to_html()
 
     return made_once("lift", analyse)
-
-
-@pytest.fixture(scope="session")
-def default_run(made_once):
-    """Folder of a project copy in which the default study was run with two cores, and what was printed.
-
-    Three of its results are made first as users make them, every job a Python of its own, and not made again.
-    """
-    from running import FORKING, PLAIN, copy_project, snakemake
-
-    def run_default_study(folder):
-        copy_project(folder)
-        for program, targets in ((PLAIN, ("bandwidth", "table_2_1", "table_3_2")), (FORKING, ())):
-            run = snakemake(folder, "--cores", "2", *targets, program=program)
-            assert run.status == 0, run.text[-6000:]
-        assert not {"surgeon_motion", "viscoelastic_models", "survey_tables"} & set(run.jobs)
-        return run
-
-    return made_once("default", run_default_study)

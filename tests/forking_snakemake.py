@@ -1,6 +1,6 @@
 """Snakemake and the scripts of its jobs, each forked from one process that has imported their libraries: seconds less each.
 
-What `run` starts runs as ``python -m snakemake`` does, its scripts as they are, in processes of their own.
+What `run` starts runs as ``python -m snakemake`` does, its scripts as they are, in processes of their own; pictures are sketched.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 from multiprocessing import forkserver
 from pathlib import Path
+
+from pictures import sketched
 
 SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload(
@@ -31,6 +33,8 @@ SERVER.set_forkserver_preload(
         "matplotlib.backends.backend_pdf",
         "matplotlib.backends.backend_svg",
         "fontTools.subset",
+        "bokeh.embed",
+        "bokeh.plotting",
         "clarabel",
         "control",
         "jinja2",
@@ -93,7 +97,8 @@ def _script(path: str, folder: Path, environment: dict[str, str], output: Path) 
     """Run a script as Python would when started with its path."""
     _at(folder, environment, output)
     sys.argv = [path]
-    runpy.run_path(path, run_name="__main__")
+    with sketched():
+        runpy.run_path(path, run_name="__main__")
 
 
 def execute_script(script, path: str, output: Path) -> None:

@@ -23,7 +23,8 @@ NOT_INHERITED = ("PYTHONPATH", "LUMBAR_DATA", "PYTHONDONTWRITEBYTECODE")
 
 
 PLAIN, FORKING = "plain", "forking"
-"""Snakemake and a Python for each job started as users do; or all forked from a process that has imported their libraries."""
+"""Snakemake and a Python for each job started as users do; or all forked from a process that has imported their libraries, with
+pictures that are `pictures.sketched`."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The default study as a whole: complete, labelled, repeatable, and re-run only where something changed."""
+"""The default study as a whole: complete, labelled, repeatable, and, made coarse, re-run only where something changed."""
 
 from __future__ import annotations
 
@@ -11,10 +11,105 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from running import ZIG_CACHE, copy_project, snakemake
+from running import PLAIN, ZIG_CACHE, copy_project, snakemake
 
 # Wall-clock readings differ between runs; everything else is compared byte for byte.
 VOLATILE = ("logs", "benchmarks")
+
+
+# Fewer knots, starts, resamples, effects, FMUs and lifts, fewer records to diagnose, and pictures that are sketched: the same
+# steps on less, with checks that the default leaves out. The proof, which would take four times all the rest, is held by tests of
+# its own.
+COARSE = f"""
+surgeon: {{bandwidth: {{resamples: 200}}}}
+survey: {{resamples: 1000}}
+tissue: {{bootstrap: {{resamples: 100}}}}
+runtime: {{compiler_cache: {ZIG_CACHE}, check_samples: 200, models: [IL, KB]}}
+stability:
+  knots: 51
+  regulator: {{control_weight: 10.0}} # a loop as slow as so few knots resolve
+  checks: [simulation, thesis_method, sum_of_squares, cvxpy, extended]
+  sum_of_squares: {{knots: 5}}
+  thesis_method: {{knots: 5}}
+  attack: {{starts: 20}}
+  limits: {{knots: 50, certified_knots: 5}}
+  grid: {{knots: 51, mid_ankle_control_weight: 10.0, hip_control_weight: 100.0}}
+  lyapunov_shares: [0.0, 1.0]
+improvement:
+  most_effects: 1
+  record_sets:
+    - {{name: tissue}}
+    - name: hip_moment
+      base: pendulum
+      records:
+        - {{name: paced, file: hip_moment/paced.csv}}
+        - {{name: fast, file: hip_moment/fast.csv}}
+"""
+
+
+def run(folder: Path, *arguments: str, **how):
+    coarse = ("--configfile", "config/coarse.yaml") if (folder / "config" / "coarse.yaml").is_file() else ()
+    return snakemake(folder, *arguments, *coarse, **how)
+
+
+def done(folder: Path, *arguments: str, **how):
+    ended = run(folder, *arguments, **how)
+    assert ended.status == 0, ended.text[-6000:]
+    return ended
+
+
+def coarse_project(folder: Path) -> Path:
+    """A copy of the project whose default study is coarse."""
+    copy_project(folder)
+    leave_out_lighter_box(folder)
+    (folder / "config" / "coarse.yaml").write_text(COARSE, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def default_run(tmp_path_factory):
+    """Folder of a project copy in which the default study was run as users run it."""
+    folder = copy_project(tmp_path_factory.mktemp("default"))
+    done(folder, "--cores", "2", program=PLAIN)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def coarse_run(tmp_path_factory):
+    """Folder of a project copy in which the coarse study was run with two cores."""
+    folder = coarse_project(tmp_path_factory.mktemp("coarse"))
+    done(folder, "--cores", "2")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def on_one_core(tmp_path_factory):
+    """Folder of another such copy, run with one core, and the digests of its files."""
+    folder = coarse_project(tmp_path_factory.mktemp("one_core"))
+    done(folder, "--cores", "1")
+    return folder, digests(results(folder))
+
+
+@pytest.fixture(scope="module")
+def other_mass(on_one_core):
+    """Basins before and after the expert's mass is changed in the folder itself, where only what depends on it is made again."""
+    folder, _ = on_one_core
+    boa = results(folder) / "stability" / "boa.csv"
+    before = pd.read_csv(boa)
+    change_mass(folder, "expert")
+    done(folder, "--cores", "2", "table_4_1")
+    return before, pd.read_csv(boa)
+
+
+@pytest.fixture(scope="module")
+def other_seed(on_one_core, other_mass):
+    """The same folder once more, after the seed of the twin is changed too."""
+    folder, _ = on_one_core
+    twin = folder / "config" / "twin.yaml"
+    text = twin.read_text(encoding="utf-8")
+    twin.write_text(text.replace("twin:\n", "twin:\n  seed: 4711\n", 1), encoding="utf-8")
+    done(folder, "--cores", "2", "table_2_1", "table_3_1", "table_3_2")
+    return folder
 
 
 def results(folder: Path, study: str = "thesis") -> Path:
@@ -42,7 +137,7 @@ def expected_artefacts(folder: Path) -> list[Path]:
 
 
 def test_every_artefact_is_there(default_run):
-    folder, _ = default_run
+    folder = default_run
     paths = expected_artefacts(folder)
     assert len(paths) > 50
     missing = [str(path) for path in paths if not path.is_file() or path.stat().st_size == 0]
@@ -51,14 +146,14 @@ def test_every_artefact_is_there(default_run):
 
 @pytest.mark.parametrize("name", ["table_3_1", "table_3_2", "table_4_1"])
 def test_tables_have_the_published_headers(default_run, project, name):
-    folder, _ = default_run
+    folder = default_run
     with (project / "resources" / "thesis" / f"{name}.csv").open(encoding="utf-8") as stream:
         published = next(csv.reader(stream))
     assert set(published) <= set(pd.read_csv(results(folder) / "tables" / f"{name}.csv").columns)
 
 
 def test_everything_made_from_data_says_synthetic_twin(default_run):
-    folder, _ = default_run
+    folder = default_run
     drawings = {"figure_2_4", "figure_3_2", "workflow"}
     unlabelled = []
     for path in sorted((results(folder) / "tables").iterdir()) + sorted(
@@ -73,15 +168,15 @@ def test_everything_made_from_data_says_synthetic_twin(default_run):
 
 
 def test_no_table_holds_a_number_that_is_not_finite(default_run):
-    folder, _ = default_run
+    folder = default_run
     for path in results(folder).rglob("*.csv"):
         text = path.read_text(encoding="utf-8").lower()
         assert not re.search(r"(^|,)-?(nan|inf)(,|$)", text, flags=re.M), path
 
 
 def test_a_second_run_has_nothing_to_do(default_run):
-    folder, _ = default_run
-    assert "Nothing to be done" in snakemake(folder, "--cores", "1", "--dry-run").text
+    folder = default_run
+    assert "Nothing to be done" in run(folder, "--cores", "1", "--dry-run").text
 
 
 def change_mass(folder: Path, subject: str) -> None:
@@ -99,18 +194,16 @@ def leave_out_lighter_box(folder: Path) -> None:
 
 
 def test_a_subjects_mass_reruns_only_what_depends_on_it(default_run):
-    folder, _ = default_run
+    folder = default_run
     path = folder / "config" / "subjects" / "expert.yaml"
     before = path.read_text(encoding="utf-8")
     change_mass(folder, "expert")
     try:
-        run = snakemake(folder, "--cores", "1", "--dry-run")
+        plan = done(folder, "--cores", "1", "--dry-run")
     finally:
         path.write_text(before, encoding="utf-8")
-    assert run.status == 0, run.text[-3000:]
-    planned = set(re.findall(r"Job \d+: (\w+kg): ", run.text))
-    assert planned == {"expert_23kg", "expert_15kg"}
-    rules = set(run.jobs)
+    assert set(re.findall(r"Job \d+: (\w+kg): ", plan.text)) == {"expert_23kg", "expert_15kg"}
+    rules = set(plan.jobs)
     assert {"stability_tables", "examine_claims"} <= rules
     assert not {
         rule
@@ -127,88 +220,47 @@ def test_a_subjects_mass_reruns_only_what_depends_on_it(default_run):
     ],
 )
 def test_editing_a_library_module_reruns_what_uses_it(default_run, module, rerun, untouched):
-    folder, _ = default_run
+    folder = default_run
     path = folder / "workflow" / "lumbar" / module
     before = path.read_text(encoding="utf-8")
     path.write_text(before + "\n# a change\n", encoding="utf-8")
     try:
-        run = snakemake(folder, "--cores", "1", "--dry-run", rerun, untouched)
+        plan = done(folder, "--cores", "1", "--dry-run", rerun, untouched)
     finally:
         path.write_text(before, encoding="utf-8")
-    assert run.status == 0, run.text[-3000:]
-    assert rerun in run.jobs
-    assert untouched not in run.jobs
+    assert rerun in plan.jobs
+    assert untouched not in plan.jobs
 
 
-# Fewer knots, starts, resamples, effects, FMUs and lifts, and fewer records to diagnose: the same steps on less. The proof, which
-# would take four times all the rest, is held by the tests of its own.
-COARSE = f"""
-surgeon: {{bandwidth: {{resamples: 200}}}}
-survey: {{resamples: 1000}}
-tissue: {{bootstrap: {{resamples: 100}}}}
-runtime: {{compiler_cache: {ZIG_CACHE}, check_samples: 200, models: [IL, KB]}}
-stability:
-  knots: 101
-  checks: [simulation, thesis_method, sum_of_squares, cvxpy, extended]
-  proof: {{margin_1_s: 0.5}} # with little more room ten times the boxes are looked at
-  sum_of_squares: {{knots: 5}}
-  thesis_method: {{knots: 5}}
-  attack: {{starts: 50}}
-  limits: {{knots: 84, certified_knots: 5}}
-improvement:
-  most_effects: 1
-  record_sets:
-    - {{name: tissue}}
-    - name: hip_moment
-      base: pendulum
-      records:
-        - {{name: paced, file: hip_moment/paced.csv}}
-        - {{name: fast, file: hip_moment/fast.csv}}
-"""
-
-
-def run_varied(folder: Path, cores: int) -> dict[str, str]:
-    """Run a coarse study with another seed of the twin and another mass of the expert; return digests of its files."""
-    copy_project(folder)
-    twin = folder / "config" / "twin.yaml"
-    text = twin.read_text(encoding="utf-8")
-    twin.write_text(text.replace("twin:\n", "twin:\n  seed: 4711\n", 1), encoding="utf-8")
-    change_mass(folder, "expert")
-    leave_out_lighter_box(folder)
-    (folder / "config" / "coarse.yaml").write_text(COARSE, encoding="utf-8")
-    run = snakemake(folder, "--cores", str(cores), "--configfile", "config/coarse.yaml")
-    assert run.status == 0, run.text[-6000:]
-    return digests(results(folder))
-
-
-@pytest.fixture(scope="session")
-def varied_run(made_once):
-    """Folder of the varied study, run with two cores, and the digests of its files."""
-    return made_once("varied", lambda folder: run_varied(folder, 2))
-
-
-@pytest.fixture(scope="session")
-def varied_on_one_core(made_once):
-    """Folder of the varied study, run with one core, and the digests of its files."""
-    return made_once("varied_on_one_core", lambda folder: run_varied(folder, 1))
-
-
-def test_one_core_gives_the_same_bytes_as_two(varied_run, varied_on_one_core):
-    first, second = varied_run[1], varied_on_one_core[1]
+def test_one_core_gives_the_same_bytes_as_two(coarse_run, on_one_core):
+    first, second = digests(results(coarse_run)), on_one_core[1]
     assert len(first) > 80
     assert {name for name in first | second if first.get(name) != second.get(name)} == set()
 
 
+def test_only_the_mass_changed_moves_that_persons_basins_alone(other_mass):
+    # The check by cvxpy solves the programmes of all people at once: at its tolerance it moves with the others.
+    novice = [
+        frame[frame.subject == "novice"].reset_index(drop=True).drop(columns="sos_cvxpy_difference")
+        for frame in other_mass
+    ]
+    assert len(novice[0])
+    pd.testing.assert_frame_equal(novice[0], novice[1], check_exact=True)
+    keys = ["box_mass_kg", "com", "plane", "method", "sign", "time"]
+    expert = [frame[frame.subject == "expert"].set_index(keys).sort_index().mean_area for frame in other_mass]
+    assert expert[0].index.equals(expert[1].index)
+    assert ((expert[0] - expert[1]).abs() / expert[0] > 1e-4).all()
+
+
 @pytest.mark.parametrize("name", ["table_2_1", "table_3_2"])
-def test_what_does_not_depend_on_seed_and_mass_stays(default_run, varied_run, name):
-    first, second = (results(folder) / "tables" / f"{name}.csv" for folder in (default_run[0], varied_run[0]))
+def test_what_does_not_depend_on_seed_and_mass_stays(coarse_run, other_seed, name):
+    first, second = (results(folder) / "tables" / f"{name}.csv" for folder in (coarse_run, other_seed))
     assert first.read_bytes() == second.read_bytes()
 
 
-def test_another_seed_moves_table_3_1_but_not_its_order(default_run, varied_run):
+def test_another_seed_moves_table_3_1_but_not_its_order(coarse_run, other_seed):
     frames = [
-        pd.read_csv(results(folder) / "tables" / "table_3_1.csv")
-        for folder in (default_run[0], varied_run[0])
+        pd.read_csv(results(folder) / "tables" / "table_3_1.csv") for folder in (coarse_run, other_seed)
     ]
     wide = []
     for frame in frames:
@@ -220,31 +272,9 @@ def test_another_seed_moves_table_3_1_but_not_its_order(default_run, varied_run)
         assert (table.KB < table.HO).all()
 
 
-def test_only_the_mass_changed_moves_that_persons_basins_alone(varied_on_one_core):
-    """In the folder itself: only what depends on the mass is computed again."""
-    folder, _ = varied_on_one_core
-    boa = results(folder) / "stability" / "boa.csv"
-    before = pd.read_csv(boa)
-    change_mass(folder, "expert")
-    run = snakemake(folder, "--cores", "2", "table_4_1", "--configfile", "config/coarse.yaml")
-    assert run.status == 0, run.text[-6000:]
-    frames = (before, pd.read_csv(boa))
-    # The check by cvxpy solves the programmes of all people at once: at its tolerance it moves with the others.
-    novice = [
-        frame[frame.subject == "novice"].reset_index(drop=True).drop(columns="sos_cvxpy_difference")
-        for frame in frames
-    ]
-    pd.testing.assert_frame_equal(novice[0], novice[1], check_exact=True)
-    keys = ["box_mass_kg", "com", "plane", "method", "sign", "time"]
-    expert = [frame[frame.subject == "expert"].set_index(keys).sort_index().mean_area for frame in frames]
-    assert expert[0].index.equals(expert[1].index)
-    assert ((expert[0] - expert[1]).abs() / expert[0] > 1e-4).all()
-
-
 def test_report_holds_every_artefact_and_nothing_from_elsewhere(default_run):
-    folder, _ = default_run
-    run = snakemake(folder, "--cores", "1", "report")
-    assert run.status == 0, run.text[-3000:]
+    folder = default_run
+    done(folder, "--cores", "1", "report")
     text = (results(folder) / "report.html").read_text(encoding="utf-8")
     links = set(re.findall(r'href="([^"#]+)"', text))
     assert {str(path.relative_to(results(folder))) for path in expected_artefacts(folder)} <= links

@@ -16,7 +16,10 @@ STUDIES = ("davinci_tool", "friction_damper", "box_transfer", "sit_to_stand")
 def folder(tmp_path_factory):
     made = copy_project(tmp_path_factory.mktemp("real"))
     # Whether a law is found in these recordings is asked among the public records (tests/real_records).
-    overlay = f"runtime: {{compiler_cache: {ZIG_CACHE}}}\nimprovement: {{propose_law: false}}\n"
+    overlay = (
+        f"runtime: {{compiler_cache: {ZIG_CACHE}, check_samples: 200}}\nimprovement: {{propose_law: false}}\n"
+    )
+    overlay += "tissue: {bootstrap: {resamples: 100}}\n"
     (made / "config" / "overlay.yaml").write_text(overlay, encoding="utf-8")
     # A file with dynamics of each kind: none, linear, with an effect; that all models become files the default study shows.
     fewer = "runtime: {models: [IL, Maxwell, KB+hysteresis]}\n"

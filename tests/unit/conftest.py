@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from effect_entries import effect_entry
 from runtime_models import SETTINGS, TARGET, models_json, selected
 
+from pictures import sketched
 from running import ZIG_CACHE
 from study_settings import changed
 
@@ -17,13 +20,11 @@ def zig_cache():
     return ZIG_CACHE
 
 
-@pytest.fixture
-def quick_pictures(monkeypatch):
-    """Save pictures without layout and without PDF where they only have to be there: their own tests say how they look."""
-    from lumbar.reports.figures import style
-
-    monkeypatch.setattr(style, "_settle_layout", lambda figure: figure.set_layout_engine("none"))
-    monkeypatch.setattr(style.FigureCanvasPdf, "print_pdf", lambda _, path, **__: path.write_bytes(b"%PDF-"))
+@pytest.fixture(scope="module", autouse=True)
+def pictures_are_sketched(request):
+    """How pictures look is asked in reports/ only; elsewhere they only have to be there."""
+    with nullcontext() if request.path.parent.name == "reports" else sketched():
+        yield
 
 
 @pytest.fixture

@@ -27,6 +27,7 @@ _FUNCTIONS = {
 }
 """Functions that sympy's grammar does not know, or reads as ``\\tan h(x)`` or ``\\sin((x) + y)`` too, under a letter that it
 takes for a function."""
+_LETTERS = [letter for letter in string.ascii_letters if letter not in "deif" and letter not in "TNABLRSP"]
 _SUM = re.compile(r"\\sum_\{n=(\d+)\}\^\{(\d+)\} \((.*)\)$")
 
 
@@ -46,18 +47,20 @@ def read_latex(text: str, names: dict[str, str]) -> sympy.Expr:
         terms = (_numbered(term, number) for number in range(int(first), int(last) + 1))
         return sum((read_latex(numbered, names) for numbered in terms), sympy.Integer(0))
     symbols = {}
-    # Its grammar knows some symbols and not others: each is called x with an index of letters.
-    ordered = sorted(names, key=len, reverse=True)
-    for index, latex in enumerate(ordered):
-        letters = "ab"[index // 26] + string.ascii_lowercase[index % 26]
-        symbols[f"x_{{{letters}}}"] = sympy.Symbol(names[latex], real=True)
-        text = re.sub(rf"(?<![A-Za-z\\@]){re.escape(latex)}(?![A-Za-z_])", f"@{letters}@", text)
-    text = re.sub(r"\^@(\w+)@", r"^{@\1@}", text)
-    text = re.sub(r"@(\w+)@", r"x_{\1}", text)
+    # Its grammar knows some symbols and not others, and takes long for long ones: each is called by a letter.
+    letters = iter(_LETTERS)
+    for latex in sorted(names, key=len, reverse=True):
+        mark = f"@{len(symbols)}@"
+        text, found = re.subn(rf"(?<![A-Za-z\\@]){re.escape(latex)}(?![A-Za-z_])", mark, text)
+        if found:
+            letter = next(letters)
+            symbols[letter] = sympy.Symbol(names[latex], real=True)
+            text = text.replace(mark, f"@{letter}@")
+    text = re.sub(r"@([a-zA-Z])@", r"\1", text)
     for latex, (letter, _) in _FUNCTIONS.items():
         text = text.replace(latex, letter)
     # Things side by side are multiplied; sympy's grammar also takes x (y) for a function.
-    text = re.sub(r"(?<![+\-,]) (?!\\cdot|[+\-])(?<!\\cdot )", r" \\cdot ", text)
+    text = re.sub(r"(?<![+\-,]) (?!\\cdot|[+\-])(?<!\\cdot )", r"*", text).replace(r" \cdot ", "*")
     read = _unambiguous(parse_latex_lark(text))
     for letter, function in _FUNCTIONS.values():
         read = read.replace(

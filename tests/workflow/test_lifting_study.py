@@ -15,11 +15,13 @@ study: groups
 chapters: [lifting, stability]
 lifting: {points: 200}
 stability:
-  knots: 101
+  knots: 51
+  regulator: {control_weight: 10.0} # a loop as slow as so few knots resolve
   attack: {starts: 2}
   checks: []
   lyapunov_shares: [1.0]
-  limits: {knots: 84}
+  limits: {knots: 50}
+  grid: {knots: 51, mid_ankle_control_weight: 10.0, hip_control_weight: 100.0}
 """
 NAMED = "  compare: {groups: [trained, untrained]}\n"
 

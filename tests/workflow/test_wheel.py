@@ -8,10 +8,12 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import pictures
 from running import PROJECT, ZIG_CACHE
 from study_settings import study_settings
 
@@ -23,19 +25,20 @@ stability: {knots: 201, attack: {starts: 20}, checks: [simulation], grid: {knots
 """
 
 MAIN = "import sys; from lumbar.cli import main; sys.exit(main())"
-ONE_AFTER_THE_OTHER = """
+ONE_AFTER_THE_OTHER = f"""
+{Path(pictures.__file__).read_text(encoding="utf-8")}
 import contextlib, io, json, sys
 from lumbar.cli import main
 said = []
 for command in json.loads(sys.argv[1]):
-    with contextlib.redirect_stdout(io.StringIO()) as out:
+    with sketched(), contextlib.redirect_stdout(io.StringIO()) as out:
         status = main(command)
     if status:
-        sys.exit(f"{command}: status {status}")
+        sys.exit(f"{{command}}: status {{status}}")
     said.append(out.getvalue())
 print(json.dumps(said))
 """
-"""Each command in a process of its own would import SciPy a dozen times."""
+"""Each command in a process of its own would import SciPy a dozen times; pictures are sketched."""
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,6 @@ import yaml
 from lumbar.cli.command import COMMANDS
 from study_settings import study_settings
 
-pytestmark = pytest.mark.usefixtures("quick_pictures")
-
 
 @pytest.fixture(scope="module")
 def tissue(tmp_path_factory):

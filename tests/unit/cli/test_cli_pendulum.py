@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from pendulum_experiments import make_pendulum_experiment
 
-pytestmark = pytest.mark.usefixtures("quick_pictures")
-
 
 def write(folder, records, decimals=5):
     folder.mkdir(exist_ok=True)

@@ -184,8 +184,8 @@ def test_a_floor_of_another_record_serves():
 @pytest.mark.statistical
 @pytest.mark.parametrize(("pole", "repeating"), [(0.0, True), (0.9, True), (0.0, False)])
 def test_sizes_under_the_null(pole, repeating):
-    """At the 5 % level no test of a true model's residual rejects in clearly more than 5 % of 500 cases."""
-    trials = 500 if pole == 0.0 and repeating else 200
+    """At the 5 % level no test of a true model's residual rejects in clearly more than 5 % of the cases."""
+    trials = 300 if pole == 0.0 and repeating else 150
     p_values: dict[str, list[float]] = {}
     accused = 0
     for seed in range(trials):

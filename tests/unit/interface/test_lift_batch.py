@@ -20,8 +20,6 @@ from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import DeclaredEvents, SubjectSettings, TrialSettings
 from study_settings import study_settings
 
-pytestmark = pytest.mark.usefixtures("quick_pictures")
-
 LATE = DeclaredEvents(deposit_start_s=6.3, reason="test")
 
 

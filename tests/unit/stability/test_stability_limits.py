@@ -199,7 +199,8 @@ def test_exponent_of_the_lorenz_system():
 
     trials, state = [], [1.0, 1.0, 20.0]
     for _ in range(12):
-        solution = solve_ivp(lorenz, (0, 30), state, t_eval=np.arange(0, 30, 0.05), rtol=1e-8, atol=1e-8)
+        times = np.arange(0, 30, 0.05)
+        solution = solve_ivp(lorenz, (0, 30), state, "DOP853", times, rtol=1e-8, atol=1e-8)
         state = solution.y[:, -1]
         trials.append(solution.y.T[100:])
     found = maximum_exponent(trials, 0.05, horizon=2.5, fewest=10)
