@@ -65,6 +65,7 @@ update-reference: results ## take the default study's numbers as the new referen
 benchmark: environment ## accuracy of the diagnosis over hundreds of experiments; timings and memory, printed
 	snakemake --cores $(CORES) lifting tissue
 	python tests/benchmark/run.py
+	python tests/benchmark/growth.py
 	python tests/benchmark/stability.py
 	python tests/benchmark/population.py
 	python tests/benchmark/runtime.py

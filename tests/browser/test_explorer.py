@@ -62,9 +62,10 @@ def lumbar_model(diagnosis, name, estimator):
 
 
 def data_of(page, name: str) -> dict:
-    """Columns of one of the page's sources."""
+    """Columns of one of the page's sources, or of the whole record."""
     columns = page.evaluate(
-        "(name) => Object.fromEntries(Object.entries(Bokeh.documents[0].get_model_by_name(name).data)"
+        "(name) => Object.fromEntries(Object.entries("
+        "name === 'whole' ? lumbar.whole() : Bokeh.documents[0].get_model_by_name(name).data)"
         ".map(([column, values]) => [column, Array.from(values)]))",
         name,
     )
@@ -117,7 +118,7 @@ def test_a_region_drawn_in_one_picture_is_marked_in_all(new_page, saved):
     page.wait_for_function("document.getElementById('region').textContent.includes('samples marked')")
     marked = page.evaluate(
         "() => { const of = (name) => Bokeh.documents[0].get_model_by_name(name).data;"
-        " const [all, some] = [of('shown'), of('brushed')];"
+        " const [all, some] = [lumbar.whole(), of('brushed')];"
         " return {count: some.time.length, times: [Math.min(...some.time), Math.max(...some.time)],"
         " positions: some.position.every((value, i) => value === all.position[all.time.indexOf(some.time[i])])}; }"
     )
@@ -130,7 +131,7 @@ def test_a_region_drawn_in_one_picture_is_marked_in_all(new_page, saved):
 def test_pictures_of_the_error_are_those_of_numpy(new_page, saved, diagnosis):
     """Mean error over depth by direction and around reversals, and what a band of frequencies holds of the error."""
     page = new_page(saved)
-    shown, depth, turns = (data_of(page, name) for name in ("shown", "depth means", "turn means"))
+    shown, depth, turns = (data_of(page, name) for name in ("whole", "depth means", "turn means"))
     edges = np.linspace(shown["position"].min(), shown["position"].max(), 25)
     cell = np.clip(np.searchsorted(edges, shown["position"], side="right") - 1, 0, 23)
     for way, sign in (("advancing", 1), ("retracting", -1)):
