@@ -98,7 +98,7 @@ def of_file(browser: Browser, records: Path, folder: Path) -> None:
         if len(times) < 3:
             page.close()
     row("first picture of the file", min(times), AIMS["first picture"])
-    samples = page.evaluate("Bokeh.documents[0].get_model_by_name('shown').data.time.length")
+    samples = page.evaluate("lumbar.whole().time.length")
     for name, action in ACTIONS.items():
         script = f"async () => {{ {UNTIL_DRAWN} {OF_PAGE} return await timed({action}); }}"
         seconds = statistics.median(page.evaluate(script) for _ in range(REPEATS)) / 1000

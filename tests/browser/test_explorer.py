@@ -62,9 +62,10 @@ def lumbar_model(diagnosis, name, estimator):
 
 
 def data_of(page, name: str) -> dict:
-    """Columns of one of the page's sources."""
+    """Columns of one of the page's sources, or of the whole record."""
     columns = page.evaluate(
-        "(name) => Object.fromEntries(Object.entries(Bokeh.documents[0].get_model_by_name(name).data)"
+        "(name) => Object.fromEntries(Object.entries("
+        "name === 'whole' ? lumbar.whole() : Bokeh.documents[0].get_model_by_name(name).data)"
         ".map(([column, values]) => [column, Array.from(values)]))",
         name,
     )
@@ -117,7 +118,7 @@ def test_a_region_drawn_in_one_picture_is_marked_in_all(new_page, saved):
     page.wait_for_function("document.getElementById('region').textContent.includes('samples marked')")
     marked = page.evaluate(
         "() => { const of = (name) => Bokeh.documents[0].get_model_by_name(name).data;"
-        " const [all, some] = [of('shown'), of('brushed')];"
+        " const [all, some] = [lumbar.whole(), of('brushed')];"
         " return {count: some.time.length, times: [Math.min(...some.time), Math.max(...some.time)],"
         " positions: some.position.every((value, i) => value === all.position[all.time.indexOf(some.time[i])])}; }"
     )
@@ -130,7 +131,7 @@ def test_a_region_drawn_in_one_picture_is_marked_in_all(new_page, saved):
 def test_pictures_of_the_error_are_those_of_numpy(new_page, saved, diagnosis):
     """Mean error over depth by direction and around reversals, and what a band of frequencies holds of the error."""
     page = new_page(saved)
-    shown, depth, turns = (data_of(page, name) for name in ("shown", "depth means", "turn means"))
+    shown, depth, turns = (data_of(page, name) for name in ("whole", "depth means", "turn means"))
     edges = np.linspace(shown["position"].min(), shown["position"].max(), 25)
     cell = np.clip(np.searchsorted(edges, shown["position"], side="right") - 1, 0, 23)
     for way, sign in (("advancing", 1), ("retracting", -1)):
@@ -195,18 +196,22 @@ def test_files_are_handed_out_without_a_server(new_page, saved, tmp_path):
     assert "was not computed" in page.locator("#message").inner_text()
 
 
+def serious(page) -> list[tuple[str, str]]:
+    """What axe-core finds serious or critical, with the element."""
+    reason = "the extra 'develop' has it"
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason=reason).Axe()
+    found = axe.run(page).response["violations"]
+    return [
+        (item["id"], item["nodes"][0]["html"]) for item in found if item["impact"] in ("serious", "critical")
+    ]
+
+
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
 def test_axe_finds_nothing_serious(new_page, saved, scheme, width):
-    axe = pytest.importorskip(
-        "axe_playwright_python.sync_playwright", reason="the extra 'develop' has it"
-    ).Axe()
     page = new_page(saved, viewport={"width": width, "height": 900}, color_scheme=scheme)
     page.get_by_role("button", name="Set this path aside").click()
     add(page, "Inertia")  # the message is there
-    found = [
-        item for item in axe.run(page).response["violations"] if item["impact"] in ("serious", "critical")
-    ]
-    assert [(item["id"], item["nodes"][0]["html"]) for item in found] == []
+    assert serious(page) == []
 
 
 def test_keyboard_reaches_every_choice(new_page, saved):
@@ -329,9 +334,20 @@ def give_own(page, folder: Path) -> None:
     assert "missing coulomb friction" in page.locator(".headline").first.inner_text()
 
 
-def test_own_recordings_page_fits_a_phone(new_page, served):
-    _, (_, _, own) = served
-    page = new_page(own, ready="#choose", viewport={"width": 390, "height": 844})
+@pytest.fixture
+def own(tmp_path):
+    """Address of the page for own recordings, served where there is no project."""
+    command = [sys.executable, "-m", "lumbar", "explore", "--port", "0", "--no-browser"]
+    server = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    yield server.stdout.readline().strip()
+    server.terminate()
+    server.wait(30)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_own_recordings_page_is_for_everybody(new_page, own, scheme):
+    options = {"color_scheme": scheme, "bypass_csp": True}  # axe-core is no script of the page
+    page = new_page(own, ready="#choose", viewport={"width": 390, "height": 844}, **options)
     page.locator("#choose").set_input_files(
         [{"name": f"{'x' * 150}.csv", "mimeType": "text/csv", "buffer": b"t_s,pos_mm,F_N\n1,2\n" * 20}]
     )
@@ -339,3 +355,4 @@ def test_own_recordings_page_fits_a_phone(new_page, served):
     page.locator("#previews .bad").first.wait_for()
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     assert page.locator("#start").is_disabled()
+    assert serious(page) == []

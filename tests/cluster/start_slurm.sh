@@ -85,9 +85,10 @@ MinJobAge=600
 NodeName=$node NodeAddr=127.0.0.1 CPUs=$CPUS RealMemory=$memory State=UNKNOWN
 PartitionName=all Nodes=$node Default=YES MaxTime=INFINITE DefMemPerCPU=1000 State=UP
 END
-# From 23.02 on SLURM begins without control groups only if told so; before, it does not know the word.
+# Nothing here uses control groups, but slurmd loads a plugin for them: from 23.02 on it may be told to do without; before, that of
+# version 1 is the one that looks for no mounted file system until it is used.
 case $(slurmd -V) in
-    "slurm-wlm "2[0-2].* | "slurm "2[0-2].*) rm -f "$FOLDER/cgroup.conf" ;;
+    "slurm-wlm "2[0-2].* | "slurm "2[0-2].*) echo "CgroupPlugin=cgroup/v1" >"$FOLDER/cgroup.conf" ;;
     *) echo "CgroupPlugin=disabled" >"$FOLDER/cgroup.conf" ;;
 esac
 export SLURM_CONF="$FOLDER/slurm.conf"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -48,3 +49,9 @@ def test_a_script_that_fails_or_is_killed_fails_its_job(run, end, status):
         run(end)
     assert failed.value.returncode == status
     assert failed.value.cmd[0] == sys.executable
+
+
+def test_jobs_that_start_and_end_at_once_do_not_disturb_each_other(run):
+    with ThreadPoolExecutor(6) as threads:
+        for job in [threads.submit(run, "out.write_text('done')") for _ in range(60)]:
+            assert job.result() == "done"

@@ -2,20 +2,13 @@
 
 from project_files import project_files
 
-CRATE_RESULTS = {
-    path: "" if "{" in label else label
-    for artefact in ARTEFACTS
-    for path, label in artefact.labelled(study.lifts)
-}
-
-
 localrules:
     run_crate,
 
 
 rule run_crate:
     input:
-        results=made(ARTEFACTS),
+        results=lambda wildcards: made(ARTEFACTS),
         config="<results>/run_config.yaml",
         environment="<results>/run_environment.json",
         checked=[f"<results>/checked/{chapter}.json" for chapter in RECORDED_CHAPTERS],
@@ -38,7 +31,11 @@ rule run_crate:
         data=DATA,
         source={} if study.synthetic else plain(settings.data_source),
         epoch=DECLARED_EPOCH,
-        results=CRATE_RESULTS,
+        results=lambda wildcards: {
+            path: "" if "{" in label else label
+            for artefact in ARTEFACTS
+            for path, label in artefact.labelled(study.lifts)
+        },
         project=lambda wildcards: project_files(Path(workflow.basedir)),
         code=library_code("run_crate.py"),
     message:

@@ -33,7 +33,14 @@ def explored(tmp_path_factory):
         return lumbar.diagnose(example_records(), settings=QUICK)
 
     keep = partial(with_value, study, ("improvement", "effects"))
-    return ExploredSet("records", make, folder / "out", lambda effects: keep(list(effects)), "study.yaml")
+    return ExploredSet(
+        "records",
+        make,
+        folder / "out",
+        lambda effects: keep(list(effects)),
+        "study.yaml",
+        read=example_records,
+    )
 
 
 @pytest.fixture(scope="session")

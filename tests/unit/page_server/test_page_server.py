@@ -20,6 +20,7 @@ from lumbar.errors import InputError
 from lumbar.files import read_json
 from lumbar.page_server.requests import TabRequests
 from lumbar.page_server.server import new_server
+from lumbar.page_server.sketch import HEIGHT, Sketch
 from lumbar.synthetic.examples import example_records
 
 
@@ -108,6 +109,17 @@ def test_effects_are_kept_after_a_look_at_the_change(tab, explored):
     assert "holds this already" in asked(tab, "keep", "coulomb_friction")[0]["text"]
 
 
+def test_a_record_is_sketched_between_its_extremes():
+    record = example_records()[0]
+    sketch = Sketch.of(record)
+    up = np.array([float(point.split(",")[1]) for point in sketch.points.split()])
+    values = record["output"]
+    assert (up.min(), up.max()) == (0, HEIGHT)
+    first = HEIGHT * (values.max() - values[:3]) / np.ptp(values)  # 1200 samples in 500 stretches
+    assert up[:2] == pytest.approx([first.max(), first.min()], abs=0.06)
+    assert f"from {values.min():.3g} to {values.max():.3g} N in 24 s" in sketch.words
+
+
 def waited(served, page):
     """State of a page's work once it has ended."""
     while True:
@@ -124,6 +136,7 @@ def test_page_is_served_when_the_diagnosis_is_made(served, explored):
     assert status == 200
     if not explored.ready:
         assert 'id="cancel"' in text
+        assert text.count("<polyline") == len(example_records())
         assert waited(served, "/records")["error"] == ""
         status, _, text = served.get("/records")
     assert "Keep these effects in the study" in text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from dataclasses import replace
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import lumbar
+from lumbar.diagnosis.design.discrimination import separating_excitation
 from lumbar.identification.metrics import variance_accounted_for
 from lumbar.models.motion import Motion
 from lumbar.reports.explorer import shown
@@ -92,6 +94,19 @@ def test_spectrum_of_white_error_is_flat_and_has_its_variance(page):
     density = model.density["multisine"]
     assert np.sqrt(np.mean(density[:-1] ** 2)) == pytest.approx(0.01 * np.sqrt(2 / 50), rel=0.1)
     assert np.median(record.noise) == pytest.approx(0.01 * np.sqrt(2 / 50), rel=0.15)
+
+
+def test_a_tie_brings_the_file_of_the_excitation_that_settles_it(diagnosis, page):
+    rival = next(
+        item.candidate for item in diagnosis.verdict.ranking if item.candidate.effects == ("hysteresis",)
+    )
+    tied = replace(diagnosis.verdict, verdict="tied", tied_with=[rival])
+    separation = separating_excitation(tied)
+    told = replace(page, verdict=tied, evidence=replace(page.evidence, separation=separation), others=())
+    found = told.variables()["content"]["excitations"]
+    assert set(found) == {"coulomb_friction", "hysteresis"}
+    played = np.loadtxt(io.StringIO(found["hysteresis"]["file"]), delimiter=",", skiprows=1)
+    assert played[:, 1] == pytest.approx(separation.excitation.motion.position, abs=1e-4)
 
 
 def test_page_is_one_file_with_the_same_bytes(diagnosis, page, html):

@@ -7,18 +7,14 @@ import threading
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from lumbar.diagnosis.design.discrimination import separating_excitation
-from lumbar.diagnosis.evidence.evidence import machine_limits
 from lumbar.errors import InputError
 from lumbar.page_server.background import DRAWING, WRITING, told
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.study_change import Change
-from lumbar.reports.explorer.page import excitation_of
-from lumbar.reports.explorer.page import told as told_of_model
-from lumbar.reports.explorer.shown import ShownModel
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Refinement
+    from lumbar.reports.explorer.shown import ShownModel
 
 MOST_EFFECTS = 8
 """Most effects of a model that the page asks for."""
@@ -92,18 +88,26 @@ class TabRequests:
 
     def _fit(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         """Every step of the path, and where its end fails."""
+        from lumbar.reports.explorer.page import told as told_of_model
+
         models = [self.explored.fitted(effects[:count]) for count in range(len(effects) + 1)]
         located = {models[-1].key: self.explored.refitted(effects).locate().simulated}
         content = {model.key: told_of_model(model, located.get(model.key, [])) for model in models}
         return {"models": content, "effects": effects}, models
 
     def _locate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
+        from lumbar.reports.explorer.page import told as told_of_model
+
         model = self.explored.fitted(effects)
         located = self.explored.refitted(effects).locate().simulated
         return {"key": model.key, "located": told_of_model(model, located)["located"]}, []
 
     def _separate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         """The excitation that tells these effects from the selected ones."""
+        from lumbar.diagnosis.design.discrimination import separating_excitation
+        from lumbar.diagnosis.evidence.evidence import machine_limits
+        from lumbar.reports.explorer.page import excitation_of
+
         diagnosis = self.explored.diagnosis
         verdict = replace(diagnosis.verdict, tied_with=[self.explored.refitted(effects).path[-1]])
         limits = machine_limits(diagnosis.machine, verdict.experiment)

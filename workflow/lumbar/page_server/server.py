@@ -13,8 +13,6 @@ from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.requests import TabRequests
 from lumbar.page_server.served_sets import OWN, RESULT, ServedSets
 from lumbar.page_server.trust import HOST, FromHere, Guarded
-from lumbar.reports.explorer.page import PAGE
-from lumbar.reports.explorer.plots import ANSWER, REQUEST
 from lumbar.templates import template
 
 if TYPE_CHECKING:
@@ -125,6 +123,10 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) ->
     explored = find(document)
     if explored is None or not explored.ready:
         return
+    # Here, not above: the server listens before Matplotlib is read.
+    from lumbar.reports.explorer.page import PAGE
+    from lumbar.reports.explorer.plots import REQUEST
+
     page = explored.page
     page.fill(document)
     document.title = page.title
@@ -142,6 +144,8 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) ->
 
 async def _answered(document: Document, requests: TabRequests, text: str) -> None:
     """Answer while other tabs go on."""
+    from lumbar.reports.explorer.plots import ANSWER
+
     content, models = await in_background(requests.answer, text)
     for model in models:
         for record in model.values:

@@ -19,7 +19,10 @@ window.lumbar = (() => {
   const digits = (value) => (value === null ? "unknown" : Number(value).toPrecision(3));
   const known = (effects) => keyOf(effects) in page.models;
   const steps = (effects) => [[], ...effects.map((_, i) => effects.slice(0, i + 1))];
-  const where = window.lumbarWhere(named, digits, page);
+  // What is drawn is the page's own: nothing of it is compared with what was there, or sent to a server.
+  const put = (name, data) => named(name).setv({ data }, { check_eq: false, sync: false });
+  let whole; // all samples of the record that is shown
+  const where = window.lumbarWhere(() => whole, named, put, digits, page);
 
   function made(tag, text, attributes = {}) {
     const node = document.createElement(tag);
@@ -36,13 +39,13 @@ window.lumbar = (() => {
     const less = (key) => Float32Array.from(data.measured, (value, i) => value - data[key][i]);
     const [first_error, second_error] = [less(first), less(second)];
     const turned = (error) => error.map((value, i) => value * data.turned[i]);
-    named("shown").data = {
+    whole = {
       time: data.time, position: data.position, velocity: data.velocity, since: data.since, measured: data.measured,
       first: data[first], second: data[second], first_error, second_error,
       first_turned: turned(first_error), second_turned: turned(second_error),
     };
     const { frequency, noise, marker, ...lines } = named("spectrum:" + record).data;
-    named("lines").data = { frequency, noise, marker, first: lines[first], second: lines[second] };
+    put("lines", { frequency, noise, marker, first: lines[first], second: lines[second] });
     const duration = data.time[data.time.length - 1];
     if (record !== windowed) {
       const end = Math.min(duration, page.window_s);
@@ -50,10 +53,28 @@ window.lumbar = (() => {
       element("to").max = element("from").max = duration.toFixed(3);
     }
     windowed = record;
+    inWindow();
     where.draw();
     element("region").textContent = where.nothing();
     merits(record, [first, second]);
     told(first, record);
+  }
+
+  // Lines and loops are drawn of the time that is shown alone: a long record would take a second.
+  function inWindow() {
+    const { start, end } = named("course").x_range;
+    const [first, last] = [start, end].map((time) => whole.time.findIndex((value) => value >= time));
+    const until = last < 0 ? whole.time.length : last + 1;
+    const part = ([name, values]) => [name, values.slice(Math.max(first - 1, 0), until)];
+    put("shown", Object.fromEntries(Object.entries(whole).map(part)));
+  }
+
+  // Once a frame, however often the range changes.
+  let waits = false;
+  function moved() {
+    if (waits) return;
+    waits = true;
+    requestAnimationFrame(() => { waits = false; inWindow(); });
   }
 
   function brush(across, up, event) {
@@ -327,5 +348,5 @@ window.lumbar = (() => {
   }
 
   start();
-  return { brush, brushBand, answered };
+  return { brush, brushBand, moved, answered, whole: () => whole };
 })();

@@ -39,7 +39,7 @@ PAGE = "reports/explorer/explorer.html.jinja"
 PICTURES = (
     ("course", "Measured and simulated over time", True, "time"),
     ("residual", "Measured less simulated over time; grey: ± the noise's RMS", True, "cycles"),
-    ("loop", "Output over input: loops", False, "linear dynamics"),
+    ("loop", "Output over input in the time that is shown: loops", False, "linear dynamics"),
     ("plane", "Error of the first model in the motion", False, "position and velocity"),
     ("depth", "Mean error over depth; ▲ advancing, ▼ retracting", False, "depth"),
     ("turns", "Mean error around reversals, along the motion after them", False, "reversals"),

@@ -87,7 +87,7 @@ def _source(name: str, columns: Sequence[str]) -> ColumnDataSource:
 
 
 def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDataSource) -> list[figure]:
-    from bokeh.models import Range1d
+    from bokeh.models import CustomJS, Range1d
 
     output, moved = (
         f"{experiment.output_quantity.capitalize()} ({experiment.output_unit})",
@@ -97,6 +97,8 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
     velocity = f"Velocity ({experiment.input_unit}/s)"
     error = f"Error ({experiment.output_unit})"
     course = _figure("course", "Time (s)", output, x_range=Range1d(0, 1))  # the page's script sets it
+    for end in ("start", "end"):
+        course.x_range.js_on_change(end, CustomJS(code="window.lumbar.moved()"))
     residual = _figure("residual", "Time (s)", error, x_range=course.x_range)
     loop = _figure("loop", position, output)
     plane = _figure("plane", position, velocity, x_range=loop.x_range)

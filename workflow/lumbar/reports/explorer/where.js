@@ -1,10 +1,8 @@
 // Where the first model fails: its error in the motion, over depth, around reversals; and what is marked in all pictures.
 "use strict";
-window.lumbarWhere = (named, digits, page) => {
+window.lumbarWhere = (shown, named, put, digits, page) => {
   const CELLS = 24;
   const FEWEST = 5; // samples that make a mean
-  const put = (name, data) => { named(name).data = data; };
-  const shown = () => named("shown").data;
 
   function span(values) {
     let [low, high] = [Infinity, -Infinity];

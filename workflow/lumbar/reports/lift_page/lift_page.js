@@ -350,7 +350,9 @@ window.lumbarLift = (() => {
     if (loop === null || x === null || y === null) return;
     pause();
     dragging = kind === "panstart" || kind === "pan";
-    pushTo([x, y]);
+    const { x_range, y_range } = named("plane");
+    const within = (value, { start, end }) => Math.min(Math.max(value, start), end); // not out of the picture
+    pushTo([within(x, x_range), within(y, y_range)]);
   }
 
   function tapped({ x }) { pause(); seek(x); }

@@ -143,6 +143,7 @@ class LiftPage:
             "no_balance": self.course.missing.get("margin_of_stability_m", ""),
             "share": self.settings.measures.functional_share,
             "centres": [{**item, "colour": COLOURS[item["name"]]} for item in centres(self.lift.body)],
+            "has_states": not self.lift.states.empty,
             "planes": PLANE_TITLES,
             "coms": list(SEGMENTS),
             "looks": {com: {"colour": SEGMENTS[com], "dashed": bool(DASHES[com])} for com in SEGMENTS},
