@@ -10,14 +10,16 @@ import os
 import runpy
 import subprocess
 import sys
-from collections import defaultdict
+import threading
 from collections.abc import Sequence
 from multiprocessing import forkserver
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 from pictures import sketched
 
 SERVER = multiprocessing.get_context("forkserver")
+REAPING = threading.Lock()
 SERVER.set_forkserver_preload(
     [
         "snakemake.cli",
@@ -80,7 +82,6 @@ def _at(folder: Path, environment: dict[str, str], output: Path) -> None:
 
 def _snakemake(folder, arguments, environment, output, address) -> None:
     from snakemake.cli import main
-    from snakemake.scheduling.job_scheduler import JobScheduler
     from snakemake.script import PythonScript
 
     # The scripts are forked from the same process.
@@ -88,13 +89,13 @@ def _snakemake(folder, arguments, environment, output, address) -> None:
     forkserver._forkserver.ensure_running = lambda: None
     _at(folder, environment, output)
     PythonScript.execute_script = lambda script, name, edit=False: execute_script(script, name, output)
-    JobScheduler.update_input_sizes = no_input_sizes
     sys.argv = ["snakemake", *arguments]
     main()
 
 
-def _script(path: str, folder: Path, environment: dict[str, str], output: Path) -> None:
+def _script(path: str, folder: Path, environment: dict[str, str], output: Path, begin: Connection) -> None:
     """Run a script as Python would when started with its path."""
+    begin.recv()
     _at(folder, environment, output)
     sys.argv = [path]
     with sketched():
@@ -105,20 +106,14 @@ def execute_script(script, path: str, output: Path) -> None:
     """In place of `snakemake.script.PythonScript.execute_script`."""
     from snakemake.benchmark import benchmarked
 
-    process = SERVER.Process(target=_script, args=(path, Path.cwd(), dict(os.environ), output))
-    process.start()
-    if script.bench_record is None:
+    begin, measured = SERVER.Pipe(duplex=False)
+    process = SERVER.Process(target=_script, args=(path, Path.cwd(), dict(os.environ), output, begin))
+    with REAPING:  # as in workflow/job_forks.py
+        process.start()
+    with benchmarked(process.pid, script.bench_record), begin, measured:
+        measured.send(True)
+        wait([process.sentinel])
+    with REAPING:
         process.join()
-    else:
-        with benchmarked(process.pid, script.bench_record):
-            process.join()
     if process.exitcode:
         raise subprocess.CalledProcessError(process.exitcode, [sys.executable, path])
-
-
-async def no_input_sizes(scheduler, jobs) -> None:
-    """In place of `JobScheduler.update_input_sizes`, which asks for the size of every input of every waiting job.
-
-    Sizes break ties between jobs that may start; with a library's hundreds of sources as inputs they take half a second a job.
-    """
-    scheduler._input_sizes = defaultdict(int)

@@ -13,14 +13,17 @@ import runpy
 import signal
 import subprocess
 import sys
+import threading
 from multiprocessing import forkserver
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 
 _WORTH_IT = 4
 """Scripts from which on one import of all libraries takes less than every script's own."""
 _PR_SET_PDEATHSIG = 1
 """Of Linux's prctl(2): the signal that a process gets when its parent ends."""
 _SERVER = multiprocessing.get_context("forkserver")
+_REAPING = threading.Lock()
+"""Starting a process asks all others whether they have ended; of two threads that ask the same one, one is told of a failure."""
 
 
 def fork_scripts(workflow) -> None:
@@ -51,10 +54,13 @@ def execute_script(script, path: str, edit: bool = False) -> None:
 
     begin, measured = _SERVER.Pipe(duplex=False)
     process = _SERVER.Process(target=_run, args=(path, str(script.resources["tmpdir"]), begin))
-    process.start()
+    with _REAPING:
+        process.start()
     # A forked process is gone as soon as it ends: it waits until it is measured.
     with benchmarked(process.pid, script.bench_record), begin, measured:
         measured.send(True)
+        wait([process.sentinel])
+    with _REAPING:
         process.join()
     if process.exitcode:
         raise subprocess.CalledProcessError(process.exitcode, [sys.executable, path])

@@ -1,6 +1,6 @@
 """Seconds and memory of every rule, and how they grow with samples, records and lifters.
 
-    python tests/benchmark/growth.py [--study results/thesis] [--before results/other] [--longest 20]
+    python tests/benchmark/growth.py [--study results/thesis] [--before results/other] [--longest 20] [--only WORDS]
 
 Prints tables; nothing is asserted, because machines differ. The first is of the benchmark files of a run that is there, beside
 those of an earlier one. Each further row is one task at sizes that rise tenfold until one takes longer than ``--longest``
@@ -198,6 +198,7 @@ def main() -> None:
     parser.add_argument("--study", type=Path, default=PROJECT / "results" / "thesis")
     parser.add_argument("--before", type=Path)
     parser.add_argument("--longest", type=float, default=20.0)
+    parser.add_argument("--only", default="", help="words in the names of the tasks wanted")
     options = parser.parse_args()
     if (options.study / "benchmarks").is_dir():
         print_rules(options.study, options.before)
@@ -216,7 +217,8 @@ def main() -> None:
             ("lifters: plan of three lifts each", lambda size: planned(folder, size), people),
             ("lifters: groups compared", people_compared, people),
         ):
-            grow(task, prepare, sizes, options.longest)
+            if options.only in task:
+                grow(task, prepare, sizes, options.longest)
 
 
 if __name__ == "__main__":

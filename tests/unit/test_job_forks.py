@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -48,3 +49,14 @@ def test_a_script_that_fails_or_is_killed_fails_its_job(run, end, status):
         run(end)
     assert failed.value.returncode == status
     assert failed.value.cmd[0] == sys.executable
+
+
+def test_jobs_that_start_and_end_at_once_do_not_fail_one_another(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(WORKFLOW))
+    from job_forks import execute_script
+
+    (tmp_path / "script.py").write_text("pass")
+    job = SimpleNamespace(resources={"tmpdir": tmp_path}, bench_record=None)
+    with ThreadPoolExecutor(6) as threads:
+        ended = [threads.submit(execute_script, job, str(tmp_path / "script.py")) for _ in range(60)]
+        assert [item.result() for item in ended] == [None] * 60

@@ -123,7 +123,9 @@ def default_name(path: Path) -> str:
 
 
 _LARGE = 5_000_000
-"""Bytes from which on a file is first tried as a plain table of numbers."""
+"""Bytes from which on a file is first tried as a plain table of numbers, and is announced."""
+_WORTH_IT = 50_000
+"""The same where pandas, whose import takes as long as some megabytes line by line, is there already."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
 
 
@@ -158,19 +160,22 @@ def _read_plain_table(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.nd
 
     Fifty times as fast as going through it line by line, which is left to say where a file is not as it should be.
     """
+    smallest = _WORTH_IT if "pandas" in sys.modules else _LARGE
     packed = path.suffix == ".gz"
-    if layout.decimal != "." or (path.stat().st_size < _LARGE and not packed):
+    if layout.decimal != "." or (path.stat().st_size < smallest and not packed):
         return None
     separator = None if layout.delimiter == "whitespace" else layout.delimiter
     source = _opened(path) if packed else path
-    if isinstance(source, io.BytesIO) and source.getbuffer().nbytes < _LARGE:
+    size = source.getbuffer().nbytes if isinstance(source, io.BytesIO) else path.stat().st_size
+    if size < smallest:
         return None
     import pandas as pd
 
     with io.TextIOWrapper(_opened(path), encoding="utf-8-sig", errors="replace") as stream:
         first = stream.readline(_LONGEST_LINE)
     header = _split(first, separator) if layout.header else None
-    print(f"{path.name}: reading {path.stat().st_size / 1e6:.0f} MB", file=sys.stderr, flush=True)
+    if size >= _LARGE:
+        print(f"{path.name}: reading {path.stat().st_size / 1e6:.0f} MB", file=sys.stderr, flush=True)
     try:
         frame = pd.read_csv(
             source,
