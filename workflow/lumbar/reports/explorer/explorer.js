@@ -270,8 +270,11 @@ window.lumbar = (() => {
 
   function taken(text) {
     const answer = JSON.parse(text);
-    Object.assign(page.models, answer.models);
-    for (const key of Object.keys(answer.models || {})) offer(key);
+    for (const [key, model] of Object.entries(answer.models || {})) {
+      if (key in page.models) continue; // where it fails may be known already
+      page.models[key] = model;
+      offer(key);
+    }
     if (answer.number !== asked) return;
     document.body.removeAttribute("aria-busy");
     element("progress").hidden = true;
