@@ -276,6 +276,8 @@ def test_from_a_blind_experiment_to_the_workflow(new_page, served):
     assert errors_of(page)[-1] < 0.25 * errors_of(page)[0]
     add(page, "Inertia")  # computed on the server
     page.wait_for_function("document.querySelectorAll('#ladder li').length === 3")
+    assert "Fitted in" in page.locator("#message").inner_text()
+    assert "are not noise" in page.locator("#headline").inner_text()  # of the base, as before
     page.get_by_role("button", name="inertia earlier").click()
     page.wait_for_function("document.querySelectorAll('#ladder li')[1].textContent.startsWith('+ inertia')")
     assert errors_of(page)[1] > errors_of(page)[2]

@@ -143,7 +143,7 @@ if study.has("stability"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=250, seconds=12),
+            **measured(peak_mb=222, seconds=15),
         params:
             code=library_code("show_lifts.py"),
             settings=without(settings.stability, "compare"),

@@ -8,6 +8,8 @@ window.lumbar = (() => {
   let added = page.selected.slice();
   let aside = null; // a path that was set aside, to be compared
   const past = [];
+  let underway = ""; // what was asked last
+  let next = null; // and what comes after it
   let asked = 0;
   let locating = null; // model of which the server is to say where it fails
   let since; // when the server was asked
@@ -157,7 +159,7 @@ window.lumbar = (() => {
       : open ? "Looking where this model fails …"
       : "Where this model fails was not put into words: the pictures show it.";
     element("besides").replaceChildren(...Object.values(views).map((text) => made("li", text)));
-    if (open && ask({ action: "locate", effects: page.models[key].effects }, "Looking where it fails")) locating = key;
+    if (open && next === null && ask({ action: "locate", effects: page.models[key].effects }, "Looking where it fails", false)) locating = key;
   }
 
   function rung(effects, before, top, number) {
@@ -242,9 +244,14 @@ window.lumbar = (() => {
     (again || element("message")).focus();
   }
 
-  function ask(content, words) {
-    if (document.body.hasAttribute("aria-busy")) return false; // one thing after the other: the answer to the first counts
+  // One thing after the other: what a person asks meanwhile comes next, a second click on the same button does not.
+  function ask(content, words, waits = true) {
+    if (document.body.hasAttribute("aria-busy")) {
+      if (waits && JSON.stringify(content) !== underway) next = [content, words];
+      return false;
+    }
     asked += 1;
+    underway = JSON.stringify(content);
     since = performance.now();
     say(words + " …");
     element("progress").hidden = false;
@@ -254,9 +261,20 @@ window.lumbar = (() => {
   }
 
   function answered(text) {
+    taken(text);
+    if (next === null || document.body.hasAttribute("aria-busy")) return;
+    const wanted = next;
+    next = null;
+    ask(...wanted);
+  }
+
+  function taken(text) {
     const answer = JSON.parse(text);
-    Object.assign(page.models, answer.models);
-    for (const key of Object.keys(answer.models || {})) offer(key);
+    for (const [key, model] of Object.entries(answer.models || {})) {
+      if (key in page.models) continue; // where it fails may be known already
+      page.models[key] = model;
+      offer(key);
+    }
     if (answer.number !== asked) return;
     document.body.removeAttribute("aria-busy");
     element("progress").hidden = true;
