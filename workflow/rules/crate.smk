@@ -2,6 +2,7 @@
 
 from project_files import project_files
 
+
 localrules:
     run_crate,
 
