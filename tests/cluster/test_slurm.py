@@ -6,7 +6,7 @@ import pytest
 from faults import CHAPTER, RESULTS, job_cancelled
 from slurm_node import differing, obstacle, slurm_node
 
-from running import copy_project, snakemake
+from running import PLAIN, copy_project, snakemake
 
 
 @pytest.fixture
@@ -21,6 +21,6 @@ def node(tmp_path):
 def test_a_chapter_through_slurm_has_the_same_bytes_also_when_its_job_is_cancelled(node, tmp_path):
     expected, folder = (copy_project(tmp_path / name) for name in ("local", "slurm"))
     job_cancelled(node, folder)
-    local = snakemake(expected, "--cores", "1", CHAPTER)
+    local = snakemake(expected, "--cores", "1", CHAPTER, program=PLAIN)
     assert local.status == 0, local.text[-4000:]
     assert not differing(expected / RESULTS, folder / RESULTS)

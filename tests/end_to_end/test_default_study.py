@@ -245,8 +245,10 @@ def test_only_the_mass_changed_moves_that_persons_basins_alone(other_mass):
     pd.testing.assert_frame_equal(novice[0], novice[1], check_exact=True)
     keys = ["box_mass_kg", "com", "plane", "method", "sign", "time"]
     expert = [frame[frame.subject == "expert"].set_index(keys).sort_index().mean_area for frame in other_mass]
-    assert expert[0].index.equals(expert[1].index)
-    assert ((expert[0] - expert[1]).abs() / expert[0] > 1e-4).all()
+    # A heavier body is slower: so few knots resolve basins of it that they did not resolve before.
+    assert len(expert[0]) > 12
+    assert set(expert[0].index) <= set(expert[1].index)
+    assert ((expert[0] - expert[1].loc[expert[0].index]).abs() / expert[0] > 1e-4).all()
 
 
 @pytest.mark.parametrize("name", ["table_2_1", "table_3_2"])

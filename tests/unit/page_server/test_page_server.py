@@ -231,7 +231,7 @@ def test_the_server_ends_while_it_computes(tmp_path):
     with subprocess.Popen(command, cwd=tmp_path, **pipes) as server:
         port = int(server.stdout.readline().rpartition(":")[2].partition("/")[0])
         assert ask(port, "GET", "/records")[0] == 200
-        server.send_signal(signal.SIGINT)
+        server.send_signal(signal.SIGTERM)  # as Ctrl-C, which what is started in the background ignores
         _, said = server.communicate()
     assert (server.returncode, "Traceback" in said) == (INTERRUPTED, False)
     assert sorted(tmp_path.iterdir()) == before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from html import unescape
 
 import numpy as np
 import pandas as pd
@@ -235,7 +236,7 @@ def test_variants_are_what_they_say():
 def test_areas_table_says_what_every_column_is(basins):
     html = areas_table(basins.summary, SETTINGS, "test").to_html()
     for name in set(COLUMNS) - set(CHECK_COLUMNS["cvxpy"]):
-        assert f"<dt>{name}</dt>" in html
+        assert f"<dd>{COLUMNS[name]}</dd>" in unescape(html)
 
 
 def test_figure_ellipses_lie_on_the_level(basins):
