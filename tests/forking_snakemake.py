@@ -8,18 +8,15 @@ from __future__ import annotations
 import multiprocessing
 import os
 import runpy
-import subprocess
 import sys
-import threading
 from collections.abc import Sequence
 from multiprocessing import forkserver
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from pictures import sketched
 
 SERVER = multiprocessing.get_context("forkserver")
-REAPING = threading.Lock()
 SERVER.set_forkserver_preload(
     [
         "snakemake.cli",
@@ -93,7 +90,7 @@ def _snakemake(folder, arguments, environment, output, address) -> None:
     main()
 
 
-def _script(path: str, folder: Path, environment: dict[str, str], output: Path, begin: Connection) -> None:
+def _script(begin: Connection, path: str, folder: Path, environment: dict[str, str], output: Path) -> None:
     """Run a script as Python would when started with its path."""
     begin.recv()
     _at(folder, environment, output)
@@ -104,16 +101,7 @@ def _script(path: str, folder: Path, environment: dict[str, str], output: Path, 
 
 def execute_script(script, path: str, output: Path) -> None:
     """In place of `snakemake.script.PythonScript.execute_script`."""
-    from snakemake.benchmark import benchmarked
+    from job_forks import run_forked  # of the folder's workflow
 
-    begin, measured = SERVER.Pipe(duplex=False)
-    process = SERVER.Process(target=_script, args=(path, Path.cwd(), dict(os.environ), output, begin))
-    with REAPING:  # as in workflow/job_forks.py
-        process.start()
-    with benchmarked(process.pid, script.bench_record), begin, measured:
-        measured.send(True)
-        wait([process.sentinel])
-    with REAPING:
-        process.join()
-    if process.exitcode:
-        raise subprocess.CalledProcessError(process.exitcode, [sys.executable, path])
+    arguments = (path, Path.cwd(), dict(os.environ), output)
+    run_forked(SERVER, _script, arguments, script.bench_record)

@@ -50,23 +50,44 @@ def fork_scripts(workflow) -> None:
 
 def execute_script(script, path: str, edit: bool = False) -> None:
     """In place of `snakemake.script.PythonScript.execute_script`, which starts Python with the path of the script."""
+    run_forked(_SERVER, _run, (path, str(script.resources["tmpdir"])), script.bench_record)
+
+
+def run_forked(server, target, arguments: tuple, bench_record) -> None:
+    """Run a function in a process of its own and measure it.
+
+    Parameters
+    ----------
+    server : multiprocessing context
+        That forks.
+    target : callable
+        Takes a connection, from which it receives once before it begins, and the arguments.
+    arguments : tuple
+        The first is the script's path.
+    bench_record : snakemake.benchmark.BenchmarkRecord or None
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        The process failed or was killed.
+    """
     from snakemake.benchmark import benchmarked
 
-    begin, measured = _SERVER.Pipe(duplex=False)
-    process = _SERVER.Process(target=_run, args=(path, str(script.resources["tmpdir"]), begin))
+    begin, measured = server.Pipe(duplex=False)
+    process = server.Process(target=target, args=(begin, *arguments))
     with _REAPING:
         process.start()
     # A forked process is gone as soon as it ends: it waits until it is measured.
-    with benchmarked(process.pid, script.bench_record), begin, measured:
+    with benchmarked(process.pid, bench_record), begin, measured:
         measured.send(True)
         wait([process.sentinel])
     with _REAPING:
         process.join()
     if process.exitcode:
-        raise subprocess.CalledProcessError(process.exitcode, [sys.executable, path])
+        raise subprocess.CalledProcessError(process.exitcode, [sys.executable, arguments[0]])
 
 
-def _run(path: str, temporary: str, begin: Connection) -> None:
+def _run(begin: Connection, path: str, temporary: str) -> None:
     """Run a script as Python would when started with its path."""
     # Killed with the process it was forked from: with that, Snakemake holds the job for failed and removes its files.
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
