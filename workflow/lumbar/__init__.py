@@ -28,7 +28,7 @@ _VERBS = {
     "compare": "lumbar.interface.comparison",
     "locate": "lumbar.interface.comparison",
     "diagnose": "lumbar.interface.diagnosis",
-    "refine": "lumbar.interface.diagnosis",
+    "refine": "lumbar.interface.refinement",
     "doctor": "lumbar.interface.doctor",
     "propose": "lumbar.interface.proposing",
     "export_fmu": "lumbar.interface.device",

@@ -7,7 +7,6 @@ from lumbar.interface.comparison import locate as locate
 from lumbar.interface.device import export_fmu as export_fmu
 from lumbar.interface.device import load_models as load_models
 from lumbar.interface.diagnosis import diagnose as diagnose
-from lumbar.interface.diagnosis import refine as refine
 from lumbar.interface.doctor import doctor as doctor
 from lumbar.interface.fmu_checking import check_fmu as check_fmu
 from lumbar.interface.identification import identify as identify
@@ -23,6 +22,7 @@ from lumbar.interface.person import lift as lift
 from lumbar.interface.proposing import propose as propose
 from lumbar.interface.pushing import push_prediction as push_prediction
 from lumbar.interface.reading import read as read
+from lumbar.interface.refinement import refine as refine
 from lumbar.interface.rendering import render as render
 from lumbar.interface.study_report import report as report
 from lumbar.interface.surgeons import bandwidth as bandwidth

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from lumbar.config.settings_files import load_settings
 
 if TYPE_CHECKING:
-    from lumbar.interface.diagnosis import Refinement
+    from lumbar.interface.refinement import Refinement
     from lumbar.records.record_set import RecordSet
     from lumbar.settings.study_settings import StudySettings
 
@@ -34,7 +34,7 @@ def read_folder(options) -> tuple[StudySettings, RecordSet, dict[str, Any]]:
 
 def refined(options) -> Refinement:
     """Fit the base with the effects of ``--add`` to the records of the folder."""
-    from lumbar.interface.diagnosis import refine
+    from lumbar.interface.refinement import refine
 
     settings, records, chosen = read_folder(options)
     return refine(records, options.add, gravity_m_s2=settings.stability.pendulum.gravity_m_s2, **chosen)

@@ -1,4 +1,4 @@
-"""``lumbar.diagnose`` and ``lumbar.refine``: which effect a model is missing, and the model with it."""
+"""``lumbar.diagnose``: which effect a model is missing."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.effects.pendulum_load import GRAVITY
 from lumbar.errors import InputError
 from lumbar.interface.data_label import label_of
+from lumbar.interface.refinement import Refinement, chosen_settings, refined
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
@@ -21,13 +22,9 @@ from lumbar.settings.tissue import TissueSettings
 
 if TYPE_CHECKING:
     from lumbar.diagnosis.evidence.evidence import Evidence
-    from lumbar.diagnosis.finding import Finding
-    from lumbar.diagnosis.fitting.preparation import Experiment
     from lumbar.diagnosis.law.proposal import Proposal
     from lumbar.diagnosis.residuals.residual_report import Simulated
-    from lumbar.diagnosis.selection.forward_selection import Candidate
     from lumbar.diagnosis.selection.verdict import Verdict
-    from lumbar.interface.comparison import Comparisons, Locations
     from lumbar.interface.proposed_law import ProposedLaw
     from lumbar.interface.thesis_models import ThesisModels
     from lumbar.models.fitted_model import FittedModel
@@ -107,7 +104,7 @@ def diagnose(
     from lumbar.diagnosis.selection.diagnose import diagnose as search
 
     settings = settings or ImprovementSettings()
-    chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward, session)
+    chosen = chosen_settings(settings, base, train, periods, gravity_m_s2, forward, session)
     data = label_of(data, records)
     used, changed = manageable(list(records), chosen.session)
     verdict = search(used, chosen)
@@ -116,69 +113,6 @@ def diagnose(
     proposal = law_beside(verdict) if proposing else None
     tissue = tissue or TissueSettings()
     return Diagnosis(used, chosen, with_law(verdict, proposal), machine, seed, data, proposal, tissue)
-
-
-def refine(
-    records: Sequence[Record],
-    effects: Iterable[str],
-    *,
-    base: str | None = None,
-    train: str | Sequence[str] | None = None,
-    periods: Mapping[str, float] | None = None,
-    session: bool | None = None,
-    settings: ImprovementSettings | None = None,
-    gravity_m_s2: float = GRAVITY,
-    forward: bool | None = None,
-    seed: int = SEED,
-    data: str = "",
-) -> Refinement:
-    """Fit a base model with effects that are named, each added in turn; parameters as of `diagnose`.
-
-    Parameters
-    ----------
-    effects : iterable of str
-        Names in the catalogue, in the order in which they are added; none gives the base alone.
-
-    Returns
-    -------
-    Refinement
-
-    Raises
-    ------
-    InputError
-        For an unknown effect, one that the records lack channels for, or one that they do not excite.
-    NumericalError
-        If a fit does not converge, or an effect makes the model worse.
-
-    Examples
-    --------
-    >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_records
-    >>> refined = lumbar.refine(example_records(), ["coulomb_friction"])
-    >>> print(refined)
-    KB: 0.2309 N in training, 0.2238 unseen
-    KB+coulomb_friction: 0.009905 N in training, 0.009905 unseen
-    >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
-    '0.40 N'
-    """
-    chosen = _chosen(settings, base, train, periods, gravity_m_s2, forward, session)
-    data = label_of(data, records)
-    return _refined(list(records), list(effects), chosen, seed, data)
-
-
-def _chosen(settings, base, train, periods, gravity_m_s2, forward, session) -> DiagnosisSettings:
-    return DiagnosisSettings.from_improvement(
-        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2, forward, session
-    )
-
-
-def _refined(records, effects, settings, seed, data) -> Refinement:
-    from lumbar.diagnosis.fitting.manageable import manageable
-    from lumbar.diagnosis.selection.refine import refine as fit_path
-
-    used, changed = manageable(records, settings.session)
-    experiment, path = fit_path(used, effects, settings)
-    return Refinement(used, settings, experiment, path, seed, data, changed)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -273,7 +207,7 @@ class Diagnosis:
 
     def refit(self, effects: Iterable[str]) -> Refinement:
         """Fit the base with these effects and no others; arguments and errors as of `lumbar.refine`."""
-        return _refined(self.records, list(effects), self.settings, self.seed, self.data)
+        return refined(self.records, list(effects), self.settings, self.seed, self.data)
 
     def with_effects(self, effects: Iterable[str]) -> Refinement:
         """Return the base with these effects as the page of the diagnosis shows it.
@@ -408,120 +342,3 @@ class Diagnosis:
 
     def _repr_html_(self) -> str:
         return self.to_html()
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Refinement:
-    """A base model with named effects: the models on the way and their errors.
-
-    Attributes
-    ----------
-    records : list of Record
-    settings : DiagnosisSettings
-    experiment : Experiment
-    path : list of Candidate
-        Base, base and first effect, ….
-    seed : int
-    data : str
-    findings : tuple of Finding
-        Records that were too long or too fast, and what was used of them.
-    """
-
-    records: list[Record]
-    settings: DiagnosisSettings
-    experiment: Experiment
-    path: list[Candidate]
-    seed: int
-    data: str
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """Names of the effects, in the order in which they were added."""
-        return self.path[-1].effects
-
-    @cached_property
-    def models(self) -> list[FittedModel]:
-        """Base, base and first effect, …."""
-        from lumbar.diagnosis.selection.refined_model import fitted_model
-
-        return [fitted_model(item, self.experiment) for item in self.path]
-
-    @property
-    def model(self) -> FittedModel:
-        """The base with all effects."""
-        return self.models[-1]
-
-    def add(self, *effects: str) -> Refinement:
-        """Refit with these effects more."""
-        wanted = list(dict.fromkeys([*self.effects, *effects]))
-        return _refined(self.records, wanted, self.settings, self.seed, self.data)
-
-    def remove(self, *effects: str) -> Refinement:
-        """Refit without these effects."""
-        wanted = [name for name in self.effects if name not in effects]
-        return _refined(self.records, wanted, self.settings, self.seed, self.data)
-
-    def compare(self) -> Comparisons:
-        """Compare the model with every record."""
-        from lumbar.interface.comparison import Comparisons
-
-        return Comparisons(self.model, self._on_records, self.data, self.findings)
-
-    def locate(self) -> Locations:
-        """See where the model fails on every record."""
-        from lumbar.interface.comparison import Locations
-
-        return Locations(self.model, self._on_records, self.data, self.findings)
-
-    @cached_property
-    def _on_records(self) -> list[Simulated]:
-        from lumbar.diagnosis.residuals.residual_report import compare_and_locate
-
-        seen, fit = self.experiment, self.path[-1].fit
-        return compare_and_locate(
-            seen.records, fit, seen.floor, seen.floor_from, self.seed, seen.surface, seen.session
-        )
-
-    def rows(self) -> list[dict]:
-        """The error ladder: one dict per model."""
-        from lumbar.diagnosis.selection.refined_model import model_name
-
-        unit = self.experiment.output_unit
-        return [
-            {
-                "model": model_name(item.fit),
-                f"training ({unit})": item.train_rms,
-                f"unseen ({unit})": item.test_rms,
-            }
-            for item in self.path
-        ]
-
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``refined.json``: every model of the path, ready for export."""
-        from lumbar.diagnosis.selection.refined_model import refined_document
-        from lumbar.files import write_json
-
-        document = refined_document(self.path, self.experiment, self.data)
-        write_json(Path(folder) / "refined.json", document)
-
-    def __str__(self) -> str:
-        from lumbar.diagnosis.selection.ladder_digits import told_apart
-        from lumbar.diagnosis.selection.refined_model import model_name
-
-        unit = self.experiment.output_unit
-        training = told_apart([item.train_rms for item in self.path], 4)
-        unseen = told_apart([item.test_rms for item in self.path], 4)
-        lines = [
-            f"{model_name(item.fit)}: {own} {unit} in training, {other} unseen"
-            for item, own, other in zip(self.path, training, unseen, strict=True)
-        ]
-        return "\n".join([*lines, *(item.sentence for item in self.findings)])
-
-    def __repr__(self) -> str:
-        return f"<Refinement of {self.path[0].fit.structure.base.name}: {', '.join(self.effects) or 'no effect'}>"
-
-    def _repr_html_(self) -> str:
-        import pandas as pd
-
-        return pd.DataFrame(self.rows()).to_html(index=False)

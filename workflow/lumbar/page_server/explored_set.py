@@ -14,7 +14,8 @@ from lumbar.progress import going_on
 from lumbar.reports.explorer.shown import model_key
 
 if TYPE_CHECKING:
-    from lumbar.interface.diagnosis import Diagnosis, Refinement
+    from lumbar.interface.diagnosis import Diagnosis
+    from lumbar.interface.refinement import Refinement
     from lumbar.page_server.study_change import Change
     from lumbar.records.record import Record
     from lumbar.reports.explorer.page import ExplorerPage

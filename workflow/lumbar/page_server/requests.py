@@ -13,7 +13,7 @@ from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.study_change import Change
 
 if TYPE_CHECKING:
-    from lumbar.interface.diagnosis import Refinement
+    from lumbar.interface.refinement import Refinement
     from lumbar.reports.explorer.shown import ShownModel
 
 MOST_EFFECTS = 8
