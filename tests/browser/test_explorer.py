@@ -239,7 +239,7 @@ def served(shared, tmp_path):
     study.write_text(STUDY, encoding="utf-8")
     command = [sys.executable, "-m", "lumbar", "explore", "config/studies/blind.yaml", "--port", "0"]
     server = subprocess.Popen([*command, "--no-browser"], cwd=project, stdout=subprocess.PIPE, text=True)
-    yield project, [server.stdout.readline().strip() for _ in range(3)]
+    yield project, [server.stdout.readline().split()[0] for _ in range(3)]
     server.terminate()
     server.wait(30)
 
@@ -341,7 +341,7 @@ def own(tmp_path):
     """Address of the page for own recordings, served where there is no project."""
     command = [sys.executable, "-m", "lumbar", "explore", "--port", "0", "--no-browser"]
     server = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
-    yield server.stdout.readline().strip()
+    yield server.stdout.readline().split()[0]
     server.terminate()
     server.wait(30)
 
