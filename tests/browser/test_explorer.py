@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from accessibility import serious
 
 import lumbar
 from running import FORKING, copy_project, snakemake
@@ -194,16 +195,6 @@ def test_files_are_handed_out_without_a_server(new_page, saved, tmp_path):
     assert {"KB", "KB (ARX)", "KB (output error)", "KB+coulomb_friction"} <= {row["model"] for row in rows}
     page.get_by_role("button", name="Excitation file that tells Hysteresis").click()
     assert "was not computed" in page.locator("#message").inner_text()
-
-
-def serious(page) -> list[tuple[str, str]]:
-    """What axe-core finds serious or critical, with the element."""
-    reason = "the extra 'develop' has it"
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason=reason).Axe()
-    found = axe.run(page).response["violations"]
-    return [
-        (item["id"], item["nodes"][0]["html"]) for item in found if item["impact"] in ("serious", "critical")
-    ]
 
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
