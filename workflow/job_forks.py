@@ -9,6 +9,7 @@ import atexit
 import multiprocessing
 import os
 import runpy
+import signal
 import subprocess
 import sys
 import threading
@@ -18,6 +19,8 @@ from multiprocessing.connection import Connection, wait
 _WORTH_IT = 4
 """Scripts from which on one import of all libraries takes less than every script's own."""
 _SERVER = multiprocessing.get_context("forkserver")
+_SERVER_GONE = 255
+"""Exit code where the server was killed, which would have told it, and with it the process."""
 _REAPING = threading.Lock()
 """Starting a process asks all others whether they have ended; of two threads that ask the same one, one is told of a failure."""
 
@@ -80,7 +83,8 @@ def run_forked(server, target, arguments: tuple, bench_record) -> None:
     with _REAPING:
         process.join()
     if process.exitcode:
-        raise subprocess.CalledProcessError(process.exitcode, [sys.executable, arguments[0]])
+        status = -signal.SIGKILL if process.exitcode == _SERVER_GONE else process.exitcode
+        raise subprocess.CalledProcessError(status, [sys.executable, arguments[0]])
 
 
 def _run(begin: Connection, path: str, temporary: str) -> None:

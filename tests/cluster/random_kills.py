@@ -17,10 +17,12 @@ import os
 import random
 import re
 import shutil
+import signal
 import sys
 import tempfile
 import time
 from bisect import bisect_right
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,8 +31,8 @@ PROJECT = HERE.parents[1]
 sys.path[:0] = [str(HERE), str(HERE.parent), str(PROJECT / "workflow")]
 
 import psutil  # noqa: E402
-from run_processes import kind, of_session, victims, work  # noqa: E402
-from slurm_node import Call, differing  # noqa: E402
+from run_processes import drawn, kind, living, of_session, work  # noqa: E402
+from slurm_node import Call, Node, differing, wait_for  # noqa: E402
 
 from coarse_study import coarse_project  # noqa: E402
 from running import NOT_INHERITED  # noqa: E402
@@ -50,8 +52,8 @@ improvement:
         - {name: fast, file: hip_moment/fast.csv}
 """
 """Laid over the coarse study: less of everything, but all chapters, and a compiler's cache that is nobody else's."""
-ARGUMENTS = ["--cores", "2", "--configfile", "config/coarse.yaml", "config/short.yaml"]
-GRACE_S = 5.0
+CONFIGURED = ("--configfile", "config/coarse.yaml", "config/short.yaml")
+GRACE_S = 10.0
 """In which processes end whose Snakemake is gone."""
 MOST_TRIES = 5
 """Of hitting a run before it ends, in the last part of its length."""
@@ -69,21 +71,73 @@ def anew(folder: Path) -> None:
     """Remove what earlier calls made."""
     for name in ("results", ".snakemake", "tmp"):
         shutil.rmtree(folder / name, ignore_errors=True)
+    for said in folder.glob("called_*.txt"):
+        said.unlink()
 
 
-def start(folder: Path, *arguments: str) -> Call:
-    """Call Snakemake in a session of its own, with a folder for temporary files of its own."""
-    environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED}
-    (folder / "tmp").mkdir(exist_ok=True)
-    environment["TMPDIR"] = str(folder / "tmp")
-    return Call.begin(folder, [*arguments, *ARGUMENTS], environment, start_new_session=True)
+@dataclass(frozen=True)
+class Here:
+    """Runs of Snakemake that start their jobs themselves.
+
+    Attributes
+    ----------
+    targets : tuple of str
+        Of Snakemake; none is the whole study.
+    """
+
+    targets: tuple[str, ...] = ()
+
+    def start(self, folder: Path, *arguments: str) -> Call:
+        """Call Snakemake in a session of its own, with a folder for temporary files of its own."""
+        environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED}
+        environment["TMPDIR"] = str(folder / "tmp")
+        (folder / "tmp").mkdir(exist_ok=True)
+        arguments = ("--cores", "2", *arguments, *CONFIGURED, "--", *self.targets)
+        return Call.begin(folder, arguments, environment, start_new_session=True)
+
+    def processes(self, call: Call) -> list[psutil.Process]:
+        """All of a run."""
+        return of_session(call.process.pid)
+
+    def ended(self, call: Call) -> list[str]:
+        """Wait for the end of a call, and a little for that of its processes; name those that live on."""
+        call.end()
+        end = time.monotonic() + GRACE_S
+        while (left := self.processes(call)) and time.monotonic() < end:
+            time.sleep(0.05)
+        return [f"{kind(process, call.process.pid)} {work(process)} outlived Snakemake" for process in left]
 
 
-def run(folder: Path, *arguments: str) -> Call:
-    """Call Snakemake and wait for its end."""
-    call = start(folder, *arguments)
-    call.end()
-    return call
+@dataclass(frozen=True)
+class OnSlurm:
+    """Runs whose jobs go through a SLURM of this machine.
+
+    Attributes
+    ----------
+    node : Node
+    targets : tuple of str
+    """
+
+    node: Node
+    targets: tuple[str, ...]
+
+    def start(self, folder: Path, *arguments: str) -> Call:
+        """As `Here.start`."""
+        return self.node.start(folder, *arguments, *CONFIGURED, "--", *self.targets)
+
+    def processes(self, call: Call) -> list[psutil.Process]:
+        """The Snakemake that submits, the processes of its jobs, and SLURM's own beside those."""
+        jobs = {number for job in self.node.jobs("RUNNING") for number in self.node.processes(job)}
+        steps = {parent.pid for process in living(jobs) if (parent := process.parent()) is not None}
+        return living({call.process.pid, *jobs, *(steps - {self.node.daemon})})
+
+    def ended(self, call: Call) -> list[str]:
+        """Wait for the end of a call; what a killed one submitted is cancelled, as the user is told to."""
+        call.end()
+        for name in set(re.findall(r"SLURM run ID: (\S+)", call.text)):
+            self.node.command("scancel", f"--name={name}")
+        wait_for(lambda: not self.node.jobs("RUNNING,COMPLETING"), "the end of the cancelled jobs", 1800)
+        return []
 
 
 def lines_of(call: Call) -> int:
@@ -137,79 +191,114 @@ def everything_below(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*")}
 
 
-def undisturbed(folder: Path) -> tuple[Path, Course]:
-    """Run twice, so that the compiler's cache and bytecode are there as in later runs; return folder and course of the second."""
-    for _ in range(2):
-        anew(project(folder))
-        course = Course.of(call := start(folder))
-        if call.process.returncode:
-            raise AssertionError(call.text[-4000:])
-    return folder, course
+@dataclass(frozen=True)
+class Series:
+    """Kills of a study, each followed by what a user does, and compared with the study left alone.
 
-
-def kill(
-    folder: Path, course: Course, part: tuple[float, float], draw: random.Random
-) -> tuple[Call, str, str]:
-    """Run anew, and kill at a moment within a part of the length; return the call, the moment and what was killed.
-
-    Raises
-    ------
-    AssertionError
-        Every run ended before.
+    Attributes
+    ----------
+    place : Here or OnSlurm
+    expected : Path
+        Folder of the undisturbed run.
+    course : Course
+        Of that run.
+    folder : Path
+        Where runs are killed.
     """
-    for _ in range(MOST_TRIES):
-        anew(folder)
-        seconds = course.length_s * draw.uniform(*part)
-        lines, later = course.moment(seconds)
-        call = start(folder)
-        until(call, lines, later)
-        name, processes = victims(call.process.pid, draw)
-        for process in processes:
-            with contextlib.suppress(psutil.NoSuchProcess):
-                process.kill()
-        if name:
-            return call, f"{100 * seconds / course.length_s:.0f} %, line {lines} + {later:.2f} s", name
+
+    place: Here | OnSlurm
+    expected: Path
+    course: Course
+    folder: Path
+
+    @classmethod
+    def begun(cls, place: Here | OnSlurm, folder: Path) -> Series:
+        """Run twice undisturbed, so that the compiler's cache and bytecode are there; the second is the one to compare with."""
+        expected = project(folder / "undisturbed")
+        for _ in range(2):
+            anew(expected)
+            course = Course.of(call := place.start(expected))
+            if call.process.returncode:
+                raise AssertionError(call.text[-4000:])
+        return cls(place, expected, course, project(folder / "disturbed"))
+
+    def run(self, *arguments: str) -> Call:
+        """Call Snakemake and wait for its end."""
+        call = self.place.start(self.folder, *arguments)
         call.end()
-    raise AssertionError(f"{MOST_TRIES} runs ended before the moment of the kill")
+        return call
+
+    def met(self, number: int, kills: int, seed: int) -> list[str]:
+        """Kill in this part of the length, go on as a user does, print a line; return what is wrong."""
+        draw = random.Random(f"{seed} {number}")
+        call, moment, killed = self.kill(((number - 1) / kills, number / kills), draw)
+        outlived = self.place.ended(call)
+        status = call.process.returncode
+        told, wrong = self.as_told()
+        differ = differing(self.expected / RESULTS, self.folder / RESULTS)
+        said = f"status {status:3}; then {told:22}  {len(differ)} differ"
+        print(f"{number:3}  {moment:26}  {killed:42}  {said}", flush=True)
+        return [*outlived, *wrong, *(f"{name} differs" for name in differ), *self.left()]
+
+    def kill(self, part: tuple[float, float], draw: random.Random) -> tuple[Call, str, str]:
+        """Run anew and kill at a moment within a part of the length; return call, moment and what was killed.
+
+        Raises
+        ------
+        AssertionError
+            Every run ended before.
+        """
+        for _ in range(MOST_TRIES):
+            anew(self.folder)
+            share = draw.uniform(*part)
+            lines, later = self.course.moment(share * self.course.length_s)
+            call = self.place.start(self.folder)
+            until(call, lines, later)
+            name, processes = drawn(self.place.processes(call), call.process.pid, draw)
+            for process in processes:
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    process.kill()
+            if name and call.process.poll() in (None, -signal.SIGKILL):
+                return call, f"{100 * share:.0f} %, line {lines} + {later:.2f} s", name
+            self.place.ended(call)
+        raise AssertionError(f"{MOST_TRIES} runs ended before the moment of the kill")
+
+    def as_told(self) -> tuple[str, list[str]]:
+        """Call again and do what is said; return what that was, and what is wrong."""
+        done, again = [], self.run()
+        if again.process.returncode and "--unlock" in again.text:
+            done.append("--unlock")
+            if self.run("--unlock").process.returncode:
+                return "--unlock", ["--unlock failed"]
+            again = self.run()
+        if again.process.returncode:
+            return ", ".join([*done, "failed"]), [again.text[-4000:]]
+        jobs = re.search(r"^total +(\d+)$", again.text, flags=re.M)
+        return ", ".join([*done, f"{jobs[1]} jobs" if jobs else "nothing to do"]), []
+
+    def left(self) -> list[str]:
+        """What is not as after the undisturbed run, beside the bytes: names, and what a further call would do."""
+        names = everything_below(self.folder / RESULTS) ^ everything_below(self.expected / RESULTS)
+        wrong = [f"{name}: only in one of the folders" for name in sorted(names)]
+        last = self.run("--dry-run")
+        if "Nothing to be done" not in last.text:
+            wrong.append(f"a call after that makes something anew:\n{last.text[-2000:]}")
+        return wrong
 
 
-def survivors(call: Call) -> list[str]:
-    """Wait for the end of a call, and a little for that of its processes; name those that live on."""
-    call.end()
-    end = time.monotonic() + GRACE_S
-    while (left := of_session(call.process.pid)) and time.monotonic() < end:
-        time.sleep(0.05)
-    return [f"{kind(process, call.process.pid)} {work(process)} outlived Snakemake" for process in left]
-
-
-def as_told(folder: Path) -> tuple[str, list[str]]:
-    """Call again and do what is said; return what that was, and what is wrong."""
-    done, again = [], run(folder)
-    if again.process.returncode and "--unlock" in again.text:
-        unlocked = run(folder, "--unlock")
-        done += ["--unlock"]
-        if unlocked.process.returncode:
-            return "--unlock", [unlocked.text[-2000:]]
-        again = run(folder)
-    if again.process.returncode:
-        return "failed", [again.text[-4000:]]
-    jobs = re.search(r"^total +(\d+)$", again.text, flags=re.M)
-    return ", ".join([*done, f"{int(jobs[1]) - 1} jobs" if jobs else "nothing to do"]), []
-
-
-def wrong_with(folder: Path, expected: Path) -> tuple[list[str], list[str]]:
-    """Results that differ from those of the undisturbed run, and whatever else is not as after that."""
-    bytes_differ = differing(expected / RESULTS, folder / RESULTS)
-    names = everything_below(folder / RESULTS) ^ everything_below(expected / RESULTS)
-    wrong = [f"{name}: only in one of the folders" for name in sorted(names)]
-    last = run(folder, "--dry-run")
-    if "Nothing to be done" not in last.text:
-        wrong.append(f"a call after that makes something anew:\n{last.text[-2000:]}")
-    return bytes_differ, wrong
+def met(series: Series, numbers: Iterable[int], kills: int, seed: int) -> list[str]:
+    """Kill so often and tell how it went; return what is wrong, each with the number of its kill."""
+    print(f"undisturbed: {series.course.length_s:.0f} s; kills drawn with seed {seed}", flush=True)
+    wrong = []
+    for number in numbers:
+        found = [f"{number}: {what}" for what in series.met(number, kills, seed)]
+        print("".join(f"     WRONG {what}\n" for what in found), end="", flush=True)
+        wrong += found
+    return wrong
 
 
 def main() -> int:
-    """Kill as often as asked for and tell how it went."""
+    """Kill as often as asked for; return the exit status."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -220,37 +309,10 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, help="keep everything there, instead of in a temporary one")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="lumbar_kills_") as name:
-        ARGUMENTS.extend(["--", *options.targets])
-        work_folder = (options.folder or Path(name)).resolve()
-        expected, course = undisturbed(work_folder / "undisturbed")
-        print(
-            f"undisturbed: {course.length_s:.0f} s, {len(everything_below(expected / RESULTS))} files and folders"
-        )
-        failed = 0
-        for number in options.only or range(1, options.kills + 1):
-            part = ((number - 1) / options.kills, number / options.kills)
-            draw = random.Random(f"{options.seed} {number}")
-            failed += met(number, work_folder / "disturbed", expected, course, part, draw)
-        print(f"seed {options.seed}: {failed} kills after which something is wrong")
-    return min(failed, 1)
-
-
-def met(number: int, folder: Path, expected: Path, course: Course, part, draw: random.Random) -> bool:
-    """Kill once, go on as a user does, print a line; return whether something is wrong."""
-    project(folder)
-    call, moment, killed = kill(folder, course, part, draw)
-    wrong = survivors(call)
-    status = call.process.returncode
-    told, also_wrong = as_told(folder)
-    bytes_differ, more = wrong_with(folder, expected)
-    wrong += also_wrong + more
-    print(
-        f"{number:3}  {moment:28}  {killed:45}  status {status:3}; then {told:24}  {len(bytes_differ)} differ",
-        flush=True,
-    )
-    for line in [*(f"{name}: differs" for name in bytes_differ), *wrong]:
-        print(f"     WRONG: {line}", flush=True)
-    return bool(bytes_differ or wrong)
+        series = Series.begun(Here(tuple(options.targets)), (options.folder or Path(name)).resolve())
+        numbers = options.only or range(1, options.kills + 1)
+        wrong = met(series, numbers, options.kills, options.seed)
+    return min(len(wrong), 1)
 
 
 if __name__ == "__main__":

@@ -80,9 +80,12 @@ class Node:
     ----------
     environment : dict of str to str
         Variables with which SLURM's commands find it.
+    daemon : int
+        Process of slurmd.
     """
 
     environment: dict[str, str]
+    daemon: int
 
     def command(self, *arguments: str) -> str:
         """Call one of SLURM's commands and return what it prints."""
@@ -126,7 +129,7 @@ def slurm_node(folder: Path, processors: int) -> Iterator[Node]:
         raise RuntimeError(done.stderr)
     variables = dict(entry.split("=", 1) for entry in done.stdout.split()[1:])
     path = variables["PATH"].replace("$PATH", os.environ["PATH"])
-    node = Node(os.environ | variables | {"PATH": path})
+    node = Node(os.environ | variables | {"PATH": path}, int((folder / "slurmd.pid").read_text()))
     try:
         yield node
     finally:
