@@ -82,8 +82,11 @@ def make_results(folder: Path) -> Path:
         }
         write_json(results / "improvement" / name / "diagnosis.json", found)
         write_text(results / "improvement" / name / "diagnosis.html", "<p>page</p>")
-    log = "FMUs: 1 of 2\nwarning: not safe:\n  MW is unstable\nraise the rate\ndone\n"
+    log = "FMUs: 1 of 2\nWARNING: not safe:\n  MW is unstable\n  raise the rate\ndone\n"
     write_text(results / "logs" / "export" / "fmu.log", log)
+    write_text(
+        results / "logs" / "lift" / "a_6kg.log", "WARNING: a_6kg has no pendulum:\n  its file says why\n"
+    )
     entry = {"file": "noise.csv", "name": "noise", "rate_Hz": 100.0, "duration_s": 10.0}
     channels = {"input": {"quantity": "position", "unit": "mm"}}
     write_json(results / "checked" / "tissue.json", {"recordings": [entry | {"channels": channels}]})

@@ -153,7 +153,7 @@ def served(records: Path) -> Iterator[tuple[str, float]]:
     begin = time.perf_counter()
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
-        yield server.stdout.readline().strip(), begin
+        yield server.stdout.readline().split()[0], begin
     finally:
         server.terminate()
         server.wait(60)

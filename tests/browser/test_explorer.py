@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from accessibility import serious
 
 import lumbar
 from running import FORKING, copy_project, snakemake
@@ -196,16 +197,6 @@ def test_files_are_handed_out_without_a_server(new_page, saved, tmp_path):
     assert "was not computed" in page.locator("#message").inner_text()
 
 
-def serious(page) -> list[tuple[str, str]]:
-    """What axe-core finds serious or critical, with the element."""
-    reason = "the extra 'develop' has it"
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason=reason).Axe()
-    found = axe.run(page).response["violations"]
-    return [
-        (item["id"], item["nodes"][0]["html"]) for item in found if item["impact"] in ("serious", "critical")
-    ]
-
-
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
 def test_axe_finds_nothing_serious(new_page, saved, scheme, width):
     page = new_page(saved, viewport={"width": width, "height": 900}, color_scheme=scheme)
@@ -239,7 +230,7 @@ def served(shared, tmp_path):
     study.write_text(STUDY, encoding="utf-8")
     command = [sys.executable, "-m", "lumbar", "explore", "config/studies/blind.yaml", "--port", "0"]
     server = subprocess.Popen([*command, "--no-browser"], cwd=project, stdout=subprocess.PIPE, text=True)
-    yield project, [server.stdout.readline().strip() for _ in range(3)]
+    yield project, [server.stdout.readline().split()[0] for _ in range(3)]
     server.terminate()
     server.wait(30)
 
@@ -341,7 +332,7 @@ def own(tmp_path):
     """Address of the page for own recordings, served where there is no project."""
     command = [sys.executable, "-m", "lumbar", "explore", "--port", "0", "--no-browser"]
     server = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
-    yield server.stdout.readline().strip()
+    yield server.stdout.readline().split()[0]
     server.terminate()
     server.wait(30)
 

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from accessibility import serious
 
 from lumbar.interface.lift_page import lift_page
 from lumbar.settings.stability import StabilitySettings
@@ -133,3 +134,9 @@ def test_nothing_is_wider_than_the_page(page):
     for width in (390, 1280, 1920):
         page.set_viewport_size({"width": width, "height": 900})
         assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
+def test_axe_finds_nothing_serious(new_page, page_file, scheme, width):
+    page = new_page(page_file, viewport={"width": width, "height": 900}, color_scheme=scheme)
+    assert serious(page) == []

@@ -43,6 +43,7 @@ _WORDS = {
     "df": "d.f.",
 }
 _VALUES = {"flexion_extension": "flexion/extension"}
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _NAME = re.compile(r"[a-z0-9]+(_[a-z0-9]+)+")
 
 
@@ -64,3 +65,12 @@ def column_in_words(name: str) -> str:
 def value_in_words(text: str) -> str:
     """Return a value that is a name with its words apart: ``"lateral_bending"`` is ``"lateral bending"``."""
     return _VALUES.get(text, text.replace("_", " ")) if _NAME.fullmatch(text) else text
+
+
+def unit_in_print(unit: str) -> str:
+    """Return a unit as journals print it; a broken exponent stays, as no raised signs hold it.
+
+    >>> unit_in_print("N s^2/mm^3"), unit_in_print("N/mm^1.5")
+    ('N·s²/mm³', 'N/mm^1.5')
+    """
+    return re.sub(r"\^(-?\d+)(?![.\d])", lambda found: found[1].translate(_RAISED), unit).replace(" ", "·")

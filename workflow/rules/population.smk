@@ -16,7 +16,7 @@ if study.has("population"):
             ],
             checked=ALL_CHECKED,
         output:
-            **({"states": "<results>/pushes/persons/{person}.csv"} if study.has("pushes") else {}),
+            **({"states": "<results>/pushes/states/{person}.csv"} if study.has("pushes") else {}),
             measures="<results>/population/persons/{person}.csv",
         log:
             "<logs>/measure_person/{person}.log",

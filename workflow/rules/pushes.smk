@@ -1,20 +1,72 @@
-# From the movement of the deposits to pushes against simulated bodies, and to the measure that told who must step.
+# From the movement of the deposits to pushes against simulated bodies, one job per person or lift, and to the measure that told
+# who must step.
 
 
 if study.has("pushes"):
 
-    # Where whole lifts are analysed one by one, their folders; where persons are, what was kept of theirs.
+    # Where whole lifts are analysed one by one, they are pushed so; where persons are, all lifts of each.
     if study.has("lifting"):
-        PUSHED = {"bodies": [f"<results>/lifting/{lift}/body.csv" for lift in study.lifts]}
-        PUSHED["pendulums"] = [
-            f"<results>/lifting/{lift}/pendulum.{kind}" for lift in study.lifts for kind in ("csv", "json")
-        ]
+
+        PUSHED = study.lifts
+
+        rule push_lift:
+            input:
+                body="<results>/lifting/{lift}/body.csv",
+                pendulum=expand("<results>/lifting/{{lift}}/pendulum.{kind}", kind=["csv", "json"]),
+            output:
+                states="<results>/pushes/states/{lift}.csv",
+                outcomes="<results>/pushes/outcomes/{lift}.csv",
+            log:
+                "<logs>/push_lift/{lift}.log",
+            benchmark:
+                "<benchmarks>/push_lift/{lift}.tsv"
+            group:
+                "lift"
+            conda:
+                CONDA
+            resources:
+                **measured(peak_mb=205, seconds=5),
+            params:
+                code=library_code("push_bodies.py"),
+                settings=without(settings.pushes, "scoring"),
+                stability=without(settings.stability, "compare"),
+                seed=settings.seed,
+            message:
+                "{wildcards.lift}: pushes against a simulated body"
+            script:
+                "../scripts/push_bodies.py"
+
     else:
-        PUSHED = {"persons": [f"<results>/pushes/persons/{person}.csv" for person in study.subjects]}
+        PUSHED = study.subjects
+
+        rule push_person:
+            input:
+                states="<results>/pushes/states/{person}.csv",
+            output:
+                outcomes="<results>/pushes/outcomes/{person}.csv",
+            log:
+                "<logs>/push_person/{person}.log",
+            benchmark:
+                "<benchmarks>/push_person/{person}.tsv"
+            group:
+                "person"
+            conda:
+                CONDA
+            resources:
+                **measured(peak_mb=205, seconds=5),
+            params:
+                code=library_code("push_bodies.py"),
+                settings=without(settings.pushes, "scoring"),
+                seed=settings.seed,
+            message:
+                "{wildcards.person}: pushes against simulated bodies"
+            script:
+                "../scripts/push_bodies.py"
 
     rule predict_steps:
         input:
-            **PUSHED,
+            outcomes=[f"<results>/pushes/outcomes/{name}.csv" for name in PUSHED],
+            states=[f"<results>/pushes/states/{name}.csv" for name in PUSHED],
         output:
             **published("push_prediction", "push_sensitivity", "push_figure"),
             pushes="<results>/pushes/pushes.csv",
@@ -30,10 +82,9 @@ if study.has("pushes"):
         params:
             code=library_code("push_prediction.py"),
             settings=plain(settings.pushes),
-            stability=without(settings.stability, "compare"),
             seed=settings.seed,
             data=DATA,
         message:
-            "Pushes against simulated bodies: which measure tells who must step"
+            "Pushes of all people: which measure tells who must step"
         script:
             "../scripts/push_prediction.py"

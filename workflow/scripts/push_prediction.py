@@ -1,32 +1,19 @@
-"""Pushes against simulated bodies: which measure, computed before, tells who must step."""
+"""Pushes of all people against what every measure said before: which tells who must step."""
 
 from job import run, stem
 
 
 def main(input, output, params):
-    """Read what was kept of all lifts, push, score, write tables and figure."""
-    from pathlib import Path
-
-    import pandas as pd
-
+    """Score the pushes of all, write tables and figure."""
     from lumbar.files import write_csv, write_json
-    from lumbar.interface.pushing import push_prediction, push_states, saved_lift
+    from lumbar.interface.pushing import pooled_prediction
     from lumbar.pushes.prediction import verdict_json
     from lumbar.reports.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.pushes import PushesSettings
-    from lumbar.settings.stability import StabilitySettings
 
-    settings, stability = typed(PushesSettings, params.settings), typed(StabilitySettings, params.stability)
-    if hasattr(input, "persons"):
-        kept = [pd.read_csv(path) for path in input.persons if Path(path).stat().st_size > 1]
-        states = pd.concat(kept, ignore_index=True) if kept else pd.DataFrame()
-    else:
-        lifts = [saved_lift(Path(path).parent) for path in input.bodies]
-        states = push_states(lifts, stability, settings.push.height_share)
-    found = push_prediction(
-        states, settings=settings, stability=stability, seed=params.seed, data=params.data
-    )
+    settings = typed(PushesSettings, params.settings)
+    found = pooled_prediction(input.outcomes, input.states, settings, params.seed, params.data)
     write_csv(output.pushes, found.pushes.assign(data=found.data))
     write_json(output.winner, verdict_json(found.winner, found.data))
     found.table.write(stem(output.push_prediction))

@@ -153,7 +153,7 @@ def test_export_warns_and_the_page_says_the_numbers(capsys):
     )[0]
     told = with_device([model], STYLUS)[0]
     err = capsys.readouterr().err
-    assert "warning: not safe" in err
+    assert "WARNING: not safe" in err
     assert "it needs 29.3 N·s/m" in err
     page = documentation_html(told, "3.0", "drawn", reference_push(told, "3.0"))
     assert "KB at 100 Hz: UNSTABLE (it needs 29.3 N·s/m to be passive; largest stable gain 0.303" in page

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from push_cases import deposit
 from scipy.stats import mannwhitneyu
 
 from lumbar.errors import InputError
 from lumbar.interface.movement import measure_movement
 from lumbar.interface.person import Lift
-from lumbar.interface.pushing import push_prediction, push_states
+from lumbar.interface.pushing import pooled_prediction, push_outcomes, push_prediction, push_states
 from lumbar.lifting.lift import analyse_lift
 from lumbar.measures.course import Lifter
 from lumbar.pushes import prediction
@@ -152,6 +154,33 @@ def test_one_person_alone_is_no_contest(states):
     alone = states[states["subject"] == states["subject"].iloc[0]]
     with pytest.raises(InputError, match="two persons at least"):
         push_prediction(alone)
+
+
+def test_a_person_is_pushed_alike_whoever_else_is_and_files_of_persons_give_the_same(states, found, tmp_path):
+    paths = {"outcomes": [], "states": []}
+    for person, part in states.groupby("subject", sort=False):
+        outcomes = push_outcomes(part, SETTINGS, 1)
+        steady = outcomes[outcomes["outcome"] != "unsteady"].reset_index(drop=True)
+        among_others = found.pushes[found.pushes["subject"] == person].reset_index(drop=True)
+        pd.testing.assert_frame_equal(steady, among_others, check_exact=True)
+        for kind, frame in (("outcomes", outcomes), ("states", part)):
+            paths[kind].append(tmp_path / f"{kind}_{person}.csv")
+            frame.to_csv(paths[kind][-1], index=False)
+    pooled = pooled_prediction(*paths.values(), SETTINGS, 1, "synthetic")
+    pd.testing.assert_frame_equal(pooled.pushes, found.pushes, rtol=1e-12)
+    assert pooled.winner.sentence == found.winner.sentence
+    assert [item.lift for item in pooled.followed.motions] == [item.lift for item in found.followed.motions]
+
+
+def test_some_pushes_of_both_directions_are_followed_of_people_evenly_taken(monkeypatch):
+    monkeypatch.setattr(prediction, "FOLLOWED", 12)
+    motions = {item.lift: item for item in map(deposit, "abcdefghij")}
+    found = prediction.follow(list(motions), 24, lambda names: ([motions[name] for name in names], []))
+    # Every 21st of 240, counted lift after lift.
+    assert [motion.subject for motion in found.motions] == list("abcdefghij")
+    pushes = [24 * "abcdefghij".index(found.motions[one // 24].subject) + one % 24 for one in found.chosen]
+    assert pushes == list(range(0, 240, 21))
+    assert 0 < (found.chosen % 2).mean() < 1
 
 
 def test_longer_feet_let_fewer_step_and_the_measures_are_not_told(states, found, monkeypatch):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu, norm
 
+from lumbar.pushes import roc
 from lumbar.pushes.roc import (
     areas,
     best_threshold,
@@ -35,7 +36,8 @@ def test_area_is_mann_whitneys_share_of_pairs(sample):
     assert np.trapezoid(*curve(score, event)[::-1]) == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_person_drawn_twice_counts_as_two(sample):
+def test_a_person_drawn_twice_counts_as_two(sample, monkeypatch):
+    monkeypatch.setattr(roc, "AT_ONCE", 500)  # two samples at a time
     score, event, person = sample
     weights = person_weights(12, 5, [3])
     for row, found in zip(weights, areas(ordered(*sample), weights), strict=True):

@@ -87,7 +87,7 @@ def test_what_fails_comes_before_what_warns(results, page):
         (WARNS, "diagnosis of two"),
         (WARNS, "export/fmu"),
     ]
-    assert found[-1].sentence == "not safe:\n  MW is unstable\nraise the rate"
+    assert found[-1].sentence == "not safe:\n  MW is unstable\n  raise the rate"
     first = [
         page.index(words)
         for words in ("exact: ρ is negative", "1 of the thesis's sentences", "MW is unstable")

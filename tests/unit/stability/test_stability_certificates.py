@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cvxpy as cp
 import numpy as np
 import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
@@ -19,7 +20,7 @@ from lumbar.stability.funnel.polynomials import (
 )
 from lumbar.stability.programme.certified_funnel import certified_funnels
 from lumbar.stability.programme.circle_programme import CircleProgramme
-from lumbar.stability.programme.cvxpy_formulation import AGREEMENT, rate_differences
+from lumbar.stability.programme.cvxpy_formulation import AGREEMENT, RateProgramme, rate_differences
 
 OPTIONS = {"alternations": 2, "margin": 2e-5}
 
@@ -55,6 +56,17 @@ def test_rates_are_those_of_eq_4_6_from_the_equation_of_motion_in_cvxpy(loops, d
     # It is able to fail: the feedback of another control weight is another loop.
     other = replace(loops, weights=replace(loops.weights, control=2 * loops.weights.control))
     assert rate_differences(other, level, degree, knots).min() > 10 * AGREEMENT
+
+
+def test_a_solver_that_gives_up_is_told_with_the_basin(loops, monkeypatch):
+    def give_up(problem, **options):
+        raise cp.SolverError("Solver 'CLARABEL' failed")
+
+    monkeypatch.setattr(cp.Problem, "solve", give_up)
+    with pytest.raises(
+        NumericalError, match=r"expert 23 kg, abdomen, .*: Eq. 4.6 in cvxpy: Solver 'CLARABEL' failed"
+    ):
+        RateProgramme(3).solve(loops, 0, 0, level=1.0)
 
 
 @pytest.mark.parametrize("degree", [3, 5, 7])

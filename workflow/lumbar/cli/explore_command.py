@@ -68,16 +68,14 @@ def run(options) -> None:
     server = new_server(sets, options.port, own)
     add_lifts(server, lifts)
     server.start()
-    addresses = [
-        *(f"/{item.name}" for item in sets),
-        *(item.address for item in lifts),
-        *([OWN] if own else []),
-    ]
-    for address in addresses:
-        print(f"http://127.0.0.1:{server.port}{address}", flush=True)
+    addresses = {f"/{item.name}": f"what is missing in {item.title or item.name}" for item in sets}
+    addresses |= {item.address: f"lift {item.folder.absolute().name}" for item in lifts}
+    addresses |= {OWN: "your own files, dropped on the page"} if own else {}
+    for address, words in addresses.items():
+        print(f"http://127.0.0.1:{server.port}{address}  {words}", flush=True)
     print("Ctrl-C ends it.", flush=True)
     if not options.no_browser:
-        server.io_loop.add_callback(server.show, addresses[0])
+        server.io_loop.add_callback(server.show, next(iter(addresses)))
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         server.io_loop.start()
@@ -98,7 +96,9 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     fixed = partial(diagnose, machine=machine, tissue=tissue, gravity_m_s2=gravity)
     output = options.output or EXPLORED / options.folder.resolve().name  # two folders, two places
     own = {key: chosen[key] for key in ("base", "forward", "settings", "seed")}
-    explored = ExploredSet("records", partial(fixed, records, **chosen), output, read=lambda: records)
+    explored = ExploredSet(
+        "records", partial(fixed, records, **chosen), output, title=str(options.folder), read=lambda: records
+    )
     return [explored], OwnDiagnosis(
         partial(fixed, session=False, **own), (options.output or EXPLORED) / "own"
     )

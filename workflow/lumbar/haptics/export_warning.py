@@ -70,4 +70,4 @@ def _tell(unsafe: list[Analysis], device: DeviceSettings) -> None:
         raise NumericalError(
             f"not safe on the device of runtime.device, not exported:\n{text}\n{_ADVICE}, or say runtime.device.unsafe: warn"
         )
-    print(f"warning: not safe on the device of runtime.device:\n{text}\n{_ADVICE}", file=sys.stderr)
+    print(f"WARNING: not safe on the device of runtime.device:\n{text}\n  {_ADVICE}", file=sys.stderr)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.pushes.contest import Contest
-    from lumbar.pushes.levels import Levels
-    from lumbar.pushes.motion import DepositMotion
-    from lumbar.pushes.prediction import Verdict
+    from lumbar.pushes.prediction import Followed, Verdict
     from lumbar.tables import Table
 
 
@@ -130,32 +128,113 @@ def push_prediction(
     >>> print(found.winner.low)
     None
     """
-    from lumbar.pushes.contest import hold_contest
-    from lumbar.pushes.states import from_states
-
     settings, stability = settings or PushesSettings(), stability or StabilitySettings()
     if hasattr(lifts, "columns"):
-        frame, sources = lifts, []
+        states, sources = lifts, []
     else:
         lifts = list(lifts)
-        frame, sources = (
+        states, sources = (
             push_states(lifts, stability, settings.push.height_share),
             [item.data for item in lifts],
         )
-    motions, levels = from_states(frame)
-    if not motions:
+    drawn = push_outcomes(states, settings, seed)
+    label = data_label(data, dict.fromkeys(sources))
+    return _scored(drawn, lambda names: states[states["lift"].isin(names)], settings, seed, label)
+
+
+def push_outcomes(states: pd.DataFrame, settings: PushesSettings, seed: int) -> pd.DataFrame:
+    """Push the bodies of some lifts, person after person: what a person's pushes end in hangs on nobody else.
+
+    Parameters
+    ----------
+    states : pandas.DataFrame
+        Of `push_states`.
+    settings : PushesSettings
+    seed : int
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per push, columns `lumbar.pushes.contest.COLUMNS`.
+    """
+    import pandas as pd
+
+    from lumbar.pushes.contest import COLUMNS, push_bodies
+    from lumbar.pushes.states import from_states
+
+    people = [part for _, part in states.groupby("subject", sort=False)] if len(states) else []
+    frames = [push_bodies(*from_states(part), settings, seed) for part in people]
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=list(COLUMNS))
+
+
+def pooled_prediction(
+    outcomes: Sequence[str | os.PathLike],
+    states: Sequence[str | os.PathLike],
+    settings: PushesSettings,
+    seed: int,
+    data: str,
+) -> PushPrediction:
+    """Score the pushes of many persons or lifts, of which files were written.
+
+    Of the states only those of the few lifts are read whose pushes are followed with other bodies.
+
+    Parameters
+    ----------
+    outcomes : list of path
+        CSV files of `push_outcomes`.
+    states : list of path
+        CSV files of `push_states`, in the same order.
+    settings : PushesSettings
+    seed : int
+    data : str
+        Words for the source of the data.
+    """
+    import pandas as pd
+
+    file_of: dict[str, str | os.PathLike] = {}
+    frames = []
+    for path, source in zip(outcomes, states, strict=True):
+        frame = pd.read_csv(path)
+        file_of |= dict.fromkeys(frame["lift"].unique(), source)
+        frames.append(frame)
+    drawn = pd.concat([frame for frame in frames if len(frame)] or frames, ignore_index=True)
+    del frames
+
+    def states_of(names: Sequence[str]) -> pd.DataFrame:
+        read = (pd.read_csv(path) for path in dict.fromkeys(file_of[name] for name in names))
+        return pd.concat([frame[frame["lift"].isin(names)] for frame in read], ignore_index=True)
+
+    return _scored(drawn, states_of, settings, seed, data)
+
+
+def _scored(
+    drawn: pd.DataFrame,
+    states_of: Callable[[Sequence[str]], pd.DataFrame],
+    settings: PushesSettings,
+    seed: int,
+    data: str,
+) -> PushPrediction:
+    """Score all pushes drawn; `states_of` gives the states of some lifts."""
+    from lumbar.pushes.contest import contest_of
+    from lumbar.pushes.prediction import follow
+    from lumbar.pushes.states import from_states
+
+    if drawn.empty:
         raise InputError(
             "pushes: of no lift a body of three links can be made: each needs a deposit, both ankles, heels, toes and shoulders, "
             "the hips, and the box or the wrists"
         )
-    people = {motion.subject for motion in motions}
+    people = drawn["subject"].unique()
     if len(people) < 2:
         raise InputError(
             f"pushes: all lifts are those of {', '.join(people)}; who must step is told by a threshold of other persons: give "
             "lifts of two persons at least"
         )
-    contest = hold_contest(motions, levels, settings, seed)
-    return PushPrediction(contest, motions, levels, settings, seed, data_label(data, dict.fromkeys(sources)))
+    contest = contest_of(drawn)
+    followed = follow(
+        drawn["lift"].unique(), settings.push.per_lift, lambda names: from_states(states_of(names))
+    )
+    return PushPrediction(contest, followed, settings, seed, data)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -166,16 +245,15 @@ class PushPrediction:
     ----------
     contest : lumbar.pushes.contest.Contest
         Pushes, their outcomes, and what the measures said before.
-    motions : list of DepositMotion
-    levels : list of Levels
+    followed : lumbar.pushes.prediction.Followed
+        Those that are followed with other bodies too.
     settings : PushesSettings
     seed : int
     data : str
     """
 
     contest: Contest
-    motions: list[DepositMotion]
-    levels: list[Levels]
+    followed: Followed
     settings: PushesSettings
     seed: int
     data: str
@@ -211,7 +289,7 @@ class PushPrediction:
         """The contest with other bodies and controllers."""
         from lumbar.pushes.prediction import sensitivity_frame, sensitivity_table
 
-        frame = sensitivity_frame(self.motions, self.levels, self.settings, self.winner, self.seed)
+        frame = sensitivity_frame(self.followed, self.settings, self.winner, self.seed)
         return sensitivity_table(frame, self.winner, self.data)
 
     def figure(self):

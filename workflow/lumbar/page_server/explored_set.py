@@ -37,6 +37,8 @@ class ExploredSet:
         Takes effects, returns the change of the study that keeps them; None without a study.
     study : str
         File that `keep` changes, for the page.
+    title : str
+        What the terminal calls it; empty for its name.
     own : str
         Address of the page on which the records were given; empty for those of a study or folder.
     read : callable
@@ -48,6 +50,7 @@ class ExploredSet:
     output: Path
     keep: Callable[[Sequence[str]], Change] | None = None
     study: str = ""
+    title: str = ""
     own: str = ""
     read: Callable[[], Sequence[Record]] = tuple
     job: Job | None = None

@@ -1,8 +1,9 @@
-"""The contest: random pushes against the simulated bodies of a study's lifts, and what every measure said before.
+"""The contest: random pushes against the simulated bodies of lifts, and what every measure said before.
 
 Two contests: pushes of all sizes, in which a measure may use the size; and pushes of one size per direction, which ask whether a
 measure ranks people and postures. An instant at which the body would step without any push is no test of a push and is left
-out; how many were is counted.
+out; how many were is counted. Pushes and traits hang on the seed and the names of lift and person alone, so that whoever is
+added to a study changes nobody else's.
 """
 
 from __future__ import annotations
@@ -14,11 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.pushes.levels import BACKWARD, DIRECTIONS, FORWARD, PREDICTORS, Levels
+from lumbar.pushes.levels import BACKWARD, FORWARD, PREDICTORS, Levels
 from lumbar.pushes.motion import DepositMotion, bodies_of
-from lumbar.pushes.person import Traits, draw_traits, persons_of
+from lumbar.pushes.person import Traits, draw_traits, generator, persons_of
 from lumbar.pushes.reference import references_of
-from lumbar.pushes.roc import best_threshold
 from lumbar.pushes.simulation import Pushes, Scene, simulate
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
     from lumbar.settings.pushes import PushesSettings
 
+UNSTEADY = "unsteady"
+"""Outcome of a push at an instant at which the body would step without it."""
 COLUMNS = {
     "subject": "who is pushed",
     "lift": "during which lift",
@@ -34,7 +36,7 @@ COLUMNS = {
     "impulse_N_s": "size of the push in N·s, drawn at random",
     "outcome": "stands: back within the feet at the end; leans: a leg leant too far; unbalanced: not within the feet at the end",
     "steps": "whether the simulated person must step: leans or is unbalanced",
-    "equal_impulse_N_s": "size in N·s of the push at the same instant in the contest of equal pushes",
+    "equal_impulse_N_s": "size in N·s of the push at the same instant in the contest of equal pushes, as declared",
     "equal_steps": "whether the person must step after that push",
     "shift_m_per_N_s": "1/(m·ω0): how far a push moves the extrapolated centre of mass",
     **{f"level_{name}": predictor.meaning for name, predictor in PREDICTORS.items()},
@@ -63,15 +65,15 @@ class Contest:
 
 def draw_pushes(motions: list[DepositMotion], scene: Scene, settings: PushesSettings, seed: int) -> Pushes:
     """Draw instants evenly likely within every deposit, directions in turn, and sizes evenly likely."""
-    rng, push = np.random.default_rng([seed, 2]), settings.push
+    push, references = settings.push, scene.references
+    streams = [generator(seed, "pushes", f"{item.subject}, {item.lift}") for item in motions]
+    shares = np.hstack([stream.random((2, push.per_lift)) for stream in streams])
     lift = np.repeat(np.arange(len(motions)), push.per_lift)
-    references = scene.references
     first, last = references.first[lift], references.last[lift]
-    instant = first + (rng.random(lift.size) * (last - first)).astype(int)
-    sign = np.where(np.arange(lift.size) % 2 == 0, 1.0, -1.0)
-    share = rng.random(lift.size)
+    instant = first + (shares[0] * (last - first)).astype(int)
+    sign = np.where(np.tile(np.arange(push.per_lift), len(motions)) % 2 == 0, 1.0, -1.0)
     low, high = (np.where(sign > 0, push.forward_N_s[k], push.backward_N_s[k]) for k in range(2))
-    return Pushes(lift, instant, sign * (low + share * (high - low)))
+    return Pushes(lift, instant, sign * (low + shares[1] * (high - low)))
 
 
 def scene_of(motions: list[DepositMotion], settings: PushesSettings, traits: Traits) -> Scene:
@@ -86,15 +88,15 @@ def scene_of(motions: list[DepositMotion], settings: PushesSettings, traits: Tra
     )
 
 
-def hold_contest(
+def push_bodies(
     motions: list[DepositMotion],
     levels: list[Levels],
     settings: PushesSettings,
     seed: int,
     changed: Mapping[str, float] | None = None,
-    every: int = 1,
+    chosen: np.ndarray | None = None,
     equal: bool = True,
-) -> Contest:
+) -> pd.DataFrame:
     """Push the bodies of some lifts and put beside each push what the measures said before it.
 
     Parameters
@@ -106,15 +108,15 @@ def hold_contest(
     seed : int
     changed : mapping of str to float, optional
         Factors on everybody's traits, by the attributes of `Traits`: what no measure is told.
-    every : int
-        Only every so many of the pushes are followed.
+    chosen : numpy.ndarray of int, optional
+        Which of the pushes are followed, counted lift after lift; all.
     equal : bool
         Whether equal pushes are simulated too; without them their columns repeat the others.
 
-    Raises
-    ------
-    InputError
-        All pushes end alike, or none is a test.
+    Returns
+    -------
+    pandas.DataFrame
+        One row per push, columns `COLUMNS`; where the body would step without it, the outcome is `UNSTEADY`.
     """
     traits = draw_traits([item.subject for item in motions], settings.controller, settings.spread, seed)
     traits = replace(
@@ -122,38 +124,47 @@ def hold_contest(
     )
     scene = scene_of(motions, settings, traits)
     drawn = draw_pushes(motions, scene, settings, seed)
-    drawn = _some(drawn, np.arange(len(drawn.lift)) % every == 0)
-    steady = ~simulate(scene, replace(drawn, impulse=0 * drawn.impulse)).steps
-    pushes = _some(drawn, steady)
-    ends = simulate(scene, pushes)
-    if ends.steps.all() or not ends.steps.any():
+    if chosen is not None:
+        drawn = Pushes(drawn.lift[chosen], drawn.instant[chosen], drawn.impulse[chosen])
+    sizes = [0 * drawn.impulse, drawn.impulse]
+    if equal:
+        forward, backward = settings.push.equal_forward_N_s, settings.push.equal_backward_N_s
+        sizes.append(np.where(drawn.impulse > 0, forward, -backward))
+    # All at once: a step of the integration costs little more for three times as many pushes.
+    count = len(sizes)
+    ends = simulate(
+        scene, Pushes(np.tile(drawn.lift, count), np.tile(drawn.instant, count), np.concatenate(sizes))
+    )
+    outcomes, steps = np.split(ends.outcome, count), np.split(ends.steps, count)
+    outcome = np.where(steps[0], UNSTEADY, outcomes[1])
+    return _frame(motions, levels, scene, drawn, outcome, steps[1], sizes[-1], steps[-1])
+
+
+def contest_of(drawn: pd.DataFrame) -> Contest:
+    """Return the contest of all pushes that were drawn, those at unsteady instants left out.
+
+    Parameters
+    ----------
+    drawn : pandas.DataFrame
+        Of `push_bodies`, of all lifts.
+
+    Raises
+    ------
+    InputError
+        All pushes end alike, or none is a test.
+    """
+    steady = (drawn["outcome"] != UNSTEADY).to_numpy()
+    frame = drawn[steady].reset_index(drop=True)
+    unsteady = int((~steady).sum())
+    if frame["steps"].all() or not frame["steps"].any():
         raise InputError(
-            f"pushes: {ends.steps.sum()} of {len(ends.steps)} pushes make the bodies step, and {(~steady).sum()} would step "
+            f"pushes: {frame['steps'].sum()} of {len(frame)} pushes make the bodies step, and {unsteady} would step "
             "without one; both outcomes are needed: change pushes.push.forward_N_s or backward_N_s"
         )
-    sizes, again = pushes.impulse, ends
-    if equal:
-        sizes = _equal_sizes(pushes.impulse, ends.steps)
-        again = simulate(scene, replace(pushes, impulse=sizes))
-    frame = _frame(motions, levels, scene, pushes, ends, sizes, again.steps)
-    return Contest(frame, len(steady), int((~steady).sum()))
+    return Contest(frame, len(drawn), unsteady)
 
 
-def _some(pushes: Pushes, chosen: np.ndarray) -> Pushes:
-    return Pushes(pushes.lift[chosen], pushes.instant[chosen], pushes.impulse[chosen])
-
-
-def _equal_sizes(impulse: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """The size, per direction, that best divides those who step from those who stand: there postures decide."""
-    equal = impulse.copy()
-    for sign in DIRECTIONS.values():
-        mine = np.sign(impulse) == sign
-        size = best_threshold(np.abs(impulse[mine]), steps[mine])
-        equal[mine] = sign * (size if np.isfinite(size) else np.median(np.abs(impulse[mine])))
-    return equal
-
-
-def _frame(motions, levels, scene, pushes, ends, equal, equal_steps) -> pd.DataFrame:
+def _frame(motions, levels, scene, pushes, outcome, steps, equal, equal_steps) -> pd.DataFrame:
     import pandas as pd
 
     since = (pushes.instant - scene.references.first[pushes.lift]) * scene.references.step
@@ -173,8 +184,8 @@ def _frame(motions, levels, scene, pushes, ends, equal, equal_steps) -> pd.DataF
         "time_s": time,
         "direction": np.where(forward, FORWARD, BACKWARD),
         "impulse_N_s": np.abs(pushes.impulse),
-        "outcome": ends.outcome,
-        "steps": ends.steps,
+        "outcome": outcome,
+        "steps": steps,
         "equal_impulse_N_s": np.abs(equal),
         "equal_steps": equal_steps,
         "shift_m_per_N_s": at_push(lambda level: level.shift),

@@ -9,6 +9,7 @@ the state predicted from the commands on their way (certainty equivalence): with
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ from lumbar.pushes.reference import toppling_stiffness
 
 if TYPE_CHECKING:
     from lumbar.settings.pushes import BodySettings, ControllerSettings, PersonalSpreadSettings
+
+_STREAMS = {"traits": 1, "pushes": 2}
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,11 @@ class Traits:
     delay: np.ndarray
 
 
+def generator(seed: int, stream: str, name: str) -> np.random.Generator:
+    """Random numbers of one person or lift, whoever else there is; `stream` is one of ``traits`` and ``pushes``."""
+    return np.random.default_rng([seed, _STREAMS[stream], zlib.crc32(name.encode())])
+
+
 def draw_traits(
     subjects: list[str], controller: ControllerSettings, spread: PersonalSpreadSettings, seed: int
 ) -> Traits:
@@ -80,10 +88,8 @@ def draw_traits(
     spread : PersonalSpreadSettings
     seed : int
     """
-    names = sorted(set(subjects))
-    normal = np.random.default_rng([seed, 1]).normal(size=(4, len(names)))
-    # Two standard deviations at most: no one without strength or delay.
-    normal = np.clip(normal, -2, 2)[:, [names.index(name) for name in subjects]]
+    normal = np.stack([generator(seed, "traits", name).normal(size=4) for name in subjects], axis=1)
+    normal = np.clip(normal, -2, 2)  # no one without strength or delay
     return Traits(
         1 + spread.strength * normal[0],
         1 + spread.foot * normal[1],

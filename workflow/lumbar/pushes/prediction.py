@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.errors import InputError
-from lumbar.pushes.contest import Contest, hold_contest
+from lumbar.pushes.contest import Contest, contest_of, push_bodies
 from lumbar.pushes.levels import BASELINES, DIRECTIONS, NOTHING, PREDICTORS, score
 from lumbar.pushes.roc import (
     SPECIFICITY,
@@ -244,8 +245,52 @@ def prediction_table(contest: Contest, table: pd.DataFrame, verdict: Verdict, da
     )
 
 
+@dataclass(frozen=True)
+class Followed:
+    """Some of a contest's pushes, for the contests with other bodies.
+
+    Attributes
+    ----------
+    motions : list of DepositMotion
+    levels : list of Levels
+        Of the lifts that they belong to.
+    chosen : numpy.ndarray of int
+        Which of the pushes of these lifts, counted lift after lift.
+    """
+
+    motions: list[DepositMotion]
+    levels: list[Levels]
+    chosen: np.ndarray
+
+
+def follow(
+    lifts: Sequence[str],
+    per_lift: int,
+    bodies_of: Callable[[Sequence[str]], tuple[list[DepositMotion], list[Levels]]],
+) -> Followed:
+    """Choose about `FOLLOWED` of all pushes, evenly taken, and get the bodies that they need.
+
+    Parameters
+    ----------
+    lifts : list of str
+        Names of all.
+    per_lift : int
+        Pushes in each.
+    bodies_of : callable
+        Gives motions and levels of some lifts.
+    """
+    # Directions take turns: an even stride would follow those of one alone.
+    taken = np.arange(0, len(lifts) * per_lift, (len(lifts) * per_lift // FOLLOWED) | 1)
+    numbers: dict[str, list[int]] = {}
+    for push in taken:
+        numbers.setdefault(lifts[push // per_lift], []).append(push % per_lift)
+    motions, levels = bodies_of(list(numbers))
+    chosen = [index * per_lift + np.array(numbers[item.lift]) for index, item in enumerate(motions)]
+    return Followed(motions, levels, np.concatenate(chosen))
+
+
 def sensitivity_frame(
-    motions: list[DepositMotion], levels: list[Levels], settings: PushesSettings, verdict: Verdict, seed: int
+    followed: Followed, settings: PushesSettings, verdict: Verdict, seed: int
 ) -> pd.DataFrame:
     """Hold the contest with other bodies and controllers; columns `SENSITIVITY_COLUMNS`."""
     import pandas as pd
@@ -255,11 +300,12 @@ def sensitivity_frame(
     cases += [
         (what, factor, {field: factor}) for what, (field, factors) in VARIED.items() for factor in factors
     ]
-    # Directions take turns: an even stride would follow those of one alone.
-    every = (len(motions) * settings.push.per_lift // FOLLOWED) | 1
     for what, factor, changed in cases:
         try:
-            frame = hold_contest(motions, levels, settings, seed, changed, every, equal=False).frame
+            drawn = push_bodies(
+                followed.motions, followed.levels, settings, seed, changed, followed.chosen, equal=False
+            )
+            frame = contest_of(drawn).frame
         except InputError:
             # Nobody steps any more, or everybody: there is nothing to tell.
             rows.append({"changed": what, "factor": factor, "pushes": 0})

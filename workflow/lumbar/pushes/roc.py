@@ -13,6 +13,8 @@ import numpy as np
 SPECIFICITY = 0.95
 """At which the sensitivity is told."""
 COVERAGE = (2.5, 97.5)
+AT_ONCE = 2**17
+"""Weights of scores that are held at once: memory does not grow with samples times scores."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +60,16 @@ def areas(scores: Ordered, weights: np.ndarray) -> np.ndarray:
     numpy.ndarray, shape (samples,)
         NaN where a sample has no event, or nothing else.
     """
-    own = weights[:, scores.person].astype(float)
-    hit = np.add.reduceat(own * scores.event, scores.starts, axis=1)
-    miss = np.add.reduceat(own * ~scores.event, scores.starts, axis=1)
-    below = np.cumsum(miss, axis=1) - 0.5 * miss
-    with np.errstate(invalid="ignore"):
-        return (hit * below).sum(axis=1) / (hit.sum(axis=1) * miss.sum(axis=1))
+    found = np.empty(len(weights))
+    count = max(1, AT_ONCE // len(scores.person))
+    for start in range(0, len(weights), count):
+        own = weights[start : start + count, scores.person].astype(float)
+        hit = np.add.reduceat(own * scores.event, scores.starts, axis=1)
+        miss = np.add.reduceat(own * ~scores.event, scores.starts, axis=1)
+        below = np.cumsum(miss, axis=1) - 0.5 * miss
+        with np.errstate(invalid="ignore"):
+            found[start : start + count] = (hit * below).sum(axis=1) / (hit.sum(axis=1) * miss.sum(axis=1))
+    return found
 
 
 def person_weights(persons: int, samples: int, seed: list[int]) -> np.ndarray:

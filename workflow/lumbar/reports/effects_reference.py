@@ -10,6 +10,7 @@ from lumbar.effects.catalogue import CATALOGUES
 from lumbar.effects.signature import pictured_form
 from lumbar.files import write_text
 from lumbar.models.form import Effect, Form, Place
+from lumbar.table_words import unit_in_print
 
 _SCALES = {
     "position": "half the range of the position",
@@ -161,7 +162,7 @@ def _rows(form: Form) -> list[str]:
 
 
 def _unit(template: str) -> str:
-    return template.replace("{x}", "x").replace("{y}", "y")
+    return unit_in_print(template.replace("{x}", "x").replace("{y}", "y"))
 
 
 def write_reference(folder: Path) -> None:

@@ -130,6 +130,16 @@ class PushSettings:
     backward_N_s: tuple[float, float] = key(
         "Smallest and largest impulse backward; as many pushes as forward.", default=(10.0, 60.0), unit="N·s"
     )
+    equal_forward_N_s: float = key(
+        "Size of every push forward in the contest of equal pushes, which asks who steps first. It is declared: taken from "
+        "the group, it would change with everybody who joins.",
+        default=9.0,
+        unit="N·s",
+        gt=0,
+    )
+    equal_backward_N_s: float = key(
+        "Size of every push backward in that contest.", default=40.0, unit="N·s", gt=0
+    )
     duration_s: float = key("How long a push lasts.", default=0.1, unit="s", gt=0, le=1)
     height_share: float = key(
         "Where the trunk is pushed, as a share of the way from hips to shoulders.", default=0.75, ge=0, le=1

@@ -10,6 +10,7 @@ from lumbar.diagnosis.selection.sentences import effects_text, readable
 from lumbar.diagnosis.selection.thresholds import TIED
 from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.signals.spectral_edge import occupied_band
+from lumbar.table_words import unit_in_print
 
 _WIDE = 0.5
 """Half width of an interval, as a share of the value, from which on a parameter is poorly known."""
@@ -93,7 +94,7 @@ def _parameters(diagnosis: Verdict) -> list[str]:
     if not diagnosis.selected:
         return []
     wide = [
-        f"{readable(item.name)} ({item.low:.3g} to {item.high:.3g} {item.unit})"
+        f"{readable(item.name)} ({item.low:.3g} to {item.high:.3g} {unit_in_print(item.unit)})"
         for item in diagnosis.ranking[0].estimates
         if item.high - item.low > 2 * _WIDE * abs(item.value)
     ]

@@ -18,6 +18,7 @@ from lumbar.models.form import Effect
 from lumbar.reports.explorer.shown import model_key
 from lumbar.reports.figures.signature_figures import signature_thumbnail
 from lumbar.reports.pages.html import picture, table
+from lumbar.table_words import unit_in_print
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -139,7 +140,7 @@ def _role(item: Ranked, diagnosis: Verdict) -> str:
 
 def _parameters(item: Ranked) -> Markup | str:
     rows = [
-        (readable(found.name), f"{found.value:.4g}", _interval(found), found.unit)
+        (readable(found.name), f"{found.value:.4g}", _interval(found), unit_in_print(found.unit))
         for found in item.estimates
         if found.effect
     ]

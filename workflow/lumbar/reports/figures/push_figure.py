@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lumbar.pushes.levels import BACKWARD, FORWARD
 from lumbar.pushes.prediction import ALL_SIZES, BOTH, EQUAL, rows_of, scores_of
 from lumbar.pushes.roc import curve
@@ -28,6 +30,8 @@ DRAWN = (
     "push_alone",
 )
 """Measures that a picture can hold; all stand in the table. The smallest impulse lies on the margin of stability's curve."""
+POINTS = 1000
+"""Of a curve at most: those of a thousand lifters would have a point for each of 70,000 pushes."""
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "")
 _STYLES = (
     "-",
@@ -79,6 +83,8 @@ def _curves(axis, part: pd.DataFrame, contest: str, rows: pd.DataFrame) -> None:
     for number, name in enumerate(DRAWN):
         if name in rows.index:
             alarms, hits = curve(*scores_of(part, name, contest))
+            shown = np.unique(np.linspace(0, len(alarms) - 1, POINTS).astype(int))
+            alarms, hits = alarms[shown], hits[shown]
             last = max(1, len(alarms) // 6)
             axis.plot(
                 alarms, hits, marker=_MARKERS[number], markersize=3, markevery=(number, last), **_look(number)

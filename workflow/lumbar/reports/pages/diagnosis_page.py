@@ -18,6 +18,7 @@ from lumbar.fmu.build.equation_svg import equation_svg
 from lumbar.models.form import Effect
 from lumbar.reports.pages.html import document, figure, heading, listing, paragraph, picture, table
 from lumbar.reports.pages.record_pages import comparison_blocks
+from lumbar.table_words import unit_in_print
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -163,7 +164,7 @@ def _parameters(diagnosis: Verdict) -> list[Markup]:
                 readable(found.name),
                 f"{found.value:.4g}",
                 f"{found.low:.4g} to {found.high:.4g}",
-                found.unit,
+                unit_in_print(found.unit),
             )
             for found in sorted(item.estimates, key=lambda one: owners.index(one.effect))
         ]

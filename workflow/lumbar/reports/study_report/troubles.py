@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FAILS, WARNS = "fails", "warns"
-_WARNING = re.compile(r"^(?:\w*Warning|warning): (.*(?:\n(?:  .*|raise .*))*)", flags=re.M)
+_WARNING = re.compile(r"^(?:\w*Warning|WARNING): (.*(?:\n  .*)*)", flags=re.M)
+_TOLD_BY_FILES = ("lift", "stability_tables")
+"""Stages whose warnings stand in their results too: lifts without a pendulum, missing basins."""
 
 
 @dataclass(frozen=True)
@@ -181,9 +183,11 @@ def _of_fmus(results: Path) -> Iterator[Trouble]:
 def _of_logs(results: Path) -> Iterator[Trouble]:
     """Warnings that stages wrote to their logs."""
     for path in sorted((results / "logs").rglob("*.log")):
-        stage = path.relative_to(results / "logs").with_suffix("").as_posix().replace("_", " ")
+        stage = path.relative_to(results / "logs").with_suffix("")
+        if stage.parts[0] in _TOLD_BY_FILES:
+            continue
         for found in _WARNING.finditer(path.read_text(encoding="utf-8")):
-            yield Trouble(WARNS, stage, found[1].strip())
+            yield Trouble(WARNS, stage.as_posix().replace("_", " "), found[1].strip())
 
 
 def _table(path: Path) -> pd.DataFrame | None:

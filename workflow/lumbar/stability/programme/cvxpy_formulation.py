@@ -144,7 +144,7 @@ class RateProgramme:
         Raises
         ------
         NumericalError
-            The solver's status is not "optimal".
+            The solver gave up, or its status is not "optimal".
         """
         import cvxpy as cp
 
@@ -154,9 +154,12 @@ class RateProgramme:
         state = Polynomial({(1, 0): units[0]}), Polynomial({(0, 1): units[1]})
         _assign(self._v, lyapunov_function(cost, state) / level)
         _assign(self._v_rate, lyapunov_rate(loops, point, pendulum, state, self.degree) / level)
-        self._problem.solve(solver=cp.CLARABEL)
+        label = loops.pendulums.labels[pendulum]
+        try:
+            self._problem.solve(solver=cp.CLARABEL)
+        except cp.SolverError as error:
+            raise NumericalError(f"{label}: Eq. 4.6 in cvxpy: {error}") from error
         if self._problem.status != cp.OPTIMAL:
-            label = loops.pendulums.labels[pendulum]
             raise NumericalError(f"{label}: Eq. 4.6 in cvxpy ended as {self._problem.status}")
         return float(self._rate.value)
 

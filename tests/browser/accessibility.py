@@ -1,0 +1,15 @@
+"""Whether a page can be used by everybody, as far as a program can tell."""
+
+from __future__ import annotations
+
+import pytest
+
+
+def serious(page) -> list[tuple[str, str]]:
+    """What axe-core finds serious or critical, with the element."""
+    reason = "the extra 'develop' has it"
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason=reason).Axe()
+    found = axe.run(page).response["violations"]
+    return [
+        (item["id"], item["nodes"][0]["html"]) for item in found if item["impact"] in ("serious", "critical")
+    ]
