@@ -112,8 +112,9 @@ class ExplorerPage:
         answer = next(source for source in held if source.name == ANSWER)
         answer.js_on_change("data", CustomJS(code="window.lumbar.answered(cb_obj.data.content[0])"))
         drawn[0].tags = held  # so that the document has them
-        for picture in drawn:
-            document.add_root(picture)
+        with document.models.freeze():  # its parts are looked for once, not with every picture
+            for picture in drawn:
+                document.add_root(picture)
 
     def variables(self, served: bool = False, study: str = "") -> dict[str, Any]:
         """Return what the template shows beside the pictures.
