@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import json
+import re
 import subprocess
 import sys
 
@@ -58,6 +60,20 @@ def test_chapters_and_artefacts_are_targets(fresh):
     run = snakemake(fresh, "--dry-run", "--cores", "1", *targets)
     assert run.status == 0, run.text[-3000:]
     assert {target: run.jobs.get(target) for target in targets} == dict.fromkeys(targets, 1)
+
+
+def test_the_graph_of_rules_that_is_drawn_is_snakemakes_own(tmp_path):
+    folder = copy_project(tmp_path)
+    with (folder / "Snakefile").open("a", encoding="utf-8") as snakefile:
+        snakefile.write("import json\n")
+        snakefile.write('print("DRAWN", json.dumps(rule_graph(workflow, "all", alike={"lift", "person"})))\n')
+    run = snakemake(folder, "--rulegraph", "dot", "--forceall", "all")
+    assert run.status == 0, run.text[-3000:]
+    names = dict(re.findall(r'^\s*(\d+)\[label = "([^"]+)', run.text, flags=re.M))
+    edges = {(names[maker], names[user]) for maker, user in re.findall(r"(\d+) -> (\d+)", run.text)}
+    drawn = json.loads(re.search("^DRAWN (.*)", run.text, flags=re.M)[1])
+    assert len(edges) > 50
+    assert drawn == sorted(map(list, edges))
 
 
 def test_one_person_alone_runs_only_that_person(fresh):

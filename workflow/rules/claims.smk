@@ -34,8 +34,6 @@ CHAPTER_OF_FILE = {f"{chapter}.smk": chapter for chapter in CATEGORIES} | {"reco
 rule workflow_figure:
     input:
         config="<results>/run_config.yaml",
-        snakefile=source(Path(workflow.basedir) / "Snakefile"),
-        rules=[source(path) for path in sorted(WORKFLOW.glob("rules/*.smk"))],
     output:
         **published("workflow"),
     log:
@@ -47,9 +45,10 @@ rule workflow_figure:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=175, seconds=3),
+        **measured(peak_mb=175, seconds=2),
     params:
         code=library_code("workflow_figure.py"),
+        edges=lambda wildcards: rule_graph(workflow, "all", alike={"lift", "person"}),
         chapters=CATEGORIES,
         chapter_of=lambda wildcards: {
             rule.name: CHAPTER_OF_FILE[Path(str(rule.snakefile)).name]

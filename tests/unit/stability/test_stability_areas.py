@@ -217,7 +217,7 @@ def test_what_a_study_lacks_is_said():
 def test_variants_are_what_they_say():
     items = lift()[:2]
     fine = replace(SETTINGS, limits=replace(SETTINGS.limits, knots=SETTINGS.knots))
-    varied = varied_areas(items, fine)
+    varied = varied_areas(dict.fromkeys(("R/", "b*", "null"), items), fine)
     doubled = changed(SETTINGS, pendulum={"damping_N_m_s": 2.0})
     assert varied["b*"] == pytest.approx(
         exact_funnels(close_loops(items, "hanging", doubled)).mean_area, rel=1e-7

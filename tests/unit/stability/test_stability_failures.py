@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,7 @@ from lumbar.reports.figures.stability_figures import figure_4_3, figure_4_4
 from lumbar.stability.basins import basins_of_lift
 from lumbar.stability.comparison import compared_study
 from lumbar.stability.comparison.lyapunov_exponent import compared_exponents
-from lumbar.stability.comparison.percent_differences import VARIANTS, comparisons
+from lumbar.stability.comparison.percent_differences import comparisons
 from lumbar.stability.comparison.table_4_1 import tables_4_1
 from lumbar.stability.extended_basins import COLUMNS, extended_basins, extended_table, nothing_extended
 from lumbar.stability.model.failures import (
@@ -104,12 +105,11 @@ def test_one_bad_basin_drops_only_its_row(broken):
 def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, monkeypatch):
     """The novice's thorax has no basin in the headline and under no change of weights."""
 
-    def areas(trajectories, *arguments):
-        for item in trajectories:
+    def areas(cases, settings):
+        for item in chain.from_iterable(cases.values()):
             if (item.subject, item.com) == ("novice", "thorax"):
                 raise NumericalError(f"{item.label}: out of reach")
-        names = arguments[1] if len(arguments) > 1 and not isinstance(arguments[1], int) else VARIANTS
-        return {name: np.ones(len(trajectories)) for name in names}
+        return {name: np.ones(len(items)) for name, items in cases.items()}
 
     study = study_of([lift_states(), lift_states("novice")], replace(FAST, checks=()), published)
     gone = (study.boa["subject"] == "novice") & (study.boa["com"] == "thorax") & (study.boa["time"] == "real")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,11 @@ from lumbar.templates import template
 
 if TYPE_CHECKING:
     from bokeh.document import Document
+    from bokeh.embed.util import RenderItem
+    from bokeh.models import ColumnDataSource
 
+_CODE = "<!-- Bokeh's code -->"
+"""Stands for it where names are looked for."""
 _UNIQUE = re.compile(r"\b[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}\b")
 _NUMBERED = re.compile(r"\bp\d{4,}\b")
 
@@ -22,28 +27,77 @@ def beside(*names: str, folder: Path = Path(__file__).parent) -> str:
     return "\n".join((folder / name).read_text(encoding="utf-8") for name in names)
 
 
-def one_file(fill: Callable[[Document], None], page: str, variables: dict[str, Any]) -> str:
-    """Return the page as HTML.
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Bokeh's pictures as they stand in a page.
+
+    Attributes
+    ----------
+    documents : dict
+        Bokeh's document, by its name.
+    items : list of bokeh.embed.util.RenderItem
+        Where each picture goes.
+    code, style : str
+        Bokeh itself.
+    """
+
+    documents: dict[str, Any]
+    items: list[RenderItem]
+    code: str
+    style: str
+
+    def holding(self, sources: list[ColumnDataSource]) -> Drawn:
+        """Return the same pictures with further data in their document, which a page's script finds by name."""
+        from bokeh.core.serialization import Serializer
+
+        ((name, document),) = self.documents.items()
+        first, *others = document["roots"]
+        held = {"tags": Serializer(deferred=False).encode(sources)}
+        first = {**first, "attributes": {**first["attributes"], **held}}
+        return replace(self, documents={name: {**document, "roots": [first, *others]}})
+
+
+def drawn(fill: Callable[[Document], None]) -> Drawn:
+    """Return the pictures that are put into a Bokeh document.
 
     Parameters
     ----------
     fill : callable
-        Puts pictures and data into a Bokeh document.
+        Puts them, and their data, into a document.
+    """
+    from bokeh.document import Document
+    from bokeh.embed.bundle import bundle_for_objs_and_resources
+    from bokeh.embed.util import standalone_docs_json_and_render_items
+    from bokeh.resources import INLINE
+
+    document = Document()
+    fill(document)
+    documents, items = standalone_docs_json_and_render_items(document)
+    return Drawn(documents, items, *bundle_for_objs_and_resources([document], INLINE))
+
+
+def one_file(pictures: Drawn, page: str, variables: dict[str, Any]) -> str:
+    """Return the page as HTML.
+
+    Parameters
+    ----------
+    pictures : Drawn
     page : str
         Template, below the library; it extends ``reports/explorer/shell.html.jinja``.
     variables : dict
         What the template shows; with ``title``.
     """
-    from bokeh.document import Document
-    from bokeh.embed import file_html
-    from bokeh.resources import INLINE
+    from bokeh.embed.elements import html_page_for_render_items
 
-    document = Document()
-    fill(document)
-    text = file_html(
-        document, INLINE, title=variables["title"], template=template(page), template_variables=variables
+    text = html_page_for_render_items(
+        (_CODE, pictures.style),
+        pictures.documents,
+        pictures.items,
+        variables["title"],
+        template(page),
+        variables,
     )
-    return _named_alike(text)
+    return _named_alike(text).replace(_CODE, pictures.code, 1)
 
 
 def _named_alike(text: str) -> str:

@@ -18,7 +18,7 @@ from lumbar.diagnosis.selection.verdict import Verdict
 from lumbar.models.fitted_model import FittedModel
 from lumbar.models.form import Effect
 from lumbar.reports.explorer.answers import cards, how_sure
-from lumbar.reports.explorer.one_file import beside, one_file
+from lumbar.reports.explorer.one_file import beside, drawn, one_file
 from lumbar.reports.explorer.plots import ANSWER, FIRST, SECOND, page_models
 from lumbar.reports.explorer.shown import (
     ShownModel,
@@ -108,12 +108,12 @@ class ExplorerPage:
         """Put pictures and data into a Bokeh document."""
         from bokeh.models import CustomJS
 
-        drawn, held = page_models(self.verdict.experiment, self.records, self.models)
+        pictures, held = page_models(self.verdict.experiment, self.records, self.models)
         answer = next(source for source in held if source.name == ANSWER)
         answer.js_on_change("data", CustomJS(code="window.lumbar.answered(cb_obj.data.content[0])"))
-        drawn[0].tags = held  # so that the document has them
-        with document.models.freeze():  # its parts are looked for once, not with every picture
-            for picture in drawn:
+        pictures[0].tags = held  # so that the document has them
+        with document.models.freeze():  # or every root would have all models looked through again
+            for picture in pictures:
                 document.add_root(picture)
 
     def variables(self, served: bool = False, study: str = "") -> dict[str, Any]:
@@ -199,7 +199,7 @@ class ExplorerPage:
 
     def to_html(self) -> str:
         """Return the page as a file that needs nothing else: the same bytes for the same diagnosis."""
-        return one_file(self.fill, PAGE, self.variables())
+        return one_file(drawn(self.fill), PAGE, self.variables())
 
 
 def told(model: ShownModel, located: Sequence[Simulated]) -> dict[str, Any]:

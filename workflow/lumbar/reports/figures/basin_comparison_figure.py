@@ -10,7 +10,7 @@ import numpy as np
 from lumbar.reports.figures.stability_figures import NO_BASIN, PLANE_TITLES, shared_legend
 from lumbar.reports.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
 from lumbar.stability.basins import close_loops
-from lumbar.stability.funnel.funnel import Funnels
+from lumbar.stability.funnel.funnel import ClosedLoops, Funnels
 from lumbar.stability.funnel.invariance import normal_axes
 from lumbar.stability.funnel.lyapunov_family import best_of_family
 from lumbar.stability.funnel.monte_carlo_check import preimage
@@ -47,10 +47,11 @@ def comparison_figure(trajectories: list[Trajectory], settings: StabilitySetting
     matplotlib.figure.Figure
     """
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, sharex=True, sharey=True)
+    drawn = _sections([item for item in trajectories if item.com == "abdomen"], settings)
     for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
-        shown = [item for item in trajectories if (item.com, item.plane) == ("abdomen", plane)]
-        drawn = shown and _draw(axis, shown, settings)
-        if not drawn:
+        if "exact" in drawn.get(plane, {}):
+            _draw(axis, drawn[plane])
+        else:
             axis.text(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
         axis.set_title(f"{title}, abdomen" + (f"\n{who}" if who else ""))
         axis.set_xlabel("θ − θ0 (rad)")
@@ -59,34 +60,41 @@ def comparison_figure(trajectories: list[Trajectory], settings: StabilitySetting
     return figure
 
 
-def _draw(axis, shown: list[Trajectory], settings: StabilitySettings) -> bool:
-    """Draw the sections of one trajectory; return whether it has an exact basin."""
+def _sections(shown: list[Trajectory], settings: StabilitySettings) -> dict[str, dict[str, np.ndarray]]:
+    """Edges of all sections at t = 0, shape (2, points), by plane and method, with the goal set and all that reach it."""
     # A picture needs no more knots than the other variants, and no proof.
     fewer = replace(settings, knots=settings.limits.knots, checks=())
-    sections = {}
+    found: dict[str, dict[str, np.ndarray]] = {item.plane: {} for item in shown}
     for name in (*chosen_methods(settings), "best"):
-        results, _ = all_or_each(_funnels, shown, name, fewer, basin=name)
-        for _, found in results:
-            sections[name] = found
-    if "exact" not in sections:
-        return False
-    edge = _section(sections["exact"], -1)
-    reached = preimage(close_loops(shown, settings.pendulum.sign, fewer), edge)
+        for items, (loops, funnels) in all_or_each(_funnels, shown, name, fewer, basin=name)[0]:
+            first = _section(funnels, 0)
+            for index, item in enumerate(items):
+                found[item.plane][name] = first[:, index]
+            if name == "exact":
+                goal = _section(funnels, -1)
+                reached = preimage(loops, goal)
+                for index, item in enumerate(items):
+                    found[item.plane] |= {"goal": goal[:, index], "reached": reached[:, index]}
+    return found
+
+
+def _draw(axis, sections: dict[str, np.ndarray]) -> None:
+    """Draw the sections of one trajectory."""
     grey = {"facecolor": "#00000014", "edgecolor": "#777777", "linewidth": 0.8}
-    axis.fill(*reached[:, 0], label="all that reach the goal", **grey)
-    for name, found in sections.items():
-        label, style = STYLES[name]
-        axis.plot(*_section(found, 0)[:, 0], label=label, **style)
-    axis.plot(*edge[:, 0], color="#777777", linewidth=0.8, linestyle=":", label="goal set (at T)")
-    largest = np.concatenate([_section(found, 0)[:, 0] for found in sections.values()], axis=1)
+    axis.fill(*sections["reached"], label="all that reach the goal", **grey)
+    basins = [sections[name] for name in STYLES if name in sections]
+    for name, (label, style) in STYLES.items():
+        if name in sections:
+            axis.plot(*sections[name], label=label, **style)
+    axis.plot(*sections["goal"], color="#777777", linewidth=0.8, linestyle=":", label="goal set (at T)")
+    largest = np.concatenate(basins, axis=1)
     # What reaches the goal may reach far beyond: the picture shows the basins.
     for limit, extent in zip((axis.set_xlim, axis.set_ylim), 1.3 * np.abs(largest).max(axis=1), strict=True):
         limit(-extent, extent)
-    share = 100 * sections["exact"].initial_area[0] / _enclosed(reached[:, 0])
+    share = 100 * _enclosed(sections["exact"]) / _enclosed(sections["reached"])
     words = f"exact: {share:.2g} % of all that reach the goal"
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     axis.text(0.98, 0.96, words, transform=axis.transAxes, ha="right", va="top", fontsize=6, bbox=white)
-    return True
 
 
 def _enclosed(edge: np.ndarray) -> float:
@@ -95,11 +103,13 @@ def _enclosed(edge: np.ndarray) -> float:
     return 0.5 * abs(float(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))))
 
 
-def _funnels(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> Funnels:
+def _funnels(
+    trajectories: list[Trajectory], name: str, settings: StabilitySettings
+) -> tuple[ClosedLoops, Funnels]:
     loops = close_loops(trajectories, settings.pendulum.sign, settings)
     if name == "best":
-        return best_of_family(loops, settings.goal_level, settings.lyapunov_shares).funnels
-    return METHODS[name](loops, settings).funnels
+        return loops, best_of_family(loops, settings.goal_level, settings.lyapunov_shares).funnels
+    return loops, METHODS[name](loops, settings).funnels
 
 
 def _section(funnels: Funnels, knot: int) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from graphlib import TopologicalSorter
 from itertools import cycle
@@ -12,16 +11,6 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from matplotlib.path import Path
 
 from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, house_style, new_figure
-
-_NODE = re.compile(r'^\s*(\d+)\[label = "([^"\\]+)')
-_EDGE = re.compile(r"^\s*(\d+) -> (\d+)")
-
-
-def parse_rule_graph(dot: str) -> list[tuple[str, str]]:
-    """Return the edges ``(made by, used by)`` of a rule graph in the DOT language, sorted and without repetition."""
-    names = {match[1]: match[2] for line in dot.splitlines() if (match := _NODE.match(line))}
-    edges = {(names[match[1]], names[match[2]]) for line in dot.splitlines() if (match := _EDGE.match(line))}
-    return sorted(edges)
 
 
 def depths(edges: list[tuple[str, str]]) -> dict[str, int]:

@@ -155,6 +155,11 @@ window.lumbarLift = (() => {
 
   function drawMargins() {
     if (!page.balance) return;
+    const phases = page.phases.filter(([phase]) => phase in page.shades);
+    set("phases", {
+      start: phases.map(([, start]) => start), stop: phases.map(([, , stop]) => stop),
+      shade: phases.map(([phase]) => page.shades[phase]), phase: phases.map(([phase]) => phase),
+    });
     const data = named("balance").data;
     const margin = Array.from(data.margin_of_stability_m, (value) => 1000 * value);
     set("margins", { time: Array.from(columns.time), margin });
@@ -390,6 +395,7 @@ window.lumbarLift = (() => {
     element("limited").addEventListener("change", again);
     for (const id of ["push-angle", "push-velocity"]) element(id).addEventListener("input", typed);
     window.lumbarDark(pictures);
+    for (const [name, axis] of [["side", "y"], ["behind", "x"]]) set(`${name}:bounds`, { x: page.bounds[axis], y: page.bounds.z });
     drawMargins();
     const ends = page.deposit || [times[0], times[times.length - 1]];
     named("margin").x_range.setv({ start: times[0], end: times[times.length - 1], reset_start: times[0], reset_end: times[times.length - 1] });

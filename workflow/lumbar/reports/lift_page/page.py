@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from lumbar.lifting.body import points_of
 from lumbar.measures.course import Course, Lifter, course_of_lift
 from lumbar.measures.lift_values import values_of_lift
 from lumbar.measures.registry import DEPOSIT, MEASURES
-from lumbar.reports.explorer.one_file import beside, one_file
+from lumbar.reports.explorer.one_file import Drawn, beside, drawn, one_file
 from lumbar.reports.figures.lifting_figures import EVENT_LABELS
 from lumbar.reports.figures.stability_figures import PLANE_TITLES
 from lumbar.reports.figures.style import MEASURED, SEGMENTS, SERIES
@@ -24,12 +24,22 @@ from lumbar.reports.lift_page.moving_body import (
     chains,
     drawn_frames,
 )
-from lumbar.reports.lift_page.plots import CERTIFIED, DASHES, GOAL, MARKS, OUTLINES, PUSHED, lift_pictures
+from lumbar.reports.lift_page.plots import (
+    CERTIFIED,
+    DASHES,
+    GOAL,
+    MARKS,
+    OUTLINES,
+    PUSHED,
+    SHADES,
+    lift_pictures,
+)
 from lumbar.reports.lift_page.pushed_pendulums import PushedPendulum, pushed_pendulums
 from lumbar.stability.model.lift_trajectories import LiftStates
 
 if TYPE_CHECKING:
     from bokeh.document import Document
+    from bokeh.models import ColumnDataSource
 
     from lumbar.reports.lift_page.recorded_lift import RecordedLift
     from lumbar.settings.stability import StabilitySettings
@@ -39,6 +49,18 @@ PAGE = "reports/lift_page/lift_page.html.jinja"
 COLOURS = {**SEGMENTS, "whole body": SERIES[4], "box": SERIES[3]}
 STATES_DRAWN = 250
 """Instants of a pendulum's states that are drawn."""
+
+
+@cache
+def _pictures() -> Drawn:
+    """The pictures of every page: they are alike, since a page's script fills them."""
+
+    def fill(document: Document) -> None:
+        with document.models.freeze():  # or every root would have all models looked through again
+            for picture in lift_pictures():
+                document.add_root(picture)
+
+    return drawn(fill)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +104,8 @@ class LiftPage:
         """Title of the page."""
         return f"Lift {self.lift.facts['lift']}"
 
-    def fill(self, document: Document) -> None:
-        """Put pictures and data into a Bokeh document."""
+    def _sources(self) -> list[ColumnDataSource]:
+        """Data that the page's script shows in the pictures."""
         from bokeh.models import ColumnDataSource
 
         held = [ColumnDataSource(body_columns(self.lift, self._frames), name="body")]
@@ -99,11 +121,7 @@ class LiftPage:
         for item in self.pendulums:
             held.append(ColumnDataSource(item.columns, name=f"loop:{item.key}"))
             held.append(ColumnDataSource({"level": item.level}, name=f"level:{item.key}"))
-        pictures = lift_pictures(self._bounds(), self._phases())
-        pictures[0].tags = held  # so that the document has them
-        with document.models.freeze():  # or every root would have all models looked through again
-            for picture in pictures:
-                document.add_root(picture)
+        return held
 
     def _bounds(self) -> dict[str, tuple[float, float]]:
         """Smallest and largest coordinate of the body and the ground."""
@@ -208,12 +226,14 @@ class LiftPage:
             "deposit": None if facts["no_deposit"] else [facts["start_s"], facts["stop_s"]],
             "balance": bool(self._balance),
             "outlines": OUTLINES,
+            "bounds": self._bounds(),
+            "shades": SHADES,
             "pendulums": {item.key: {**item.constants, "binds": item.binds} for item in self.pendulums},
         }
 
     def to_html(self) -> str:
         """Return the page as a file that needs nothing else: the same bytes for the same lift."""
-        return one_file(self.fill, PAGE, self.variables())
+        return one_file(_pictures().holding(self._sources()), PAGE, self.variables())
 
     def save(self, path: str | Path) -> None:
         """Write the page to a file."""

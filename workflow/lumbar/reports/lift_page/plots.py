@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,21 +30,11 @@ OUTLINES = 9
 """Cross-sections of the funnel that are drawn besides the present one."""
 
 
-def lift_pictures(
-    bounds: dict[str, tuple[float, float]], phases: list[tuple[str, float, float]]
-) -> list[figure]:
-    """Pictures in the order of the page; the page's script fills them.
-
-    Parameters
-    ----------
-    bounds : dict of str to tuple of float
-        Smallest and largest coordinate of the body: ``x``, ``y`` and ``z``, metres.
-    phases : list of (str, float, float)
-        Name, start and end in seconds.
-    """
-    side = _body("side", "y, forward (m)", bounds["y"], bounds["z"])
-    behind = _body("behind", "x, to the right (m)", bounds["x"], bounds["z"])
-    margin = _course("margin", "Margin of stability (mm)", phases)
+def lift_pictures() -> list[figure]:
+    """Pictures in the order of the page; the page's script fills them."""
+    side = _body("side", "y, forward (m)")
+    behind = _body("behind", "x, to the right (m)")
+    margin = _course("margin", "Margin of stability (mm)")
     angle = _course("angle", "Angle θ (rad)")
     velocity = _course("velocity", "Angular velocity (rad/s)", x_range=angle.x_range)
     _draw_margin(margin)
@@ -81,20 +70,20 @@ def _figure(name: str, across: str, up: str, height: int, tools: str = "", **mor
     return picture
 
 
-def _still(picture: figure, across: tuple[float, ...], up: tuple[float, ...], name: str) -> None:
-    """Keep what is shown to these bounds, with equal scales, whatever moves inside."""
+def _still(picture: figure, name: str) -> None:
+    """Keep what is shown to bounds that the script sets, with equal scales, whatever moves inside."""
     from bokeh.models import ColumnDataSource, DataRange1d
 
-    corners = ColumnDataSource({"x": list(across), "y": list(up)}, name=name)
+    corners = ColumnDataSource({"x": [-0.5, 0.5], "y": [-0.5, 0.5]}, name=name)
     unseen = picture.scatter("x", "y", source=corners, size=0, alpha=0)
     picture.x_range = DataRange1d(renderers=[unseen], range_padding=0.06)
     picture.y_range = DataRange1d(renderers=[unseen], range_padding=0.06)
 
 
-def _body(name: str, across: str, horizontal: tuple[float, float], vertical: tuple[float, float]) -> figure:
+def _body(name: str, across: str) -> figure:
     """Stick figure, centres of mass and pendulums."""
     picture = _figure(name, across, "z, up (m)", 420, match_aspect=True)
-    _still(picture, horizontal, vertical, f"{name}:bounds")
+    _still(picture, f"{name}:bounds")
     head = _source(f"{name}:head", "x", "z")
     picture.scatter(
         "x", "z", source=head, size=20, fill_color=None, line_color=MEASURED, line_width=2.5, name="ink head"
@@ -126,7 +115,7 @@ def _draw_centres(picture: figure, source: ColumnDataSource) -> None:
 def _above() -> figure:
     """Base of support, centre of mass and extrapolated centre, seen from above."""
     picture = _figure("above", "x, to the right (m)", "y, forward (m)", 420, match_aspect=True)
-    _still(picture, (-0.5, 0.5), (-0.5, 0.5), "above:bounds")
+    _still(picture, "above:bounds")
     picture.patch(
         "x", "y", source=_source("above:base", "x", "y"), fill_color=GREY, fill_alpha=0.35, line_color=GREY
     )
@@ -155,24 +144,13 @@ def _above() -> figure:
     return picture
 
 
-def _course(name: str, up: str, phases: Sequence[tuple[str, float, float]] = (), **more) -> figure:
-    """Picture over the recording's time with the phases behind and the present instant as a line; a click goes there."""
-    from bokeh.models import BoxAnnotation, CustomJS, Label, Range1d, Span
+def _course(name: str, up: str, **more) -> figure:
+    """Picture over the recording's time with the present instant as a line; a click goes there."""
+    from bokeh.models import CustomJS, Range1d, Span
 
     ranges = {"x_range": Range1d(0, 1), "y_range": Range1d(0.1, 1), **more}  # the page's script sets them
     picture = _figure(name, "Time (s)", up, 220, "xpan,xbox_zoom,xwheel_zoom,reset", **ranges)
     picture.toolbar.active_drag = picture.toolbar.active_scroll = None
-    for phase, start, stop in phases:
-        if phase in SHADES:
-            shade = {"fill_color": GREY, "fill_alpha": SHADES[phase], "line_color": None, "level": "underlay"}
-            picture.add_layout(BoxAnnotation(left=start, right=stop, **shade))
-            named = {
-                "text": phase,
-                "text_font_size": "11px",
-                "text_color": MEASURED,
-                "name": f"ink {name} {phase}",
-            }
-            picture.add_layout(Label(x=start, y=2, x_offset=3, y_units="screen", **named))
     now = Span(
         dimension="height", location=np.nan, line_color=MEASURED, line_width=1.5, name=f"ink now:{name}"
     )
@@ -182,8 +160,21 @@ def _course(name: str, up: str, phases: Sequence[tuple[str, float, float]] = (),
 
 
 def _draw_margin(picture: figure) -> None:
-    from bokeh.models import Span
+    """The margin over time with the phases behind."""
+    from bokeh.models import LabelSet, Span
 
+    phases = _source("phases", "start", "stop", "shade", "phase")
+    picture.vstrip(
+        x0="start",
+        x1="stop",
+        source=phases,
+        fill_color=GREY,
+        fill_alpha="shade",
+        line_color=None,
+        level="underlay",
+    )
+    words = {"text": "phase", "text_font_size": "11px", "text_color": MEASURED, "name": "ink phases"}
+    picture.add_layout(LabelSet(x="start", y=2, x_offset=3, y_units="screen", source=phases, **words))
     edge = Span(dimension="width", location=0, line_color=GREY, line_dash=[4, 3])
     picture.add_layout(edge)
     picture.line(

@@ -144,15 +144,18 @@ def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     failures : list of Failure
         Areas that could not be computed: they have no row.
     """
-    trajectories, settings = study.trajectories(), study.settings
-    # All changes of weights at once are fastest; only where one has no basin is each computed by itself.
+    settings, trajectories = study.settings, study.trajectories()
+    cases = dict.fromkeys(VARIANTS, trajectories) | {
+        name: study.trajectories(mass) for name, mass in OTHER_MASSES.items()
+    }
+    # All of one kind at once are fastest; only where one has no basin is each computed by itself.
     try:
-        at_once = varied_areas(trajectories, settings) if trajectories else {}
+        at_once = varied_areas(cases, settings) if trajectories else {}
     except NumericalError:
         at_once = {}
     areas, failures = {}, []
     for name in (*VARIANTS, *TAYLOR, *OTHER_MASSES):
-        items = study.trajectories(OTHER_MASSES[name]) if name in OTHER_MASSES else trajectories
+        items = cases.get(name, trajectories)
         if name in at_once:
             results = [(items, at_once[name])]
         else:
@@ -168,7 +171,7 @@ def variant_areas(trajectories: list[Trajectory], name: str, settings: Stability
     """Average cross-sections of some trajectories under one change."""
     if name in TAYLOR:
         return taylor_areas(trajectories, settings, TAYLOR[name])
-    return varied_areas(trajectories, settings, ["base" if name in OTHER_MASSES else name]).popitem()[1]
+    return varied_areas({name: trajectories}, settings)[name]
 
 
 def _areas_frame(results: list[tuple[list[Trajectory], np.ndarray]]) -> pd.DataFrame:

@@ -6,7 +6,7 @@ duration, mass and length are left) and with Q, R and b changed, `taylor_areas` 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -54,31 +54,29 @@ def percent_differences(
     Returns
     -------
     list of dict
-        ``comparison, com, status`` and, per plane, the percentage or None where the study cannot tell or a basin is
+        ``comparison, com, status`` and, per plane, the percentage or NaN where the study cannot tell or a basin is
         missing; the status names it.
     """
-    import pandas as pd
-
-    table = areas.groupby(["experience", "box_mass_kg", "com", "plane"])[column].mean()
+    table = areas.groupby(["experience", "box_mass_kg", "com", "plane"])[column].mean().to_dict()
     rows = []
     for comparison, before, after, status in comparisons(areas, missing, groups):
         for com in COMS:
             row = {"comparison": comparison, "com": com, "status": status}
             gone = []
             for plane in PLANES:
-                row[plane] = None
+                row[plane] = np.nan
                 if status != "computed":
                     continue
                 sides = [(*side, com, plane) for side in (before, after)]
-                gone += [side for side in sides if side not in table.index]
-                if all(side in table.index for side in sides):
+                gone += [side for side in sides if side not in table]
+                if all(side in table for side in sides):
                     base, other = (table[side] for side in sides)
                     row[plane] = float(100 * (other - base) / base)
             if gone:
                 names = [f"{name} {mass:g} kg {com} {plane}" for name, mass, com, plane in gone]
                 row["status"] = f"no basin: {', '.join(names)}"
             rows.append(row)
-    return pd.DataFrame(rows).astype(dict.fromkeys(PLANES, float)).to_dict("records")
+    return rows
 
 
 def comparison_names(groups: tuple[str, str]) -> dict[str, str]:
@@ -135,47 +133,44 @@ def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None, groups
             yield comparison, None, None, f"not testable: {reason}"
 
 
-def varied_areas(
-    trajectories: list[Trajectory], settings: StabilitySettings, names: Iterable[str] = VARIANTS
-) -> dict[str, np.ndarray]:
-    """Average cross-sections (exact method) under the null control and with Q, R and b changed.
+def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
+    """Average cross-sections (exact method) under the null control and with Q, R and b changed, all at once.
 
     Parameters
     ----------
-    trajectories : list of Trajectory
-        All of the study.
+    cases : mapping of str to list of Trajectory
+        Trajectories by change: where it is one of `VARIANTS`, under that, and as they are under any other name.
     settings : StabilitySettings
-    names : iterable of str
-        Of `VARIANTS`.
 
     Returns
     -------
     dict of str to numpy.ndarray, shape (trajectories,)
-        By variant.
+        By change.
 
     Raises
     ------
     NumericalError
         One of them has no basin.
     """
-    names = tuple(names)
+    counts = [len(own) for own in cases.values()]
     factors = {"/": 1 / settings.sensitivity_factor, "*": settings.sensitivity_factor}
-    changes = [{name[0]: factors[name[1]]} if name[1:] in factors else {} for name in names]
-    pendulum, count = settings.pendulum, len(trajectories)
-    still = [replace(item, angle=np.zeros_like(item.angle)) for item in trajectories]
-    items = [item for name in names for item in (still if name == "null" else trajectories)]
+    changes = [{name[0]: factors[name[1]]} if name[1:] in factors else {} for name in cases]
+    items = [
+        replace(item, angle=np.zeros_like(item.angle)) if name == "null" else item
+        for name, own in cases.items()
+        for item in own
+    ]
     scale = {
-        quantity: np.repeat([change.get(quantity, 1.0) for change in changes], count)
+        quantity: np.repeat([change.get(quantity, 1.0) for change in changes], counts)
         for quantity in ("Q", "R", "b")
     }
-    base = weights_of(settings)
+    pendulum, base = settings.pendulum, weights_of(settings)
     weights = Weights(base.state * scale["Q"][:, None], base.control * scale["R"], base.terminal)
     damping = pendulum.damping_N_m_s * scale["b"]
     signs = [pendulum.sign] * len(items)
-    knots = settings.limits.knots
-    pendulums = gather(items, signs, list(damping), pendulum.gravity_m_s2, knots)
+    pendulums = gather(items, signs, list(damping), pendulum.gravity_m_s2, settings.limits.knots)
     areas = exact_funnels(regulate(pendulums, weights), settings.goal_level).mean_area
-    return dict(zip(names, areas.reshape(len(names), count), strict=True))
+    return dict(zip(cases, np.split(areas, np.cumsum(counts)[:-1]), strict=True))
 
 
 def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, degree: int) -> np.ndarray:

@@ -66,6 +66,23 @@ class ClosedLoops:
         """Return V̇/ρ in normal coordinates at points of the grid (an index or a slice)."""
         return normal_form(self.pendulums, self.pendulums.angle[point], self.cost[point], self.decay[point])
 
+    def chosen(self, index: np.ndarray) -> ClosedLoops:
+        """Return the loops of these pendulums, which may repeat."""
+        given, weights = self.pendulums, self.weights
+        pendulums = Pendulums(
+            tuple(given.labels[number] for number in index),
+            *(part[index] for part in (given.inertia, given.damping, given.gravity_torque, given.duration)),
+            given.angle[:, index],
+        )
+        own = Weights(
+            *(
+                part[index] if part.ndim > shared else part
+                for part, shared in ((weights.state, 1), (weights.control, 0), (weights.terminal, 1))
+            )
+        )
+        parts = (part[:, index] for part in (self.cost, self.decay, self.gains))
+        return ClosedLoops(pendulums, own, *parts)
+
 
 @dataclass(frozen=True)
 class Funnels:

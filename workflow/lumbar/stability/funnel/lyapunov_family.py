@@ -42,14 +42,14 @@ class BestOfFamily:
     negative_control: Funnels
 
 
-def with_lyapunov_function(loops: ClosedLoops, share: float) -> ClosedLoops:
-    """Return the same loops with the V of one λ.
+def with_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> ClosedLoops:
+    """Return the same loops with the V of one λ, or each with its own.
 
     Parameters
     ----------
     loops : ClosedLoops
         With the Riccati solution.
-    share : float
+    share : float or numpy.ndarray, shape (pendulums,)
         λ.
 
     Raises
@@ -62,6 +62,7 @@ def with_lyapunov_function(loops: ClosedLoops, share: float) -> ClosedLoops:
 
     pendulums = loops.pendulums
     points, count = pendulums.angle.shape
+    share = np.broadcast_to(share, count)
     phase = np.linspace(0.0, 1.0, points)
     curves = CubicSpline(
         phase, np.concatenate([pendulums.angle[..., None], loops.gains, loops.decay], axis=-1)
@@ -92,9 +93,9 @@ def with_lyapunov_function(loops: ClosedLoops, share: float) -> ClosedLoops:
     if lost.any():
         index = int(np.argwhere(lost)[-1][1])
         raise NumericalError(
-            f"{pendulums.labels[index]}: the Lyapunov function of share {share:g} is indefinite"
+            f"{pendulums.labels[index]}: the Lyapunov function of share {share[index]:g} is indefinite"
         )
-    return replace(loops, cost=cost, decay=share * loops.decay)
+    return replace(loops, cost=cost, decay=share[:, None] * loops.decay)
 
 
 def best_of_family(
@@ -117,24 +118,13 @@ def best_of_family(
     margin, negative_control : float
         As for `funnel.funnel_variants`.
     """
-    members = [with_lyapunov_function(loops, share) for share in shares]
-    funnels = [funnel_variants(member, terminal_level, margin, negative_control) for member in members]
-    areas = np.array([item[0].mean_area for item in funnels])
-    chosen = areas.argmax(axis=0)
-
-    def pick(arrays):
-        return np.stack([arrays[member][:, index] for index, member in enumerate(chosen)], axis=1)
-
-    best = replace(
-        loops, cost=pick([item.cost for item in members]), decay=pick([item.decay for item in members])
-    )
-    variants = (
-        Funnels(
-            "best of family",
-            loops.pendulums.duration,
-            best.cost[::2],
-            pick([item[which].level for item in funnels]),
-        )
-        for which in range(3)
-    )
-    return BestOfFamily(np.array(shares)[chosen], best, *variants)
+    count = len(loops.pendulums.labels)
+    every = loops.chosen(np.tile(np.arange(count), len(shares)))
+    members = with_lyapunov_function(every, np.repeat(shares, count))
+    variants = funnel_variants(members, terminal_level, margin, negative_control)
+    largest = variants[0].mean_area.reshape(len(shares), count).argmax(axis=0)
+    index = largest * count + np.arange(count)
+    best = members.chosen(index)
+    duration, cost = best.pendulums.duration, best.cost[::2]
+    funnels = [Funnels("best of family", duration, cost, item.level[:, index]) for item in variants]
+    return BestOfFamily(np.array(shares)[largest], best, *funnels)

@@ -108,6 +108,10 @@ def harmonics(order: int, angle: np.ndarray) -> np.ndarray:
     return np.stack(rows)
 
 
+NEGLIGIBLE = 1e-8
+"""Last step in rad towards a maximum: what is left of the height goes with its square."""
+
+
 def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
     """Return the largest value on the unit circle: samples, then Newton's method from the best of each part.
 
@@ -118,25 +122,29 @@ def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
         Of the polynomial.
     """
     amplitudes = coefficients @ harmonics_of_monomials(degree).T
-    multiple = np.repeat(np.arange(degree + 1), 2)[1:]
     samples, parts = 16 * (degree + 1), 2 * (degree + 1)
     angle = 2 * np.pi * np.arange(samples) / samples
     values = amplitudes @ harmonics(degree, angle)
     within = values.reshape(*values.shape[:-1], parts, -1).argmax(axis=-1)
     position = angle[within + np.arange(parts) * (samples // parts)]
+    # The sum of aₖ cos kφ + bₖ sin kφ is the real part of the sum of cₖzᵏ with cₖ = aₖ − ibₖ and z = exp iφ.
+    complex_amplitudes = amplitudes[..., 1::2] - 1j * amplitudes[..., 2::2]
+    multiple = np.arange(1, degree + 1)
+    first, second = 1j * multiple * complex_amplitudes, -(multiple**2) * complex_amplitudes
     for _ in range(5):
-        basis = np.moveaxis(harmonics(degree, position), 0, -1)
-        # d/dφ of (cos kφ, sin kφ) is k·(−sin kφ, cos kφ)
-        turned = basis.copy()
-        turned[..., 0] = 0
-        turned[..., 1::2], turned[..., 2::2] = -basis[..., 2::2], basis[..., 1::2]
-        slope = np.sum(amplitudes[..., None, :] * multiple * turned, axis=-1)
-        bend = -np.sum(amplitudes[..., None, :] * multiple**2 * basis, axis=-1)
+        powers = _powers(position, degree)
+        slope, bend = (np.matmul(powers, part[..., None])[..., 0].real for part in (first, second))
         step = np.where(bend < 0, -slope / np.where(bend < 0, bend, -1.0), 0.0)
         position = position + np.clip(step, -angle[1], angle[1])
-    basis = np.moveaxis(harmonics(degree, position), 0, -1)
-    polished = np.sum(amplitudes[..., None, :] * basis, axis=-1)
-    return np.maximum(polished.max(axis=-1), values.max(axis=-1))
+        if np.abs(step).max(initial=0.0) < NEGLIGIBLE:
+            break
+    waves = np.matmul(_powers(position, degree), complex_amplitudes[..., None])[..., 0].real
+    return np.maximum(amplitudes[..., 0] + waves.max(axis=-1), values.max(axis=-1))
+
+
+def _powers(angle: np.ndarray, degree: int) -> np.ndarray:
+    """Return z, z², …, zⁿ of z = exp iφ, shape (angles, n)."""
+    return np.multiply.accumulate(np.repeat(np.exp(1j * angle)[..., None], degree, axis=-1), axis=-1)
 
 
 def gram_map(degree: int) -> np.ndarray:

@@ -72,13 +72,14 @@ def trajectories_of_lift(
         Of those that have no basin.
     """
     trajectories, failures, missing = [], [], facts.get("missing", {})
+    parts = dict(iter(states.groupby(["com", "plane"])))
     person, box = (facts["subject"], facts.get("experience", "")), float(facts["box_mass_kg"])
     for com in COMS:
         for plane in PLANES:
             if com in missing:
                 failures.append(Failure(*person, box, com, plane, NO_TRAJECTORY, missing[com]))
                 continue
-            rows = states[(states["com"] == com) & (states["plane"] == plane)]
+            rows = parts.get((com, plane), states[:0])
             trajectory = Trajectory(
                 *person,
                 box,
