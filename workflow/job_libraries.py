@@ -17,6 +17,8 @@ for name in (
     "scipy.stats",
     "matplotlib.backends.backend_pdf",
     "matplotlib.backends.backend_svg",
+    "bokeh.embed",
+    "bokeh.plotting",
     "fontTools.subset",
     "jinja2",
     "pydantic.dataclasses",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -118,7 +119,14 @@ class ArxCandidate:
     path: RidgePath
     transfer_function: TransferFunction
     training: FreeRun | None
-    test_vaf_percent: float | None
+    tests: Sequence[IdentificationData]
+
+    @cached_property
+    def test_vaf_percent(self) -> float | None:
+        """Mean %VAF of the free runs on the other records; None where there are none."""
+        if self.training is None or not self.tests:
+            return None
+        return float(np.mean([free_run(self.transfer_function, test).vaf_percent for test in self.tests]))
 
     @property
     def stable(self) -> bool:
@@ -142,7 +150,7 @@ def search(
     training: IdentificationData,
     tests: list[IdentificationData],
 ) -> list[ArxCandidate]:
-    """Every structure with every α, fitted by ridge ARX and simulated on training and test records.
+    """Every structure with every α, fitted by ridge ARX and simulated on the training record.
 
     Parameters
     ----------
@@ -163,9 +171,7 @@ def search(
         for alpha in alphas:
             fitted = structure.transfer_function(path.solution(alpha))
             trained = free_run(fitted, training)
-            tested = [free_run(fitted, test) for test in tests] if trained else []
-            test_vaf = float(np.mean([run.vaf_percent for run in tested])) if tested else None
-            candidates.append(ArxCandidate(model, structure, float(alpha), path, fitted, trained, test_vaf))
+            candidates.append(ArxCandidate(model, structure, float(alpha), path, fitted, trained, tests))
     return candidates
 
 

@@ -71,6 +71,14 @@ def identify(
     InputError
         If records differ in units or sampling time, or the training record is too short.
     """
+    fits, searched = _identification(training, tests, settings, seed).run()
+    grid = [grid_row(item, training.name, item is chosen) for every, chosen in searched for item in every]
+    return fits, grid
+
+
+def _identification(
+    training: Record, tests: list[Record], settings: TissueSettings, seed: int
+) -> _Identification:
     same_units([training, *tests])
     _same_sampling_time([training, *tests])
     data = IdentificationData.from_record(training, settings.settling_s)
@@ -84,7 +92,7 @@ def identify(
         raise InputError(
             f"{training.source or training.name}: {len(training)} samples are too few for order {lag}"
         )
-    return _Identification(training, data, others, settings, seed).run()
+    return _Identification(training, data, others, settings, seed)
 
 
 def without_intervals(training: Record, tests: list[Record], settings: TissueSettings) -> list[FittedModel]:
@@ -94,7 +102,7 @@ def without_intervals(training: Record, tests: list[Record], settings: TissueSet
     """
     quick = replace(settings, bootstrap=replace(settings.bootstrap, resamples=0))
     given = settings.inverted_linear
-    found, _ = identify(training, tests, quick, seed=0)
+    found, _ = _identification(training, tests, quick, seed=0).run()
     return [*found, given_model(training, tests, settings.settling_s, given.force_max, given.travel)]
 
 
@@ -191,11 +199,11 @@ class _Identification:
         self.regression = ReducedRegression(data.inputs, data.outputs, settings.search.order_max)
         self.block_rows = max(1, round(settings.bootstrap.block_s / data.sampling_time))
 
-    def run(self) -> tuple[list[FittedModel], list[dict]]:
-        """Fits in the order of Table 3.1, and the grid they were picked from."""
+    def run(self) -> tuple[list[FittedModel], list[tuple[list[ArxCandidate], ArxCandidate]]]:
+        """Fits in the order of Table 3.1; of every model the grid it was picked from, and the one that was."""
         settings = self.settings
         alphas = ridge_grid(settings.ridge.alpha_min, settings.ridge.alpha_max, settings.ridge.alpha_points)
-        fits, grid = [], []
+        fits, searched = [], []
         nested: TransferFunction | None = None
         for model in (*FIXED_STRUCTURE, HO):
             structures = (
@@ -204,12 +212,12 @@ class _Identification:
             candidates = search(model.name, structures, alphas, self.regression, self.data, self.tests)
             cap = None if model.structure else settings.search.condition_max
             chosen, remark = select(candidates, settings.search.selection, cap)
-            grid += [grid_row(item, self.data.name, item is chosen) for item in candidates]
+            searched.append((candidates, chosen))
             fits.append(self.arx_fit(model, chosen, remark))
             fit, found = self.output_error_fit(model, chosen, nested)
             fits.append(fit)
             nested = found if model is KB else nested
-        return fits, grid
+        return fits, searched
 
     def arx_fit(self, model: TissueModel, chosen: ArxCandidate, remark: str) -> FittedModel:
         """Return the selected ridge ARX solution with its uncertainties."""

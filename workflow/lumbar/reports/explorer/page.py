@@ -112,8 +112,9 @@ class ExplorerPage:
         answer = next(source for source in held if source.name == ANSWER)
         answer.js_on_change("data", CustomJS(code="window.lumbar.answered(cb_obj.data.content[0])"))
         pictures[0].tags = held  # so that the document has them
-        for picture in pictures:
-            document.add_root(picture)
+        with document.models.freeze():  # or every root would have all models looked through again
+            for picture in pictures:
+                document.add_root(picture)
 
     def variables(self, served: bool = False, study: str = "") -> dict[str, Any]:
         """Return what the template shows beside the pictures.
