@@ -18,6 +18,8 @@ for name in (
     "matplotlib.backends.backend_pdf",
     "matplotlib.backends.backend_svg",
     "fontTools.subset",
+    "bokeh.embed",
+    "bokeh.plotting",
     "jinja2",
     "pydantic.dataclasses",
     "clarabel",
