@@ -6,7 +6,6 @@ What a job does stays the same: its script runs as it is, in a process of its ow
 from __future__ import annotations
 
 import atexit
-import ctypes
 import multiprocessing
 import os
 import runpy
@@ -19,9 +18,9 @@ from multiprocessing.connection import Connection, wait
 
 _WORTH_IT = 4
 """Scripts from which on one import of all libraries takes less than every script's own."""
-_PR_SET_PDEATHSIG = 1
-"""Of Linux's prctl(2): the signal that a process gets when its parent ends."""
 _SERVER = multiprocessing.get_context("forkserver")
+_SERVER_GONE = 255
+"""Exit code where the server was killed, which would have told it, and with it the process."""
 _REAPING = threading.Lock()
 """Starting a process asks all others whether they have ended; of two threads that ask the same one, one is told of a failure."""
 
@@ -84,13 +83,18 @@ def run_forked(server, target, arguments: tuple, bench_record) -> None:
     with _REAPING:
         process.join()
     if process.exitcode:
-        raise subprocess.CalledProcessError(process.exitcode, [sys.executable, arguments[0]])
+        status = -signal.SIGKILL if process.exitcode == _SERVER_GONE else process.exitcode
+        raise subprocess.CalledProcessError(status, [sys.executable, arguments[0]])
 
 
 def _run(begin: Connection, path: str, temporary: str) -> None:
     """Run a script as Python would when started with its path."""
-    # Killed with the process it was forked from: with that, Snakemake holds the job for failed and removes its files.
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    from killed_jobs import end_with_parent
+
+    # The server, once killed: Snakemake then holds the job for failed and removes its files.
+    end_with_parent()
+    # Snakemake, once killed: the server ends when nobody holds this pipe any more, and every forked process is given it.
+    os.close(forkserver._forkserver._forkserver_alive_fd)
     begin.recv()
     os.environ.update(dict.fromkeys(("TMPDIR", "TMP", "TEMPDIR", "TEMP"), temporary))
     sys.argv = [path]

@@ -8,6 +8,7 @@ plugin would have to be installed before Snakemake starts; this works in every e
 from __future__ import annotations
 
 import logging
+import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,8 @@ _RETOLD = (
 )
 _DEFAULT_HANDLERS = ("DefaultStreamHandler", "DefaultLogFileHandler")
 _WARNING = "WARNING"
+_KILLED = re.compile(r"died with <Signals\.(\w+)")
+"""In a `subprocess.CalledProcessError`."""
 _UNKNOWN_S = 1.0
 """Weight of a job where no job of the run has ever been timed: all weigh alike."""
 _LEARNING_S = 20.0
@@ -88,6 +91,13 @@ class RunLog(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Retell one of Snakemake's records."""
+        killed = (
+            _KILLED.search(record.getMessage()) if getattr(record, "event", None) == LogEvent.ERROR else None
+        )
+        if killed:  # its log cannot say so
+            self.say(
+                f"A job was killed from outside ({killed[1]}): by somebody, or by the system as memory ran out"
+            )
         number = getattr(record, "job_id", getattr(record, "jobid", None))
         job = self.jobs.get(number)
         if job is None:

@@ -22,6 +22,7 @@ PROJECT = HERE.parents[1]
 sys.path[:0] = [str(HERE), str(HERE.parent), str(PROJECT / "workflow")]
 
 from faults import CHAPTER, FAULTS, RESULTS, anew  # noqa: E402
+from random_kills import OnSlurm, Series, met  # noqa: E402
 from slurm_node import Node, differing, slurm_node  # noqa: E402
 
 from running import PLAIN, copy_project, snakemake  # noqa: E402
@@ -29,6 +30,7 @@ from running import PLAIN, copy_project, snakemake  # noqa: E402
 SMALL_COHORT = """
 twin: {lifting: {cohort: {groups: {expert: {persons: 4}, novice: {persons: 4}}}}}
 """
+KILLS = 6
 STUDIES = {"thesis": (), "cohort": ("--configfile", "config/studies/cohort.yaml", "config/small_cohort.yaml")}
 
 
@@ -68,11 +70,18 @@ def fault(node: Node, work: Path, meet) -> list[str]:
     return differing(expected / RESULTS, folder / RESULTS)
 
 
+def random_kills(node: Node, work: Path) -> list[str]:
+    """kill -9 of any process of a run, also of those that SLURM has beside a job, at random moments."""
+    series = Series.begun(OnSlurm(node, (CHAPTER,)), work / "random_kills")
+    return met(series, range(1, KILLS + 1), KILLS, seed=1)
+
+
 def main() -> int:
     """Do what is asked for and tell how it went."""
     parts = {name: lambda node, work, name=name: study(node, work, name) for name in STUDIES}
     parts |= {meet.__name__: lambda node, work, meet=meet: fault(node, work, meet) for meet in FAULTS}
-    meanings = {meet.__name__: meet.__doc__ for meet in FAULTS}
+    parts["random_kills"] = random_kills
+    meanings = {"random_kills": random_kills.__doc__} | {meet.__name__: meet.__doc__ for meet in FAULTS}
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -17,7 +17,7 @@ HERE = Path(__file__).resolve().parent
 START = HERE / "start_slurm.sh"
 PROGRAMS = ("slurmctld", "slurmd", "sbatch", "munged")
 SOON = (
-    *("--workflow-profile", "slurm", "--nocolor", "--slurm-status-command", "squeue", "--latency-wait", "10"),
+    *("--workflow-profile", "slurm", "--slurm-status-command", "squeue", "--latency-wait", "10"),
     *("--slurm-init-seconds-before-status-checks", "2", "--seconds-between-status-checks", "2"),
 )
 """The profile as it is for a laboratory, but that a node without accounting is asked, and often."""
@@ -51,6 +51,17 @@ class Call:
     process: subprocess.Popen
     output: Path
 
+    @classmethod
+    def begin(cls, folder: Path, arguments: Sequence[str], environment: dict[str, str], **how) -> Call:
+        """Call Snakemake in a folder; `how` is for `subprocess.Popen`."""
+        output = folder / f"called_{time.monotonic_ns()}.txt"
+        with output.open("wb") as stream:
+            command = [sys.executable, "-m", "snakemake", "--nocolor", *arguments]
+            process = subprocess.Popen(
+                command, cwd=folder, env=environment, stdout=stream, stderr=stream, **how
+            )
+        return cls(process, output)
+
     @property
     def text(self) -> str:
         """What it has said so far."""
@@ -69,9 +80,12 @@ class Node:
     ----------
     environment : dict of str to str
         Variables with which SLURM's commands find it.
+    daemon : int
+        Process of slurmd.
     """
 
     environment: dict[str, str]
+    daemon: int
 
     def command(self, *arguments: str) -> str:
         """Call one of SLURM's commands and return what it prints."""
@@ -96,13 +110,7 @@ class Node:
 
     def start(self, folder: Path, *arguments: str) -> Call:
         """Call Snakemake in a copy of the project, its jobs on the node; see `SOON`."""
-        output = folder / f"called_{time.monotonic_ns()}.txt"
-        with output.open("wb") as stream:
-            command = [sys.executable, "-m", "snakemake", *SOON, *arguments]
-            process = subprocess.Popen(
-                command, cwd=folder, env=self.environment, stdout=stream, stderr=stream
-            )
-        return Call(process, output)
+        return Call.begin(folder, [*SOON, *arguments], self.environment)
 
     def run(self, folder: Path, *arguments: str) -> Call:
         """Call Snakemake and wait for its end."""
@@ -121,7 +129,7 @@ def slurm_node(folder: Path, processors: int) -> Iterator[Node]:
         raise RuntimeError(done.stderr)
     variables = dict(entry.split("=", 1) for entry in done.stdout.split()[1:])
     path = variables["PATH"].replace("$PATH", os.environ["PATH"])
-    node = Node(os.environ | variables | {"PATH": path})
+    node = Node(os.environ | variables | {"PATH": path}, int((folder / "slurmd.pid").read_text()))
     try:
         yield node
     finally:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from lumbar.errors import InputError, NumericalError, explained
-from lumbar.files import read_json, replacing, write_csv, write_json, write_text
+from lumbar.files import half_written, read_json, replacing, write_csv, write_json, write_text
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -106,3 +108,16 @@ def test_json_bytes_do_not_depend_on_the_run(tmp_path):
         write_json(tmp_path / name, {"b": 1, "a": [0.1, "µ"]})
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
     assert json.loads((tmp_path / "one").read_text(encoding="utf-8"))["a"] == [0.1, "µ"]
+
+
+def test_what_a_killed_process_half_wrote_is_found_by_its_files_name(tmp_path):
+    lines = "import os, sys", "from lumbar.files import replacing", "with replacing(sys.argv[1]) as half:"
+    code = "\n".join([*lines, "    half.write_text('half')", "    os.kill(os.getpid(), 9)"])
+    killed = subprocess.run([sys.executable, "-c", code, tmp_path / "table.csv"], check=False)
+    assert killed.returncode == -9
+    write_text(tmp_path / "table.tex", "whole")
+    (tmp_path / ".table.tex").mkdir()
+    ((name, left),) = half_written(tmp_path)
+    assert name == "table.csv"
+    assert (left / "table.csv").read_text() == "half"
+    assert half_written(tmp_path / "absent") == []

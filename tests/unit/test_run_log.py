@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import subprocess
 import sys
 from pathlib import Path
 
@@ -76,6 +77,17 @@ def test_a_failed_job_names_its_log(run, tmp_path):
     log, said, _ = run
     tell(log, LogEvent.JOB_ERROR, 2)
     assert said == [f"FAILED: basins of a lift; why stands above and in {tmp_path / 'basins.log'}"]
+
+
+def test_a_killed_job_is_said_to_be_killed(run):
+    log, said, _ = run
+    for status in (1, -9):
+        error = subprocess.CalledProcessError(status, ["python", "basins.py"])
+        record = logging.LogRecord("", logging.ERROR, "", 0, f"CalledProcessError: {error}", None, None)
+        record.event = LogEvent.ERROR
+        log.handle(record)
+    (line,) = said
+    assert line.startswith("A job was killed from outside (SIGKILL)")
 
 
 def test_the_closing_table_lists_what_ran_and_repeats_its_warnings(run, tmp_path):

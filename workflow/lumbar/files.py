@@ -6,18 +6,22 @@ import contextlib
 import json
 import math
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from lumbar.errors import InputError, NumericalError
 
+_TEMPORARY = re.compile(r"\.(?P<file>.+)\.[a-z0-9_]{8}")
+"""Folders of `replacing`: the file's name, and eight characters of `tempfile`."""
+
 
 @contextlib.contextmanager
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
     """Give a temporary path beside `path` that takes its place when the block ends well.
 
-    Nothing is left behind when the block raises, so a reader never sees half a file.
+    Nothing is left behind when the block raises, so a reader never sees half a file; see `half_written` for a killed process.
 
     Raises
     ------
@@ -36,6 +40,13 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         if error.filename is None or str(path.parent / prefix) in str(error.filename):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
+
+
+def half_written(folder: str | os.PathLike) -> list[tuple[str, Path]]:
+    """Return what `replacing` left in a folder as its process was killed: names of the files, and what lies there for them."""
+    folder = Path(folder)
+    found = [(_TEMPORARY.fullmatch(path.name), path) for path in folder.iterdir()] if folder.is_dir() else []
+    return [(name["file"], path) for name, path in found if name and path.is_dir()]
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:

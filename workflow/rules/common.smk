@@ -14,6 +14,7 @@ from job_environment import set_job_environment
 from job_forks import fork_scripts
 from job_resources import measured
 from job_starts import lift_limit
+from killed_jobs import remove_half_written
 from rule_graph import rule_graph
 from run_log import watch
 from lumbar.config.artefacts import read_artefacts

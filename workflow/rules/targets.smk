@@ -25,6 +25,7 @@ for artefact in ARTEFACTS:
 
 
 onstart:
+    remove_half_written(workflow)
     lift_limit(workflow.scheduler)
     fork_scripts(workflow)
     RUN["log"] = watch(workflow, STAGES, BENCHMARKS)

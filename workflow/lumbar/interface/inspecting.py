@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from lumbar.errors import InputError, NumericalError
+from lumbar.files import replacing
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import SubjectSettings
 
@@ -263,7 +266,9 @@ class Inspected:
         path = Path(path)
         check_picture(path)
         figure = quality_figure(self.sheet, self.points, self.time, self.meant)
-        save(figure, path.with_suffix(""), Path(self.sheet.file).name, (path.suffix[1:],))
+        with TemporaryDirectory() as folder, replacing(path) as temporary:
+            save(figure, Path(folder, "picture"), Path(self.sheet.file).name)
+            shutil.move(Path(folder, "picture").with_suffix(path.suffix), temporary)
 
     def __str__(self) -> str:
         return "\n".join(self.lines())

@@ -129,16 +129,14 @@ def push_prediction(
     None
     """
     settings, stability = settings or PushesSettings(), stability or StabilitySettings()
-    if hasattr(lifts, "columns"):
-        states, sources = lifts, []
-    else:
+    states: pd.DataFrame = lifts
+    sources: dict[str, None] = {}
+    if not hasattr(lifts, "columns"):
         lifts = list(lifts)
-        states, sources = (
-            push_states(lifts, stability, settings.push.height_share),
-            [item.data for item in lifts],
-        )
+        states = push_states(lifts, stability, settings.push.height_share)
+        sources = dict.fromkeys(item.data for item in lifts)
     drawn = push_outcomes(states, settings, seed)
-    label = data_label(data, dict.fromkeys(sources))
+    label = data_label(data, sources)
     return _scored(drawn, lambda names: states[states["lift"].isin(names)], settings, seed, label)
 
 

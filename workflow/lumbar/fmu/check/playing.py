@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -60,6 +61,8 @@ def _process(work: Path, jobs: dict[int, list[str]]) -> subprocess.CompletedProc
 def _failure(done: subprocess.CompletedProcess) -> str:
     """Why a process ended before its first library had been played."""
     if done.returncode < 0:
+        if -done.returncode == signal.SIGKILL:  # which no library sends to itself
+            raise InputError("the check was killed from outside, as where memory runs out; check again")
         return f"the library crashes with signal {-done.returncode}; it must play"
     if done.returncode and "Timeout (" in done.stderr:
         return f"the library does not come back within {SECONDS} s; it must play a push in a second"

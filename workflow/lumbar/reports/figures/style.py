@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Collection
 from pathlib import Path
 from unittest import mock
 
 import matplotlib as mpl
 from fontTools import subset
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from lumbar.files import replacing
+from lumbar.reports.figures.svg_and_pdf import print_svg_and_pdf
 
 SINGLE_COLUMN = 3.5
 """Width of a journal's column in inches."""
@@ -124,13 +123,13 @@ def _settle_layout(figure) -> None:
             axes.set_position([round(value, 9) for value in axes.get_position(original=True).bounds])
 
 
-def _load_without_layout(file, options, load=subset.load_font, **more):
-    """Font without the tables that place glyphs: in a PDF file all are placed, and no reader of it uses these tables.
+def _load_unplaced(file, options, load=subset.load_font, **more):
+    """Font without the tables that find and place glyphs: a PDF file does so itself, and no reader of it uses these tables.
 
     To reduce them to the glyphs shown would take half the time of a figure.
     """
     font = load(file, options, **more)
-    for table in ("GDEF", "GPOS", "GSUB", "MATH", "kern"):
+    for table in ("GDEF", "GPOS", "GSUB", "MATH", "OS/2", "cmap", "kern"):
         if table in font:
             del font[table]
     return font
@@ -146,13 +145,7 @@ def svg_text(figure) -> str:
 
 
 @house_style
-def save(
-    figure,
-    stem: str | os.PathLike,
-    data: str,
-    endings: Collection[str] = ("svg", "pdf"),
-    who: str = "",
-) -> None:
+def save(figure, stem: str | os.PathLike, data: str, who: str = "") -> None:
     """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run.
 
     Parameters
@@ -164,8 +157,6 @@ def save(
     data : str
         Where the data come from, e.g. ``"synthetic twin"``: stands at the foot of the picture and in the file's
         metadata. Empty only for drawings that show no data.
-    endings : collection of str
-        Which of both are written.
     who : str
         Person and box that the picture shows, where it shows one: stands beside `data`.
     """
@@ -175,13 +166,9 @@ def save(
     if data:
         figure.supxlabel(words, x=0.995, ha="right", fontsize=6, color="#555555")
     _settle_layout(figure)
-    # savefig would draw everything once more before each format, to lay out what is laid out already.
-    if "svg" in endings:
-        with replacing(stem.with_name(f"{stem.name}.svg")) as temporary:
-            FigureCanvasSVG(figure).print_svg(temporary, metadata=_METADATA["svg"](words))
-    if "pdf" in endings:
-        with (
-            replacing(stem.with_name(f"{stem.name}.pdf")) as temporary,
-            mock.patch.object(subset, "load_font", _load_without_layout),
-        ):
-            FigureCanvasPdf(figure).print_pdf(temporary, metadata=_METADATA["pdf"](words))
+    with (
+        replacing(stem.with_name(f"{stem.name}.svg")) as svg,
+        replacing(stem.with_name(f"{stem.name}.pdf")) as pdf,
+        mock.patch.object(subset, "load_font", _load_unplaced),
+    ):
+        print_svg_and_pdf(figure, svg, pdf, [metadata(words) for metadata in _METADATA.values()])
