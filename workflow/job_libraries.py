@@ -20,6 +20,8 @@ for name in (
     "bokeh.embed",
     "bokeh.plotting",
     "fontTools.subset",
+    "bokeh.embed",
+    "bokeh.plotting",
     "jinja2",
     "pydantic.dataclasses",
     "clarabel",
