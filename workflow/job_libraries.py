@@ -20,8 +20,6 @@ for name in (
     "bokeh.embed",
     "bokeh.plotting",
     "fontTools.subset",
-    "bokeh.embed",
-    "bokeh.plotting",
     "jinja2",
     "pydantic.dataclasses",
     "clarabel",
