@@ -22,7 +22,7 @@ BUCKET, PREFIX = "lab", "study"
 STORED = ("--default-storage-provider", "s3", "--default-storage-prefix", f"s3://{BUCKET}/{PREFIX}")
 NOT_COMPARED = ("/logs/", "/benchmarks/")
 """Files of times and of paths."""
-PATIENCE_S = 300
+PATIENCE_S = 3600
 
 
 def what_is_missing() -> str:
@@ -113,7 +113,7 @@ def wait_for(condition, process: subprocess.Popen) -> None:
     Raises
     ------
     RuntimeError
-        Where the process ends before, or after minutes.
+        Where the process ends before, or after an hour.
     """
     deadline = time.monotonic() + PATIENCE_S
     while not condition():

@@ -128,15 +128,16 @@ class OnSlurm:
     def processes(self, call: Call) -> list[psutil.Process]:
         """The Snakemake that submits, the processes of its jobs, and SLURM's own beside those."""
         jobs = {number for job in self.node.jobs("RUNNING") for number in self.node.processes(job)}
-        steps = {parent.pid for process in living(jobs) if (parent := process.parent()) is not None}
-        return living({call.process.pid, *jobs, *(steps - {self.node.daemon})})
+        parents = [parent for process in living(jobs) if (parent := process.parent()) is not None]
+        beside = {process.pid for process in parents if process.name() == "slurmstepd"}
+        return living({call.process.pid, *jobs, *beside})
 
     def ended(self, call: Call) -> list[str]:
         """Wait for the end of a call; what a killed one submitted is cancelled, as the user is told to."""
         call.end()
         for name in set(re.findall(r"SLURM run ID: (\S+)", call.text)):
             self.node.command("scancel", f"--name={name}")
-        wait_for(lambda: not self.node.jobs("RUNNING,COMPLETING"), "the end of the cancelled jobs", 1800)
+        wait_for(lambda: not self.node.jobs("RUNNING,COMPLETING"), "the end of the cancelled jobs")
         return []
 
 

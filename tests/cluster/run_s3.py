@@ -122,13 +122,14 @@ def main() -> int:
     parser.add_argument("--targets", nargs="*", default=["all", "report", "crate"])
     parser.add_argument("--cores", default="2")
     parser.add_argument("--install", action="store_true", help="make the environments and end")
+    parser.add_argument("--folder", type=Path, help="keep everything there, instead of in a temporary one")
     options = parser.parse_args()
     install()
     if options.install:
         return 0
     sys.path[:0] = [str(PROJECT / "tests"), str(PROJECT / "workflow")]
-    with tempfile.TemporaryDirectory(prefix="lumbar_s3_") as folder:
-        wrong = run(Path(folder), options.targets, options.cores)
+    with tempfile.TemporaryDirectory(prefix="lumbar_s3_") as name:
+        wrong = run((options.folder or Path(name)).resolve(), options.targets, options.cores)
     print("\n".join(wrong) or "the same bytes in the store as on disk; nothing holds the credentials")
     return 1 if wrong else 0
 

@@ -33,7 +33,7 @@ def obstacle() -> str | None:
     return f"not installed: {', '.join(missing)}; apt-get install {packages}" if missing else None
 
 
-def wait_for(condition: Callable[[], object], what: str, seconds: float = 300.0) -> object:
+def wait_for(condition: Callable[[], object], what: str, seconds: float = 1800.0) -> object:
     """Return what a condition gives as soon as it is true; fail after so many seconds."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -80,12 +80,9 @@ class Node:
     ----------
     environment : dict of str to str
         Variables with which SLURM's commands find it.
-    daemon : int
-        Process of slurmd.
     """
 
     environment: dict[str, str]
-    daemon: int
 
     def command(self, *arguments: str) -> str:
         """Call one of SLURM's commands and return what it prints."""
@@ -129,7 +126,7 @@ def slurm_node(folder: Path, processors: int) -> Iterator[Node]:
         raise RuntimeError(done.stderr)
     variables = dict(entry.split("=", 1) for entry in done.stdout.split()[1:])
     path = variables["PATH"].replace("$PATH", os.environ["PATH"])
-    node = Node(os.environ | variables | {"PATH": path}, int((folder / "slurmd.pid").read_text()))
+    node = Node(os.environ | variables | {"PATH": path})
     try:
         yield node
     finally:

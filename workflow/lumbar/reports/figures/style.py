@@ -18,7 +18,6 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from lumbar.files import replacing
-from lumbar.reports.figures.measured_once import measured_once
 from lumbar.reports.figures.svg_and_pdf import print_svg_and_pdf
 
 SINGLE_COLUMN = 3.5
@@ -137,7 +136,6 @@ def _load_unplaced(file, options, load=subset.load_font, **more):
 
 
 @house_style
-@measured_once()
 def svg_text(figure) -> str:
     """Return a small drawing without data as the text of an SVG file, the same at every run."""
     _settle_layout(figure)
@@ -147,7 +145,6 @@ def svg_text(figure) -> str:
 
 
 @house_style
-@measured_once()
 def save(figure, stem: str | os.PathLike, data: str, who: str = "") -> None:
     """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run.
 

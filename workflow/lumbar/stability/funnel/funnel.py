@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -64,7 +65,12 @@ class ClosedLoops:
 
     def form(self, point) -> NormalForm:
         """Return V̇/ρ in normal coordinates at points of the grid (an index or a slice)."""
-        return normal_form(self.pendulums, self.pendulums.angle[point], self.cost[point], self.decay[point])
+        return NormalForm(*(part[point] for part in self._parts))
+
+    @cached_property
+    def _parts(self) -> tuple[np.ndarray, ...]:
+        form = normal_form(self.pendulums, self.pendulums.angle, self.cost, self.decay)
+        return tuple(vars(form).values())
 
     def chosen(self, index: np.ndarray) -> ClosedLoops:
         """Return the loops of these pendulums, which may repeat."""

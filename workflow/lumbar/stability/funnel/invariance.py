@@ -130,34 +130,35 @@ def _candidates(values: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]
     """
     samples = values.shape[-1]
     sectors = values.reshape(*values.shape[:-1], count, samples // count)
-    best = sectors.argmax(axis=-1)
-    start = (best + np.arange(count) * (samples // count)) * (2 * np.pi / samples)
-    return start, np.take_along_axis(sectors, best[..., None], -1)[..., 0]
+    start = (sectors.argmax(axis=-1) + np.arange(count) * (samples // count)) * (2 * np.pi / samples)
+    return start, sectors.max(axis=-1)
 
 
 def _newton(
     form: NormalForm, semi_axis: np.ndarray, kappa: np.ndarray, start: np.ndarray, spacing: float
 ) -> np.ndarray:
-    """Climb from each start to its peak and return the heights, shape (..., starts)."""
+    """Climb from each start to its peak and return the heights, shape (..., starts).
+
+    The quadratic part of V̇/ρ is −((α + γ)/2 + Re(((α − γ)/2 − iβ)·z²)) of z = exp iφ.
+    """
     angle, semi_axis, kappa = form.angle[..., None], semi_axis[..., None], kappa[..., None]
-    difference, beta = (form.alpha - form.gamma)[..., None], form.beta[..., None]
-    cos_angle = np.cos(angle)
+    half = (0.5 * (form.alpha - form.gamma) - 1j * form.beta)[..., None]
+    mean = (0.5 * (form.alpha + form.gamma))[..., None]
+    sine, cosine = np.sin(angle), np.cos(angle)
     position = start
     for _ in range(NEWTON_STEPS):
-        c, s = np.cos(position), np.sin(position)
-        error = semi_axis * c
-        h = remainder(angle, error)
-        h1 = np.cos(angle + error) - cos_angle
-        h2 = -np.sin(angle + error)
-        slope = 2 * difference * c * s - 2 * beta * (c**2 - s**2) - kappa * (c * h - semi_axis * s**2 * h1)
-        bend = (
-            2 * difference * (c**2 - s**2)
-            + 8 * beta * c * s
-            + kappa * (s * h + 3 * semi_axis * c * s * h1 - semi_axis**2 * s**3 * h2)
-        )
+        z = np.exp(1j * position)
+        quadratic = half * z * z
+        s = z.imag
+        error, across = semi_axis * z.real, semi_axis * s
+        there = np.exp(1j * (angle + error))
+        # The remainder of the sine and its slope: where to climb may be rounded, heights may not.
+        h1 = there.real - cosine
+        h = there.imag - sine - error * cosine
+        slope = 2 * quadratic.imag - kappa * (z.real * h - across * s * h1)
+        bend = 4 * quadratic.real + kappa * s * (h + 3 * error * h1 + across * across * there.imag)
         # A step is taken only where the function bends down, and never past the neighbouring samples.
-        step = np.where(bend < 0, -slope / np.where(bend < 0, bend, -1.0), 0.0)
-        position = position + np.clip(step, -spacing, spacing)
-    c, s = np.cos(position), np.sin(position)
-    quadratic = form.alpha[..., None] * c**2 + 2 * beta * c * s + form.gamma[..., None] * s**2
-    return -quadratic - kappa * s * remainder(angle, semi_axis * c)
+        step = np.divide(-slope, bend, out=np.zeros_like(slope), where=bend < 0)
+        position = position + np.minimum(np.maximum(step, -spacing), spacing)
+    z = np.exp(1j * position)
+    return -mean - (half * z * z).real - kappa * z.imag * remainder(angle, semi_axis * z.real)

@@ -10,7 +10,6 @@ import numpy as np
 from lumbar.errors import NumericalError
 from lumbar.stability.funnel.funnel import ClosedLoops, Funnels
 from lumbar.stability.funnel.invariance import normal_axes
-from lumbar.stability.model.pendulum_loop import remainder
 
 LEVEL_TOLERANCE = 1e-6
 """Relative excess of V over ρ that still counts as the boundary: starts lie on it."""
@@ -154,15 +153,21 @@ def _dynamics(loops: ClosedLoops, disturbance: Callable | None):
     a21, a22, _ = pendulums.linearised(pendulums.angle)
     inertia = pendulums.inertia
     stiffness, damping = a21 - angle_gain / inertia, a22 - velocity_gain / inertia
+    # The loop is its linear part less gravity·(sin(θ0 + e) − sin θ0 − e·cos θ0): of one sine, in place, it takes half the time.
     gravity = (pendulums.gravity_torque / inertia)[:, None]
+    angle, slow, fast = (part[..., None] for part in (pendulums.angle, stiffness, damping))
+    along, still = slow + gravity * np.cos(angle), gravity * np.sin(angle)
 
     def rate(point, state):
         error, velocity = state
-        restoring = stiffness[point][:, None] * error + damping[point][:, None] * velocity
-        acceleration = restoring - gravity * remainder(pendulums.angle[point][:, None], error)
+        found = np.empty_like(state)
+        found[0], acceleration = velocity, found[1]
+        np.sin(angle[point] + error, out=acceleration)
+        acceleration *= -gravity
+        acceleration += along[point] * error + fast[point] * velocity + still[point]
         if disturbance is not None:
-            acceleration = acceleration + disturbance(point, state)
-        return np.stack([velocity, acceleration])
+            acceleration += disturbance(point, state)
+        return found
 
     return rate, stiffness, damping
 
