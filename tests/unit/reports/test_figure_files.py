@@ -1,4 +1,4 @@
-"""Files of figures: a PDF holds the TrueType outlines of its glyphs, as journals ask, and no other part of the fonts."""
+"""Files of figures: what matplotlib writes, but a PDF holds of its fonts the TrueType outlines alone, as journals ask."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import pytest
 from fontTools.ttLib import TTFont
 
-from lumbar.reports.figures.style import new_figure, save
+from lumbar.reports.figures.style import house_style, new_figure, save
 
 
 def fonts(content: bytes) -> list[TTFont]:
@@ -19,6 +19,12 @@ def fonts(content: bytes) -> list[TTFont]:
     streams = re.findall(rb"/FlateDecode.*?stream\r?\n(.*?)\r?\nendstream", content, flags=re.S)
     unpacked = (zlib.decompressobj().decompress(stream) for stream in streams)
     return [TTFont(io.BytesIO(stream)) for stream in unpacked if stream.startswith(b"\0\1\0\0")]
+
+
+def operators(content: bytes) -> list[bytes]:
+    """Operators of a PDF file's page, without the numbers before them."""
+    page = re.search(rb"/FlateDecode.*?stream\r?\n(.*?)\r?\nendstream", content, flags=re.S)[1]
+    return re.findall(rb"[A-Za-z*]+$", zlib.decompress(page), flags=re.M)
 
 
 @pytest.fixture
@@ -29,6 +35,19 @@ def figure():
     axes.set_xlabel(r"Stiffness $k_\mathrm{e}$ in N·mm$^{-1}$")
     yield drawn
     plt.close(drawn)
+
+
+@house_style
+def test_one_drawing_for_both_formats_is_what_matplotlib_draws_for_each(figure, tmp_path):
+    axes = figure.axes[0]
+    axes.pcolormesh([1, 10, 100], [0, 0.5, 1], [[1, 2], [3, 4]], rasterized=True)
+    axes.set_xscale("log")
+    save(figure, tmp_path / "saved", "")
+    figure.savefig(tmp_path / "alone.svg", metadata={"Date": None, "Description": "Drawing without data"})
+    figure.savefig(tmp_path / "alone.pdf")
+    assert (tmp_path / "saved.svg").read_bytes() == (tmp_path / "alone.svg").read_bytes()
+    page, alone = (operators((tmp_path / f"{name}.pdf").read_bytes()) for name in ("saved", "alone"))
+    assert page == alone
 
 
 def test_pdf_fonts_are_the_outlines_that_matplotlib_embeds(figure, tmp_path):
