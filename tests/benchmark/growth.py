@@ -31,8 +31,12 @@ import pandas as pd  # noqa: E402
 
 import job_libraries  # noqa: E402, F401 - so that no task pays for imports
 import lumbar  # noqa: E402
+from lumbar.pushes.contest import COLUMNS as PUSH_COLUMNS  # noqa: E402
+from lumbar.pushes.contest import contest_of  # noqa: E402
+from lumbar.pushes.prediction import prediction_frame  # noqa: E402
 from lumbar.records.record import Channel, Record  # noqa: E402
 from lumbar.settings.improvement import ImprovementSettings  # noqa: E402
+from lumbar.settings.pushes import PushesSettings  # noqa: E402
 from lumbar.settings.surgeon import SurgeonSettings  # noqa: E402
 from lumbar.synthetic.tissue_recordings import tissue_force  # noqa: E402
 from timings import timings  # noqa: E402
@@ -178,6 +182,30 @@ def people_compared(people: int) -> Callable[[], object]:
     return lambda: lumbar.compare_groups(table)
 
 
+def pushes_pooled(folder: Path, people: int) -> Callable[[], object]:
+    """Score the pushes of people with three lifts each, of whom files were written."""
+    files = [folder / f"pushes_{person}.csv" for person in range(people)]
+    settings, rng = PushesSettings(), np.random.default_rng(1)
+    per_person = 3 * settings.push.per_lift
+    numbers = [name for name in PUSH_COLUMNS if name.startswith(("level_", "impulse", "equal_i", "shift"))]
+    for person, path in enumerate(files):
+        if not path.is_file():
+            frame = pd.DataFrame(rng.normal(10, 3, (per_person, len(numbers))), columns=numbers)
+            steps = rng.random((2, per_person)) < 0.5
+            frame = frame.assign(subject=f"p{person}", outcome="stands", steps=steps[0], equal_steps=steps[1])
+            frame["lift"] = [f"p{person}_{number // settings.push.per_lift}" for number in range(per_person)]
+            frame["direction"] = np.where(np.arange(per_person) % 2, "backward", "forward")
+            frame["time_s"] = 0.0
+            frame[list(PUSH_COLUMNS)].to_csv(path, index=False)
+
+    def scored():
+        # The bodies that are pushed again for the table of sensitivities are left out: their number is fixed.
+        contest = contest_of(pd.concat(map(pd.read_csv, files), ignore_index=True))
+        return prediction_frame(contest, settings.scoring, 1)
+
+    return scored
+
+
 def planned(folder: Path, people: int) -> Callable[[], object]:
     """Build the graph of a cohort with three lifts a person, of which nothing is made yet."""
     from running import copy_project
@@ -216,6 +244,7 @@ def main() -> None:
             ("records of 1000: diagnose, test on them", lambda size: diagnosed(1000, size), records),
             ("lifters: plan of three lifts each", lambda size: planned(folder, size), people),
             ("lifters: groups compared", people_compared, people),
+            ("lifters: pushes of three lifts each scored", lambda size: pushes_pooled(folder, size), people),
         ):
             if options.only in task:
                 grow(task, prepare, sizes, options.longest)

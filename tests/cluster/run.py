@@ -28,14 +28,14 @@ from slurm_node import Node, differing, slurm_node  # noqa: E402
 from running import PLAIN, copy_project, snakemake  # noqa: E402
 
 SMALL_COHORT = """
-twin: {lifting: {cohort: {groups: {expert: {persons: 4}, novice: {persons: 4}}}}}
+twin: {lifting: {cohort: {box_masses_kg: [23], groups: {expert: {persons: 10}, novice: {persons: 10}}}}}
 """
 KILLS = 6
 STUDIES = {"thesis": (), "cohort": ("--configfile", "config/studies/cohort.yaml", "config/small_cohort.yaml")}
 
 
 def project(folder: Path) -> Path:
-    """Copy the project, with a cohort of eight persons."""
+    """Copy the project, with a cohort of twenty persons and three lifts each."""
     if not folder.exists():
         copy_project(folder)
         (folder / "config" / "small_cohort.yaml").write_text(SMALL_COHORT, encoding="utf-8")

@@ -27,7 +27,7 @@ if study.has("population"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=205, seconds=9),
+            **measured(peak_mb=210, seconds=9),
         params:
             code=library_code("measure_person.py"),
             subject=lambda wildcards: without(
@@ -61,7 +61,7 @@ if study.has("population"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=210 + 0.1 * len(study.lifts), seconds=10 + 0.02 * len(study.lifts)),
+            **measured(peak_mb=205 + 0.02 * len(study.lifts), seconds=10 + 0.01 * len(study.lifts)),
         params:
             code=library_code("compare_people.py"),
             settings=plain(settings.population),

@@ -25,7 +25,7 @@ if study.has("pushes"):
             conda:
                 CONDA
             resources:
-                **measured(peak_mb=205, seconds=5),
+                **measured(peak_mb=210, seconds=4),
             params:
                 code=library_code("push_bodies.py"),
                 settings=without(settings.pushes, "scoring"),
@@ -53,7 +53,7 @@ if study.has("pushes"):
             conda:
                 CONDA
             resources:
-                **measured(peak_mb=205, seconds=5),
+                **measured(peak_mb=185, seconds=2),
             params:
                 code=library_code("push_bodies.py"),
                 settings=without(settings.pushes, "scoring"),
@@ -78,7 +78,7 @@ if study.has("pushes"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=215 + 0.25 * len(study.lifts), seconds=15 + 0.5 * len(study.lifts)),
+            **measured(peak_mb=200 + 0.02 * len(study.lifts), seconds=30 + 0.05 * len(study.lifts)),
         params:
             code=library_code("push_prediction.py"),
             settings=plain(settings.pushes),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -83,6 +84,7 @@ def _several_times_over(model: LinearModel, ratio: float, sampling_time: float) 
     return replace(model, phases=round(ratio))
 
 
+@lru_cache(maxsize=64)
 def _continuous(model: LinearModel, sampling_time: float) -> tuple[np.ndarray, ...]:
     """Continuous state space whose ramp-invariant discretisation at this sampling time is the model."""
     from scipy.linalg import logm

@@ -40,16 +40,13 @@ def controls_table(study: Study, found: dict, areas: pd.DataFrame, grid: pd.Data
     settings = study.settings
     sides = list(comparisons(areas, study.people, settings.compare.groups))
     trajectories = study.trajectories()
+    of_grid = compared(grid)
+    cells_of = dict(iter(of_grid.groupby(["comparison", "com", "plane"])))
     rows = []
     for plane in PLANES:
         exponents = compared_exponents(trajectories, plane, sides)
         for index, row in enumerate(found["headline"]):
-            cells = compared(grid)
-            cells = cells[
-                (cells["comparison"] == row["comparison"])
-                & (cells["com"] == row["com"])
-                & (cells["plane"] == plane)
-            ]
+            cells = cells_of.get((row["comparison"], row["com"], plane), of_grid[:0])
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
             entry |= _controls_of(index, plane, found, cells["percent"].to_numpy())
             entry["exponents"] = exponents[row["comparison"], row["com"]]
