@@ -215,13 +215,13 @@ class Series:
     @classmethod
     def begun(cls, place: Here | OnSlurm, folder: Path) -> Series:
         """Run twice undisturbed, so that the compiler's cache and bytecode are there; the second is the one to compare with."""
-        expected = project(folder / "undisturbed")
+        expected, disturbed = (project(folder / name) for name in ("undisturbed", "disturbed"))
         for _ in range(2):
             anew(expected)
             course = Course.of(call := place.start(expected))
             if call.process.returncode:
                 raise AssertionError(call.text[-4000:])
-        return cls(place, expected, course, project(folder / "disturbed"))
+        return cls(place, expected, course, disturbed)
 
     def run(self, *arguments: str) -> Call:
         """Call Snakemake and wait for its end."""
