@@ -61,7 +61,7 @@ if study.has("population"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=205 + 0.02 * len(study.lifts), seconds=10 + 0.01 * len(study.lifts)),
+            **measured(peak_mb=205 + 0.03 * len(study.lifts), seconds=10 + 0.01 * len(study.lifts)),
         params:
             code=library_code("compare_people.py"),
             settings=plain(settings.population),

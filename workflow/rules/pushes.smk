@@ -78,7 +78,7 @@ if study.has("pushes"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=200 + 0.02 * len(study.lifts), seconds=30 + 0.05 * len(study.lifts)),
+            **measured(peak_mb=210 + 0.04 * len(study.lifts), seconds=30 + 0.04 * len(study.lifts)),
         params:
             code=library_code("push_prediction.py"),
             settings=plain(settings.pushes),
