@@ -14,6 +14,8 @@ rule warm_compiler:
         "<logs>/warm_compiler.log",
     benchmark:
         "<benchmarks>/warm_compiler.tsv"
+    # The first time it takes as long as a chapter, and the FMUs wait for it.
+    priority: 1
     group:
         "runtime"
     conda:
