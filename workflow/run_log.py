@@ -27,8 +27,10 @@ _RETOLD = (
 )
 _DEFAULT_HANDLERS = ("DefaultStreamHandler", "DefaultLogFileHandler")
 _WARNING = "WARNING"
-_KILLED = re.compile(r"died with <Signals\.(\w+)")
+_ENDED_BY = re.compile(r"died with <Signals\.(\w+)")
 """In a `subprocess.CalledProcessError`."""
+_CRASHES = ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE", "SIGILL")
+"""Signals that a process brings about itself."""
 _UNKNOWN_S = 1.0
 """Weight of a job where no job of the run has ever been timed: all weigh alike."""
 _LEARNING_S = 20.0
@@ -91,13 +93,8 @@ class RunLog(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Retell one of Snakemake's records."""
-        killed = (
-            _KILLED.search(record.getMessage()) if getattr(record, "event", None) == LogEvent.ERROR else None
-        )
-        if killed:  # its log cannot say so
-            self.say(
-                f"A job was killed from outside ({killed[1]}): by somebody, or by the system as memory ran out"
-            )
+        if getattr(record, "event", None) == LogEvent.ERROR:
+            self._tell_signal(record.getMessage())
         number = getattr(record, "job_id", getattr(record, "jobid", None))
         job = self.jobs.get(number)
         if job is None:
@@ -111,6 +108,16 @@ class RunLog(logging.Handler):
             self.say(f"  {self.state()}; done in {taken:.0f} s: {job.message}")
         elif record.event == LogEvent.JOB_ERROR:
             self.say(f"FAILED: {job.message}; why stands above and in {job.log}")
+
+    def _tell_signal(self, error: str) -> None:
+        """Say of a job that a signal ended what its log cannot say."""
+        found = _ENDED_BY.search(error)
+        if found and found[1] in _CRASHES:
+            self.say(f"A job crashed ({found[1]}) inside one of the libraries that it uses")
+        elif found:
+            self.say(
+                f"A job was killed from outside ({found[1]}): by somebody, or by the system as memory ran out"
+            )
 
     def work_done(self) -> float:
         """Expected seconds of the jobs that are done, and of those that run as far as they have come."""

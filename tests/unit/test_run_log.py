@@ -81,13 +81,14 @@ def test_a_failed_job_names_its_log(run, tmp_path):
 
 def test_a_killed_job_is_said_to_be_killed(run):
     log, said, _ = run
-    for status in (1, -9):
+    for status in (1, -9, -11):
         error = subprocess.CalledProcessError(status, ["python", "basins.py"])
         record = logging.LogRecord("", logging.ERROR, "", 0, f"CalledProcessError: {error}", None, None)
         record.event = LogEvent.ERROR
         log.handle(record)
-    (line,) = said
-    assert line.startswith("A job was killed from outside (SIGKILL)")
+    killed, crashed = said
+    assert killed.startswith("A job was killed from outside (SIGKILL)")
+    assert crashed.startswith("A job crashed (SIGSEGV)")
 
 
 def test_the_closing_table_lists_what_ran_and_repeats_its_warnings(run, tmp_path):
