@@ -311,7 +311,8 @@ def give_own(page, folder: Path) -> None:
     while page.evaluate("document.activeElement.id") != "choose":
         page.keyboard.press("Tab")
     with page.expect_file_chooser() as chooser:
-        page.keyboard.press("Space")  # Chromium driven from outside swallows every other dialog that Enter asks for
+        # Of Enter, Chromium driven from outside swallows every other dialog.
+        page.keyboard.press("Space")
     chooser.value.set_files(sorted(folder.iterdir()))
     page.locator("#files li").nth(1).wait_for()
     page.locator("#force_unit-wrong", has_text="give “Unit of force”").wait_for()
