@@ -37,12 +37,12 @@ class ExploredSet:
         Takes effects, returns the change of the study that keeps them; None without a study.
     study : str
         File that `keep` changes, for the page.
-    title : str
-        What the terminal calls it; empty for its name.
     own : str
         Address of the page on which the records were given; empty for those of a study or folder.
     read : callable
         Without arguments; returns the records, to be shown while they are diagnosed.
+    title : str
+        What the terminal calls it; empty for its name.
     """
 
     name: str
@@ -50,9 +50,9 @@ class ExploredSet:
     output: Path
     keep: Callable[[Sequence[str]], Change] | None = None
     study: str = ""
-    title: str = ""
     own: str = ""
     read: Callable[[], Sequence[Record]] = tuple
+    title: str = ""
     job: Job | None = None
     _refits: dict[str, Refinement] = field(default_factory=dict)
     _fitted: dict[str, ShownModel] = field(default_factory=dict)
