@@ -233,7 +233,9 @@ class OwnRecordings:
             make = partial(own.diagnose, records, train=train, data=f"own recordings {name}")
             keep = None if own.keep is None else partial(own.keep, name, imported, train)
             output = own.output / name
-            explored = ExploredSet(name, make, output, keep, own.study, own=self.address, read=lambda: records)
+            explored = ExploredSet(
+                name, make, output, keep, own.study, own=self.address, read=lambda: records
+            )
             explored.begin()
             self._explored = explored
             return served.add_own(explored)
