@@ -15,7 +15,7 @@ export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 .PHONY: results test test-portable acceptance report provenance crate check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
 
 results: environment ## every table, figure and FMU of the study (default target)
-	@python -m lumbar.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
+	@python -m lumbar.base.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
 	snakemake --cores $(CORES) $(CONFIGFILE)
 
 environment: $(VENV)/installed ## .venv from the lock
@@ -87,10 +87,10 @@ format: environment ## put the sources into the house's format
 	snakefmt Snakefile workflow/rules
 
 docs: environment ## renew the references of configuration keys, effects, equations and figures
-	python -m lumbar.config.reference docs/config
-	python -m lumbar.reports.effects_reference docs
-	python -m lumbar.reports.equation_index docs
-	python -m lumbar.reports.gallery docs
+	python -m lumbar.study.reference docs/config
+	python -m lumbar.publishing.effects_reference docs
+	python -m lumbar.publishing.equation_index docs
+	python -m lumbar.publishing.gallery docs
 
 SITE := build/docs-venv
 # An environment of its own, from the newest versions that pyproject.toml allows: .venv stays the lock's.

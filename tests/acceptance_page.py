@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from lumbar.files import write_text
+from lumbar.base.files import write_text
 
 
 def write_section(page: Path, name: str, lines: Sequence[str]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from acceptance_page import write_section
 from answers import SHARED, Answer, absent, surprise
-from lumbar.files import write_json
+from lumbar.base.files import write_json
 
 
 class AcceptanceRun:

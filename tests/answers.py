@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import lumbar
-from lumbar.errors import InputError, NumericalError
+from lumbar.base.errors import InputError, NumericalError
 from running import PROJECT
 
 JUDGEMENTS = {

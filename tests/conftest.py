@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lumbar.environment import use_one_thread
+from lumbar.base.environment import use_one_thread
 from making_once import MadeOnce
 
 # In containers that leave no bytecode behind every program that a test starts would compile the library again.
@@ -65,7 +65,7 @@ def made_once(tmp_path_factory):
 def saved_lift(made_once):
     """Folder of a saved synthetic lift, and the page that was made before it was saved."""
     import lumbar
-    from lumbar.synthetic.examples import example_lift
+    from lumbar.twin.examples import example_lift
 
     def analyse(folder):
         somebody = example_lift(folder / "lift.c3d")

@@ -101,7 +101,7 @@ def _script(begin: Connection, path: str, folder: Path, environment: dict[str, s
 
 def execute_script(script, path: str, output: Path) -> None:
     """In place of `snakemake.script.PythonScript.execute_script`."""
-    from job_forks import run_forked  # of the folder's workflow
+    from run.job_forks import run_forked  # of the folder's workflow
 
     arguments = (path, Path.cwd(), dict(os.environ), output)
     run_forked(SERVER, _script, arguments, script.bench_record)

@@ -3,7 +3,7 @@
 # (Rust, built here with libclang's help, which takes some minutes). Needs pip; without mvn or cargo FMI4j or fmi-sim is
 # left out. fmusim, the FMI project's own simulator (Rust), is built where LUMBAR_SHARED/importers/fmusim holds its
 # sources, those of https://github.com/modelica/fmusim.
-#   tests/get_importers.sh FOLDER && LUMBAR_IMPORTERS=FOLDER python -m pytest tests/unit/fmu/test_runtime_importers.py
+#   tests/get_importers.sh FOLDER && LUMBAR_IMPORTERS=FOLDER python -m pytest tests/unit/tissue/fmu/test_runtime_importers.py
 set -eu
 mkdir -p "$1"
 cd "$1"

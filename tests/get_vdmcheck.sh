@@ -1,6 +1,6 @@
 #!/bin/sh
 # Fetches VDMCheck2, an independent checker of FMI 2.0 files, with Maven and lays it out as it wants to be started:
-#   tests/get_vdmcheck.sh FOLDER && VDMCHECK2=FOLDER python -m pytest tests/unit/fmu/test_runtime_defects.py
+#   tests/get_vdmcheck.sh FOLDER && VDMCHECK2=FOLDER python -m pytest tests/unit/tissue/fmu/test_runtime_defects.py
 set -eu
 folder=$1
 version=1.1.3

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import forking_snakemake
-from lumbar.fmu.build.compiler import cache_folder
+from lumbar.tissue.fmu.build.compiler import cache_folder
 
 PROJECT = Path(__file__).resolve().parent.parent
 PARTS = ("Snakefile", "profiles", "config", "workflow", "resources", "envs")

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from lumbar.config.artefacts import Artefact
-from lumbar.files import write_json, write_text
-from lumbar.reports.figures.style import new_figure, save
-from lumbar.reports.study_report.contents import chapters
-from lumbar.reports.study_report.page import StudyFacts, report_page
-from lumbar.tables import Table
+from lumbar.base.files import write_json, write_text
+from lumbar.publishing.figures.style import new_figure, save
+from lumbar.publishing.study_report.contents import chapters
+from lumbar.publishing.study_report.page import StudyFacts, report_page
+from lumbar.study.artefacts import Artefact
+from lumbar.tables.table import Table
 
 SHEET = [
     Artefact(*row.split("|"))

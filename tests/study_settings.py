@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, TypeVar
 
-from lumbar.config.load_study import read_subject
-from lumbar.config.validation import Origins, laid_over, validated
-from lumbar.errors import Problems
+from lumbar.base.errors import Problems
+from lumbar.base.yaml_file import read_yaml
 from lumbar.settings.plain import plain, typed
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings
-from lumbar.yaml_file import read_yaml
+from lumbar.study.load_study import read_subject
+from lumbar.study.validation import Origins, laid_over, validated
 from running import PROJECT
 
 Kind = TypeVar("Kind")

@@ -5,8 +5,8 @@ are, and exported in FMUs: simulation, LaTeX and C code follow from the equation
 Python.
 """
 
-from lumbar.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
-from lumbar.models.parameter import Constant
+from lumbar.tissue.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
+from lumbar.tissue.models.parameter import Constant
 
 HERTZIAN_CONTACT = Effect(
     name="hertzian_contact",

@@ -20,23 +20,23 @@ PROJECT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [
     str(PROJECT / "workflow"),
     str(PROJECT / "tests"),
-    str(PROJECT / "tests" / "unit" / "lifting"),
+    str(PROJECT / "tests" / "unit" / "lifting" / "movement"),
 ]
 
 import numpy as np  # noqa: E402
 from virtual_people import virtual_trial  # noqa: E402
 
-from lumbar.body_model import anatomy  # noqa: E402
-from lumbar.body_model.build import build  # noqa: E402
-from lumbar.body_model.fit import BodyFit, fit  # noqa: E402
-from lumbar.body_model.trial_markers import at_nodes, measured_markers  # noqa: E402
-from lumbar.body_model.trunk import model_points, predicted_marker  # noqa: E402
-from lumbar.lifting.centre_of_mass import segment_centres, trunk_centre  # noqa: E402
-from lumbar.lifting.filtering import filter_markers  # noqa: E402
-from lumbar.lifting.gaps import KEEP, fill_gaps  # noqa: E402
-from lumbar.lifting.rigid_filling import body_shape, fill_rigid  # noqa: E402
-from lumbar.lifting.segments import COMS, WINTER  # noqa: E402
-from lumbar.lifting.trunk_points import trunk_points  # noqa: E402
+from lumbar.lifting.body_model import anatomy  # noqa: E402
+from lumbar.lifting.body_model.build import build  # noqa: E402
+from lumbar.lifting.body_model.fit import BodyFit, fit  # noqa: E402
+from lumbar.lifting.body_model.trial_markers import at_nodes, measured_markers  # noqa: E402
+from lumbar.lifting.body_model.trunk import model_points, predicted_marker  # noqa: E402
+from lumbar.lifting.movement.centre_of_mass import segment_centres, trunk_centre  # noqa: E402
+from lumbar.lifting.movement.filtering import filter_markers  # noqa: E402
+from lumbar.lifting.movement.gaps import KEEP, fill_gaps  # noqa: E402
+from lumbar.lifting.movement.rigid_filling import body_shape, fill_rigid  # noqa: E402
+from lumbar.lifting.movement.segments import COMS, WINTER  # noqa: E402
+from lumbar.lifting.movement.trunk_points import trunk_points  # noqa: E402
 from lumbar.records.markers import MarkerRecording, read_markers  # noqa: E402
 from lumbar.settings.layout import MarkerLayout  # noqa: E402
 from lumbar.settings.lifting import BodyModelSettings  # noqa: E402
@@ -277,9 +277,9 @@ def t12(shared: Path) -> None:
 
 def areas(shared: Path) -> None:
     """Basin areas of the box transfer with intervals."""
-    from lumbar.body_model.basin_intervals import basin_intervals
-    from lumbar.body_model.lift_model import model_of_lift
-    from lumbar.lifting.lift import analyse_lift
+    from lumbar.lifting.body_model.basin_intervals import basin_intervals
+    from lumbar.lifting.body_model.lift_model import model_of_lift
+    from lumbar.lifting.movement.lift import analyse_lift
 
     study, subject = study_settings("studies/box_transfer.yaml"), subject_settings("box_transfer")
     path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"

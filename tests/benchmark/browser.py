@@ -26,8 +26,8 @@ from playwright.sync_api import Browser, Page, sync_playwright
 import lumbar
 from lumbar.settings.hidden_effects import HiddenEffectsSettings
 from lumbar.settings.twin import TwinSettings
-from lumbar.synthetic.hidden_effects.experiment_folder import write_experiment
-from lumbar.synthetic.two_hidden_effects import make_two_hidden_effects
+from lumbar.twin.hidden_effects.experiment_folder import write_experiment
+from lumbar.twin.two_hidden_effects import make_two_hidden_effects
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PERIODS = 12

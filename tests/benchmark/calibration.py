@@ -34,17 +34,17 @@ from calibration_records import (
 from calibration_tables import coverage, coverage_lines, null_lines
 
 from acceptance_page import write_section
-from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.diagnosis.selection.diagnose import diagnose
-from lumbar.diagnosis.selection.forward_selection import extend, likelihood_ratio
-from lumbar.diagnosis.selection.null_distribution import shipped
-from lumbar.diagnosis.selection.refine import refined_fit
-from lumbar.effects.catalogue import TISSUE as CATALOGUE
-from lumbar.errors import LumbarError
-from lumbar.files import write_csv, write_text
-from lumbar.models.model_data import FittedParameter
-from lumbar.progress import track
-from lumbar.reports.figures.style import save
+from lumbar.base.errors import LumbarError
+from lumbar.base.files import write_csv, write_text
+from lumbar.base.progress import track
+from lumbar.publishing.figures.style import save
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.forward_selection import extend, likelihood_ratio
+from lumbar.tissue.diagnosis.selection.null_distribution import shipped
+from lumbar.tissue.diagnosis.selection.refine import refined_fit
+from lumbar.tissue.effects.catalogue import TISSUE as CATALOGUE
+from lumbar.tissue.models.model_data import FittedParameter
 
 RESULTS = Path("results/benchmark")
 NULLS = 0.7

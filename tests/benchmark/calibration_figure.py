@@ -8,8 +8,8 @@ from calibration_records import FAULTS
 from calibration_tables import COLOURED, CONFIDENCE, WHITE, parameter_words
 from scipy.stats import binom, binomtest
 
-from lumbar.diagnosis.selection.thresholds import LEVEL
-from lumbar.reports.figures.style import DOUBLE_COLUMN, SERIES, house_style, label_panels, new_figure
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, house_style, label_panels, new_figure
+from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 
 SMALLEST = 2e-3
 """Probability at which the axes of the p-values begin."""

@@ -29,17 +29,17 @@ sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-import job_libraries  # noqa: E402, F401 - so that no task pays for imports
 import lumbar  # noqa: E402
-from lumbar.pushes.contest import COLUMNS as PUSH_COLUMNS  # noqa: E402
-from lumbar.pushes.contest import contest_of  # noqa: E402
-from lumbar.pushes.prediction import prediction_frame  # noqa: E402
+import run.job_libraries  # noqa: E402, F401 - so that no task pays for imports
+from lumbar.lifting.pushes.contest import COLUMNS as PUSH_COLUMNS  # noqa: E402
+from lumbar.lifting.pushes.contest import contest_of  # noqa: E402
+from lumbar.lifting.pushes.prediction import prediction_frame  # noqa: E402
 from lumbar.records.record import Channel, Record  # noqa: E402
 from lumbar.settings.improvement import ImprovementSettings  # noqa: E402
 from lumbar.settings.pushes import PushesSettings  # noqa: E402
 from lumbar.settings.surgeon import SurgeonSettings  # noqa: E402
-from lumbar.synthetic.tissue_recordings import tissue_force  # noqa: E402
-from timings import timings  # noqa: E402
+from lumbar.twin.tissue_recordings import tissue_force  # noqa: E402
+from run.timings import timings  # noqa: E402
 
 STEP_S = 0.02
 PLAN = """

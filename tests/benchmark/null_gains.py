@@ -18,17 +18,17 @@ from functools import partial
 import numpy as np
 from scipy.signal import lfilter
 
-from lumbar.diagnosis.fitting.fit_data import FitData
-from lumbar.diagnosis.fitting.joint_fit import add, fit_base
-from lumbar.diagnosis.noise.noise_floor import noise_floor
-from lumbar.diagnosis.selection.null_distribution import TABLES
-from lumbar.effects.catalogue import catalogue_of
-from lumbar.files import write_json
-from lumbar.models.bases import BASES
-from lumbar.models.motion import Motion
-from lumbar.models.structure import Structure
-from lumbar.progress import track
+from lumbar.base.files import write_json
+from lumbar.base.progress import track
 from lumbar.records.record import Channel, Record
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
+from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
+from lumbar.tissue.diagnosis.selection.null_distribution import TABLES
+from lumbar.tissue.effects.catalogue import catalogue_of
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
 
 STEP, PERIOD = 0.01, 10.0
 """Seconds."""

@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.diagnosis.selection.diagnose import diagnose
-from lumbar.files import write_csv
-from lumbar.progress import track
+from lumbar.base.files import write_csv
+from lumbar.base.progress import track
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "unit"))
 from pendulum_experiments import EFFECTS, make_pendulum_experiment

@@ -20,18 +20,18 @@ import numpy as np
 from scipy.signal import lfilter
 from tissue_laws import LAWS, UNEVEN, motions, simulate, sines, swept
 
-from lumbar.diagnosis.fitting.fit_data import SETTLING
-from lumbar.diagnosis.fitting.joint_fit import fit_base
-from lumbar.diagnosis.law import proposal as law_proposal
-from lumbar.diagnosis.law.effect_file import form_found
-from lumbar.diagnosis.law.terms import library
-from lumbar.diagnosis.selection.forward_selection import evaluate
 from lumbar.interface.diagnosis import diagnose
 from lumbar.interface.reading import read
-from lumbar.models.bases import BASES
-from lumbar.models.motion import Motion
-from lumbar.models.structure import Structure
 from lumbar.records.record import Channel, Record
+from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
+from lumbar.tissue.diagnosis.law import proposal as law_proposal
+from lumbar.tissue.diagnosis.law.effect_file import form_found
+from lumbar.tissue.diagnosis.law.terms import library
+from lumbar.tissue.diagnosis.selection.forward_selection import evaluate
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
 
 OVER_NOISE = 10.0
 """Error of the fitted base in noise levels."""
@@ -85,7 +85,7 @@ def law_row(name: str, make, seed: int = 0) -> dict:
 
 def diagnose_base(records: list[Record]) -> float:
     """Error of the base alone on the first record."""
-    from lumbar.diagnosis.fitting.preparation import prepare
+    from lumbar.tissue.diagnosis.fitting.preparation import prepare
 
     experiment = prepare(records)
     return fit_base(Structure(BASES["KB"]), experiment.training).rms(experiment.training)
@@ -112,7 +112,7 @@ def null_records(random: np.random.Generator) -> list[Record]:
 
 def null_proposes(seed: int, forced: bool) -> tuple[str, int]:
     """Formula proposed where nothing is missing (empty: none), and how many laws were tested."""
-    from lumbar.diagnosis.fitting.preparation import prepare
+    from lumbar.tissue.diagnosis.fitting.preparation import prepare
 
     experiment = prepare(null_records(np.random.default_rng(seed)))
     base = evaluate(fit_base(Structure(BASES["KB"]), experiment.training), experiment)

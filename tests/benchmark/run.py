@@ -34,8 +34,8 @@ def best_time(function: Callable[[], object], repeats: int = 5) -> float:
 
 def default_study() -> None:
     """Run the default study from nothing on two cores, compiler cache in place; print time, memory and timings."""
+    from run.timings import summary, timings
     from running import copy_project
-    from timings import summary, timings
 
     with tempfile.TemporaryDirectory() as folder:
         project = copy_project(Path(folder))
@@ -52,7 +52,7 @@ def default_study() -> None:
 
 def ridge_path() -> None:
     """One factorisation for the whole grid of ridge coefficients against one solve each."""
-    from lumbar.identification.ridge import RidgePath, ridge_grid
+    from lumbar.tissue.identification.ridge import RidgePath, ridge_grid
 
     random = np.random.default_rng(1)
     regressors = random.standard_normal((10000, 9))
@@ -83,8 +83,8 @@ def diagnosis() -> None:
 
     from lumbar.settings.hidden_effects import HiddenEffectsSettings
     from lumbar.settings.twin import TwinSettings
-    from lumbar.synthetic.hidden_effects.experiment_folder import write_experiment
-    from lumbar.synthetic.two_hidden_effects import make_two_hidden_effects
+    from lumbar.twin.hidden_effects.experiment_folder import write_experiment
+    from lumbar.twin.two_hidden_effects import make_two_hidden_effects
 
     with tempfile.TemporaryDirectory() as folder:
         records, output = Path(folder) / "records", Path(folder) / "out"

@@ -24,8 +24,8 @@ from c_programs import loader_program  # noqa: E402
 from effect_entries import COMBINATIONS, FIVE_EFFECTS, effect_entry  # noqa: E402
 from runtime_models import SETTINGS, models_json, selected  # noqa: E402
 
-from lumbar.fmu.build.compiler import TARGETS, cache_folder, host_target, warm_cache  # noqa: E402
-from lumbar.fmu.build.package import export_fmus  # noqa: E402
+from lumbar.tissue.fmu.build.compiler import TARGETS, cache_folder, host_target, warm_cache  # noqa: E402
+from lumbar.tissue.fmu.build.package import export_fmus  # noqa: E402
 from study_settings import changed  # noqa: E402
 
 CACHE = cache_folder(None)

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 
 from sensor_records import clean_records, tissue_record
 
-from lumbar.diagnosis.sensors.sensor_faults import sensor_faults
+from lumbar.tissue.diagnosis.sensors.sensor_faults import sensor_faults
 
 SIZES = {
     "noise": (3e-4, 1e-3, 3e-3, 8e-3, 3e-2),

@@ -27,24 +27,24 @@ sys.path.insert(0, str(PROJECT / "workflow"))
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from lumbar.settings.stability import StabilitySettings  # noqa: E402
-from lumbar.stability.basins import close_loops  # noqa: E402
-from lumbar.stability.funnel.funnel import exact_funnels, funnel_variants  # noqa: E402
-from lumbar.stability.funnel.lyapunov_family import best_of_family  # noqa: E402
-from lumbar.stability.funnel.monte_carlo_check import monte_carlo_check  # noqa: E402
-from lumbar.stability.funnel.polynomials import growth_polynomial  # noqa: E402
-from lumbar.stability.funnel.saturation import (  # noqa: E402
+from lumbar.lifting.stability.basins import close_loops  # noqa: E402
+from lumbar.lifting.stability.funnel.funnel import exact_funnels, funnel_variants  # noqa: E402
+from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family  # noqa: E402
+from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check  # noqa: E402
+from lumbar.lifting.stability.funnel.polynomials import growth_polynomial  # noqa: E402
+from lumbar.lifting.stability.funnel.saturation import (  # noqa: E402
     UNSATURATED,
     Saturation,
     disturbance_of,
     reference_of,
     saturated_funnels,
 )
-from lumbar.stability.model.lift_trajectories import trajectories_of_lift  # noqa: E402
-from lumbar.stability.programme.certified_funnel import certified_funnels  # noqa: E402
-from lumbar.stability.programme.circle_programme import CircleProgramme  # noqa: E402
-from lumbar.stability.programme.cvxpy_formulation import RateProgramme  # noqa: E402
-from lumbar.stability.proof.interval_proof import proved_share  # noqa: E402
+from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift  # noqa: E402
+from lumbar.lifting.stability.programme.certified_funnel import certified_funnels  # noqa: E402
+from lumbar.lifting.stability.programme.circle_programme import CircleProgramme  # noqa: E402
+from lumbar.lifting.stability.programme.cvxpy_formulation import RateProgramme  # noqa: E402
+from lumbar.lifting.stability.proof.interval_proof import proved_share  # noqa: E402
+from lumbar.settings.stability import StabilitySettings  # noqa: E402
 
 ROWS: list[dict] = []
 SIGNS = ("hanging", "inverted")

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.body_model.rotations import weighted_poses
-from lumbar.synthetic.lifting_recordings import true_movement
+from lumbar.lifting.body_model.rotations import weighted_poses
+from lumbar.twin.lifting_recordings import true_movement
 
 JOINT_SD_M = {"C7T1": 0.0115, "T12L1": 0.0115, "L4L5": 0.0095, "MID_HIP": 0.0087}
 PLACEMENT_SD_M, SKIN_SD_M, SKIN_S, NOISE_SD_M = 0.006, 0.005, 0.5, 0.001

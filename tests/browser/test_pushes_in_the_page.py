@@ -9,15 +9,15 @@ import pytest
 from accessibility import serious
 
 from lumbar.interface.lift_page import lift_page
+from lumbar.lifting.stability.basins import close_loops
+from lumbar.lifting.stability.comparison.grid import headline
+from lumbar.lifting.stability.extended_basins import torque_limit
+from lumbar.lifting.stability.funnel import monte_carlo_check
+from lumbar.lifting.stability.funnel.funnel import exact_funnels
+from lumbar.lifting.stability.funnel.monte_carlo_check import preimage, simulate
+from lumbar.lifting.stability.funnel.saturation import extra_acceleration, reference_of
+from lumbar.lifting.stability.model.lift_trajectories import LiftStates
 from lumbar.settings.stability import StabilitySettings
-from lumbar.stability.basins import close_loops
-from lumbar.stability.comparison.grid import headline
-from lumbar.stability.extended_basins import torque_limit
-from lumbar.stability.funnel import monte_carlo_check
-from lumbar.stability.funnel.funnel import exact_funnels
-from lumbar.stability.funnel.monte_carlo_check import preimage, simulate
-from lumbar.stability.funnel.saturation import extra_acceleration, reference_of
-from lumbar.stability.model.lift_trajectories import LiftStates
 
 SETTINGS = StabilitySettings()
 PUSHES = np.array([[0.05, 0.4], [-0.3, 0.2], [0.0, -2.0], [1.2, 3.0]]).T

@@ -88,7 +88,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 def expected_artefacts(folder: Path) -> list[Path]:
-    from lumbar.config.load_study import load_study
+    from lumbar.study.load_study import load_study
 
     run = json.loads((results(folder) / "run_environment.json").read_text(encoding="utf-8"))
     assert run["versions"]["python"]
@@ -173,7 +173,7 @@ def test_a_subjects_mass_reruns_only_what_depends_on_it(default_run):
     ("module", "rerun", "untouched"),
     [
         ("survey/table_3_2.py", "table_3_2", "table_3_1"),
-        ("stability/model/riccati.py", "table_4_1", "table_3_2"),
+        ("lifting/stability/model/riccati.py", "table_4_1", "table_3_2"),
     ],
 )
 def test_editing_a_library_module_reruns_what_uses_it(default_run, module, rerun, untouched):

@@ -10,12 +10,12 @@ from scipy.io import loadmat
 from scipy.signal import butter, filtfilt
 
 from answers import absent
-from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
-from lumbar.diagnosis.fitting.joint_fit import add, fit_base
-from lumbar.diagnosis.fitting.uncertainty import estimates
-from lumbar.effects.catalogue import TISSUE
-from lumbar.models.bases import BASES
-from lumbar.models.structure import Structure
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
+from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.structure import Structure
 
 PARAMETERS = ("mass", "viscosity", "coulomb_force")
 

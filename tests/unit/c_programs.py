@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.fmu.build.compiler import TARGETS, compile_library
-from lumbar.fmu.build.export_model import ExportModel
-from lumbar.fmu.build.sources import c_files, source_files
+from lumbar.tissue.fmu.build.compiler import TARGETS, compile_library
+from lumbar.tissue.fmu.build.export_model import ExportModel
+from lumbar.tissue.fmu.build.sources import c_files, source_files
 
 _DOUBLE = ctypes.POINTER(ctypes.c_double)
 _NUMBERS = itertools.count()

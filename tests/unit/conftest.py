@@ -23,14 +23,14 @@ def zig_cache():
 @pytest.fixture(scope="module", autouse=True)
 def pictures_are_sketched(request):
     """How pictures look is asked in reports/ only; elsewhere they only have to be there."""
-    with nullcontext() if request.path.parent.name == "reports" else sketched():
+    with nullcontext() if request.path.parent.name == "publishing" else sketched():
         yield
 
 
 @pytest.fixture
 def without_plots(monkeypatch):
     """Leave the plot out of the pages of FMUs that are built to be played: it takes longer than all else in them."""
-    monkeypatch.setattr("lumbar.fmu.build.documentation.reference_plot", lambda *_: "<svg></svg>")
+    monkeypatch.setattr("lumbar.tissue.fmu.build.documentation.reference_plot", lambda *_: "<svg></svg>")
 
 
 @pytest.fixture(scope="session")
@@ -43,7 +43,7 @@ def fmu_models():
 @pytest.fixture(scope="session")
 def fmu_folder(fmu_models, zig_cache, made_once):
     """Return a folder with the FMUs of the shared models and of one with an effect and an awkward name."""
-    from lumbar.fmu.build.package import export_fmus
+    from lumbar.tissue.fmu.build.package import export_fmus
 
     def export(folder):
         export_fmus(fmu_models, folder, "synthetic twin", TARGET, zig_cache)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from lumbar.effects.catalogue import TISSUE
-from lumbar.models.bases import BASES
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.models.bases import BASES
 
 BASE_NUMBERS = {
     "LE": ([0.8], []),

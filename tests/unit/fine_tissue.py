@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from lumbar.diagnosis.selection.diagnose import diagnose
 from lumbar.records.record import Channel, Record
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 
 FINE = 20
 """Steps of the simulation between two samples."""

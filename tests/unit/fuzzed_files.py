@@ -17,11 +17,11 @@ import numpy as np
 from c3d_builder import DEC, INTEL, MIPS, build_c3d
 
 import lumbar
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
+from lumbar.base.yaml_file import read_yaml
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
-from lumbar.yaml_file import read_yaml
 
 LONGEST_S = 10
 _LABELS = ["ann:C7", "ann:SACR", "ann:LTOE", "*4"]

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from lumbar.settings.hidden_effects import HiddenEffectsSettings
-from lumbar.synthetic.hidden_effects.tool_motion import OVERSAMPLING, ToolMotion
+from lumbar.twin.hidden_effects.tool_motion import OVERSAMPLING, ToolMotion
 from study_settings import changed
 
 PROJECT = Path(__file__).resolve().parents[2]

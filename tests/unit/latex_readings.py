@@ -9,8 +9,8 @@ import sympy
 from sympy.core.function import AppliedUndef
 from sympy.parsing.latex import parse_latex_lark
 
-from lumbar.models.motion_signals import SIGNALS
-from lumbar.models.printing import symbol_latex
+from lumbar.tissue.models.motion_signals import SIGNALS
+from lumbar.tissue.models.printing import symbol_latex
 
 _FUNCTIONS = {
     r"\tanh": ("T", sympy.tanh),

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from lumbar.diagnosis.fitting.joint_fit import fit_base
-from lumbar.diagnosis.fitting.preparation import Experiment, prepare
-from lumbar.diagnosis.selection.forward_selection import Candidate, evaluate
-from lumbar.models.bases import BASES
-from lumbar.models.structure import Structure
 from lumbar.records.record import Channel, Record
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.tissue.diagnosis.selection.forward_selection import Candidate, evaluate
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.structure import Structure
 
 STEP, TAU, NOISE = 0.01, 0.15, 0.02
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-import lumbar.fmu.c
-from lumbar.fmu.build.compiler import compile_library
-from lumbar.models.evaluation import NUMPY
+import lumbar.tissue.fmu.c
+from lumbar.tissue.fmu.build.compiler import compile_library
+from lumbar.tissue.models.evaluation import NUMPY
 
 _OF_ONE = ("expm1", "decay", "tanh", "sinh", "arctan", "softplus", "sine", "cosine", "log")
 NEGLIGIBLE = 1e-200
@@ -21,7 +21,7 @@ def _elementwise(function, operands: int):
 
 
 def portable_functions(folder: Path, cache: Path) -> dict:
-    """What computes each operation of `lumbar.models.printing.portable`.
+    """What computes each operation of `lumbar.tissue.models.printing.portable`.
 
     Elementary functions are compiled from ``portable_math.c``; sums, products, roots and comparisons are exact in NumPy too.
     """
@@ -34,7 +34,7 @@ def portable_functions(folder: Path, cache: Path) -> dict:
         f"{visible} double exported_portable_power(double x, double n) {{ return portable_power(x, n); }}"
     )
     for file in ("portable_math.c", "portable_math.h", "effect_forms.h", "model.h"):
-        (folder / file).write_text((lumbar.fmu.c.FOLDER / file).read_text())
+        (folder / file).write_text((lumbar.tissue.fmu.c.FOLDER / file).read_text())
     (folder / "model_size.h").write_text("#define MODEL_RINGS 0\n#define MODEL_RING 0\n")
     (folder / "exported_math.c").write_text("\n".join(lines) + "\n")
     library = folder / "math.so"

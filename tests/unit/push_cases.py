@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.pushes import contest
-from lumbar.pushes.motion import DepositMotion
-from lumbar.pushes.person import Traits
-from lumbar.pushes.simulation import Scene
+from lumbar.lifting.pushes import contest
+from lumbar.lifting.pushes.motion import DepositMotion
+from lumbar.lifting.pushes.person import Traits
+from lumbar.lifting.pushes.simulation import Scene
 from lumbar.settings.pushes import PushesSettings
 
 START, STOP = np.deg2rad([2.0, 4.0, 150.0]), np.deg2rad([0.0, 25.0, 155.0])

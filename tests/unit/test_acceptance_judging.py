@@ -14,7 +14,7 @@ from hidden_effects_cases import diagnosis
 import acceptance_run
 from acceptance_page import write_section
 from answers import Answer, ask, surprise
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
 
 TESTS = Path(__file__).resolve().parents[1]

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from lumbar.stability.programme.bilinear_alternation import RESOLUTION
+from lumbar.lifting.stability.programme.bilinear_alternation import RESOLUTION
 
 
 @pytest.fixture(scope="module")

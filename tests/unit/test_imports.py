@@ -1,49 +1,37 @@
-"""Imports of the library run one way."""
+"""The house's walls: imports of the library run one way, and its two wings know nothing of each other."""
 
 from __future__ import annotations
 
 import ast
 from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 
 import pytest
 
-PACKAGES = [
+ROOMS = [
     ["cli"],
     ["page_server"],
     ["interface"],
-    ["reports", "config"],
-    ["body_model"],
-    [
-        "synthetic",
-        "survey",
-        "fmu",
-        "haptics",
-        "pushes",
-        "stability",
-        "measures",
-        "diagnosis",
-        "identification",
-    ],
-    ["lifting", "signals", "effects"],
-    ["quality"],
-    ["models", "records", "population"],
+    ["publishing"],
+    ["study"],
+    ["tissue", "lifting", "twin"],
+    ["records"],
+    ["tables"],
     ["settings"],
+    ["base"],
 ]
-"""From the top down: what stands in a row imports no row above it."""
+"""From the top down: what stands in a row imports no row above it and nothing beside it."""
+TISSUE = [["haptics"], ["fmu", "diagnosis"], ["identification"], ["signals", "effects", "survey"], ["models"]]
+LIFTING = [["body_model"], ["pushes"], ["stability", "measures"], ["movement"], ["quality", "population"]]
+"""The rooms of the two wings, likewise."""
 
 
-@pytest.fixture(scope="module")
-def imports(project):
-    """What every module imports: at once, late or for its types alone."""
-    root = project / "workflow"
-    files = {
-        ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__"): path
-        for path in (root / "lumbar").rglob("*.py")
-    }
-    return {name: _imported(path, files) - {name} for name, path in files.items()}
+def _module(path: Path, root: Path) -> str:
+    return ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
 
 
-def _imported(path, files) -> set[str]:
+def _named(path: Path) -> set[str]:
+    """Every module that a file imports, at once, late or for its types alone, and every name it takes from one."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -51,8 +39,34 @@ def _imported(path, files) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             found.add(node.module)
             found |= {f"{node.module}.{item.name}" for item in node.names}
-    inner = {name for name in found if name in files}
-    return {name for name in inner if not any(other.startswith(f"{name}.") for other in inner)}
+    return found
+
+
+@pytest.fixture(scope="module")
+def named(project):
+    """What every module of the library names in its import statements."""
+    root = project / "workflow"
+    return {_module(path, root): _named(path) for path in (root / "lumbar").rglob("*.py")}
+
+
+@pytest.fixture(scope="module")
+def imports(named):
+    """The library's own modules that every module imports."""
+    inner = {name: others & named.keys() - {name} for name, others in named.items()}
+    return {
+        name: {other for other in others if not any(longer.startswith(f"{other}.") for longer in others)}
+        for name, others in inner.items()
+    }
+
+
+def _arrows(imports, inside: str) -> set[tuple[str, str]]:
+    """Pairs of rooms of a package of which the first imports the second."""
+
+    def room(module: str) -> str:
+        return module.removeprefix(f"{inside}.").split(".")[0] if module.startswith(f"{inside}.") else ""
+
+    pairs = {(room(name), room(other)) for name, others in imports.items() for other in others}
+    return {(one, other) for one, other in pairs if one and other and one != other} - {("__main__", "cli")}
 
 
 def test_no_module_needs_itself_by_way_of_others(imports):
@@ -62,12 +76,24 @@ def test_no_module_needs_itself_by_way_of_others(imports):
         pytest.fail(" -> ".join(error.args[1]))
 
 
-def test_packages_stand_on_those_below(imports):
-    row = {package: number for number, packages in enumerate(PACKAGES) for package in packages}
-    floor = {name: row.get(name.split(".")[1], len(PACKAGES)) for name in imports if "." in name}
-    del floor["lumbar.__main__"]
-    assert set(row) == {name.split(".")[1] for name in floor if name.count(".") > 1}
-    upward = [
-        (name, other) for name in floor for other in imports[name] & set(floor) if floor[other] < floor[name]
-    ]
-    assert not upward
+def test_the_first_level_has_these_rooms_and_no_others(project):
+    library = project / "workflow" / "lumbar"
+    rooms = {path.parent.name for path in library.glob("*/__init__.py")}
+    assert rooms == {room for row in ROOMS for room in row}
+    assert {path.stem for path in library.glob("*.py")} == {"__init__", "__main__"}
+
+
+@pytest.mark.parametrize(
+    ("inside", "rows"), [("lumbar", ROOMS), ("lumbar.tissue", TISSUE), ("lumbar.lifting", LIFTING)]
+)
+def test_arrows_run_downwards(imports, inside, rows):
+    row = {room: number for number, rooms in enumerate(rows) for room in rooms}
+    arrows = _arrows(imports, inside)
+    assert {room for arrow in arrows for room in arrow} <= row.keys()
+    assert not {(room, other) for room, other in arrows if row[other] <= row[room]}
+
+
+def test_the_library_knows_nothing_of_what_runs_it(named):
+    """Neither of Snakemake and what serves it alone, nor of the scripts."""
+    for name, others in named.items():
+        assert not {other for other in others if other.split(".")[0] in ("run", "job", "snakemake")}, name

@@ -20,7 +20,7 @@ def job(tmp_path, monkeypatch, capsys):
     monkeypatch.syspath_prepend(str(SCRIPTS))
     import job as module
 
-    import killed_jobs
+    from run import killed_jobs
 
     monkeypatch.setattr(killed_jobs, "end_with_parent", lambda: None)  # this process is none of Snakemake's
 
@@ -85,7 +85,7 @@ def test_a_full_disk_does_not_hide_the_error_behind_the_log(job):
 def test_ctrl_c_ends_a_command_in_one_line_and_leaves_nothing(tmp_path):
     (tmp_path / "old.txt").write_text("old")
     script = (
-        "import signal, sys, time; from lumbar.cli import command; from lumbar.files import replacing\n"
+        "import signal, sys, time; from lumbar.cli import command; from lumbar.base.files import replacing\n"
         # A shell that runs its jobs behind ignores the signal for them.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "def run(options):\n"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import cont2discrete
 
-from lumbar.models.first_order import FirstOrder
-from lumbar.models.network import Dashpot, Network, Parallel, Spring
-from lumbar.models.transfer_function import TransferFunction
+from lumbar.tissue.models.first_order import FirstOrder
+from lumbar.tissue.models.network import Dashpot, Network, Parallel, Spring
+from lumbar.tissue.models.transfer_function import TransferFunction
 
 
 def maxwell(k: float, b: float) -> FirstOrder:

@@ -9,13 +9,13 @@ import shutil
 import pytest
 
 import lumbar
-from lumbar.config.settings_files import load_settings
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.marker_set import marker_set
 from lumbar.interface.new_study import new_study
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.subject import SubjectSettings
+from lumbar.study.settings_files import load_settings
 from running import copy_project, snakemake
 
 FILLED = {

@@ -98,7 +98,7 @@ def test_the_wheel_is_what_runs(lumbar, installed):
 
 def test_tissue_tests_become_models_a_diagnosis_and_fmus(lumbar, installed):
     from lumbar.settings.twin import SyntheticTissueSettings
-    from lumbar.synthetic.tissue_recordings import play
+    from lumbar.twin.tissue_recordings import play
 
     folder, call = lumbar
     (folder / "study.yaml").write_text(FEWER, encoding="utf-8")
@@ -134,9 +134,9 @@ def test_tissue_tests_become_models_a_diagnosis_and_fmus(lumbar, installed):
 
 
 def test_surgeons_participants_and_lifts(lumbar):
-    from lumbar.files import write_csv
-    from lumbar.synthetic.lifting_recordings import write_lift
-    from lumbar.synthetic.surgeon_recordings import surgeon_trial
+    from lumbar.base.files import write_csv
+    from lumbar.twin.lifting_recordings import write_lift
+    from lumbar.twin.surgeon_recordings import surgeon_trial
 
     folder, call = lumbar
     (folder / "study.yaml").write_text(FEWER, encoding="utf-8")

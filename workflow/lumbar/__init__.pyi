@@ -1,7 +1,5 @@
 """What ``import lumbar`` offers, for type checkers: verbs are imported when first used."""
 
-from lumbar.config.settings_files import load_settings as load_settings
-from lumbar.config.settings_files import load_subject as load_subject
 from lumbar.interface.comparison import compare as compare
 from lumbar.interface.comparison import locate as locate
 from lumbar.interface.device import export_fmu as export_fmu
@@ -27,5 +25,7 @@ from lumbar.interface.rendering import render as render
 from lumbar.interface.study_report import report as report
 from lumbar.interface.surgeons import bandwidth as bandwidth
 from lumbar.interface.surgeons import design_signals as design_signals
+from lumbar.study.settings_files import load_settings as load_settings
+from lumbar.study.settings_files import load_subject as load_subject
 
 __version__: str

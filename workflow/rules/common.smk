@@ -9,19 +9,19 @@ from snakemake.io import sourcecache_entry
 WORKFLOW = Path(workflow.basedir) / "workflow"
 sys.path.insert(0, str(WORKFLOW))
 
-from dependencies import library_code
-from job_environment import set_job_environment
-from job_forks import fork_scripts
-from job_resources import measured
-from job_starts import lift_limit
-from killed_jobs import remove_half_written
-from rule_graph import rule_graph
-from run_log import watch
-from lumbar.config.artefacts import read_artefacts
-from lumbar.config.load_study import load_study
-from lumbar.errors import LumbarError
+from run.dependencies import library_code
+from run.job_environment import set_job_environment
+from run.job_forks import fork_scripts
+from run.job_resources import measured
+from run.job_starts import lift_limit
+from run.killed_jobs import remove_half_written
+from run.rule_graph import rule_graph
+from run.run_log import watch
+from lumbar.study.artefacts import read_artefacts
+from lumbar.study.load_study import load_study
+from lumbar.base.errors import LumbarError
 from lumbar.settings.plain import plain
-from lumbar.stability.model.failures import announcement
+from lumbar.lifting.stability.model.failures import announcement
 
 DECLARED_EPOCH = os.environ.get("SOURCE_DATE_EPOCH")  # before jobs get theirs
 set_job_environment(WORKFLOW)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
 
-from lumbar.yaml_file import check_readable
-from lumbar.errors import LumbarError
+from lumbar.base.yaml_file import check_readable
+from lumbar.base.errors import LumbarError
 
 try:
     check_readable(Path(workflow.basedir), ["config/config.yaml", "config/twin.yaml"])

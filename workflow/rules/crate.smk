@@ -1,6 +1,6 @@
 # The run as one archive that can be cited: code, inputs, environment and outputs, described as a Workflow Run RO-Crate.
 
-from project_files import project_files
+from run.project_files import project_files
 
 
 localrules:

@@ -1,6 +1,6 @@
 # Improvement: what the base model is missing on each record set, the model with it, and the error ladder.
 
-from lumbar.config.study_recordings import record_set, set_layout
+from lumbar.study.study_recordings import record_set, set_layout
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
 RECORD_SETS = [entry.name for entry in settings.improvement.record_sets]

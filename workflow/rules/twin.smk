@@ -50,7 +50,7 @@ rule twin_surgeon:
 
 if study.cohort:
 
-    from lumbar.synthetic.cohort import lifts_of, marker_file, own_part
+    from lumbar.twin.cohort import lifts_of, marker_file, own_part
 
     COHORT_LIFTS = list(lifts_of(study.cohort))
 

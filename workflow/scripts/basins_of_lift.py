@@ -7,7 +7,7 @@ def main(input, output, params):
     """Read the pendulum states, compute and check the basins, write areas and funnels."""
     from pathlib import Path
 
-    from lumbar.files import read_json
+    from lumbar.base.files import read_json
     from lumbar.interface.lift_basins import basins
     from lumbar.settings.plain import typed
     from lumbar.settings.stability import StabilitySettings

@@ -8,7 +8,7 @@ def main(input, output, params):
     import sys
     from pathlib import Path
 
-    from lumbar.errors import InputError
+    from lumbar.base.errors import InputError
     from lumbar.interface.body_model import save_without_model
     from lumbar.interface.person import lift
     from lumbar.settings.lifting import LiftingSettings

@@ -7,17 +7,17 @@ def main(input, output, params):
     """Validate and simulate every FMU; write the table of checks and the figure of forces."""
     from pathlib import Path
 
-    from lumbar.effects.catalogue import catalogues_with
-    from lumbar.files import read_json, write_csv
-    from lumbar.fmu.build.export_model import select_models
-    from lumbar.fmu.check.check_table import check_table
-    from lumbar.fmu.check.fmu_check import check_fmus
-    from lumbar.fmu.check.reference_stimulus import push
-    from lumbar.models.models_file import read_models
-    from lumbar.reports.figures.fmu_figures import fmu_force_figure
-    from lumbar.reports.figures.style import save
+    from lumbar.base.files import read_json, write_csv
+    from lumbar.publishing.figures.fmu_figures import fmu_force_figure
+    from lumbar.publishing.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.runtime import RuntimeSettings
+    from lumbar.tissue.effects.catalogue import catalogues_with
+    from lumbar.tissue.fmu.build.export_model import select_models
+    from lumbar.tissue.fmu.check.check_table import check_table
+    from lumbar.tissue.fmu.check.fmu_check import check_fmus
+    from lumbar.tissue.fmu.check.reference_stimulus import push
+    from lumbar.tissue.models.models_file import read_models
 
     settings = typed(RuntimeSettings, params.settings)
     fitted = read_models(read_json(input.models), catalogues_with(input.effects))

@@ -7,8 +7,8 @@ def main(input, output, params):
     """Read the planned recordings and write one description per chapter."""
     from pathlib import Path
 
-    from lumbar.files import write_json
-    from lumbar.quality.axes import read_upright
+    from lumbar.base.files import write_json
+    from lumbar.lifting.quality.axes import read_upright
     from lumbar.records.checking import check_recordings
 
     # Where they are for this job: a store's objects are copied for it.

@@ -9,9 +9,9 @@ def main(input, output, params):
     """Read the published tables and this run's results, examine all claims, write them."""
     import pandas as pd
 
-    from lumbar.files import read_json, write_csv
-    from lumbar.reports.reproduction.claims_summary import summary_table
-    from lumbar.reports.reproduction.register import all_claims, examine_claims
+    from lumbar.base.files import read_json, write_csv
+    from lumbar.publishing.reproduction.claims_summary import summary_table
+    from lumbar.publishing.reproduction.register import all_claims, examine_claims
 
     published = {Path(path).stem: pd.read_csv(path) for path in input.published}
     results = {

@@ -7,9 +7,9 @@ def main(input, output, params):
     """Join the persons' tables, compare, write tables and figure."""
     import pandas as pd
 
-    from lumbar.files import write_csv
+    from lumbar.base.files import write_csv
     from lumbar.interface.people import compare_groups
-    from lumbar.reports.figures.style import save
+    from lumbar.publishing.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.population import PopulationSettings
 

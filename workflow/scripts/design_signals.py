@@ -8,7 +8,7 @@ def main(input, output, params):
     from pathlib import Path
 
     from lumbar.interface.surgeons import design_signals
-    from lumbar.reports.figures.style import save
+    from lumbar.publishing.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.signals import SignalsSettings
 

@@ -5,9 +5,9 @@ from job import run
 
 def main(input, output, params):
     """Read the folders, diagnose each with default settings, write all diagnoses of the batch."""
-    from lumbar.diagnosis.selection.batch import diagnose_folders
-    from lumbar.diagnosis.selection.diagnose import diagnose
-    from lumbar.files import write_json
+    from lumbar.base.files import write_json
+    from lumbar.tissue.diagnosis.selection.batch import diagnose_folders
+    from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 
     def diagnosis(records):
         return diagnose(records).to_json()

@@ -5,13 +5,13 @@ from job import run
 
 def main(input, output, params):
     """Read the records, identify the models, write fits and search grid."""
-    from lumbar.files import write_csv, write_json
+    from lumbar.base.files import write_csv, write_json
     from lumbar.interface.identification import identify
     from lumbar.interface.reading import read_listed
-    from lumbar.models.models_file import models_document
     from lumbar.settings.improvement import ImprovementSettings
     from lumbar.settings.plain import typed
     from lumbar.settings.tissue import TissueSettings
+    from lumbar.tissue.models.models_file import models_document
 
     tissue = typed(TissueSettings, params.tissue)
     found = identify(

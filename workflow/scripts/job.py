@@ -52,8 +52,8 @@ def run(main, snakemake) -> None:
     Warnings, progress and errors go to the rule's log file and to the terminal. Other exceptions are programming
     errors: they keep their traceback.
     """
-    from killed_jobs import end_with_parent
-    from lumbar.errors import explained
+    from lumbar.base.errors import explained
+    from run.killed_jobs import end_with_parent
 
     end_with_parent()
     terminal = sys.stderr

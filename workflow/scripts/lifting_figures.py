@@ -7,11 +7,11 @@ def main(input, output, params):
     """Tabulate and draw from the files of the lifts."""
     import pandas as pd
 
-    from lumbar.files import read_json
-    from lumbar.lifting.model_spread import spread_table
-    from lumbar.quality.quality_table import quality_table
-    from lumbar.reports.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
-    from lumbar.reports.figures.style import person_and_box, save
+    from lumbar.base.files import read_json
+    from lumbar.lifting.movement.model_spread import spread_table
+    from lumbar.lifting.quality.quality_table import quality_table
+    from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
+    from lumbar.publishing.figures.style import person_and_box, save
 
     sheets = [read_json(path) for path in input.quality]
     quality_table(sheets, params.data).write(stem(output.quality))

@@ -5,12 +5,12 @@ from job import run, stem
 
 def main(input, output, params):
     """Measure every lift, write each course, the long table, and the figures."""
-    from lumbar.files import read_json, write_csv
+    from lumbar.base.files import read_json, write_csv
     from lumbar.interface.movement import measure_movement
-    from lumbar.measures.lift_values import long_table
-    from lumbar.measures.measures_page import write_measures
-    from lumbar.reports.figures.movement_figures import course_figure, support_figure
-    from lumbar.reports.figures.style import save
+    from lumbar.lifting.measures.lift_values import long_table
+    from lumbar.lifting.measures.measures_page import write_measures
+    from lumbar.publishing.figures.movement_figures import course_figure, support_figure
+    from lumbar.publishing.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.stability import StabilitySettings
 

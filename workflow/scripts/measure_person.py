@@ -5,7 +5,7 @@ from job import run
 
 def main(input, output, params):
     """Analyse the lifts one after the other; a lift without a result has its reason in the table."""
-    from lumbar.files import write_csv
+    from lumbar.base.files import write_csv
     from lumbar.interface.measured_person import measure_person
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.plain import typed

@@ -5,22 +5,27 @@ from job import run, stem
 
 def main(input, output, params):
     """Read all trials, compare them, write table and figure."""
-    from lumbar.pushes.feedback import feedback_sentence
-    from lumbar.pushes.trial_separation import body_trial, separation_frame, separation_table, values_of
-    from lumbar.quality.quality_table import quality_table
-    from lumbar.quality.screening import read_screened
-    from lumbar.reports.figures.perturbed_trials_figure import trials_figure
-    from lumbar.reports.figures.style import save
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.perturbations import PerturbationsSettings
-    from lumbar.settings.plain import typed
-    from lumbar.settings.stability import StabilitySettings
-    from lumbar.stability.comparison.perturbed_trials import (
+    from lumbar.lifting.pushes.feedback import feedback_sentence
+    from lumbar.lifting.pushes.trial_separation import (
+        body_trial,
+        separation_frame,
+        separation_table,
+        values_of,
+    )
+    from lumbar.lifting.quality.quality_table import quality_table
+    from lumbar.lifting.quality.screening import read_screened
+    from lumbar.lifting.stability.comparison.perturbed_trials import (
         compare_trials,
         inside_by_weight,
         trial_of,
         trials_table,
     )
+    from lumbar.publishing.figures.perturbed_trials_figure import trials_figure
+    from lumbar.publishing.figures.style import save
+    from lumbar.settings.lifting import LiftingSettings
+    from lumbar.settings.perturbations import PerturbationsSettings
+    from lumbar.settings.plain import typed
+    from lumbar.settings.stability import StabilitySettings
 
     settings = typed(PerturbationsSettings, params.settings)
     stability, lifting = typed(StabilitySettings, params.stability), typed(LiftingSettings, params.lifting)

@@ -9,7 +9,7 @@ def main(input, output, params):
 
     import pandas as pd
 
-    from lumbar.files import write_csv
+    from lumbar.base.files import write_csv
     from lumbar.interface.pushing import push_outcomes, push_states, saved_lift
     from lumbar.settings.plain import typed
     from lumbar.settings.pushes import PushesSettings

@@ -5,10 +5,10 @@ from job import run, stem
 
 def main(input, output, params):
     """Score the pushes of all, write tables and figure."""
-    from lumbar.files import write_csv, write_json
+    from lumbar.base.files import write_csv, write_json
     from lumbar.interface.pushing import pooled_prediction
-    from lumbar.pushes.prediction import verdict_json
-    from lumbar.reports.figures.style import save
+    from lumbar.lifting.pushes.prediction import verdict_json
+    from lumbar.publishing.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.pushes import PushesSettings
 

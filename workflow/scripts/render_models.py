@@ -5,18 +5,18 @@ from job import run, stem
 
 def main(input, output, params):
     """Judge the exported models on the study's device, fit passive ones, write tables, figures and the passive models."""
-    from lumbar.files import write_json
-    from lumbar.fmu.build.export_model import find_models
-    from lumbar.haptics.passive_models import fit_passive_models
+    from lumbar.base.files import write_json
     from lumbar.interface.device import load_models
     from lumbar.interface.reading import read_listed
     from lumbar.interface.rendering import rendering_of
-    from lumbar.models.models_file import models_document
-    from lumbar.reports.figures.haptic_figures import nothing_to_show
-    from lumbar.reports.figures.style import save
+    from lumbar.publishing.figures.haptic_figures import nothing_to_show
+    from lumbar.publishing.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.runtime import RuntimeSettings
     from lumbar.settings.tissue import TissueSettings
+    from lumbar.tissue.fmu.build.export_model import find_models
+    from lumbar.tissue.haptics.passive_models import fit_passive_models
+    from lumbar.tissue.models.models_file import models_document
 
     settings, tissue, data = (
         typed(RuntimeSettings, params.settings),

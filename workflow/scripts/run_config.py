@@ -7,8 +7,8 @@ def main(input, output, params):
     """Write the configuration so that it can be given back to the workflow, and the versions beside it."""
     import yaml
 
-    from lumbar.environment import describe_environment
-    from lumbar.files import write_json, write_text
+    from lumbar.base.environment import describe_environment
+    from lumbar.base.files import write_json, write_text
 
     header = f"# Configuration of this run, defaults included. Data: {params.data}.\n"
     write_text(output.config, header + yaml.safe_dump(params.config, sort_keys=False, allow_unicode=True))

@@ -7,9 +7,9 @@ def main(input, output, params):
     """Collect what is told of the run, write the archive."""
     from pathlib import Path
 
-    from lumbar.environment import THREADS
-    from lumbar.files import read_json
-    from lumbar.reports.run_crate import Run, end_of_run, write_crate
+    from lumbar.base.environment import THREADS
+    from lumbar.base.files import read_json
+    from lumbar.publishing.run_crate import Run, end_of_run, write_crate
 
     folder = f"results/{params.study}"
     configuration, environment = f"{folder}/run_config.yaml", f"{folder}/run_environment.json"

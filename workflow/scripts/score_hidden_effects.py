@@ -5,7 +5,13 @@ from job import run, stem
 
 def main(input, output, params):
     """Compare, count, publish."""
-    from lumbar.diagnosis.scoring.scores import (
+    from lumbar.base.files import read_json, write_csv, write_json
+    from lumbar.publishing.figures.scoring_figures import confusion_figure, power_figure
+    from lumbar.publishing.figures.style import save
+    from lumbar.settings.hidden_effects import HiddenEffectsSettings
+    from lumbar.settings.plain import typed
+    from lumbar.tables.table import SYNTHETIC_TWIN
+    from lumbar.tissue.diagnosis.scoring.scores import (
         accuracy_table,
         confusion,
         forms_table,
@@ -13,13 +19,7 @@ def main(input, output, params):
         power_summary,
         scores,
     )
-    from lumbar.files import read_json, write_csv, write_json
-    from lumbar.reports.figures.scoring_figures import confusion_figure, power_figure
-    from lumbar.reports.figures.style import save
-    from lumbar.settings.hidden_effects import HiddenEffectsSettings
-    from lumbar.settings.plain import typed
-    from lumbar.synthetic.hidden_effects.hidden_catalogue import MECHANISMS
-    from lumbar.tables import SYNTHETIC_TWIN
+    from lumbar.twin.hidden_effects.hidden_catalogue import MECHANISMS
 
     settings = typed(HiddenEffectsSettings, params.settings)
     labels, diagnoses = {}, {}

@@ -7,13 +7,13 @@ def main(input, output, params):
     """Choose the lift shown, read its funnels, draw."""
     import pandas as pd
 
-    from lumbar.files import read_json
-    from lumbar.reports.figures.basin_comparison_figure import comparison_figure
-    from lumbar.reports.figures.stability_figures import figure_4_3, figure_4_4, shown_lift
-    from lumbar.reports.figures.style import person_and_box, save
+    from lumbar.base.files import read_json
+    from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
+    from lumbar.publishing.figures.basin_comparison_figure import comparison_figure
+    from lumbar.publishing.figures.stability_figures import figure_4_3, figure_4_4, shown_lift
+    from lumbar.publishing.figures.style import person_and_box, save
     from lumbar.settings.plain import typed
     from lumbar.settings.stability import StabilitySettings
-    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
 
     settings = typed(StabilitySettings, params.settings)
     facts = [read_json(path) for path in input.facts]

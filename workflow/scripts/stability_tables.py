@@ -9,20 +9,20 @@ def main(input, output, params):
 
     import pandas as pd
 
-    from lumbar.files import read_json, write_csv
-    from lumbar.reports.figures.grid_figure import grid_figure
-    from lumbar.reports.figures.style import save
+    from lumbar.base.files import read_json, write_csv
+    from lumbar.lifting.stability.basins import DTYPES
+    from lumbar.lifting.stability.comparison.basin_areas import areas_table
+    from lumbar.lifting.stability.comparison.compared_study import Study
+    from lumbar.lifting.stability.comparison.cross_check import cross_checked
+    from lumbar.lifting.stability.comparison.grid_table import grid_table
+    from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
+    from lumbar.lifting.stability.extended_basins import COUNTS, extended_table
+    from lumbar.lifting.stability.model.failures import announcement, failures_frame, failures_table, joined
+    from lumbar.lifting.stability.model.lift_trajectories import LiftStates
+    from lumbar.publishing.figures.grid_figure import grid_figure
+    from lumbar.publishing.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.stability import StabilitySettings
-    from lumbar.stability.basins import DTYPES
-    from lumbar.stability.comparison.basin_areas import areas_table
-    from lumbar.stability.comparison.compared_study import Study
-    from lumbar.stability.comparison.cross_check import cross_checked
-    from lumbar.stability.comparison.grid_table import grid_table
-    from lumbar.stability.comparison.table_4_1 import tables_4_1
-    from lumbar.stability.extended_basins import COUNTS, extended_table
-    from lumbar.stability.model.failures import announcement, failures_frame, failures_table, joined
-    from lumbar.stability.model.lift_trajectories import LiftStates
 
     settings, labels = typed(StabilitySettings, params.settings), params.labels
     facts = [read_json(path) for path in input.facts]

@@ -9,7 +9,7 @@ def main(input, output, params):
 
     from lumbar.interface.reading import read
     from lumbar.interface.surgeons import bandwidth
-    from lumbar.reports.figures.style import save
+    from lumbar.publishing.figures.style import save
     from lumbar.settings.plain import typed
     from lumbar.settings.surgeon import SurgeonSettings
 

@@ -7,9 +7,9 @@ def main(input, output, params):
     """Draw the results of the survey."""
     import numpy as np
 
-    from lumbar.files import read_json
-    from lumbar.reports.figures.style import save
-    from lumbar.reports.figures.survey_figures import best_picks_figure, likert_figure
+    from lumbar.base.files import read_json
+    from lumbar.publishing.figures.style import save
+    from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 
     results = read_json(input.results)
     counts = np.array([results["rating_counts"][model] for model in results["models"]])

@@ -5,11 +5,11 @@ from job import run, stem
 
 def main(input, output, params):
     """Read the answers, analyse them as published and within participants, write tables and results."""
-    from lumbar.files import write_json
+    from lumbar.base.files import write_json
     from lumbar.records.ratings import read_ratings
     from lumbar.settings.plain import typed
     from lumbar.settings.survey import SurveySettings
-    from lumbar.survey.survey_analysis import analyse_survey
+    from lumbar.tissue.survey.survey_analysis import analyse_survey
 
     settings = typed(SurveySettings, params.settings)
     ratings = read_ratings(input.ratings, settings.layout)

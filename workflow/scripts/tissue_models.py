@@ -7,16 +7,16 @@ def main(input, output, params):
     """Collect the identifications and publish them."""
     import pandas as pd
 
-    from lumbar.files import write_csv, write_json
-    from lumbar.identification.identify_tissue import distinct
+    from lumbar.base.files import write_csv, write_json
     from lumbar.interface.device import load_models
     from lumbar.interface.identification import Identification
     from lumbar.interface.reading import read_listed
-    from lumbar.models.models_file import models_document
-    from lumbar.reports.figures.style import save
-    from lumbar.reports.figures.tissue_figures import excitation_figure
+    from lumbar.publishing.figures.style import save
+    from lumbar.publishing.figures.tissue_figures import excitation_figure
     from lumbar.settings.plain import typed
     from lumbar.settings.tissue import TissueSettings
+    from lumbar.tissue.identification.identify_tissue import distinct
+    from lumbar.tissue.models.models_file import models_document
 
     tissue, data = typed(TissueSettings, params.tissue), params.data
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)

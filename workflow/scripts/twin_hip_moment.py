@@ -7,7 +7,7 @@ def main(input, output, params):
     """Make every trial of the study."""
     from lumbar.settings.plain import typed
     from lumbar.settings.twin import SyntheticLiftingSettings
-    from lumbar.synthetic.hip_moment_recordings import write_trials
+    from lumbar.twin.hip_moment_recordings import write_trials
 
     settings = typed(SyntheticLiftingSettings, params.settings)
     write_trials(settings, params.trials, output.recordings, [params.seed, _STREAM], params.gravity)

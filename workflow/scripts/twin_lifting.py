@@ -9,7 +9,7 @@ def main(input, output, params):
 
     from lumbar.settings.plain import typed
     from lumbar.settings.twin import SyntheticLiftingSettings
-    from lumbar.synthetic.lifting_recordings import write_lift
+    from lumbar.twin.lifting_recordings import write_lift
 
     settings = typed(SyntheticLiftingSettings, params.settings)
     moments = dict(zip(params.with_moment, output.hip_moment, strict=True))

@@ -7,7 +7,7 @@ def main(input, output, params):
     """Move the person through every lift."""
     from lumbar.settings.plain import typed
     from lumbar.settings.twin import CohortSettings, SyntheticLiftingSettings
-    from lumbar.synthetic.cohort import lifts_of, write_person
+    from lumbar.twin.cohort import lifts_of, write_person
 
     cohort = typed(CohortSettings, params.cohort)
     files = dict(zip(lifts_of(cohort), output.markers, strict=True))

@@ -7,7 +7,7 @@ def main(input, output, params):
     """Copy the answers, whole or not at all."""
     from pathlib import Path
 
-    from lumbar.files import write_text
+    from lumbar.base.files import write_text
 
     write_text(output.answers, Path(input.answers).read_text(encoding="utf-8"))
 

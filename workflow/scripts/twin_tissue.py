@@ -7,7 +7,7 @@ def main(input, output, params):
     """Play each signal file and write what the machine records."""
     from lumbar.settings.plain import typed
     from lumbar.settings.twin import SyntheticTissueSettings
-    from lumbar.synthetic.tissue_recordings import play
+    from lumbar.twin.tissue_recordings import play
 
     tissue = typed(SyntheticTissueSettings, params.tissue)
     for number, (signal, recording) in enumerate(zip(input.signals, output.recordings, strict=True)):

@@ -10,8 +10,8 @@ def main(input, output, params):
     from lumbar.settings.hidden_effects import HiddenEffectsSettings
     from lumbar.settings.plain import typed
     from lumbar.settings.twin import TwinSettings
-    from lumbar.synthetic.hidden_effects.experiment_folder import write_experiment
-    from lumbar.synthetic.two_hidden_effects import make_two_hidden_effects
+    from lumbar.twin.hidden_effects.experiment_folder import write_experiment
+    from lumbar.twin.two_hidden_effects import make_two_hidden_effects
 
     experiment = make_two_hidden_effects(
         typed(TwinSettings, params.twin), typed(HiddenEffectsSettings, params.generator)

@@ -5,10 +5,10 @@ from job import run, stem
 
 def main(input, output, params):
     """Write the table and both drawings."""
-    from lumbar.identification.table_2_1 import table_2_1
-    from lumbar.models.tissue_models import HO, IL, KB, MW
-    from lumbar.reports.figures.analogue_figures import analogues_figure, arx_figure
-    from lumbar.reports.figures.style import save
+    from lumbar.publishing.figures.analogue_figures import analogues_figure, arx_figure
+    from lumbar.publishing.figures.style import save
+    from lumbar.tissue.identification.table_2_1 import table_2_1
+    from lumbar.tissue.models.tissue_models import HO, IL, KB, MW
 
     table_2_1(params.data).write(stem(output.table_2_1))
     save(arx_figure(), stem(output.figure_2_4), "")

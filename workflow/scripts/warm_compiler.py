@@ -5,8 +5,8 @@ from job import run
 
 def main(input, output, params):
     """Compile a few lines for every target; write which targets are ready."""
-    from lumbar.files import write_json
-    from lumbar.fmu.build.compiler import cache_folder, resolve_targets, warm_cache
+    from lumbar.base.files import write_json
+    from lumbar.tissue.fmu.build.compiler import cache_folder, resolve_targets, warm_cache
 
     warm_cache(params.targets, cache_folder(params.compiler_cache))
     write_json(output.targets, {"targets": resolve_targets(params.targets)})

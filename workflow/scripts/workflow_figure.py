@@ -5,8 +5,8 @@ from job import run, stem
 
 def main(input, output, params):
     """Draw the graph."""
-    from lumbar.reports.figures.style import save
-    from lumbar.reports.figures.workflow_figure import draw_workflow
+    from lumbar.publishing.figures.style import save
+    from lumbar.publishing.figures.workflow_figure import draw_workflow
 
     figure = draw_workflow(params.edges, params.chapter_of, params.chapters)
     save(figure, stem(output.workflow), data="")

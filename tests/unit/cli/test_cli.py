@@ -243,7 +243,7 @@ def test_survey_does_not_call_real_answers_reconstructed(run, project, tmp_path)
 
 
 def test_lift_and_basin_follow_each_other(run, project, tmp_path):
-    from lumbar.synthetic.lifting_recordings import write_lift
+    from lumbar.twin.lifting_recordings import write_lift
 
     twin = study_settings().twin
     markers = tmp_path / "expert_23kg.c3d"

@@ -13,7 +13,7 @@ import pytest
 from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import data_label
 from lumbar.records.record_set import RecordSet
 from lumbar.settings.improvement import ImprovementSettings

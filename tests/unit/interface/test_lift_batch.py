@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 import lumbar
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.lift_batch import lift_all, planned_lifts
 from lumbar.interface.trials import trial_of
 from lumbar.settings.lifting import LiftingSettings
@@ -30,7 +30,7 @@ def person(*trials, **more):
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     """A lift of the synthetic twin."""
-    from lumbar.synthetic.lifting_recordings import write_lift
+    from lumbar.twin.lifting_recordings import write_lift
 
     twin, path = study_settings().twin, tmp_path_factory.mktemp("lift") / "day1" / "a.c3d"
     path.parent.mkdir()
@@ -138,8 +138,8 @@ def test_a_lift_without_a_deposit_is_saved_and_its_basins_say_why(recording, tmp
 
 def test_the_static_trial_of_a_person_tells_where_a_marker_that_is_never_seen_with_the_others_is(tmp_path):
     """The right PSIS is hidden from the first frame to the last but for a moment in which the left one is hidden."""
-    from lumbar.lifting.lift import gaps_frame
-    from lumbar.synthetic.lifting_recordings import true_movement, write_markers
+    from lumbar.lifting.movement.lift import gaps_frame
+    from lumbar.twin.lifting_recordings import true_movement, write_markers
 
     twin = study_settings().twin.lifting
     markers = true_movement(twin, "expert_23kg").markers
@@ -164,7 +164,7 @@ def test_the_static_trial_of_a_person_tells_where_a_marker_that_is_never_seen_wi
 
 def test_a_folder_below_is_a_person_and_what_stands_still_is_the_static_trial(tmp_path):
     from lumbar.interface.new_study import new_study
-    from lumbar.synthetic.lifting_recordings import true_movement, write_markers
+    from lumbar.twin.lifting_recordings import true_movement, write_markers
 
     twin = study_settings().twin.lifting
     markers = true_movement(twin, "expert_23kg").markers
@@ -189,7 +189,7 @@ def test_a_folder_below_is_a_person_and_what_stands_still_is_the_static_trial(tm
 
 def test_files_that_face_different_ways_are_studies_of_their_own(tmp_path):
     from lumbar.interface.new_study import new_study
-    from lumbar.synthetic.lifting_recordings import true_movement, write_markers
+    from lumbar.twin.lifting_recordings import true_movement, write_markers
 
     twin = study_settings().twin.lifting
     markers = true_movement(twin, "expert_23kg").markers
@@ -203,7 +203,7 @@ def test_files_that_face_different_ways_are_studies_of_their_own(tmp_path):
 
 def lifted(folder, **files):
     """Write the twin's lift into a folder, each file with its own choice and movement of the markers."""
-    from lumbar.synthetic.lifting_recordings import true_movement, write_markers
+    from lumbar.twin.lifting_recordings import true_movement, write_markers
 
     twin = study_settings().twin.lifting
     markers = true_movement(twin, "expert_23kg").markers
@@ -313,7 +313,7 @@ def test_recognised_labels_are_listed_once_with_the_command_that_names_them(shar
 
 
 def test_events_say_what_they_were_found_in_and_hands_that_nothing_is_known_of_what_they_hold(tmp_path):
-    from lumbar.synthetic.lifting_recordings import true_movement, write_markers
+    from lumbar.twin.lifting_recordings import true_movement, write_markers
 
     twin = study_settings().twin.lifting
     markers = true_movement(twin, "expert_23kg").markers

@@ -17,7 +17,7 @@ from lumbar.page_server import own_recordings
 from lumbar.page_server.field_problems import FIELDS, in_fields
 from lumbar.page_server.own_recordings import OwnRecordings
 from lumbar.page_server.trust import HOST
-from lumbar.synthetic.examples import example_records
+from lumbar.twin.examples import example_records
 
 SCRIPT = "<img src=x onerror=alert(1)>"
 

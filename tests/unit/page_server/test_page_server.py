@@ -15,13 +15,13 @@ import pytest
 from asking import ask
 
 import lumbar
+from lumbar.base.errors import InputError
+from lumbar.base.files import read_json
 from lumbar.cli.command import INTERRUPTED
-from lumbar.errors import InputError
-from lumbar.files import read_json
 from lumbar.page_server.requests import TabRequests
 from lumbar.page_server.server import new_server
 from lumbar.page_server.sketch import HEIGHT, Sketch
-from lumbar.synthetic.examples import example_records
+from lumbar.twin.examples import example_records
 
 
 @pytest.fixture

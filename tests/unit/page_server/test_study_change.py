@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.page_server.study_change import Change, with_value
 
 EFFECTS = ("improvement", "effects")

@@ -9,7 +9,7 @@ import pytest
 from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.settings.improvement import ImprovementSettings
 
 ONE_EFFECT = ImprovementSettings(most_effects=1)

@@ -9,7 +9,7 @@ import pytest
 from c3d_builder import DEC, INTEL, MIPS, build_c3d
 from marker_gaps import missing_share
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.c3d_data import analog_channels, read_analog, read_coordinates
 from lumbar.records.c3d_file import read_c3d
 from lumbar.records.c3d_structure import check_structure

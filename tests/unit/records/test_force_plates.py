@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from c3d_builder import build_c3d
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.force_plate import UNLOADED_N
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import read_markers

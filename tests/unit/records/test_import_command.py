@@ -10,13 +10,13 @@ import yaml
 from foreign_files import FORCE, POSITION, TIME, foreign_files, rows
 
 import lumbar
-from lumbar.config.load_study import load_study
-from lumbar.config.study_recordings import reading_plan
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.reading import read_listed
 from lumbar.records.checking import check_recordings
 from lumbar.records.columns import read_record
 from lumbar.records.importing.study_file import PROVENANCE
+from lumbar.study.load_study import load_study
+from lumbar.study.study_recordings import reading_plan
 
 FILES = foreign_files()
 

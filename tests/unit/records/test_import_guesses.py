@@ -7,7 +7,7 @@ import pytest
 from foreign_files import FORCE, POSITION, RATE, TIME, rows
 
 import lumbar
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.importing.roles import named_so
 from lumbar.records.importing.units import find_unit, name_and_unit, told_unit
 

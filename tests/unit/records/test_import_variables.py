@@ -10,7 +10,7 @@ from foreign_files import FORCE, POSITION, RATE, TIME
 from scipy.io import savemat
 
 import lumbar
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 
 
 def check(imported):

@@ -7,7 +7,7 @@ import pytest
 from scipy.io import savemat
 
 import lumbar
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.numbers import number
 from lumbar.records.unpacking import LARGEST_RATIO, SMALLEST_LIMIT, unpack
 from lumbar.settings.layout import ColumnLayout, columns

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout

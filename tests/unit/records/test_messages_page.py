@@ -10,7 +10,7 @@ from c3d_builder import build_c3d
 from scipy.io import savemat
 
 import lumbar
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout

@@ -7,7 +7,7 @@ import gzip
 import numpy as np
 import pytest
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record, check_record, same_units
 from lumbar.records.resampling import resample

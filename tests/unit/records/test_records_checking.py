@@ -7,7 +7,7 @@ import hashlib
 import numpy as np
 import pytest
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.checking import check_recordings
 from lumbar.settings.plain import plain
 from lumbar.settings.survey import SurveySettings

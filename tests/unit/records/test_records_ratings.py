@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.ratings import read_ratings
 from lumbar.settings.plain import typed
 from lumbar.settings.survey import RatingsLayout

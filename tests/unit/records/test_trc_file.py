@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.markers import read_markers
 from lumbar.records.trc_file import read_trc
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.cli.options import add_output, new_command
-from lumbar.config.settings_files import load_settings
+from lumbar.study.settings_files import load_settings
 
 
 def add(commands) -> None:
@@ -26,10 +26,10 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Compute and check the basins, write areas and funnels, and end with an error if a basin is missing."""
-    from lumbar.errors import NumericalError
-    from lumbar.files import read_json
+    from lumbar.base.errors import NumericalError
+    from lumbar.base.files import read_json
     from lumbar.interface.lift_basins import basins
-    from lumbar.stability.model.failures import announcement
+    from lumbar.lifting.stability.model.failures import announcement
 
     settings = load_settings(*options.config)
     facts = read_json(options.facts) if options.facts else None

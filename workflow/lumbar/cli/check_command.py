@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.base.errors import InputError
 from lumbar.cli.options import new_command
-from lumbar.config.settings_files import load_settings
-from lumbar.errors import InputError
 from lumbar.settings.plain import plain
+from lumbar.study.settings_files import load_settings
 
 if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings
@@ -36,7 +36,7 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Check the files and print one line for each."""
-    from lumbar.quality.axes import read_upright
+    from lumbar.lifting.quality.axes import read_upright
     from lumbar.records.checking import check_recordings
 
     settings = load_settings(*options.config)

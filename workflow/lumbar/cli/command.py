@@ -9,8 +9,8 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from lumbar.environment import use_one_thread
-from lumbar.errors import explained
+from lumbar.base.environment import use_one_thread
+from lumbar.base.errors import explained
 
 COMMANDS = (
     "import",

@@ -8,15 +8,15 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.base.errors import InputError
 from lumbar.cli.options import add_data, add_fit, new_command
-from lumbar.errors import InputError
 
 if TYPE_CHECKING:
-    from lumbar.config.study import Study
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.page_server.explored_set import ExploredSet
     from lumbar.page_server.own_recordings import OwnDiagnosis
     from lumbar.records.record import Record
+    from lumbar.study.study import Study
 
 EXPLORED = Path("explored")
 
@@ -51,11 +51,11 @@ def add(commands) -> None:
 def run(options) -> None:
     """Serve the page until it is interrupted."""
     from lumbar.cli.lifts_to_explore import lifts_of_folder, lifts_of_study
-    from lumbar.config.load_study import DEFAULT_FILES
     from lumbar.page_server.background import WRITING
     from lumbar.page_server.served_lifts import add_lifts
     from lumbar.page_server.served_sets import OWN
     from lumbar.page_server.server import new_server
+    from lumbar.study.load_study import DEFAULT_FILES
 
     if options.target is not None and options.target.is_dir():
         lifts = lifts_of_folder(options)
@@ -106,9 +106,9 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
 
 def _of_nothing(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     """Only what is given on the page, by the default settings."""
-    from lumbar.config.settings_files import load_settings
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.own_recordings import OwnDiagnosis
+    from lumbar.study.settings_files import load_settings
 
     settings = load_settings(*options.config)
     fixed = partial(
@@ -126,9 +126,9 @@ def _of_nothing(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
 
 
 def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
-    from lumbar.config.load_study import DEFAULT_FILES, load_study_file
     from lumbar.page_server.kept_records import keep_records
     from lumbar.page_server.own_recordings import OwnDiagnosis
+    from lumbar.study.load_study import DEFAULT_FILES, load_study_file
 
     if not DEFAULT_FILES[0].is_file():
         raise InputError(
@@ -152,9 +152,9 @@ def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
 
 def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
     """A record set, diagnosed as the workflow does."""
-    from lumbar.config.study_recordings import record_set
     from lumbar.page_server.explored_set import ExploredSet
     from lumbar.page_server.kept_effects import keep_effects
+    from lumbar.study.study_recordings import record_set
 
     read = cache(partial(_records_of, study, name))
 
@@ -168,8 +168,8 @@ def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
 
 
 def _records_of(study: Study, name: str) -> Sequence[Record]:
-    from lumbar.config.study_recordings import record_set, set_layout
     from lumbar.interface.reading import read_listed
+    from lumbar.study.study_recordings import record_set, set_layout
 
     entry = record_set(study.settings, name)
     paths = [study.recording(record.file) for record in entry.records]

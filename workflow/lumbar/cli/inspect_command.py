@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from lumbar.base.errors import InputError, Problems
 from lumbar.cli.options import new_command
-from lumbar.config.settings_files import load_settings
-from lumbar.errors import InputError, Problems
+from lumbar.study.settings_files import load_settings
 
 
 def add(commands) -> None:

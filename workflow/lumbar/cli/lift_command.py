@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.cli.options import add_data, add_output, new_command
-from lumbar.config.settings_files import load_settings
+from lumbar.study.settings_files import load_settings
 
 if TYPE_CHECKING:
     from lumbar.interface.person import Lift
@@ -98,7 +98,7 @@ def _closing(found: Lift, output: Path) -> list[str]:
 
 def _run_all(options, study) -> None:
     """Analyse several lifts; end with an error that names those without a result, after the others are written."""
-    from lumbar.errors import InputError
+    from lumbar.base.errors import InputError
     from lumbar.interface.lift_batch import lift_all, planned_lifts
     from lumbar.interface.person import subject_of
 

@@ -11,7 +11,7 @@ from lumbar.page_server.served_lifts import ServedLift
 
 def lifts_of_folder(options) -> list[ServedLift]:
     """Lifts that the folder ``target`` holds; none where it is a folder of records."""
-    from lumbar.config.settings_files import load_settings
+    from lumbar.study.settings_files import load_settings
 
     found = saved_lifts(options.target)
     settings = load_settings(*options.config).stability if found else None
@@ -20,7 +20,7 @@ def lifts_of_folder(options) -> list[ServedLift]:
 
 def lifts_of_study(options) -> list[ServedLift]:
     """Lifts of the study whose file is ``target``, as far as they are made; the others are counted on standard error."""
-    from lumbar.config.load_study import load_study_file
+    from lumbar.study.load_study import load_study_file
 
     study = load_study_file(Path(), options.target)
     made = [path for path in saved_lifts(Path("results") / study.name) if path.name in study.lifts]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from lumbar.config.settings_files import load_settings
+from lumbar.study.settings_files import load_settings
 
 if TYPE_CHECKING:
     from lumbar.interface.refinement import Refinement
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 def read_folder(options) -> tuple[StudySettings, RecordSet, dict[str, Any]]:
     """Return settings, records, and what options and settings say of the fit, as keywords of `lumbar.diagnose`."""
-    from lumbar.config.study_recordings import record_layout
     from lumbar.interface.reading import read
+    from lumbar.study.study_recordings import record_layout
 
     settings = load_settings(*options.config)
     layout, rate = record_layout(settings, options.base or settings.improvement.base)
@@ -41,7 +41,7 @@ def refined(options) -> Refinement:
 
 
 def _period(text: str) -> tuple[str, float]:
-    from lumbar.errors import InputError
+    from lumbar.base.errors import InputError
 
     name, _, seconds = text.partition("=")
     try:

@@ -8,14 +8,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.body_model.lift_model import ModelledLift, model_of_lift
-from lumbar.errors import InputError
-from lumbar.lifting.lift import no_deposit
+from lumbar.base.errors import InputError
+from lumbar.lifting.body_model.lift_model import ModelledLift, model_of_lift
+from lumbar.lifting.movement.lift import no_deposit
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.lifting.lift import AnalysedLift
+    from lumbar.lifting.movement.lift import AnalysedLift
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.stability import StabilitySettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -30,7 +30,7 @@ class LiftModel:
     name, data : str
         Of the lift, and words for the source of its data.
     pivot : str
-    modelled : lumbar.body_model.lift_model.ModelledLift
+    modelled : lumbar.lifting.body_model.lift_model.ModelledLift
     stability : StabilitySettings
         Of the basins.
     """
@@ -54,14 +54,14 @@ class LiftModel:
     @cached_property
     def areas(self) -> pd.DataFrame:
         """Exact mean basin area of every pendulum with its 95 % interval, by the study's sign of gravity."""
-        from lumbar.body_model.basin_intervals import basin_intervals
+        from lumbar.lifting.body_model.basin_intervals import basin_intervals
 
         sign = self.stability.pendulum.sign
         return basin_intervals(self.modelled.pendulums, self.stability, sign, self.pivot)
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``body_model_pendulum.csv``, ``body_model_markers.csv`` and ``body_model_areas.csv``."""
-        from lumbar.files import write_csv
+        from lumbar.base.files import write_csv
 
         tables = {"pendulum": self.states, "markers": self.markers, "areas": self.areas}
         for name, table in tables.items():
@@ -121,10 +121,10 @@ def save_without_model(folder: str | os.PathLike) -> None:
     """Write the tables of a lift that has no body model: columns without rows."""
     import pandas as pd
 
-    from lumbar.body_model.basin_intervals import COLUMNS as AREAS
-    from lumbar.body_model.lift_model import COLUMNS as STATES
-    from lumbar.body_model.lift_model import MARKERS
-    from lumbar.files import write_csv
+    from lumbar.base.files import write_csv
+    from lumbar.lifting.body_model.basin_intervals import COLUMNS as AREAS
+    from lumbar.lifting.body_model.lift_model import COLUMNS as STATES
+    from lumbar.lifting.body_model.lift_model import MARKERS
 
     for name, columns in {"pendulum": STATES, "markers": MARKERS, "areas": AREAS}.items():
         write_csv(Path(folder) / f"body_model_{name}.csv", pd.DataFrame(columns=[*columns, "data"]))

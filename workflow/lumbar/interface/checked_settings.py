@@ -32,9 +32,9 @@ def checking_settings(verb: Callable) -> Callable:
 def _checked(value: Any) -> Any:
     if not is_dataclass(value) or not hasattr(value, "__pydantic_config__"):
         return value
-    from lumbar.config.validation import Origins, validated
-    from lumbar.errors import Problems
+    from lumbar.base.errors import Problems
     from lumbar.settings.plain import plain
+    from lumbar.study.validation import Origins, validated
 
     problems = Problems(type(value).__name__)
     found = validated(plain(value), type(value), problems, Origins())

@@ -9,18 +9,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import label_of
-from lumbar.models.fitted_model import FittedModel
 from lumbar.records.record import Record
 from lumbar.settings.seed import SEED
+from lumbar.tissue.models.fitted_model import FittedModel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from lumbar.diagnosis.finding import Finding
-    from lumbar.diagnosis.residuals.residual_report import Simulated
-    from lumbar.tables import Table
+    from lumbar.tables.table import Table
+    from lumbar.tissue.diagnosis.finding import Finding
+    from lumbar.tissue.diagnosis.residuals.residual_report import Simulated
 
 
 def compare(
@@ -63,7 +63,7 @@ def compare(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_records
+    >>> from lumbar.twin.examples import example_records
     >>> records = example_records()
     >>> found = lumbar.compare(records, lumbar.refine(records, ["coulomb_friction"]).model)
     >>> found
@@ -89,7 +89,7 @@ def locate(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_records
+    >>> from lumbar.twin.examples import example_records
     >>> records = example_records()
     >>> found = lumbar.locate(records, lumbar.refine(records, []).model)
     >>> print(found["other"].location.sentences[0].split(";")[0])
@@ -101,10 +101,10 @@ def locate(
 def _on_records(
     records, model, train, periods, session, seed, data
 ) -> tuple[FittedModel, list[Simulated], str, tuple]:
-    from lumbar.diagnosis.fitting.manageable import manageable
-    from lumbar.diagnosis.fitting.preparation import prepare
-    from lumbar.diagnosis.fitting.session import in_session
-    from lumbar.diagnosis.residuals.residual_report import residual_reports
+    from lumbar.tissue.diagnosis.fitting.manageable import manageable
+    from lumbar.tissue.diagnosis.fitting.preparation import prepare
+    from lumbar.tissue.diagnosis.fitting.session import in_session
+    from lumbar.tissue.diagnosis.residuals.residual_report import residual_reports
 
     data = label_of(data, records)
     records, changed = manageable(list(records), session)
@@ -162,8 +162,8 @@ class OnRecords(ABC):
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write the numbers as a table, one picture per record, and a page: ``compare…`` or ``location…``."""
-        from lumbar.files import write_text
-        from lumbar.reports.figures.style import save
+        from lumbar.base.files import write_text
+        from lumbar.publishing.figures.style import save
 
         folder, pictures = Path(folder), {}
         for item in self.simulated:
@@ -198,20 +198,20 @@ class Comparisons(OnRecords):
     @property
     def table(self) -> Table:
         """VAF, FIT, error, noise and explainable error of every record."""
-        from lumbar.diagnosis.residuals.compare import comparison_table
+        from lumbar.tissue.diagnosis.residuals.compare import comparison_table
 
         return comparison_table([item.comparison for item in self.simulated], self.data)
 
     def figure(self, name: str) -> Figure:
         """Return the picture of one record: measured and simulated output, and what is left of every record."""
-        from lumbar.reports.figures.comparison_figure import comparison_figure
+        from lumbar.publishing.figures.comparison_figure import comparison_figure
 
         shown = self[name]
         comparisons = [item.comparison for item in self.simulated]
         return comparison_figure(shown.record, shown.values, comparisons, self.model.name)
 
     def _page(self, pictures: dict[str, Path]) -> str:
-        from lumbar.reports.pages.record_pages import comparison_page
+        from lumbar.publishing.pages.record_pages import comparison_page
 
         return comparison_page(self.simulated, self.model.name, self.data, pictures)
 
@@ -228,18 +228,18 @@ class Locations(OnRecords):
     @property
     def table(self) -> Table:
         """Numbers behind the pictures."""
-        from lumbar.diagnosis.residuals.locate import location_table
+        from lumbar.tissue.diagnosis.residuals.locate import location_table
 
         return location_table([item.location for item in self.simulated], self.data)
 
     def figure(self, name: str) -> Figure:
         """Return the nine pictures of one record's error."""
-        from lumbar.reports.figures.location_figure import location_figure
+        from lumbar.publishing.figures.location_figure import location_figure
 
         return location_figure(self[name].location)
 
     def _page(self, pictures: dict[str, Path]) -> str:
-        from lumbar.reports.pages.record_pages import location_page
+        from lumbar.publishing.pages.record_pages import location_page
 
         return location_page(self.simulated, self.model.name, self.data, pictures)
 

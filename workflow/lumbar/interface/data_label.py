@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 
 NOT_SAID = "source not said"

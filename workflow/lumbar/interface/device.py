@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from lumbar.interface.data_label import NOT_SAID
-from lumbar.models.fitted_model import FittedModel
 from lumbar.settings.runtime import Platform, RuntimeSettings
+from lumbar.tissue.models.fitted_model import FittedModel
 
 
 def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLike] = ()) -> list[FittedModel]:
@@ -33,7 +33,7 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_records
+    >>> from lumbar.twin.examples import example_records
     >>> lumbar.refine(example_records(), ["coulomb_friction"]).save("refined")
     >>> [model.name for model in lumbar.load_models("refined/refined.json")]
     ['KB', 'KB+coulomb_friction']
@@ -42,9 +42,9 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
 
 
 def _read(path: Path, effect_files) -> tuple[list[FittedModel], str]:
-    from lumbar.effects.catalogue import catalogues_with
-    from lumbar.files import read_json
-    from lumbar.models.models_file import read_models
+    from lumbar.base.files import read_json
+    from lumbar.tissue.effects.catalogue import catalogues_with
+    from lumbar.tissue.models.models_file import read_models
 
     content = read_json(path)
     models = read_models(content, catalogues_with(list(effect_files)))
@@ -103,11 +103,11 @@ def export_fmu(
     >>> lumbar.export_fmu("refined/refined.json", "fmu", rate_Hz=1000)  # doctest: +SKIP
     [PosixPath('fmu/KB+coulomb_friction_fmi2.fmu'), PosixPath('fmu/KB+coulomb_friction_fmi3.fmu')]
     """
-    from lumbar.fmu.build.compiler import cache_folder
-    from lumbar.fmu.build.export_model import export_models
-    from lumbar.fmu.build.package import export_fmus
-    from lumbar.fmu.check.file_check import check_new_files
-    from lumbar.haptics.export_warning import with_device
+    from lumbar.tissue.fmu.build.compiler import cache_folder
+    from lumbar.tissue.fmu.build.export_model import export_models
+    from lumbar.tissue.fmu.build.package import export_fmus
+    from lumbar.tissue.fmu.check.file_check import check_new_files
+    from lumbar.tissue.haptics.export_warning import with_device
 
     settings = settings or RuntimeSettings()
     settings = replace(
@@ -130,7 +130,7 @@ def chosen_models(
     path: Path, settings: RuntimeSettings, names, trained_on: str | None, effect_files
 ) -> tuple[list[FittedModel], str]:
     """Models of a file that are meant, and words for the source of its data; parameters and errors as of `export_fmu`."""
-    from lumbar.fmu.build.export_model import find_models
+    from lumbar.tissue.fmu.build.export_model import find_models
 
     fitted, read_from = _read(path, effect_files)
     return find_models(fitted, _chosen(settings, fitted, names, trained_on)), read_from

@@ -9,9 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.effects.pendulum_load import GRAVITY
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import label_of
 from lumbar.interface.refinement import Refinement, chosen_settings, refined
 from lumbar.records.record import Record
@@ -19,17 +17,19 @@ from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
 from lumbar.settings.signals import MachineSettings
 from lumbar.settings.tissue import TissueSettings
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.effects.pendulum_load import GRAVITY
 
 if TYPE_CHECKING:
-    from lumbar.diagnosis.evidence.evidence import Evidence
-    from lumbar.diagnosis.law.proposal import Proposal
-    from lumbar.diagnosis.residuals.residual_report import Simulated
-    from lumbar.diagnosis.selection.verdict import Verdict
     from lumbar.interface.proposed_law import ProposedLaw
     from lumbar.interface.thesis_models import ThesisModels
-    from lumbar.models.fitted_model import FittedModel
-    from lumbar.models.form import Effect
-    from lumbar.reports.explorer.page import ExplorerPage
+    from lumbar.publishing.explorer.page import ExplorerPage
+    from lumbar.tissue.diagnosis.evidence.evidence import Evidence
+    from lumbar.tissue.diagnosis.law.proposal import Proposal
+    from lumbar.tissue.diagnosis.residuals.residual_report import Simulated
+    from lumbar.tissue.diagnosis.selection.verdict import Verdict
+    from lumbar.tissue.models.fitted_model import FittedModel
+    from lumbar.tissue.models.form import Effect
 
 FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"
 
@@ -92,16 +92,16 @@ def diagnose(
     --------
     >>> import lumbar
     >>> from lumbar.settings.improvement import ImprovementSettings
-    >>> from lumbar.synthetic.examples import example_records
+    >>> from lumbar.twin.examples import example_records
     >>> diagnosis = lumbar.diagnose(example_records(), settings=ImprovementSettings(most_effects=1))
     >>> diagnosis.selected
     ('coulomb_friction',)
     >>> print(str(diagnosis).splitlines()[0])
     The KB model is missing coulomb friction: with it the error on unseen records falls from 0.224 to 0.0099 N.
     """
-    from lumbar.diagnosis.fitting.manageable import manageable
-    from lumbar.diagnosis.law.beside_verdict import law_beside, with_law
-    from lumbar.diagnosis.selection.diagnose import diagnose as search
+    from lumbar.tissue.diagnosis.fitting.manageable import manageable
+    from lumbar.tissue.diagnosis.law.beside_verdict import law_beside, with_law
+    from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 
     settings = settings or ImprovementSettings()
     chosen = chosen_settings(settings, base, train, periods, gravity_m_s2, forward, session)
@@ -156,7 +156,7 @@ class Diagnosis:
     @cached_property
     def models(self) -> list[FittedModel]:
         """Base, base and first effect, …."""
-        from lumbar.diagnosis.selection.refined_model import fitted_model
+        from lumbar.tissue.diagnosis.selection.refined_model import fitted_model
 
         return [fitted_model(item, self.verdict.experiment) for item in self.verdict.path]
 
@@ -168,14 +168,14 @@ class Diagnosis:
     @cached_property
     def evidence(self) -> Evidence:
         """Ties, the experiment that settles them, what these records would have shown, what remains."""
-        from lumbar.diagnosis.evidence.evidence import gather_evidence
+        from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
 
         return gather_evidence(self.verdict, self.records, self.settings, self.seed, self.machine)
 
     @cached_property
     def base_on_records(self) -> list[Simulated]:
         """The base model beside every record, and where it fails."""
-        from lumbar.diagnosis.residuals.residual_report import compare_and_locate
+        from lumbar.tissue.diagnosis.residuals.residual_report import compare_and_locate
 
         verdict = self.verdict
         floor, trained = verdict.experiment.floor, verdict.experiment.floor_from
@@ -192,8 +192,8 @@ class Diagnosis:
     @property
     def sentences(self) -> list[str]:
         """The verdict, then what a reader asks next."""
-        from lumbar.diagnosis.design.discrimination import separation_sentence
-        from lumbar.diagnosis.selection.sentences import details, headline
+        from lumbar.tissue.diagnosis.design.discrimination import separation_sentence
+        from lumbar.tissue.diagnosis.selection.sentences import details, headline
 
         lines = [headline(self.verdict), *details(self.verdict, self.candidates)]
         if self.evidence.separation is not None:
@@ -215,7 +215,7 @@ class Diagnosis:
         Models that the search fitted are taken from it, in whatever order their effects were added there; others are
         fitted now, as by `refit`.
         """
-        from lumbar.reports.explorer.shown import candidates_of, model_key
+        from lumbar.publishing.explorer.shown import candidates_of, model_key
 
         effects = list(effects)
         known = {model_key(item.effects): item for item in candidates_of(self.verdict)}
@@ -233,8 +233,8 @@ class Diagnosis:
         InputError
             For a pendulum: the library of terms is that of tissue. For records with the force as input.
         """
-        from lumbar.diagnosis.law.proposal import propose
         from lumbar.interface.proposed_law import ProposedLaw
+        from lumbar.tissue.diagnosis.law.proposal import propose
 
         if self.settings.system != "tissue":
             raise InputError(
@@ -248,7 +248,7 @@ class Diagnosis:
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
         """Return the diagnosis as a page without script, for notebooks and mail."""
-        from lumbar.reports.pages.diagnosis_page import diagnosis_page
+        from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 
         return diagnosis_page(self.verdict, self.evidence, self.candidates, self.data, dict(pictures or {}))
 
@@ -270,8 +270,8 @@ class Diagnosis:
             Whether the thesis's models stand beside; identifying them takes a few seconds.
         """
         from lumbar.interface.thesis_models import NOT_IDENTIFIED
-        from lumbar.reports.explorer.page import ExplorerPage
-        from lumbar.reports.pages.diagnosis_page import evidence_blocks
+        from lumbar.publishing.explorer.page import ExplorerPage
+        from lumbar.publishing.pages.diagnosis_page import evidence_blocks
 
         beside = self.thesis_models if thesis else NOT_IDENTIFIED
         return ExplorerPage(
@@ -299,9 +299,9 @@ class Diagnosis:
         effects : iterable of str, optional
             Effects of the model in ``refined.json``; default those that were selected.
         """
-        from lumbar.diagnosis.evidence.diagnosis_files import write_diagnosis
-        from lumbar.diagnosis.selection.refined_model import refined_document
-        from lumbar.files import write_json, write_text
+        from lumbar.base.files import write_json, write_text
+        from lumbar.tissue.diagnosis.evidence.diagnosis_files import write_diagnosis
+        from lumbar.tissue.diagnosis.selection.refined_model import refined_document
 
         folder, drawn = Path(folder), {}
         if pictures:
@@ -322,9 +322,9 @@ class Diagnosis:
             path.unlink(missing_ok=True)
 
     def _save_pictures(self, folder: Path) -> dict[str, Path]:
-        from lumbar.diagnosis.residuals.compare import comparison_table
-        from lumbar.diagnosis.residuals.locate import location_table
-        from lumbar.reports.pages.diagnosis_pictures import draw_pictures
+        from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
+        from lumbar.tissue.diagnosis.residuals.compare import comparison_table
+        from lumbar.tissue.diagnosis.residuals.locate import location_table
 
         simulated = self.base_on_records
         comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")

@@ -9,19 +9,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.effects.pendulum_load import GRAVITY
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.diagnosis import Diagnosis, diagnose
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
 from lumbar.settings.signals import MachineSettings
+from lumbar.tissue.effects.pendulum_load import GRAVITY
 
 if TYPE_CHECKING:
-    from lumbar.diagnosis.doctor.effect_sizes import EffectSize
-    from lumbar.diagnosis.doctor.examination import Examination
-    from lumbar.diagnosis.selection.verdict import Verdict
-    from lumbar.tables import Table
+    from lumbar.tables.table import Table
+    from lumbar.tissue.diagnosis.doctor.effect_sizes import EffectSize
+    from lumbar.tissue.diagnosis.doctor.examination import Examination
+    from lumbar.tissue.diagnosis.selection.verdict import Verdict
 
 
 def doctor(
@@ -80,14 +80,14 @@ def doctor(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_records
+    >>> from lumbar.twin.examples import example_records
     >>> found = lumbar.doctor(example_records(), effects=["coulomb_friction"], faults=False, quick=True)
     >>> found["coulomb_friction"].words
     'named'
     """
-    from lumbar.diagnosis.doctor.examination import Scope, examine
-    from lumbar.diagnosis.evidence.evidence import machine_limits
-    from lumbar.progress import track
+    from lumbar.base.progress import track
+    from lumbar.tissue.diagnosis.doctor.examination import Scope, examine
+    from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 
     records = list(records)
     # What is asked is whether an effect of the catalogue would be named: no law is looked for in hundreds of records.
@@ -154,21 +154,21 @@ class Examined:
     @cached_property
     def table(self) -> Table:
         """From what size on each effect would have been named."""
-        from lumbar.diagnosis.doctor.doctor_tables import effects_table
+        from lumbar.tissue.diagnosis.doctor.doctor_tables import effects_table
 
         return effects_table(self.examination, self.diagnosis.data)
 
     @cached_property
     def fault_table(self) -> Table:
         """Which mistakes of a recording would have been told."""
-        from lumbar.diagnosis.doctor.doctor_tables import faults_table
+        from lumbar.tissue.diagnosis.doctor.doctor_tables import faults_table
 
         return faults_table(self.examination, self.diagnosis.data)
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``doctor`` and, where mistakes were tried, ``doctor_faults`` as CSV, LaTeX and HTML, and ``doctor.json``."""
-        from lumbar.diagnosis.doctor.doctor_tables import to_json
-        from lumbar.files import write_json
+        from lumbar.base.files import write_json
+        from lumbar.tissue.diagnosis.doctor.doctor_tables import to_json
 
         folder = Path(folder)
         self.table.write(folder / "doctor")
@@ -184,8 +184,8 @@ class Examined:
         InputError
             Where no excitation within the machine's limits would help.
         """
-        from lumbar.diagnosis.design.excitation_family import motion_csv
-        from lumbar.files import write_text
+        from lumbar.base.files import write_text
+        from lumbar.tissue.diagnosis.design.excitation_family import motion_csv
 
         further = self.examination.further
         if further is None:
@@ -196,7 +196,7 @@ class Examined:
         write_text(Path(path), motion_csv(further.excitation.motion, unit))
 
     def __str__(self) -> str:
-        from lumbar.diagnosis.doctor.doctor_text import report
+        from lumbar.tissue.diagnosis.doctor.doctor_text import report
 
         return report(self.examination)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from lumbar.settings.runtime import RuntimeSettings
 
 if TYPE_CHECKING:
-    from lumbar.fmu.check.file_check import FileCheck
+    from lumbar.tissue.fmu.check.file_check import FileCheck
 
 
 def check_fmu(
@@ -44,8 +44,8 @@ def check_fmu(
     >>> print(*lumbar.check_fmu("fmu/KB_fmi3.fmu"))  # doctest: +SKIP
     KB_fmi3.fmu: sound; plays its reference, and its sources give the same library
     """
-    from lumbar.fmu.build.compiler import cache_folder
-    from lumbar.fmu.check.file_check import check_files
+    from lumbar.tissue.fmu.build.compiler import cache_folder
+    from lumbar.tissue.fmu.check.file_check import check_files
 
     paths = [path] if isinstance(path, str | os.PathLike) else path
     cache = cache_folder((settings or RuntimeSettings()).compiler_cache)

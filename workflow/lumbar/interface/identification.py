@@ -8,22 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import label_of
-from lumbar.models.fitted_model import FittedModel
-from lumbar.models.model_data import ARX
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
 from lumbar.settings.tissue import TissueSettings
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.model_data import ARX
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from lumbar.haptics.passive_models import PassiveFits
     from lumbar.settings.runtime import RuntimeSettings
-    from lumbar.tables import Table
+    from lumbar.tables.table import Table
+    from lumbar.tissue.haptics.passive_models import PassiveFits
 
 
 def identify(
@@ -63,7 +63,7 @@ def identify(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_records
+    >>> from lumbar.twin.examples import example_records
     >>> found = lumbar.identify(example_records(), "multisine")
     >>> found["KB"]
     <FittedModel KB, arx on multisine, VAF 94.44 %>
@@ -73,11 +73,11 @@ def identify(
     """
     import pandas as pd
 
-    from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-    from lumbar.diagnosis.selection.refine import refined_fit
-    from lumbar.identification.identify_tissue import given_model
-    from lumbar.identification.identify_tissue import identify as identify_one
-    from lumbar.models.bases import CHOSEN_BY_DATA
+    from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+    from lumbar.tissue.diagnosis.selection.refine import refined_fit
+    from lumbar.tissue.identification.identify_tissue import given_model
+    from lumbar.tissue.identification.identify_tissue import identify as identify_one
+    from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 
     settings, improvement = settings or TissueSettings(), improvement or ImprovementSettings()
     data, records = label_of(data, records), list(records)
@@ -158,20 +158,20 @@ class Identification:
     @property
     def table_3_1(self) -> Table:
         """Error metrics of all models on all training records."""
-        from lumbar.identification.table_3_1 import table_3_1
+        from lumbar.tissue.identification.table_3_1 import table_3_1
 
         return table_3_1(self.models, self.settings, self.data)
 
     @property
     def physical_parameters(self) -> Table:
         """Physical parameters with intervals."""
-        from lumbar.identification.table_2_1 import physical_parameters_table
+        from lumbar.tissue.identification.table_2_1 import physical_parameters_table
 
         return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.data)
 
     def comparison_figure(self, record: Record) -> Figure:
         """Return Figure 3.5: a record beside the free runs of the thesis's models and of those with effects."""
-        from lumbar.reports.figures.tissue_figures import comparison_figure
+        from lumbar.publishing.figures.tissue_figures import comparison_figure
 
         first = self.models[0].trained_on
         shown = {
@@ -202,8 +202,8 @@ class Identification:
         PassiveFits
             ``table(data)`` says what was found; ``save(folder, data)`` writes ``passive_models.json`` and the table.
         """
-        from lumbar.haptics.passive_models import fit_passive_models
         from lumbar.settings.runtime import RuntimeSettings
+        from lumbar.tissue.haptics.passive_models import fit_passive_models
 
         name = train or self.models[0].trained_on
         tests = [record for record in records if record.name != name]
@@ -216,9 +216,9 @@ class Identification:
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``models.json``, ``search.csv`` and the tables ``table_3_1`` and ``physical_parameters``."""
-        from lumbar.files import write_csv, write_json
-        from lumbar.identification.identify_tissue import distinct
-        from lumbar.models.models_file import models_document
+        from lumbar.base.files import write_csv, write_json
+        from lumbar.tissue.identification.identify_tissue import distinct
+        from lumbar.tissue.models.models_file import models_document
 
         folder = Path(folder)
         write_json(folder / "models.json", models_document(distinct(self.models), self.data))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable
 from lumbar.records.importing.recording import Choices, ImportedRecording, to_record
 from lumbar.records.importing.source_file import read_content, read_source, record_name
@@ -203,7 +203,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
 
     def next_command(self, study: Path) -> str:
         """Command that diagnoses the records of the folder that was saved."""
-        from lumbar.files import read_json
+        from lumbar.base.files import read_json
 
         command = ["lumbar", "diagnose", str(study.parent)]
         if needs_study(read_json(study.parent / PROVENANCE)):

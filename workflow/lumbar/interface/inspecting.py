@@ -9,15 +9,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError, NumericalError
-from lumbar.files import replacing
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.base.files import replacing
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import SubjectSettings
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from lumbar.quality.sheet import QualitySheet
+    from lumbar.lifting.quality.sheet import QualitySheet
     from lumbar.records.force_plate import ForcePlate
     from lumbar.settings.layout import Axis, MarkerLayout
 
@@ -58,7 +58,7 @@ def inspect(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_lift
+    >>> from lumbar.twin.examples import example_lift
     >>> somebody = example_lift("lift.c3d")
     >>> found = lumbar.inspect("lift.c3d", height_m=somebody.height_m)
     >>> found.sheet.findings
@@ -66,9 +66,9 @@ def inspect(
     >>> print(found.axes)
     up +z, forward +y
     """
-    from lumbar.quality.gate import usable
-    from lumbar.quality.screening import Screening, meant_labels
-    from lumbar.quality.sheet import quality_sheet
+    from lumbar.lifting.quality.gate import usable
+    from lumbar.lifting.quality.screening import Screening, meant_labels
+    from lumbar.lifting.quality.sheet import quality_sheet
 
     path = Path(path)
     if path.is_dir():
@@ -143,8 +143,8 @@ def _axes(
     points: dict[str, np.ndarray], meant: dict[str, str], layout: MarkerLayout
 ) -> tuple[Axis, Axis] | None:
     """Axes of the file by the body in it, undoing the settings' rotation."""
-    from lumbar.quality.axes import axes_found
-    from lumbar.quality.landmarks import landmarks
+    from lumbar.lifting.quality.axes import axes_found
+    from lumbar.lifting.quality.landmarks import landmarks
     from lumbar.records.marker_axes import rotation_to_standard
 
     named = {label: landmark for landmark, label in landmarks(points, meant).items()}
@@ -228,7 +228,7 @@ class Inspected:
 
     def lines(self) -> list[str]:
         """Return all but the trajectories in sentences."""
-        from lumbar.lifting.lift import NEW_STUDY
+        from lumbar.lifting.movement.lift import NEW_STUDY
 
         sheet, (runs, words) = self.sheet, self.pipeline
         plates = self.plates if isinstance(self.plates, str) else ", ".join(map(repr, self.plates))
@@ -253,15 +253,15 @@ class Inspected:
 
     def _suggested(self) -> list[str]:
         """Landmarks whose usual labels the file has, which no alias of the settings takes."""
-        from lumbar.quality.landmarks import landmarks
+        from lumbar.lifting.quality.landmarks import landmarks
 
         known = landmarks(self.points, self.meant).items()
         return [f"{name} = {label}" for name, label in known if label not in self.meant.values()]
 
     def save_picture(self, path: str | os.PathLike) -> None:
         """Draw heights, gaps and findings into a file ``.svg`` or ``.pdf``."""
-        from lumbar.reports.figures.quality_figure import quality_figure
-        from lumbar.reports.figures.style import save
+        from lumbar.publishing.figures.quality_figure import quality_figure
+        from lumbar.publishing.figures.style import save
 
         path = Path(path)
         check_picture(path)
@@ -277,6 +277,6 @@ class Inspected:
         return f"<Inspected {Path(self.sheet.file).name}: {len(self.sheet.findings)} findings>"
 
     def _repr_html_(self) -> str:
-        from lumbar.reports.pages.html import listing
+        from lumbar.publishing.pages.html import listing
 
         return str(listing(self.lines()))

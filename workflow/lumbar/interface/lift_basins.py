@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID
 from lumbar.interface.person import Lift
 from lumbar.settings.seed import SEED
@@ -18,10 +18,10 @@ from lumbar.settings.stability import StabilitySettings
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.stability.basins import LiftBasins
-    from lumbar.stability.model.failures import Failure
-    from lumbar.stability.model.lift_trajectories import LiftStates
-    from lumbar.stability.model.trajectory import Trajectory
+    from lumbar.lifting.stability.basins import LiftBasins
+    from lumbar.lifting.stability.model.failures import Failure
+    from lumbar.lifting.stability.model.lift_trajectories import LiftStates
+    from lumbar.lifting.stability.model.trajectory import Trajectory
 
 
 def basins(
@@ -54,7 +54,7 @@ def basins(
     --------
     >>> import lumbar
     >>> from lumbar.settings.stability import StabilitySettings
-    >>> from lumbar.synthetic.examples import example_lift
+    >>> from lumbar.twin.examples import example_lift
     >>> lift = lumbar.lift("lift.c3d", example_lift("lift.c3d"), box_mass_kg=15)
     >>> exact_alone = StabilitySettings(knots=51, checks=())
     >>> basins = lumbar.basins(lift, settings=exact_alone)
@@ -72,7 +72,7 @@ def basins(
     pelvis, lateral_bending, hanging, unit time: 0.8897 rad²/s on average, 1.928 at first
     pelvis, flexion_extension, hanging, unit time: 0.889 rad²/s on average, 1.925 at first
     """
-    from lumbar.stability.model.lift_trajectories import LiftStates
+    from lumbar.lifting.stability.model.lift_trajectories import LiftStates
 
     settings = settings or StabilitySettings()
     if isinstance(lift, Lift):
@@ -85,8 +85,8 @@ def basins(
 
 def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
     """Read ``pendulum.csv``, the facts beside it unless they are given, and ``other_pivots.csv`` where it is there."""
-    from lumbar.files import read_json
-    from lumbar.stability.model.lift_trajectories import LiftStates
+    from lumbar.base.files import read_json
+    from lumbar.lifting.stability.model.lift_trajectories import LiftStates
 
     facts = facts or read_json(path.with_suffix(".json"))
     others = path.with_name("other_pivots.csv")
@@ -121,7 +121,7 @@ class Basins:
 
     @cached_property
     def _found(self) -> tuple[list[Trajectory], list[Failure]]:
-        from lumbar.stability.comparison.grid import headline
+        from lumbar.lifting.stability.comparison.grid import headline
 
         return self.states.trajectories(headline(self.settings, self.states.facts["pivot"]))
 
@@ -138,8 +138,8 @@ class Basins:
     @cached_property
     def computed(self) -> LiftBasins:
         """Areas, funnels and what could not be computed."""
-        from lumbar.stability.basins import basins_of_lift
-        from lumbar.stability.model.convention import THESIS
+        from lumbar.lifting.stability.basins import basins_of_lift
+        from lumbar.lifting.stability.model.convention import THESIS
 
         as_in_thesis, _ = self.states.trajectories(THESIS)
         return basins_of_lift(self.trajectories, self.settings, self.seed, as_in_thesis)
@@ -147,7 +147,7 @@ class Basins:
     @cached_property
     def grid(self) -> pd.DataFrame:
         """Average cross-sections under every convention, each with its null control (θ0 = 0)."""
-        from lumbar.stability.comparison.grid import grid_areas
+        from lumbar.lifting.stability.comparison.grid import grid_areas
 
         return grid_areas(self.states, self.settings)
 
@@ -163,7 +163,7 @@ class Basins:
 
     @cached_property
     def _extended(self) -> tuple[pd.DataFrame, list[Failure]]:
-        from lumbar.stability.extended_basins import extended_basins, nothing_extended
+        from lumbar.lifting.stability.extended_basins import extended_basins, nothing_extended
 
         if "extended" not in self.settings.checks:
             return nothing_extended(), []
@@ -176,13 +176,13 @@ class Basins:
 
     def failures(self) -> pd.DataFrame:
         """Basins that could not be computed, with their reasons."""
-        from lumbar.stability.model.failures import failures_frame
+        from lumbar.lifting.stability.model.failures import failures_frame
 
         return failures_frame([*self.without_trajectory, *self.computed.failures, *self._extended[1]])
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``boa.csv``, ``funnel.csv``, ``grid.csv``, ``extended.csv`` and ``failures.csv``."""
-        from lumbar.files import write_csv
+        from lumbar.base.files import write_csv
 
         folder = Path(folder)
         write_csv(folder / "boa.csv", self.areas)

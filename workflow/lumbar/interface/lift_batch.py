@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError, LumbarError
+from lumbar.base.errors import InputError, LumbarError
 from lumbar.interface.person import Lift, lift, without_pendulum
 from lumbar.interface.trials import lift_names, marker_files
-from lumbar.lifting.event import EVENTS
-from lumbar.lifting.events import found_by
+from lumbar.lifting.movement.event import EVENTS
+from lumbar.lifting.movement.events import found_by
 from lumbar.records.unpacking import stem_of
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
@@ -126,9 +126,9 @@ def lift_all(
     """
     import pandas as pd
 
-    from lumbar.files import write_csv
+    from lumbar.base.files import write_csv
     from lumbar.interface.movement import measure_movement
-    from lumbar.measures.lift_values import long_table
+    from lumbar.lifting.measures.lift_values import long_table
 
     rows, failed, measured = [], [], []
     for item in lifts:

@@ -6,14 +6,14 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID
 from lumbar.interface.person import Lift
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
-    from lumbar.reports.lift_page.page import LiftPage
-    from lumbar.reports.lift_page.recorded_lift import RecordedLift
+    from lumbar.publishing.lift_page.page import LiftPage
+    from lumbar.publishing.lift_page.recorded_lift import RecordedLift
 
 FILES = ("body.csv", "com.csv", "pendulum.csv", "pendulum.json", "events.json")
 """What the page of a saved lift is made of."""
@@ -48,11 +48,11 @@ def lift_page(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_lift
+    >>> from lumbar.twin.examples import example_lift
     >>> lift = lumbar.lift("lift.c3d", example_lift("lift.c3d"), box_mass_kg=15)
     >>> lumbar.lift_page(lift).save("lift.html")
     """
-    from lumbar.reports.lift_page.page import LiftPage
+    from lumbar.publishing.lift_page.page import LiftPage
 
     recorded = _analysed(lift, data) if isinstance(lift, Lift) else _saved(Path(lift), data)
     return LiftPage(recorded, settings or StabilitySettings())
@@ -66,7 +66,7 @@ def saved_lifts(folder: str | os.PathLike) -> list[Path]:
 
 
 def _analysed(lift: Lift, data: str) -> RecordedLift:
-    from lumbar.reports.lift_page.recorded_lift import RecordedLift
+    from lumbar.publishing.lift_page.recorded_lift import RecordedLift
 
     events = {name: event.as_dict() for name, event in lift.analysed.events.items()}
     return RecordedLift(lift.body, lift.analysed.pivot, lift.states, lift.facts, events, data or lift.data)
@@ -76,8 +76,8 @@ def _saved(folder: Path, data: str) -> RecordedLift:
     import numpy as np
     import pandas as pd
 
-    from lumbar.files import read_json
-    from lumbar.reports.lift_page.recorded_lift import RecordedLift
+    from lumbar.base.files import read_json
+    from lumbar.publishing.lift_page.recorded_lift import RecordedLift
 
     absent = [name for name in FILES if not (folder / name).is_file()]
     if absent:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lumbar.quality.landmarks import landmarks
+from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.records.marker_aliases import resolve_aliases
 from lumbar.records.marker_axes import find_axes
 from lumbar.settings.layout import Alias, MeanOfMarkers, OffsetPoint, PointBetween

@@ -7,17 +7,17 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from lumbar.errors import LumbarError
+from lumbar.base.errors import LumbarError
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
     from lumbar.interface.person import Lift
+    from lumbar.lifting.stability.model.trajectory import Trajectory
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.stability import StabilitySettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
-    from lumbar.stability.model.trajectory import Trajectory
 
 COLUMNS = (
     "lift",
@@ -35,7 +35,7 @@ COLUMNS = (
 SIGNS = ("inverted", "hanging")
 ABSENT = (float("nan"),) * len(SIGNS)
 NO_BASIN = "no basin with one of the signs"
-BASIN_SOURCE = "lumbar.stability: exact funnel of Eq. 4.1 with the regulator of the configuration"
+BASIN_SOURCE = "lumbar.lifting.stability: exact funnel of Eq. 4.1 with the regulator of the configuration"
 
 
 def measure_person(
@@ -105,8 +105,8 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
     """Average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
     import pandas as pd
 
-    from lumbar.stability.model.failures import all_or_each
-    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
+    from lumbar.lifting.stability.model.failures import all_or_each
+    from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
 
     sound: list[tuple[str, Trajectory]] = []
     rows: list[tuple] = []
@@ -133,9 +133,9 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
 
 def _areas_of(trajectories: list[Trajectory], settings: StabilitySettings) -> np.ndarray:
     """Average cross-sections, shape (signs, trajectories)."""
-    from lumbar.stability.basins import weights_of
-    from lumbar.stability.funnel.funnel import exact_funnels, regulate
-    from lumbar.stability.model.pendulum_loop import gather
+    from lumbar.lifting.stability.basins import weights_of
+    from lumbar.lifting.stability.funnel.funnel import exact_funnels, regulate
+    from lumbar.lifting.stability.model.pendulum_loop import gather
 
     items, count = trajectories * len(SIGNS), len(trajectories)
     signs = [sign for sign in SIGNS for _ in range(count)]
@@ -151,8 +151,8 @@ def _unmeasured(reason: str) -> pd.DataFrame:
     """Rows of all measures of a lift that could not be analysed."""
     import pandas as pd
 
-    from lumbar.measures.registry import MEASURES
-    from lumbar.stability.model.trajectory import COMS, PLANES
+    from lumbar.lifting.measures.registry import MEASURES
+    from lumbar.lifting.stability.model.trajectory import COMS, PLANES
 
     rows = [
         (measure.name, plane, measure.unit, measure.safer, measure.source)

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID
 from lumbar.interface.person import Lift
 from lumbar.settings.stability import StabilitySettings
@@ -17,7 +17,7 @@ from lumbar.settings.stability import StabilitySettings
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.measures.course import Course
+    from lumbar.lifting.measures.course import Course
 
 
 def measure_movement(
@@ -52,7 +52,7 @@ def measure_movement(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_lift
+    >>> from lumbar.twin.examples import example_lift
     >>> lift = lumbar.lift("lift.c3d", example_lift("lift.c3d"), box_mass_kg=15)
     >>> print(lumbar.measure_movement(lift))
     margin_of_stability: 0.0035 m (higher is safer)
@@ -70,7 +70,7 @@ def measure_movement(
 def _read_body(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping]:
     import pandas as pd
 
-    from lumbar.files import read_json
+    from lumbar.base.files import read_json
 
     facts = facts or read_json(path.with_name("pendulum.json"))
     try:
@@ -106,7 +106,7 @@ class Measures:
     @cached_property
     def course(self) -> Course:
         """All measures at every instant, and what is missing."""
-        from lumbar.measures.course import Lifter, course_of_lift
+        from lumbar.lifting.measures.course import Lifter, course_of_lift
 
         gravity = self.settings.pendulum.gravity_m_s2
         return course_of_lift(Lifter(self.body, self.facts, self.settings.measures, gravity))
@@ -119,20 +119,20 @@ class Measures:
     @cached_property
     def values(self) -> pd.DataFrame:
         """One row per measure and plane: value, unit, which way is safer, source, or why there is none."""
-        from lumbar.measures.lift_values import values_of_lift
+        from lumbar.lifting.measures.lift_values import values_of_lift
 
         return values_of_lift(self.course, self.facts)
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``movement_measures.csv`` (the values) and ``movement_course.csv`` (every instant)."""
-        from lumbar.files import write_csv
+        from lumbar.base.files import write_csv
 
         folder = Path(folder)
         write_csv(folder / "movement_measures.csv", self.values.assign(data=self.data))
         write_csv(folder / "movement_course.csv", self.instants.assign(data=self.data))
 
     def __str__(self) -> str:
-        from lumbar.measures.registry import MEASURES
+        from lumbar.lifting.measures.registry import MEASURES
 
         named = self.values[self.values["measure"].map(lambda name: MEASURES[name].headline)]
         lines = [

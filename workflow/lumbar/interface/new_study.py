@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.config.validation import FILL_IN
-from lumbar.errors import InputError, LumbarError
+from lumbar.base.errors import InputError, LumbarError
 from lumbar.interface.marker_set import MarkerSet, alias_text, joined_aliases, marker_set
 from lumbar.interface.trials import marker_files
 from lumbar.records.marker_file import NoMarkers
 from lumbar.records.unpacking import stem_of
+from lumbar.study.validation import FILL_IN
 
 if TYPE_CHECKING:
     from lumbar.records.markers import MarkerRecording
@@ -40,7 +40,7 @@ _KIND_OF_FILE = (
     "mocap",
 )
 """Words in the name of a file that say what it holds and not of which trial."""
-SCHEMA = "# yaml-language-server: $schema=../../workflow/lumbar/config/study.schema.json"
+SCHEMA = "# yaml-language-server: $schema=../../workflow/lumbar/study/study.schema.json"
 NOTHING = MarkerSet({}, None)
 
 
@@ -112,7 +112,7 @@ class NewStudy:
         InputError
             If one of them is there: what a person filled in is not written over.
         """
-        from lumbar.files import write_text
+        from lumbar.base.files import write_text
 
         paths = [Path(project) / name for name in self.files]
         there = [str(path) for path in paths if path.exists()]
@@ -236,8 +236,8 @@ def _in_unit(layout: MarkerLayout, unit: str) -> MarkerLayout:
 
 
 def _is_a_persons_size(recording: MarkerRecording) -> bool:
-    from lumbar.quality.body import stature_found
-    from lumbar.quality.landmarks import landmarks
+    from lumbar.lifting.quality.body import stature_found
+    from lumbar.lifting.quality.landmarks import landmarks
 
     named = {label: landmark for landmark, label in landmarks(recording.positions).items()}
     stature, lengths = stature_found(recording.positions, named)

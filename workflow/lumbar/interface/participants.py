@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from lumbar.records.ratings import Ratings
-    from lumbar.survey.survey_analysis import SurveyAnalysis
+    from lumbar.tissue.survey.survey_analysis import SurveyAnalysis
 
 
 def analyse_survey(
@@ -62,7 +62,7 @@ def analyse_survey(
     friedman: 18.33, 2 degrees of freedom, p = 0.00010
     """
     from lumbar.records.ratings import read_ratings
-    from lumbar.survey.survey_analysis import analyse_survey as analyse
+    from lumbar.tissue.survey.survey_analysis import analyse_survey as analyse
 
     settings = settings or SurveySettings()
     if isinstance(ratings, str | os.PathLike):
@@ -89,7 +89,7 @@ class Survey:
 
     def figures(self) -> dict[str, Figure]:
         """Return the pictures by file name."""
-        from lumbar.reports.figures.survey_figures import best_picks_figure, likert_figure
+        from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 
         counts, labels = self.ratings.counts(), self.settings.scale_labels
         return {
@@ -101,8 +101,8 @@ class Survey:
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write the tables, ``survey.json`` and the figures."""
-        from lumbar.files import write_json
-        from lumbar.reports.figures.style import save
+        from lumbar.base.files import write_json
+        from lumbar.publishing.figures.style import save
 
         folder, label = Path(folder), self.analysis.results["data"]
         for name, table in self.analysis.tables.items():

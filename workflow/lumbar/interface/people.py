@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID, data_label
 from lumbar.settings.population import PopulationSettings
 from lumbar.settings.seed import SEED
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from lumbar.population.comparison import Comparison
-    from lumbar.tables import Table
+    from lumbar.lifting.population.comparison import Comparison
+    from lumbar.tables.table import Table
 
 
 def compare_groups(
@@ -68,7 +68,7 @@ def compare_groups(
     >>> print(lumbar.compare_groups(table))
     expert_vs_novice, 15 kg, margin, all: 10.5 mm (5.95 to 15.1), p = 0.0013, 4 + 4 persons: expert is safer
     """
-    from lumbar.population.comparison import check_long_table, compare_people
+    from lumbar.lifting.population.comparison import check_long_table, compare_people
 
     settings = settings or PopulationSettings()
     frame, sources = _read(table)
@@ -128,26 +128,26 @@ class PeopleCompared:
     @cached_property
     def table(self) -> Table:
         """Differences with intervals and p values."""
-        from lumbar.population.comparison_table import comparison_table
+        from lumbar.lifting.population.comparison_table import comparison_table
 
         return comparison_table(self.comparisons, self.data)
 
     @cached_property
     def planning(self) -> Table:
         """Scatter between people and trials, and how many persons a study needs."""
-        from lumbar.population.comparison_table import planning_table
+        from lumbar.lifting.population.comparison_table import planning_table
 
         return planning_table(self.comparisons, self.settings, self.data)
 
     def figure(self) -> Figure:
         """Return all measures at one glance: who is safer, and how certain that is."""
-        from lumbar.reports.figures.population_figure import comparison_figure
+        from lumbar.publishing.figures.population_figure import comparison_figure
 
         return comparison_figure(self.comparisons, self.groups)
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``measure_comparison`` and ``measure_planning`` as tables, and the figure."""
-        from lumbar.reports.figures.style import save
+        from lumbar.publishing.figures.style import save
 
         folder = Path(folder)
         self.table.write(folder / "measure_comparison")
@@ -217,7 +217,7 @@ def sample_size(
     >>> lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=1), lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=5)
     (27, 19)
     """
-    from lumbar.population.sample_size import MOST_PERSONS, person_mean_sd, persons_needed
+    from lumbar.lifting.population.sample_size import MOST_PERSONS, person_mean_sd, persons_needed
 
     if min(person_sd, trial_sd) < 0 or trials < 1 or not 0 < significance < power < 1:
         raise InputError(

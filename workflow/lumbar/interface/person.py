@@ -9,13 +9,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import data_label
 from lumbar.interface.trials import forces_of, static_of, trial_of
-from lumbar.lifting import lift as lifting
-from lumbar.lifting.events import found_by, hands_doubt
-from lumbar.lifting.file_events import comparison
-from lumbar.lifting.rigid_filling import BodyFilling
+from lumbar.lifting.movement import lift as lifting
+from lumbar.lifting.movement.events import found_by, hands_doubt
+from lumbar.lifting.movement.file_events import comparison
+from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
 from lumbar.settings.stability import StabilitySettings
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.interface.body_model import LiftModel
-    from lumbar.lifting.other_pivots import OtherPivot
-    from lumbar.lifting.plate_check import PlateCheck
-    from lumbar.quality.sheet import QualitySheet
+    from lumbar.lifting.movement.other_pivots import OtherPivot
+    from lumbar.lifting.movement.plate_check import PlateCheck
+    from lumbar.lifting.quality.sheet import QualitySheet
     from lumbar.settings.layout import MarkerLayout
 
 
@@ -80,7 +80,7 @@ def lift(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_lift
+    >>> from lumbar.twin.examples import example_lift
     >>> somebody = example_lift("lift.c3d")
     >>> print(lumbar.lift("lift.c3d", somebody, box_mass_kg=15))
     lift_off: 2.310 s (box; 2.27 to 2.36)
@@ -88,7 +88,7 @@ def lift(
     deposit_start: 5.820 s (box; 5.78 to 6.06)
     release: 7.070 s (box)
     """
-    from lumbar.quality.screening import read_screened
+    from lumbar.lifting.quality.screening import read_screened
 
     subject = subject_of(subject)
     settings = settings or LiftingSettings()
@@ -113,7 +113,7 @@ def lift(
 
 def labelled_markers(path: str | os.PathLike, layout: MarkerLayout, height_m: float) -> dict[str, np.ndarray]:
     """Markers of a static trial by their own labels, in metres and standard axes, without what cannot be a body's."""
-    from lumbar.quality.screening import Screening
+    from lumbar.lifting.quality.screening import Screening
     from lumbar.records.markers import read_markers
 
     bare = replace(layout, aliases={}, required=None, check_axes=False)
@@ -129,7 +129,7 @@ def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
     """Return the person, read from a file where one is given."""
     if isinstance(subject, SubjectSettings):
         return subject
-    from lumbar.config.settings_files import load_subject
+    from lumbar.study.settings_files import load_subject
 
     return load_subject(Path(subject))
 
@@ -140,13 +140,13 @@ class Lift:
 
     Attributes
     ----------
-    analysed : lumbar.lifting.lift.AnalysedLift
+    analysed : lumbar.lifting.movement.lift.AnalysedLift
         Events, centres of mass, pendulum states.
     subject : SubjectSettings
     trial : TrialSettings
     settings : LiftingSettings
     data : str
-    quality : lumbar.quality.sheet.QualitySheet
+    quality : lumbar.lifting.quality.sheet.QualitySheet
         What is in the recording and what in it cannot be a body: such stretches were left out.
     forces : Path or None
         File of the ground reaction forces, where it is not the recording's own.
@@ -183,39 +183,39 @@ class Lift:
 
     @cached_property
     def _other_pivots(self) -> dict[str, OtherPivot]:
-        from lumbar.lifting.other_pivots import other_pivots
+        from lumbar.lifting.movement.other_pivots import other_pivots
 
         return other_pivots(self.analysed, self.settings)
 
     @cached_property
     def other_states(self) -> pd.DataFrame:
         """Pendulum states about the pivots that conclusions are compared about, beside the study's own."""
-        from lumbar.lifting.other_pivots import other_states_frame
+        from lumbar.lifting.movement.other_pivots import other_states_frame
 
         return other_states_frame(self._other_pivots)
 
     @cached_property
     def _body(self) -> tuple[pd.DataFrame, dict[str, str]]:
-        from lumbar.lifting.body import body_frame
+        from lumbar.lifting.movement.body import body_frame
 
         return body_frame(self.analysed)
 
     @property
     def body(self) -> pd.DataFrame:
-        """Trajectories of joints, feet, hands, load and centres of mass: ``lumbar.lifting.body.body_frame``."""
+        """Trajectories of joints, feet, hands, load and centres of mass: ``lumbar.lifting.movement.body.body_frame``."""
         return self._body[0]
 
     @cached_property
     def spread(self) -> pd.DataFrame:
         """How far other segment tables and ends, hip regressions and cut-offs move the trunk's centre of mass."""
-        from lumbar.lifting.model_spread import model_spread
+        from lumbar.lifting.movement.model_spread import model_spread
 
         return model_spread(self.analysed, self.subject, self.settings)
 
     @cached_property
     def plates(self) -> PlateCheck | None:
         """What the force plates of the recording, or of the trial's file of forces, say of the centre of mass; None without."""
-        from lumbar.lifting.plate_check import plate_check
+        from lumbar.lifting.movement.plate_check import plate_check
 
         return plate_check(self.analysed, self.subject, self.trial, self.settings, self.forces)
 
@@ -227,7 +227,7 @@ class Lift:
     @property
     def checks(self) -> list[str]:
         """Lines on ends that are the skin's, on other choices and on force plates."""
-        from lumbar.lifting.model_spread import spread_lines
+        from lumbar.lifting.movement.model_spread import spread_lines
 
         points, ends = self.analysed.points, self.analysed.table.ends
         inner = self.settings.segment_ends == "inner"
@@ -261,7 +261,7 @@ class Lift:
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``pendulum``, ``other_pivots``, ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
-        from lumbar.files import write_csv, write_json
+        from lumbar.base.files import write_csv, write_json
 
         folder, label = Path(folder), {"data": self.data}
         tables = {

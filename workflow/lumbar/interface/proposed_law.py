@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 
 if TYPE_CHECKING:
-    from lumbar.diagnosis.law.proposal import Proposal
-    from lumbar.models.form import Effect
+    from lumbar.tissue.diagnosis.law.proposal import Proposal
+    from lumbar.tissue.models.form import Effect
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,7 +39,7 @@ class ProposedLaw:
     @property
     def equation(self) -> str:
         """The law as an expression; empty where none is proposed."""
-        from lumbar.diagnosis.law.effect_file import form_found
+        from lumbar.tissue.diagnosis.law.effect_file import form_found
 
         return form_found(self.proposal).equation if self.found else ""
 
@@ -51,8 +51,8 @@ class ProposedLaw:
         InputError
             If no law is proposed, or the name cannot be an effect's.
         """
-        from lumbar.diagnosis.law.effect_file import effect_text
-        from lumbar.effects.own_effect import check_name
+        from lumbar.tissue.diagnosis.law.effect_file import effect_text
+        from lumbar.tissue.effects.own_effect import check_name
 
         if not self.found:
             raise InputError(f"no effect to write: {self.sentences[0]}")
@@ -61,7 +61,7 @@ class ProposedLaw:
 
     def save(self, path: str | os.PathLike, name: str = "proposed_law") -> None:
         """Write the effect's file, for ``improvement: effect_files``; errors as of `to_yaml`."""
-        from lumbar.files import write_text
+        from lumbar.base.files import write_text
 
         write_text(path, self.to_yaml(name))
 
@@ -73,8 +73,8 @@ class ProposedLaw:
         InputError
             If nothing is missing.
         """
-        from lumbar.reports.figures.law_figure import law_figure
-        from lumbar.reports.figures.style import save
+        from lumbar.publishing.figures.law_figure import law_figure
+        from lumbar.publishing.figures.style import save
 
         if not self.proposal.is_needed:
             raise InputError(f"nothing to draw: {self.sentences[0]}")
@@ -83,7 +83,7 @@ class ProposedLaw:
     @property
     def sentences(self) -> list[str]:
         """The proposal, in plain English."""
-        from lumbar.diagnosis.law.effect_file import sentences
+        from lumbar.tissue.diagnosis.law.effect_file import sentences
 
         return sentences(self.proposal)
 

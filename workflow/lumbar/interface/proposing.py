@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.diagnosis import FORWARD, diagnose
 from lumbar.interface.proposed_law import ProposedLaw
 from lumbar.records.record import Record

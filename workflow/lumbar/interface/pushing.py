@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import data_label
 from lumbar.interface.person import Lift
 from lumbar.settings.pushes import PushesSettings
@@ -19,9 +19,9 @@ from lumbar.settings.stability import StabilitySettings
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.pushes.contest import Contest
-    from lumbar.pushes.prediction import Followed, Verdict
-    from lumbar.tables import Table
+    from lumbar.lifting.pushes.contest import Contest
+    from lumbar.lifting.pushes.prediction import Followed, Verdict
+    from lumbar.tables.table import Table
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def saved_lift(folder: str | os.PathLike) -> SavedLift:
     """Read a lift's folder."""
     import pandas as pd
 
-    from lumbar.files import read_json
+    from lumbar.base.files import read_json
 
     folder = Path(folder)
     body, states = (pd.read_csv(folder / name) for name in ("body.csv", "pendulum.csv"))
@@ -58,11 +58,11 @@ def push_states(
     push_share : float
         Where the trunk is pushed, between hips and shoulders (``pushes.push.height_share``).
     """
-    from lumbar.measures.course import Lifter
-    from lumbar.pushes.levels import levels_of
-    from lumbar.pushes.motion import deposit_motion
-    from lumbar.pushes.states import states_frame
-    from lumbar.stability.model.lift_trajectories import trajectories_of_lift
+    from lumbar.lifting.measures.course import Lifter
+    from lumbar.lifting.pushes.levels import levels_of
+    from lumbar.lifting.pushes.motion import deposit_motion
+    from lumbar.lifting.pushes.states import states_frame
+    from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
 
     lifters, motions, trajectories = [], [], []
     for item in lifts:
@@ -117,7 +117,7 @@ def push_prediction(
     >>> from dataclasses import replace
     >>> import lumbar
     >>> from lumbar.settings.pushes import PushesSettings, PushSettings, ScoringSettings
-    >>> from lumbar.synthetic.examples import example_lift
+    >>> from lumbar.twin.examples import example_lift
     >>> ann = example_lift("lift.c3d")
     >>> people = [ann, replace(ann, name="bob")]
     >>> lifts = [lumbar.lift("lift.c3d", person, box_mass_kg=15) for person in people]
@@ -153,12 +153,12 @@ def push_outcomes(states: pd.DataFrame, settings: PushesSettings, seed: int) -> 
     Returns
     -------
     pandas.DataFrame
-        One row per push, columns `lumbar.pushes.contest.COLUMNS`.
+        One row per push, columns `lumbar.lifting.pushes.contest.COLUMNS`.
     """
     import pandas as pd
 
-    from lumbar.pushes.contest import COLUMNS, push_bodies
-    from lumbar.pushes.states import from_states
+    from lumbar.lifting.pushes.contest import COLUMNS, push_bodies
+    from lumbar.lifting.pushes.states import from_states
 
     people = [part for _, part in states.groupby("subject", sort=False)] if len(states) else []
     frames = [push_bodies(*from_states(part), settings, seed) for part in people]
@@ -213,9 +213,9 @@ def _scored(
     data: str,
 ) -> PushPrediction:
     """Score all pushes drawn; `states_of` gives the states of some lifts."""
-    from lumbar.pushes.contest import contest_of
-    from lumbar.pushes.prediction import follow
-    from lumbar.pushes.states import from_states
+    from lumbar.lifting.pushes.contest import contest_of
+    from lumbar.lifting.pushes.prediction import follow
+    from lumbar.lifting.pushes.states import from_states
 
     if drawn.empty:
         raise InputError(
@@ -241,9 +241,9 @@ class PushPrediction:
 
     Attributes
     ----------
-    contest : lumbar.pushes.contest.Contest
+    contest : lumbar.lifting.pushes.contest.Contest
         Pushes, their outcomes, and what the measures said before.
-    followed : lumbar.pushes.prediction.Followed
+    followed : lumbar.lifting.pushes.prediction.Followed
         Those that are followed with other bodies too.
     settings : PushesSettings
     seed : int
@@ -264,42 +264,42 @@ class PushPrediction:
     @cached_property
     def frame(self) -> pd.DataFrame:
         """One row per contest, direction and measure, the best first."""
-        from lumbar.pushes.prediction import prediction_frame
+        from lumbar.lifting.pushes.prediction import prediction_frame
 
         return prediction_frame(self.contest, self.settings.scoring, self.seed)
 
     @cached_property
     def winner(self) -> Verdict:
         """The measure that told best, with its interval and what it rests on."""
-        from lumbar.pushes.prediction import verdict_of
+        from lumbar.lifting.pushes.prediction import verdict_of
 
         return verdict_of(self.contest, self.frame, self.settings.scoring, self.seed)
 
     @property
     def table(self) -> Table:
         """The contests as a published table."""
-        from lumbar.pushes.prediction import prediction_table
+        from lumbar.lifting.pushes.prediction import prediction_table
 
         return prediction_table(self.contest, self.frame, self.winner, self.data)
 
     @cached_property
     def sensitivity(self) -> Table:
         """The contest with other bodies and controllers."""
-        from lumbar.pushes.prediction import sensitivity_frame, sensitivity_table
+        from lumbar.lifting.pushes.prediction import sensitivity_frame, sensitivity_table
 
         frame = sensitivity_frame(self.followed, self.settings, self.winner, self.seed)
         return sensitivity_table(frame, self.winner, self.data)
 
     def figure(self):
         """Draw the ROC curves."""
-        from lumbar.reports.figures.push_figure import push_figure
+        from lumbar.publishing.figures.push_figure import push_figure
 
         return push_figure(self.contest.frame, self.frame)
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``pushes.csv``, ``winner.json`` and the tables ``push_prediction`` and ``push_sensitivity``."""
-        from lumbar.files import write_csv, write_json
-        from lumbar.pushes.prediction import verdict_json
+        from lumbar.base.files import write_csv, write_json
+        from lumbar.lifting.pushes.prediction import verdict_json
 
         folder = Path(folder)
         write_csv(folder / "pushes.csv", self.pushes.assign(data=self.data))

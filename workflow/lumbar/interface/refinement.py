@@ -9,20 +9,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.effects.pendulum_load import GRAVITY
 from lumbar.interface.data_label import label_of
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.effects.pendulum_load import GRAVITY
 
 if TYPE_CHECKING:
-    from lumbar.diagnosis.finding import Finding
-    from lumbar.diagnosis.fitting.preparation import Experiment
-    from lumbar.diagnosis.residuals.residual_report import Simulated
-    from lumbar.diagnosis.selection.forward_selection import Candidate
     from lumbar.interface.comparison import Comparisons, Locations
-    from lumbar.models.fitted_model import FittedModel
+    from lumbar.tissue.diagnosis.finding import Finding
+    from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+    from lumbar.tissue.diagnosis.residuals.residual_report import Simulated
+    from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
+    from lumbar.tissue.models.fitted_model import FittedModel
 
 
 def refine(
@@ -60,7 +60,7 @@ def refine(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_records
+    >>> from lumbar.twin.examples import example_records
     >>> refined = lumbar.refine(example_records(), ["coulomb_friction"])
     >>> print(refined)
     KB: 0.2309 N in training, 0.2238 unseen
@@ -82,8 +82,8 @@ def chosen_settings(settings, base, train, periods, gravity_m_s2, forward, sessi
 
 def refined(records, effects, settings, seed, data) -> Refinement:
     """Fit the base with these effects, each added in turn, on records of a manageable size."""
-    from lumbar.diagnosis.fitting.manageable import manageable
-    from lumbar.diagnosis.selection.refine import refine as fit_path
+    from lumbar.tissue.diagnosis.fitting.manageable import manageable
+    from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
 
     used, changed = manageable(records, settings.session)
     experiment, path = fit_path(used, effects, settings)
@@ -123,7 +123,7 @@ class Refinement:
     @cached_property
     def models(self) -> list[FittedModel]:
         """Base, base and first effect, …."""
-        from lumbar.diagnosis.selection.refined_model import fitted_model
+        from lumbar.tissue.diagnosis.selection.refined_model import fitted_model
 
         return [fitted_model(item, self.experiment) for item in self.path]
 
@@ -156,7 +156,7 @@ class Refinement:
 
     @cached_property
     def _on_records(self) -> list[Simulated]:
-        from lumbar.diagnosis.residuals.residual_report import compare_and_locate
+        from lumbar.tissue.diagnosis.residuals.residual_report import compare_and_locate
 
         seen, fit = self.experiment, self.path[-1].fit
         return compare_and_locate(
@@ -165,7 +165,7 @@ class Refinement:
 
     def rows(self) -> list[dict]:
         """The error ladder: one dict per model."""
-        from lumbar.diagnosis.selection.refined_model import model_name
+        from lumbar.tissue.diagnosis.selection.refined_model import model_name
 
         unit = self.experiment.output_unit
         return [
@@ -179,15 +179,15 @@ class Refinement:
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``refined.json``: every model of the path, ready for export."""
-        from lumbar.diagnosis.selection.refined_model import refined_document
-        from lumbar.files import write_json
+        from lumbar.base.files import write_json
+        from lumbar.tissue.diagnosis.selection.refined_model import refined_document
 
         document = refined_document(self.path, self.experiment, self.data)
         write_json(Path(folder) / "refined.json", document)
 
     def __str__(self) -> str:
-        from lumbar.diagnosis.selection.ladder_digits import told_apart
-        from lumbar.diagnosis.selection.refined_model import model_name
+        from lumbar.tissue.diagnosis.selection.ladder_digits import told_apart
+        from lumbar.tissue.diagnosis.selection.refined_model import model_name
 
         unit = self.experiment.output_unit
         training = told_apart([item.train_rms for item in self.path], 4)

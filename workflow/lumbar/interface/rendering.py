@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID
 from lumbar.interface.device import chosen_models
-from lumbar.models.fitted_model import FittedModel
 from lumbar.settings.runtime import RuntimeSettings
+from lumbar.tissue.models.fitted_model import FittedModel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from lumbar.haptics.judgement import Judgement
-    from lumbar.tables import Table
+    from lumbar.tables.table import Table
+    from lumbar.tissue.haptics.judgement import Judgement
 
 
 def render(
@@ -73,7 +73,7 @@ def render(
     Examples
     --------
     >>> import lumbar
-    >>> from lumbar.synthetic.examples import example_records
+    >>> from lumbar.twin.examples import example_records
     >>> found = lumbar.render(lumbar.identify(example_records(), "multisine")["KB"])
     >>> found[0].analysis.stable, found[0].run.oscillates
     (False, True)
@@ -91,7 +91,7 @@ def render(
     values = {key: value for key, value in given.items() if value is not None}
     settings = replace(settings, device=replace(settings.device, **values))  # type: ignore[arg-type]  # no words
     if isinstance(model, str | os.PathLike) and Path(model).suffix == ".fmu":
-        from lumbar.haptics.judgement import judge_fmu
+        from lumbar.tissue.haptics.judgement import judge_fmu
 
         return Rendering((judge_fmu(Path(model), settings),), (), settings, data or Path(model).name)
     if isinstance(model, str | os.PathLike):
@@ -107,7 +107,7 @@ def render(
 
 def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, data: str) -> Rendering:
     """Judge models on the device of the settings; models that cannot be rendered are refused with the reason, not an error."""
-    from lumbar.haptics.judgement import judge
+    from lumbar.tissue.haptics.judgement import judge
 
     judgements, refused = judge(models, settings)
     return Rendering(tuple(judgements), tuple(refused), settings, data)
@@ -146,7 +146,7 @@ class Rendering:
     @property
     def table(self) -> Table:
         """Model × device, with the definition of every number."""
-        from lumbar.haptics.device_table import device_table
+        from lumbar.tissue.haptics.device_table import device_table
 
         return device_table(self.judgements, self.refused, self.settings, self.data)
 
@@ -164,8 +164,8 @@ class Rendering:
         InputError
             If no model is a transfer function.
         """
-        from lumbar.haptics.z_width import z_width
-        from lumbar.reports.figures.haptic_figures import z_width_figure
+        from lumbar.publishing.figures.haptic_figures import z_width_figure
+        from lumbar.tissue.haptics.z_width import z_width
 
         if not self.linear:
             raise InputError("the Z-width needs a model of models.json: none of these is a transfer function")
@@ -173,14 +173,14 @@ class Rendering:
 
     def loop_figure(self) -> Figure:
         """The loop that oscillates beside the mended one, of the best fitting model that has both; else the first two loops."""
-        from lumbar.haptics.judgement import mended
-        from lumbar.reports.figures.haptic_figures import loop_figure
+        from lumbar.publishing.figures.haptic_figures import loop_figure
+        from lumbar.tissue.haptics.judgement import mended
 
         return loop_figure(mended(self.judgements) or self.judgements[:2])
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write the table ``rendering`` and the figures ``closed_loop`` and, of transfer functions, ``z_width``."""
-        from lumbar.reports.figures.style import save
+        from lumbar.publishing.figures.style import save
 
         folder = Path(folder)
         self.table.write(folder / "rendering")
@@ -193,7 +193,7 @@ class Rendering:
 
     def __str__(self) -> str:
         """Device and hand, then one paragraph per loop."""
-        from lumbar.haptics.device_table import device_text
+        from lumbar.tissue.haptics.device_table import device_text
 
         return "\n".join([device_text(self.settings.device), *map(_told, self), *self.refused])
 

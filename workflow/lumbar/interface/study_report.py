@@ -6,8 +6,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from lumbar.errors import InputError
-from lumbar.files import read_json, write_text
+from lumbar.base.errors import InputError
+from lumbar.base.files import read_json, write_text
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,21 +58,21 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
     --------
     >>> import lumbar
     >>> lumbar.report("results/thesis").save("results/thesis/report.html")        # doctest: +SKIP
-    >>> lumbar.report("results/unknown")
+    >>> lumbar.report("results/unknown")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
         ...
-    lumbar.errors.InputError: results/unknown/run_config.yaml: no such file; a study's results hold it: run the workflow first
+    lumbar.base.errors.InputError: results/unknown/run_config.yaml: no such file; ...
     """
     import pandas as pd
 
-    from lumbar.config.artefacts import read_artefacts
-    from lumbar.config.load_study import load_study
-    from lumbar.errors import Problems
-    from lumbar.reports.figures.style import person_and_box
-    from lumbar.reports.study_report.contents import chapters
-    from lumbar.reports.study_report.page import StudyFacts, report_page
-    from lumbar.table_words import value_in_words
-    from lumbar.yaml_file import read_yaml
+    from lumbar.base.errors import Problems
+    from lumbar.base.yaml_file import read_yaml
+    from lumbar.publishing.figures.style import person_and_box
+    from lumbar.publishing.study_report.contents import chapters
+    from lumbar.publishing.study_report.page import StudyFacts, report_page
+    from lumbar.study.artefacts import read_artefacts
+    from lumbar.study.load_study import load_study
+    from lumbar.tables.words import value_in_words
 
     results, project = Path(results), Path(project)
     for path in (results / "run_config.yaml", results / "run_environment.json"):

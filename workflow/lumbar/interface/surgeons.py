@@ -18,9 +18,9 @@ from lumbar.settings.surgeon import SurgeonSettings
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from lumbar.signals.excitation import Excitation
-    from lumbar.signals.surgeon_motion import MotionSpectra
-    from lumbar.tables import Table
+    from lumbar.tables.table import Table
+    from lumbar.tissue.signals.excitation import Excitation
+    from lumbar.tissue.signals.surgeon_motion import MotionSpectra
 
 
 def bandwidth(
@@ -63,7 +63,7 @@ def bandwidth(
     >>> f"{found.values['position']['power_share']['value_Hz']:.1f} Hz"
     '2.1 Hz'
     """
-    from lumbar.signals.surgeon_motion import motion_bandwidths, motion_spectra
+    from lumbar.tissue.signals.surgeon_motion import motion_bandwidths, motion_spectra
 
     settings, trials = settings or SurgeonSettings(), list(trials)
     data = data_label(data, (trial.source for trial in trials))
@@ -93,7 +93,7 @@ class Bandwidth:
 
     def figure(self) -> Figure:
         """Return the spectra with the bandwidths read off them."""
-        from lumbar.reports.figures.surgeon_figures import psd_figure
+        from lumbar.publishing.figures.surgeon_figures import psd_figure
 
         pooled = {quantity: self.spectra.pooled(quantity) for quantity in self.spectra.psd}
         return psd_figure(
@@ -107,8 +107,8 @@ class Bandwidth:
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``bandwidth.json`` and ``psd.csv``."""
-        from lumbar.files import write_csv, write_json
-        from lumbar.signals.surgeon_motion import spectra_table
+        from lumbar.base.files import write_csv, write_json
+        from lumbar.tissue.signals.surgeon_motion import spectra_table
 
         folder, welch = Path(folder), plain(self.settings.welch)
         write_json(folder / "bandwidth.json", {**self.values, "welch": welch, "data": self.data})
@@ -179,9 +179,9 @@ def design_signals(
     >>> signals.properties.frame["signal"].tolist()
     ['multisine', 'noise', 'chirp']
     """
-    from lumbar.errors import InputError
-    from lumbar.files import read_json
-    from lumbar.signals.excitation import design_excitation, excited_band
+    from lumbar.base.errors import InputError
+    from lumbar.base.files import read_json
+    from lumbar.tissue.signals.excitation import design_excitation, excited_band
 
     settings = settings or SignalsSettings()
     if isinstance(band, Bandwidth):
@@ -215,20 +215,20 @@ class Signals:
     @property
     def properties(self) -> Table:
         """What the signals are and ask of the machine."""
-        from lumbar.signals.signal_properties import signal_properties
+        from lumbar.tissue.signals.signal_properties import signal_properties
 
         return signal_properties(self.excitation, self.data)
 
     def figure(self) -> Figure:
         """Return the signals in time and in frequency."""
-        from lumbar.reports.figures.signal_figures import excitation_figure
+        from lumbar.publishing.figures.signal_figures import excitation_figure
 
         return excitation_figure(self.excitation.signals, self.band_Hz)
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""
-        from lumbar.files import write_csv, write_json
-        from lumbar.signals.signal_properties import machine_file, multisine_description
+        from lumbar.base.files import write_csv, write_json
+        from lumbar.tissue.signals.signal_properties import machine_file, multisine_description
 
         folder = Path(folder)
         for signal in self.excitation.signals:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 
 if TYPE_CHECKING:
-    from lumbar.diagnosis.selection.verdict import Verdict
-    from lumbar.models.fitted_model import FittedModel
     from lumbar.settings.tissue import TissueSettings
+    from lumbar.tissue.diagnosis.selection.verdict import Verdict
+    from lumbar.tissue.models.fitted_model import FittedModel
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def thesis_models(verdict: Verdict, settings: TissueSettings) -> ThesisModels:
         Of tissue; for a pendulum the thesis has no such models.
     settings : TissueSettings
     """
-    from lumbar.identification.identify_tissue import without_intervals
+    from lumbar.tissue.identification.identify_tissue import without_intervals
 
     if verdict.base.fit.structure.base.system != "tissue":
         return ThesisModels()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.reading import MARKER_ENDINGS
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -95,7 +95,7 @@ def trial_of(
 
 def lift_names(subject: SubjectSettings) -> dict[str, TrialSettings]:
     """Trials of one person by the names that a study gives their lifts."""
-    from lumbar.config.load_study import name_lifts
+    from lumbar.study.load_study import name_lifts
 
     return {name: lift.trial for name, lift in name_lifts({subject.name: subject}).items()}
 

@@ -1,1 +1,1 @@
-"""From markers to pendulum states: gaps, filter, events, centres of mass, planes."""
+"""People who lift: from marker recordings to centres of mass, basins of attraction and measures of balance."""

@@ -11,8 +11,8 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from lumbar.errors import LumbarError, explained
-from lumbar.progress import watched
+from lumbar.base.errors import LumbarError, explained
+from lumbar.base.progress import watched
 
 DRAWING = threading.Lock()
 """Held where figures are drawn: Matplotlib draws one at a time."""
@@ -60,7 +60,7 @@ class Job:
     Parameters
     ----------
     work : callable
-        Without arguments; tells how far it is by `lumbar.progress`.
+        Without arguments; tells how far it is by `lumbar.base.progress`.
 
     Attributes
     ----------

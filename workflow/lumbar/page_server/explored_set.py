@@ -9,17 +9,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lumbar.base.progress import going_on
 from lumbar.page_server.background import DRAWING, Job
-from lumbar.progress import going_on
-from lumbar.reports.explorer.shown import model_key
+from lumbar.publishing.explorer.shown import model_key
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.interface.refinement import Refinement
     from lumbar.page_server.study_change import Change
+    from lumbar.publishing.explorer.page import ExplorerPage
+    from lumbar.publishing.explorer.shown import ShownModel
     from lumbar.records.record import Record
-    from lumbar.reports.explorer.page import ExplorerPage
-    from lumbar.reports.explorer.shown import ShownModel
 
 
 @dataclass(eq=False)

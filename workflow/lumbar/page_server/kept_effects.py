@@ -7,11 +7,11 @@ from pathlib import Path
 
 import yaml
 
-from lumbar.config.study_recordings import is_tissue_chapter
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.page_server.study_change import Change, with_value
 from lumbar.settings.plain import plain
 from lumbar.settings.study_settings import StudySettings
+from lumbar.study.study_recordings import is_tissue_chapter
 
 SETS = ("improvement", "record_sets")
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lumbar.config.study import Study
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.page_server.kept_effects import SETS, listed_in, listed_sets
 from lumbar.page_server.own_recordings import common_rate
 from lumbar.page_server.study_change import Change, with_value
+from lumbar.study.study import Study
 
 if TYPE_CHECKING:
     from lumbar.interface.importing import ImportedRecordings

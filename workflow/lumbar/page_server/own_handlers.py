@@ -9,13 +9,13 @@ from tornado.httputil import url_concat
 from tornado.routing import PathMatches, Rule
 from tornado.web import Finish, RequestHandler, stream_request_body
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
+from lumbar.base.templates import template
 from lumbar.page_server.background import in_background, told
 from lumbar.page_server.field_problems import FIELDS
 from lumbar.page_server.own_recordings import MOST_FILE, OwnDiagnosis, OwnRecordings, OwnTabs
 from lumbar.page_server.requests import read_request
 from lumbar.page_server.served_sets import OWN, ServedSets
-from lumbar.templates import template
 
 PAGE = "page_server/own_recordings.html.jinja"
 TAB = "X-Lumbar-Tab"

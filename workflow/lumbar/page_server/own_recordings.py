@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.interface.importing import ForeignFile, ImportedRecordings, import_recordings
 from lumbar.page_server.background import WRITING, told
 from lumbar.page_server.explored_set import ExploredSet

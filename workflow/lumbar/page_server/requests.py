@@ -7,14 +7,14 @@ import threading
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.page_server.background import DRAWING, WRITING, told
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.study_change import Change
 
 if TYPE_CHECKING:
     from lumbar.interface.refinement import Refinement
-    from lumbar.reports.explorer.shown import ShownModel
+    from lumbar.publishing.explorer.shown import ShownModel
 
 MOST_EFFECTS = 8
 """Most effects of a model that the page asks for."""
@@ -88,7 +88,7 @@ class TabRequests:
 
     def _fit(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         """Every step of the path, and where its end fails."""
-        from lumbar.reports.explorer.page import told as told_of_model
+        from lumbar.publishing.explorer.page import told as told_of_model
 
         models = [self.explored.fitted(effects[:count]) for count in range(len(effects) + 1)]
         located = {models[-1].key: self.explored.refitted(effects).locate().simulated}
@@ -96,7 +96,7 @@ class TabRequests:
         return {"models": content, "effects": effects}, models
 
     def _locate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
-        from lumbar.reports.explorer.page import told as told_of_model
+        from lumbar.publishing.explorer.page import told as told_of_model
 
         model = self.explored.fitted(effects)
         located = self.explored.refitted(effects).locate().simulated
@@ -104,9 +104,9 @@ class TabRequests:
 
     def _separate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         """The excitation that tells these effects from the selected ones."""
-        from lumbar.diagnosis.design.discrimination import separating_excitation
-        from lumbar.diagnosis.evidence.evidence import machine_limits
-        from lumbar.reports.explorer.page import excitation_of
+        from lumbar.publishing.explorer.page import excitation_of
+        from lumbar.tissue.diagnosis.design.discrimination import separating_excitation
+        from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 
         diagnosis = self.explored.diagnosis
         verdict = replace(diagnosis.verdict, tied_with=[self.explored.refitted(effects).path[-1]])

@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
+from lumbar.base.templates import template
 from lumbar.page_server.background import in_background
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.requests import TabRequests
 from lumbar.page_server.served_sets import OWN, RESULT, ServedSets
 from lumbar.page_server.trust import HOST, FromHere, Guarded
-from lumbar.templates import template
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -124,8 +124,8 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) ->
     if explored is None or not explored.ready:
         return
     # Here, not above: the server listens before Matplotlib is read.
-    from lumbar.reports.explorer.page import PAGE
-    from lumbar.reports.explorer.plots import REQUEST
+    from lumbar.publishing.explorer.page import PAGE
+    from lumbar.publishing.explorer.plots import REQUEST
 
     page = explored.page
     page.fill(document)
@@ -144,7 +144,7 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) ->
 
 async def _answered(document: Document, requests: TabRequests, text: str) -> None:
     """Answer while other tabs go on."""
-    from lumbar.reports.explorer.plots import ANSWER
+    from lumbar.publishing.explorer.plots import ANSWER
 
     content, models = await in_background(requests.answer, text)
     for model in models:

@@ -11,8 +11,8 @@ from typing import Any
 
 import yaml
 
-from lumbar.errors import InputError
-from lumbar.files import write_text
+from lumbar.base.errors import InputError
+from lumbar.base.files import write_text
 
 
 @dataclass(frozen=True)

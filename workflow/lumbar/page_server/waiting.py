@@ -6,11 +6,11 @@ from tornado.httputil import HTTPServerRequest, url_concat
 from tornado.routing import Matcher
 from tornado.web import HTTPError, RequestHandler
 
-from lumbar.errors import LumbarError
+from lumbar.base.errors import LumbarError
+from lumbar.base.templates import template
 from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.served_sets import ServedSets
 from lumbar.page_server.sketch import Sketch
-from lumbar.templates import template
 
 WAITING, GONE = "page_server/waiting.html.jinja", "page_server/gone.html.jinja"
 PROGRESS, CANCEL = "/_progress", "/_cancel"

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.c3d_parameters import integers, reals
 from lumbar.records.c3d_structure import C3dStructure
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.c3d_data import AnalogChannels, analog_channels, read_analog
 from lumbar.records.c3d_structure import C3dStructure, check_structure
 from lumbar.records.force_plate import UNLOADED_N, ForcePlate

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 
 INTEL, DEC, MIPS = 84, 85, 86
 _ITEM_BYTES = {-1: 1, 1: 1, 2: 2, 4: 4}

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.records.c3d_parameters import DEC, INTEL, MIPS, long_integer, read_parameters, real
 
 BLOCK = 512

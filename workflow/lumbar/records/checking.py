@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
-from lumbar.errors import InputError, Problems
-from lumbar.progress import track
+from lumbar.base.errors import InputError, Problems
+from lumbar.base.progress import track
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import ColumnLayout, MarkerLayout
 from lumbar.settings.plain import typed

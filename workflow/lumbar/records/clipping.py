@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.errors import Problems
+from lumbar.base.errors import Problems
 from lumbar.records.record import Record, place_of
 
 _SHORTEST_RUN = 3

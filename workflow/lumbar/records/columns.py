@@ -28,7 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.records.clipping import check_clipping
 from lumbar.records.missing_rows import with_missing_rows
 from lumbar.records.numbers import number

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.c3d_force_plates import read_c3d_plates
 from lumbar.records.force_plate import ForcePlate
 from lumbar.records.mot_file import read_mot

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile
 from lumbar.settings.layout import Alias, MeanOfMarkers, PointBetween, Rule
 

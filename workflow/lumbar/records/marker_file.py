@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 
 
 class NoMarkers(InputError):

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile, NoMarkers, mark_missing
 from lumbar.records.numbers import number
 from lumbar.records.point_kinds import split_points

@@ -27,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.records.unpacking import stem_of, unpacked
 from lumbar.settings.layout import MarkerLayout
@@ -131,7 +131,7 @@ def read_markers(
         before rules derive further points from them.
     screen : callable, optional
         Given the measured markers of the file, by label, in metres and standard axes, with time and rate, returns those
-        to go on with, NaN where they are not to be used, and why: `lumbar.quality.screening` makes one.
+        to go on with, NaN where they are not to be used, and why: `lumbar.lifting.quality.screening` makes one.
 
     Returns
     -------

@@ -17,7 +17,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.marker_file import MarkerFile, NoMarkers, RecordedEvent, mark_missing
 from lumbar.records.marker_table import even_clock
 from lumbar.records.point_kinds import split_points

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.records.force_plate import UNLOADED_N, ForcePlate
 from lumbar.records.marker_axes import file_axis, rotation_to_standard
 from lumbar.records.record import LARGEST

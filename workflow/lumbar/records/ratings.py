@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.settings.survey import RatingsLayout
 
 NOT_REAL = "reconstructed_not_real"

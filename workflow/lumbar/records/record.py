@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 
 CLOCK_TOLERANCE = 0.25
 """How far a sample may lie from an even clock, as a share of the sampling interval."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import overload
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 
 

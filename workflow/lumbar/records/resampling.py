@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 
 _ZERO_CROSSINGS = 10

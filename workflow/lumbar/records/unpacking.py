@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 
 SMALLEST_LIMIT, LARGEST_RATIO = 50_000_000, 100
 """Bytes that any file may unpack to, and how many times its own size where that is more: records pack to a tenth."""

@@ -1,7 +1,7 @@
 """One key of a configuration: its default, meaning, unit and limits, said once.
 
 Settings are plain frozen dataclasses, so that a job that only takes them starts without Pydantic. The metadata of
-their fields are arguments of ``pydantic.Field``: `lumbar.config` validates configurations with them, and writes the
+their fields are arguments of ``pydantic.Field``: `lumbar.study` validates configurations with them, and writes the
 reference pages and the JSON schema from them.
 """
 

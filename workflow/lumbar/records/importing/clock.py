@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.records.importing.raw_table import StatedRate
 from lumbar.records.record import CLOCK_TOLERANCE, Record, place_of
 from lumbar.records.resampling import resample

@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.variables import to_table
 from lumbar.records.unpacking import MOST_NUMBERS

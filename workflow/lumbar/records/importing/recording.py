@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.records.clipping import check_clipping
 from lumbar.records.importing.clock import check_forward, contradictions, evened, longest, stated_time
 from lumbar.records.importing.raw_table import RawTable

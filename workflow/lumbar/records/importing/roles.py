@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.importing.raw_table import RawColumn, RawTable
 from lumbar.records.importing.units import Unit, find_unit, told_unit
 

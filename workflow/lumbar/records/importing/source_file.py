@@ -6,7 +6,7 @@ import hashlib
 import re
 from pathlib import Path
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.unpacking import unpack
 

@@ -8,8 +8,8 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from lumbar.errors import InputError
-from lumbar.files import read_json, write_csv, write_json, write_text
+from lumbar.base.errors import InputError
+from lumbar.base.files import read_json, write_csv, write_json, write_text
 from lumbar.records.importing.recording import ImportedRecording
 
 SCHEMA = "lumbar.import/1"

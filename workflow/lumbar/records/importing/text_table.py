@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from lumbar.errors import InputError, Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.records.importing.dialect import (
     CLOCK,
     FEWEST_ROWS,

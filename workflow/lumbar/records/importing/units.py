@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 
 _POUND, _INCH = 4.4482216152605, 25.4
 _SPELLED = {

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.importing.dialect import FEWEST_ROWS
 from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
 from lumbar.records.importing.units import name_and_unit

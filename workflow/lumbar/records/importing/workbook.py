@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 
-from lumbar.errors import InputError
+from lumbar.base.errors import InputError
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.text_table import table_of_lines
 from lumbar.records.unpacking import check_zip

@@ -1,0 +1,65 @@
+"""Collecting problems into one message."""
+
+from __future__ import annotations
+
+import errno
+
+import numpy as np
+import pytest
+
+from lumbar.base.errors import InputError, LumbarError, NumericalError, Problems, explained
+
+
+def test_nothing_is_raised_without_problems():
+    Problems("file").raise_if_any()
+
+
+def test_all_problems_stand_in_one_message():
+    problems = Problems("trial.csv")
+    problems.add("line 4", "force is 'abc'", "a number is needed")
+    problems.add("", "no end")
+    other = Problems("other.yaml")
+    other.add("key", "wrong")
+    problems.extend(other)
+    with pytest.raises(InputError) as caught:
+        problems.raise_if_any()
+    assert str(caught.value).splitlines() == [
+        "trial.csv: 3 problems",
+        "  - line 4: force is 'abc'; a number is needed",
+        "  - no end",
+        "  - other.yaml: key: wrong",
+    ]
+
+
+def test_every_error_for_users_has_one_base():
+    assert issubclass(InputError, LumbarError)
+    assert issubclass(NumericalError, LumbarError)
+
+
+def raised(action):
+    with pytest.raises(Exception) as caught:
+        action()
+    return caught.value
+
+
+def test_what_a_user_can_mend_is_explained(tmp_path):
+    assert explained(InputError("a.csv: empty")) == "a.csv: empty"
+    absent = tmp_path / "absent.csv"
+    assert explained(raised(absent.read_text)) == f"{absent}: No such file or directory"
+    assert "No space left on device" in explained(OSError(errno.ENOSPC, "No space left on device"))
+
+
+def test_arithmetic_out_of_range_names_its_place():
+    from lumbar.tissue.diagnosis.fitting.joint_fit import solve_linear
+
+    for error in (
+        raised(lambda: 10.0**400),
+        raised(lambda: solve_linear(np.full((9, 2), np.nan), np.ones(9), (1, 1))),
+    ):
+        assert "numbers left the range that can be computed with" in explained(error)
+    assert "in joint_fit.py, line " in explained(error)
+
+
+def test_programming_errors_are_not_explained():
+    assert explained(raised(lambda: {}["absent"])) is None
+    assert explained(raised(lambda: None + 1)) is None

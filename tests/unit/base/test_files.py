@@ -1,0 +1,127 @@
+"""Files are written whole or not at all, and JSON is strict."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from lumbar.base.errors import InputError, NumericalError, explained
+from lumbar.base.files import half_written, read_json, replacing, write_csv, write_json, write_text
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "result.txt"
+    write_text(path, "old")
+    with pytest.raises(RuntimeError), replacing(path) as temporary:
+        temporary.write_text("half of the new")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_is_told_with_the_file_and_the_free_space(tmp_path):
+    """Writing to /dev/full fails in the kernel as on a full disk, with an error that names no file."""
+    path = tmp_path / "result.txt"
+    write_text(path, "old")
+    with pytest.raises(OSError, match="No space left") as caught, replacing(path) as temporary:
+        temporary.symlink_to("/dev/full")
+        temporary.write_text("new")
+    assert caught.value.filename == str(path)
+    free = r"\d+\.\d MB are free in " + re.escape(str(tmp_path))
+    assert re.fullmatch(
+        f"{re.escape(str(path))}: No space left on device; {free}: make room, .*", explained(caught.value)
+    )
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_errors_about_other_files_keep_their_names(tmp_path):
+    with pytest.raises(FileNotFoundError) as caught, replacing(tmp_path / "result.txt"):
+        (tmp_path / "absent.csv").read_text()
+    assert caught.value.filename == str(tmp_path / "absent.csv")
+
+
+def test_a_reader_of_the_old_file_is_not_disturbed(tmp_path):
+    path = tmp_path / "result.txt"
+    write_text(path, "old")
+    with path.open() as stream:
+        write_text(path, "new")
+        assert stream.read() == "old"
+    assert path.read_text() == "new"
+
+
+def test_folders_are_made_and_line_ends_kept(tmp_path):
+    path = tmp_path / "a" / "b" / "text.txt"
+    write_text(path, "θ\nω\n")
+    assert path.read_bytes() == "θ\nω\n".encode()
+
+
+def test_json_takes_numpy_values_and_returns_them(tmp_path):
+    path = tmp_path / "values.json"
+    value = {"a": np.float64(0.1), "b": np.arange(3), 3: [np.int32(1), None, True], "c": np.eye(2)}
+    write_json(path, value)
+    expected = {"a": 0.1, "b": [0, 1, 2], "3": [1, None, True], "c": [[1.0, 0.0], [0.0, 1.0]]}
+    assert read_json(path) == expected
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, np.float64("nan"), np.array([1.0, -np.inf])])
+def test_numbers_that_are_not_finite_are_never_written(tmp_path, bad):
+    path = tmp_path / "values.json"
+    with pytest.raises(NumericalError, match=r"values\.json\.outer\[1\]"):
+        write_json(path, {"outer": [1.0, bad]})
+    assert not path.exists()
+
+
+def test_broken_json_names_file_and_line(tmp_path):
+    path = tmp_path / "broken.json"
+    path.write_text('{\n "a": 1,\n "b": }\n')
+    with pytest.raises(InputError, match=r"broken\.json, line 3"):
+        read_json(path)
+    path.write_text('{"a": NaN}')
+    with pytest.raises(InputError, match="NaN"):
+        read_json(path)
+    path.write_bytes(b"\xff\xfe{")
+    with pytest.raises(InputError, match="UTF-8"):
+        read_json(path)
+    with pytest.raises(InputError, match="no such file"):
+        read_json(tmp_path / "absent.json")
+
+
+def test_csv_keeps_full_precision(tmp_path):
+    import pandas as pd
+
+    path = tmp_path / "frame.csv"
+    values = [0.1 + 0.2, 1e-300, -1 / 3]
+    write_csv(path, pd.DataFrame({"x": values}))
+    assert b"\r" not in path.read_bytes()
+    assert pd.read_csv(path, float_precision="round_trip")["x"].tolist() == values
+
+
+def test_json_bytes_do_not_depend_on_the_run(tmp_path):
+    for name in ("one", "two"):
+        write_json(tmp_path / name, {"b": 1, "a": [0.1, "µ"]})
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+    assert json.loads((tmp_path / "one").read_text(encoding="utf-8"))["a"] == [0.1, "µ"]
+
+
+def test_what_a_killed_process_half_wrote_is_found_by_its_files_name(tmp_path):
+    lines = (
+        "import os, sys",
+        "from lumbar.base.files import replacing",
+        "with replacing(sys.argv[1]) as half:",
+    )
+    code = "\n".join([*lines, "    half.write_text('half')", "    os.kill(os.getpid(), 9)"])
+    killed = subprocess.run([sys.executable, "-c", code, tmp_path / "table.csv"], check=False)
+    assert killed.returncode == -9
+    write_text(tmp_path / "table.tex", "whole")
+    (tmp_path / ".table.tex").mkdir()
+    ((name, left),) = half_written(tmp_path)
+    assert name == "table.csv"
+    assert (left / "table.csv").read_text() == "half"
+    assert half_written(tmp_path / "absent") == []

@@ -1,0 +1,213 @@
+"""The body model on the synthetic lifter, whose truth is known, and on real recordings with markers taken away."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lumbar.base.errors import InputError
+from lumbar.interface.body_model import body_model
+from lumbar.lifting.body_model import anatomy
+from lumbar.lifting.body_model.basin_intervals import basin_intervals
+from lumbar.lifting.body_model.build import build
+from lumbar.lifting.body_model.fit import fit
+from lumbar.lifting.body_model.pendulums import Conditions, model_pendulums
+from lumbar.lifting.body_model.trial_markers import at_nodes, measured_markers
+from lumbar.lifting.body_model.trunk import model_points, predicted_marker
+from lumbar.lifting.movement.centre_of_mass import segment_centres
+from lumbar.lifting.movement.events import Event
+from lumbar.lifting.movement.gaps import KEEP, fill_gaps
+from lumbar.lifting.movement.lift import analyse_lift
+from lumbar.lifting.movement.pendulum_states import pendulum_states
+from lumbar.lifting.movement.segments import WINTER
+from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.lifting import BodyModelSettings
+from lumbar.settings.stability import StabilitySettings
+from lumbar.twin.lifting_recordings import true_movement
+from study_settings import study_settings, subject_settings
+
+RATE = 25.0
+
+
+@pytest.fixture(scope="module")
+def movement():
+    return true_movement(study_settings().twin.lifting, "expert_23kg")
+
+
+@pytest.fixture(scope="module")
+def events():
+    return study_settings().twin.lifting.lifts["expert_23kg"].events_s
+
+
+@pytest.fixture(scope="module")
+def deposit(movement, events):
+    """Two seconds about the deposit: markers with noise, C7 and T12 exchanged for 0.4 s, and the sternum hidden for one."""
+    rng = np.random.default_rng(2)
+    kept = (movement.time > events.deposit_start - 1.0) & (movement.time < events.release + 0.6)
+    time = movement.time[kept]
+    positions = {
+        name: points[kept] + rng.normal(0, 1e-3, (len(time), 3)) for name, points in movement.markers.items()
+    }
+    swapped = (time > events.deposit_start + 0.3) & (time < events.deposit_start + 0.7)
+    c7, t12 = positions["C7"].copy(), positions["T12"].copy()
+    positions["C7"][swapped], positions["T12"][swapped] = t12[swapped], c7[swapped]
+    positions["MANUBRIUM"][(time > events.deposit_start) & (time < events.deposit_start + 1.0)] = np.nan
+    return MarkerRecording("deposit", time, 100.0, positions), swapped
+
+
+@pytest.fixture(scope="module")
+def fitted(deposit):
+    time, nodes = at_nodes(deposit[0], RATE)
+    return fit(build(time, nodes, 1.75, "male", np.ones(len(time), dtype=bool)))
+
+
+def at_instants(fit_, time, values):
+    return np.stack([np.interp(fit_.model.time, time, axis) for axis in values.T], axis=1)
+
+
+def test_derivatives_of_every_prediction_are_those_of_differences(fitted):
+    structure, best = fitted.model.structure, fitted.best
+    rng = np.random.default_rng(1)
+    size = 1e-6
+    states = size * rng.standard_normal((len(fitted.model.time), structure.size))
+    constants = size * rng.standard_normal(structure.constants)
+    ahead, behind = best.moved(structure, states, constants), best.moved(structure, -states, -constants)
+    for measurement in fitted.model.measurements:
+        _, prediction = measurement.residual(structure, best)
+        expected = sum(np.einsum("nij,nj->ni", slope, states[:, where]) for where, slope in prediction.states)
+        expected += sum(slope @ constants[where] for where, slope in prediction.constants)
+        change = measurement.residual(structure, behind)[0] - measurement.residual(structure, ahead)[0]
+        seen = np.isfinite(change).all(axis=1)
+        np.testing.assert_allclose(change[seen] / 2, expected[seen], atol=2e-9, err_msg=measurement.name)
+
+
+def test_exchanged_markers_are_left_out_and_pull_nothing(fitted, deposit, movement):
+    recording, swapped = deposit
+    inside = np.interp(fitted.model.time, recording.time, swapped) == 1.0
+    for marker in ("C7", "T12"):
+        assert not fitted.kept[marker][inside].any()
+        truth = at_instants(fitted, movement.time, movement.markers[marker])[inside]
+        off = np.linalg.norm(predicted_marker(fitted, marker)[inside] - truth, axis=1)
+        assert off.max() < 0.012  # exchanged they are 0.29 m off
+    others = [name for name in fitted.noise if name not in ("C7", "T12") and name in recording]
+    assert all(fitted.kept[name][np.isfinite(fitted.residuals[name]).all(axis=1)].all() for name in others)
+
+
+def test_a_hidden_marker_is_predicted_within_its_noise(fitted, movement):
+    hidden = ~fitted.kept["MANUBRIUM"]
+    assert hidden.sum() > 0.8 * RATE
+    truth = at_instants(fitted, movement.time, movement.markers["MANUBRIUM"])
+    assert np.linalg.norm(predicted_marker(fitted, "MANUBRIUM") - truth, axis=1)[hidden].max() < 0.008
+
+
+def test_centres_of_mass_lie_within_their_interval(fitted, movement):
+    best = segment_centres(model_points(fitted, fitted.best), WINTER)
+    drawn = [segment_centres(model_points(fitted, draw), WINTER) for draw in fitted.draws(60, 1)]
+    for com, truth in movement.centres_of_mass.items():
+        off = best[com] - at_instants(fitted, movement.time, truth)
+        sd = np.std([centres[com] for centres in drawn], axis=0)
+        assert np.linalg.norm(off, axis=1).max() < 0.03
+        assert (np.abs(off) < 2.6 * sd).all()
+        assert 0.004 < sd.mean() < 0.02
+
+
+def test_basin_areas_have_an_interval_that_holds_the_true_one(fitted, movement, events):
+    times = {"lift_off": events.lift_off, "deposit_start": events.deposit_start, "release": events.release}
+    found = {name: Event(time, "declared", "of the twin") for name, time in times.items()}
+    conditions = Conditions(WINTER, 78.0, 23.0, "by_mass", False, "mid_ankle", 0.0, found, 60)
+    pendulums = model_pendulums(fitted, conditions, fitted.draws(10, 1))
+    pivot = (movement.markers["L_ANKLE"] + movement.markers["R_ANKLE"]) / 2
+    true = {}
+    for com, centre in movement.centres_of_mass.items():
+        span = events.deposit_start, events.release
+        for plane, states in pendulum_states(movement.time, centre - pivot, *span, 60, com).items():
+            true[com, plane] = states
+    settings = replace(StabilitySettings(), knots=50)
+    table = basin_intervals(pendulums, settings, "inverted", "mid_ankle")
+    truth = basin_intervals(replace(pendulums, states=true, draws=[]), settings, "inverted", "mid_ankle")
+    assert len(table) == 6
+    spread = table.mean_area_sd / table.mean_area
+    assert spread.between(0.005, 0.2).all()
+    assert (np.abs(table.mean_area - truth.mean_area) < 3 * table.mean_area_sd).all()
+    assert truth.mean_area_low.isna().all()
+
+
+def test_too_few_markers_of_a_part_are_refused(deposit):
+    time, nodes = at_nodes(deposit[0], RATE)
+    few = {
+        name: points
+        for name, points in nodes.items()
+        if name not in ("L_ASIS", "R_ASIS", "L_HIP", "R_HIP", "L5")
+    }
+    few = {name: points for name, points in few.items() if name != "SACRUM"}
+    with pytest.raises(InputError, match=r"three markers of the pelvis .* there are L_PSIS, R_PSIS"):
+        build(time, few, 1.75)
+
+
+def named(shared, path, **layout):
+    """Landmarks of trunk and pelvis of a real recording."""
+    file = shared / "real" / "lifting" / path
+    recording = measured_markers(
+        read_markers(file, MarkerLayout(forward="+x", check_axes=False, **layout)), {}
+    )
+    known = {*anatomy.THORAX, *anatomy.PELVIS} - {"L_HIP", "R_HIP"}
+    positions = {name: points for name, points in recording.positions.items() if name in known}
+    return replace(recording, positions=positions)
+
+
+def first(recording, stop):
+    """The recording until an instant, seconds."""
+    inside = recording.time < stop
+    positions = {name: points[inside] for name, points in recording.positions.items()}
+    return replace(recording, time=recording.time[inside], positions=positions)
+
+
+def test_t12_of_a_person_standing_is_estimated_without_its_marker(shared):
+    """Measured: 14 mm off, standard deviation 33 mm in space."""
+    recording = first(named(shared, "athlete_static_full_spine/c3dfile1.c3d"), 1.0)
+    truth = recording.positions.pop("T12").mean(axis=0)
+    time, nodes = at_nodes(recording, RATE)
+    found = fit(build(time, nodes, 1.60, "female"))
+    place = found.best.place(found.model.structure, "thorax", "T12").mean(axis=0)
+    assert np.linalg.norm(place - truth) < 0.03
+
+
+def test_c7_hidden_while_rising_from_a_bend_is_predicted_better_than_by_a_spline(shared):
+    """The real marker moves by most of a metre while it is hidden; no other marker is on the upper back."""
+    recording = first(named(shared, "athlete_floor_pickup_squats/squat.c3d", up="+y"), 3.6)
+    truth = recording["C7"].copy()
+    recording["C7"][(recording.time > 1.6) & (recording.time < 2.6)] = np.nan
+    time, nodes = at_nodes(recording, RATE)
+    hidden = (time > 1.65) & (time < 2.55)
+    found = fit(build(time, nodes, 1.72))
+    spline = fill_gaps(recording, 1.1, KEEP)[0]["C7"]
+    expected = at_instants(found, recording.time, truth)
+    errors = [predicted_marker(found, "C7") - expected, at_instants(found, recording.time, spline) - expected]
+    model, interpolated = (np.sqrt(np.mean(np.sum(error[hidden] ** 2, axis=1))) for error in errors)
+    assert model < 0.03
+    assert interpolated > 4 * model
+
+
+def test_a_recorded_lift_is_saved_with_deviations_and_intervals(shared, tmp_path):
+    """Of the box transfer, whose left arm, C7, T12 and L5 have no markers; the rules guess the latter from others."""
+    study, subject = study_settings("studies/box_transfer.yaml").lifting, subject_settings("box_transfer")
+    path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
+    trial = subject.trials[0]
+    lift = analyse_lift(read_markers(path, study.markers), "box", subject, trial, study)
+    settings = replace(study_settings("studies/box_transfer.yaml").stability, knots=50)
+    few = replace(study, body_model=BodyModelSettings(draws=3, rate_Hz=RATE))
+    model = body_model(lift, subject, trial, few, "recorded", settings)
+    model.save(tmp_path)
+    assert "not used, rides on no part: " in str(model)
+    states = pd.read_csv(tmp_path / "body_model_pendulum.csv")
+    assert (states.angle_sd_rad > 0.005).all()
+    assert len(pd.read_csv(tmp_path / "body_model_areas.csv")) == 6
+    markers = pd.read_csv(tmp_path / "body_model_markers.csv").set_index("marker")
+    assert markers.part[["L_ASIS", "T10", "BOX_1"]].tolist() == ["pelvis", "thorax", "box"]
+    for (com, plane), rules in lift.states.items():
+        rows = states[(states.com == com) & (states.plane == plane)]
+        assert (np.abs(rows.angle_rad.to_numpy() - rules.angle) < 4 * rows.angle_sd_rad.to_numpy()).all()

@@ -1,0 +1,273 @@
+"""Measures of whole lifts: against the synthetic lifters' own movement, force plates, and recordings that lack markers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from recorded_athlete import ATHLETE
+
+from lumbar.interface.movement import measure_movement
+from lumbar.interface.person import Lift, lift
+from lumbar.lifting.measures.course import Lifter, course_of_lift, links_above_l5s1
+from lumbar.lifting.measures.inverse_dynamics import Link, net_moment
+from lumbar.lifting.measures.lift_values import COLUMNS, long_table
+from lumbar.lifting.measures.registry import ALL, FRONTAL, MEASURES, SAGITTAL
+from lumbar.lifting.movement.body import com_of
+from lumbar.lifting.movement.filtering import low_pass
+from lumbar.lifting.movement.lift import analyse_lift
+from lumbar.records.force_plates import read_force_plates
+from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.stability import MeasureSettings
+from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.twin.lifting_recordings import true_movement
+from study_settings import changed, study_settings, subject_settings
+
+G = 9.81
+
+
+def lift_of(recording, subject, mass=0.0, settings=None):
+    settings = settings or LiftingSettings()
+    trial = TrialSettings(box_mass_kg=mass, markers="lift.c3d")
+    return Lift(
+        analyse_lift(recording, "lift", subject, trial, settings), subject, trial, settings, "test", None
+    )
+
+
+def synthetic(name):
+    """A synthetic lift without noise, and the person."""
+    movement = true_movement(study_settings().twin.lifting, name)
+    recording = MarkerRecording("lift", movement.time, 100.0, movement.markers, source="lift.c3d")
+    return recording, subject_settings(name.split("_")[0])
+
+
+@pytest.fixture(scope="module")
+def lifts():
+    found = {}
+    for name in ("expert_23kg", "novice_23kg"):
+        recording, subject = synthetic(name)
+        found[name] = lift_of(recording, subject, 23.0)
+    return found
+
+
+@pytest.fixture(scope="module")
+def found(lifts):
+    return {name: measure_movement(item) for name, item in lifts.items()}
+
+
+def value(found, measure, plane=ALL):
+    rows = found.values.set_index(["measure", "plane"])
+    return rows.loc[(measure, plane), "value"]
+
+
+def test_every_measure_of_the_registry_is_there_with_unit_and_source(found):
+    rows = found["expert_23kg"].values
+    assert list(dict.fromkeys(rows["measure"])) == list(MEASURES)
+    assert not rows["value"].isna().any()
+    assert (rows["reason"] == "").all()
+    assert rows["safer"].isin(["higher", "lower"]).all()
+    assert rows["source"].str.len().min() > 10
+
+
+def test_the_lumbar_spine_bends_as_it_was_made_to(found):
+    """Thorax 1, pelvis 0.45 of the flexion (`lumbar.twin.lifter`): 24° and 36° beyond the 4° of carrying."""
+    assert value(found["expert_23kg"], "lumbar_flexion_release", SAGITTAL) == pytest.approx(
+        0.55 * 28, abs=1.5
+    )
+    assert value(found["novice_23kg"], "lumbar_flexion_release", SAGITTAL) == pytest.approx(
+        0.55 * 40, abs=1.5
+    )
+
+
+def test_the_synthetic_novice_is_nearer_to_a_step_and_loads_the_back_more(found):
+    expert, novice = found["expert_23kg"], found["novice_23kg"]
+    for name, plane in (
+        ("margin_of_stability", ALL),
+        ("margin_of_stability", FRONTAL),
+        ("smallest_impulse", ALL),
+        ("capture_margin", SAGITTAL),
+        ("viability_margin", SAGITTAL),
+        ("viability_margin", FRONTAL),
+        ("l5s1_moment_peak", ALL),
+    ):
+        sign = 1 if MEASURES[name].safer == "higher" else -1
+        assert sign * value(expert, name, plane) > sign * value(novice, name, plane), name
+
+
+def test_numbers_at_the_release_by_hand(lifts, found):
+    """Static enough at the release: margin over the toes and moment from the masses' places alone, within a few per cent."""
+    body, facts = lifts["expert_23kg"].body, lifts["expert_23kg"].facts
+    course = found["expert_23kg"].instants
+    at = course.index[course["phase"] == "deposit"][-1]
+    point = {name: body.loc[at, [f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(float) for name in (
+        "WHOLE_BODY", "LOAD", "L5S1", "HEAD", "THORAX_COM", "ABDOMEN_COM", "L_TOE", "L_HEEL",
+        "L_SHOULDER", "R_SHOULDER", "L_WRIST", "R_WRIST",
+    )}  # fmt: skip
+    centre = (78 * point["WHOLE_BODY"] + 23 * point["LOAD"]) / 101
+    assert course.loc[at, "com_y_m"] == pytest.approx(centre[1], abs=1e-6)
+    edge = point["L_HEEL"][1] + 0.8 * max(0.152 * 1.75, point["L_TOE"][1] - point["L_HEEL"][1])
+    assert course.loc[at, "margin_forward_m"] == pytest.approx(edge - course.loc[at, "xcom_y_m"], abs=1e-3)
+    arms = [
+        (0.05 * 78, point[f"{side}_SHOULDER"] + 0.53 * (point[f"{side}_WRIST"] - point[f"{side}_SHOULDER"]))
+        for side in "LR"
+    ]
+    parts = [
+        (0.216 * 78, point["THORAX_COM"]),
+        (0.139 * 78, point["ABDOMEN_COM"]),
+        (0.081 * 78, point["HEAD"]),
+    ]
+    static = sum(
+        mass * G * (place - point["L5S1"])[1] for mass, place in [*parts, *arms, (23, point["LOAD"])]
+    )
+    assert course.loc[at, "l5s1_extension_N_m"] == pytest.approx(static, rel=0.05)
+    assert facts["no_deposit"] is None
+
+
+def test_a_file_gives_what_memory_gives(lifts, found, tmp_path):
+    from lumbar.base.files import write_csv, write_json
+
+    lifted = lifts["expert_23kg"]
+    write_csv(tmp_path / "body.csv", lifted.body)
+    write_json(tmp_path / "pendulum.json", lifted.facts)
+    read = measure_movement(tmp_path / "body.csv")
+    pd.testing.assert_frame_equal(read.values, found["expert_23kg"].values, rtol=1e-9)
+
+
+def test_the_long_table_counts_trials_and_names_groups(lifts, found):
+    pairs = [(item.values, lifts[name].facts) for name, item in found.items()]
+    table = long_table([*pairs, pairs[0]], {"expert": "trained", "novice": "untrained"})
+    assert tuple(table.columns) == COLUMNS
+    assert table.groupby(["person", "trial"]).ngroups == 3
+    assert set(table["group"]) == {"trained", "untrained"}
+
+
+@pytest.mark.parametrize(
+    ("gone", "measure", "said"),
+    [
+        ("WRIST", "l5s1_moment_peak", "no marker L_WRIST"),
+        ("WRIST", "margin_of_stability", "no L_WRIST, R_WRIST"),
+        ("ANKLE", "margin_of_stability", "no L_ANKLE"),
+        ("BOX", "viability_margin", ""),
+        ("R_TOE R_HEEL", "smallest_impulse", "no marker R_HEEL; no marker R_TOE"),
+    ],
+)
+def test_what_lacks_markers_is_absent_with_its_reason(gone, measure, said):
+    recording, subject = synthetic("expert_23kg")
+    kept = {
+        name: points
+        for name, points in recording.positions.items()
+        if not any(part in name for part in gone.split())
+    }
+    rows = measure_movement(lift_of(replace(recording, positions=kept), subject, 23.0)).values
+    rows = rows[rows["measure"] == measure]
+    if not said:  # the hands stand for the box
+        assert (rows["reason"] == "").all()
+        return
+    assert rows["value"].isna().all()
+    assert rows["reason"].str.contains(said).all()
+
+
+def test_a_foot_without_a_toe_marker_has_the_length_of_its_stature(lifts, found):
+    recording, subject = synthetic("expert_23kg")
+    kept = {name: points for name, points in recording.positions.items() if "TOE" not in name}
+    toeless = measure_movement(lift_of(replace(recording, positions=kept), subject, 23.0))
+    assert len(toeless.course.notes) == 2
+    assert "L_TOE has no marker" in str(toeless)
+    marked = value(found["expert_23kg"], "margin_of_stability")
+    assert value(toeless, "margin_of_stability") == pytest.approx(marked, abs=0.01)
+
+
+def test_without_a_deposit_there_is_no_measure_and_a_hidden_heel_takes_only_what_needs_it():
+    recording, subject = synthetic("expert_23kg")
+    early = recording.time < 5.0
+    cut = replace(
+        recording,
+        time=recording.time[early],
+        positions={name: points[early] for name, points in recording.positions.items()},
+    )
+    rows = measure_movement(lift_of(cut, subject, 23.0)).values
+    assert rows["value"].isna().all()
+    assert rows["reason"].str.contains("the deposit is not known").all()
+    hidden = dict(recording.positions)
+    hidden["L_HEEL"] = np.where(
+        (recording.time > 6.2)[:, None] & (recording.time < 6.7)[:, None], np.nan, hidden["L_HEEL"]
+    )
+    rows = measure_movement(lift_of(replace(recording, positions=hidden), subject, 23.0)).values.set_index(
+        "measure"
+    )
+    assert not rows.loc["l5s1_moment_peak", "value"].isna().any()
+    assert rows.loc["lumbar_flexion_peak", "reason"] == ""
+
+
+def test_a_recorded_box_without_feet_has_posture_and_says_what_the_rest_lacks(shared):
+    study = study_settings("studies/box_transfer.yaml").lifting
+    subject = subject_settings("box_transfer")
+    item = lift(shared / "real" / subject.trials[0].markers, subject, settings=study)
+    rows = measure_movement(item).values.set_index(["measure", "plane"])
+    assert abs(rows.loc[("lumbar_flexion_peak", SAGITTAL), "value"]) < 15  # set on a shelf above the hips
+    assert rows.loc[("margin_of_stability", ALL), "reason"]
+    assert "L_SHOULDER" in rows.loc[("l5s1_moment_peak", ALL), "reason"]
+
+
+def from_below(item, lifter):
+    """Moment upon what is above L5/S1, from force plates, legs and pelvis: nothing that the top-down way uses."""
+    points, mass = lifter.points, lifter.facts["body_mass_kg"]
+    joint, total = points["L5S1"], np.zeros_like(points["L5S1"])
+    for plate in read_force_plates(item.analysed.recording.source, item.settings.markers):
+        force = np.nan_to_num(plate.force)
+        about_origin = np.cross(np.nan_to_num(plate.centre_of_pressure), force)
+        smooth = [low_pass(part, plate.rate, 6.0, 2) for part in (about_origin, force)]
+        moment, force = (
+            np.stack([np.interp(lifter.time, plate.time, column) for column in part.T], axis=1)
+            for part in smooth
+        )
+        total += moment - np.cross(joint, force)
+    lower = [Link(lifter.facts["mass_kg"]["pelvis"]["without_box"], points[com_of("pelvis")])]
+    for side in "LR":
+        knee, ankle = points[f"{side}_KNEE"], points[f"{side}_ANKLE"]
+        for start, end, part, share in ((points["MID_HIP"], knee, 0.100, 0.433), (knee, ankle, 0.061, 0.606)):
+            lower.append(Link(part * mass, start + share * (end - start), end - start))
+    return total - net_moment(joint, lower, lifter.rate, G)
+
+
+def test_the_moment_from_above_is_the_one_from_the_force_plates_below(shared):
+    """Athlete who stands with spread arms: 6 N·m apart in extension, as 10 mm of the weight are, and together in her sway."""
+    path = shared / "real" / "lifting" / "athlete_static_full_spine" / "c3dfile1.c3d"
+    settings = changed(LiftingSettings(), markers={"aliases": ATHLETE, "check_axes": False})
+    weighed = SubjectSettings(name="x", sex="female", mass_kg=62.0, height_m=1.6, experience="unknown")
+    item = lift_of(read_markers(path, settings.markers), weighed, settings=settings)
+    lifter = Lifter(item.body, item.facts, MeasureSettings(), G)
+    above = net_moment(lifter.points["L5S1"], links_above_l5s1(lifter), lifter.rate, G)
+    ends = slice(100, -100)
+    extension = [
+        np.einsum("nj,nj->n", moment, lifter.axes[0])[ends] for moment in (above, from_below(item, lifter))
+    ]
+    assert np.mean(extension[0] - extension[1]) == pytest.approx(0, abs=15)
+    assert np.corrcoef(*extension)[0, 1] > 0.85
+    assert np.std(extension[0] - extension[1]) < 0.5
+    balance = course_of_lift(lifter).frame
+    assert balance["margin_of_stability_m"].between(0.03, 0.09).all()
+
+
+def test_who_squats_without_a_step_stays_within_the_functional_base(shared):
+    """A recorded squat: real people keep to 60 % of their base, and the moment grows as the trunk leans."""
+    rules = {
+        "T12": {"between": ["T10", "SACRUM"], "share": 0.26},
+        "L5": {"between": ["T12", "SACRUM"], "share": 0.65},
+    }
+    settings = changed(LiftingSettings(), markers={"up": "+y", "forward": "+z", "aliases": rules})
+    path = shared / "real" / "lifting" / "weird_squat_trc" / "markers_Squat2.trc"
+    person = SubjectSettings(name="x", sex="male", mass_kg=75.0, height_m=1.78, experience="unknown")
+    course = measure_movement(
+        lift_of(read_markers(path, settings.markers), person, settings=settings)
+    ).instants
+    seen = course.dropna()
+    assert len(seen) > 300
+    assert seen["margin_of_stability_m"].min() > 0.015
+    assert (
+        seen["viability_margin_flexion_extension_N_s"] > seen["smallest_impulse_flexion_extension_N_s"]
+    ).all()
+    assert np.corrcoef(seen["trunk_inclination_deg"], seen["l5s1_extension_N_m"])[0, 1] > 0.9

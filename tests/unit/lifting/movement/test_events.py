@@ -1,0 +1,365 @@
+"""Events of a lift against movements whose events are known, and against recordings of people."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lumbar.base.errors import InputError
+from lumbar.lifting.movement.carried_object import box_centre
+from lumbar.lifting.movement.events import _lift_off, find_events, phases
+from lumbar.lifting.movement.filtering import filter_markers
+from lumbar.lifting.movement.gaps import fill_gaps
+from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.subject import DeclaredEvents
+from study_settings import study_settings
+
+RATE = 100.0
+TIME = np.arange(0, 8, 1 / RATE)
+TRUE = {"lift_off": 2.0, "toe_off": 3.2, "deposit_start": 5.0, "release": 6.5}
+
+
+@pytest.fixture(scope="module")
+def settings(project):
+    return study_settings().lifting.events
+
+
+def ramp(start, stop):
+    share = np.clip((TIME - start) / (stop - start), 0, 1)
+    return share**2 * (3 - 2 * share)
+
+
+def scene(step=0.6, shuffle=0.0, hesitation=0.0, drop=0.25, leave=True, pause=False, seed=None):
+    """Box on the floor, lifted at 2 s, carried from 3.2 s, set down from 5.0 to 6.5 s; feet step at 3.2 s."""
+    zero = np.zeros_like(TIME)
+    height = (
+        0.3
+        + 0.7 * ramp(2.0, 3.1)
+        - drop * ramp(5.0, 6.5)
+        + hesitation * np.sin(2 * np.pi * 2 * TIME) * (ramp(5.0, 5.5) - ramp(5.8, 6.3))
+    )
+    carry = (ramp(3.1, 3.9) + ramp(3.95, 5.0)) / 2 if pause else ramp(3.1, 5.0)
+    forward = 0.4 + 0.9 * carry + 0.2 * ramp(5.0, 6.5)
+    box = np.stack([zero, forward, height], axis=1)
+    leaving = (ramp(6.6, 7.2) * leave)[:, None] * [0, -0.4, 0.1]
+    reaching = (1 - ramp(0.5, 1.8))[:, None] * [0, -0.3, 0.5]
+    toe = np.stack([zero, step * ramp(3.2, 3.6) + shuffle * ramp(0.6, 0.9), zero + 0.02], axis=1)
+    positions = {
+        "BOX_1": box + np.array([-0.2, 0, 0]),
+        "BOX_2": box + np.array([0.2, 0, 0]),
+        "L_WRIST": box + np.array([-0.2, -0.05, 0.05]) + leaving + reaching,
+        "R_WRIST": box + np.array([0.2, -0.05, 0.05]) + leaving + reaching,
+        "L_TOE": toe,
+        "R_TOE": np.tile([0.2, 0.0, 0.02], (len(TIME), 1)),
+    }
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        positions = {name: points + rng.normal(0, 5e-4, points.shape) for name, points in positions.items()}
+        return filter_markers(MarkerRecording("scene", TIME, RATE, positions, source="scene.c3d"), 6.0)
+    return MarkerRecording("scene", TIME, RATE, positions, source="scene.c3d")
+
+
+def without(recording, *prefixes):
+    kept = {name: points for name, points in recording.positions.items() if not name.startswith(prefixes)}
+    return MarkerRecording(recording.name, recording.time, recording.rate, kept, source=recording.source)
+
+
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+@pytest.mark.parametrize("shuffle", [0.0, 0.15])
+def test_known_events_are_found(settings, seed, shuffle):
+    events = find_events(scene(seed=seed, shuffle=shuffle), settings)
+    assert {event.method for event in events.values()} == {"detected"}
+    for name, true in TRUE.items():
+        assert events[name].time_s == pytest.approx(true, abs=0.05), name
+    assert "L_TOE" in events["toe_off"].how
+
+
+@pytest.mark.parametrize("lift", ["expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg"])
+@pytest.mark.parametrize("seed", [45, 7, 1000])
+def test_the_twins_events_are_found_within_50_ms(project, tmp_path, lift, seed):
+    from lumbar.twin.lifting_recordings import write_lift
+
+    config = study_settings().lifting
+    twin = study_settings().twin.lifting
+    write_lift(twin, lift, [seed], tmp_path / "lift.c3d", None)
+    recording, _ = fill_gaps(read_markers(tmp_path / "lift.c3d", config.markers))
+    events = find_events(filter_markers(recording), config.events)
+    for name, true in vars(twin.lifts[lift].events_s).items():
+        assert events[name].time_s == pytest.approx(true, abs=0.05), name
+
+
+@pytest.mark.parametrize("lift", ["expert_23kg", "novice_23kg"])
+def test_six_times_the_noise_moves_no_event_far(project, settings, tmp_path, lift):
+    from lumbar.twin.lifting_recordings import write_lift
+
+    config = study_settings().lifting
+    twin = study_settings().twin.lifting
+    write_lift(replace(twin, marker_noise_mm=3.0), lift, [9], tmp_path / "lift.c3d", None)
+    recording, _ = fill_gaps(read_markers(tmp_path / "lift.c3d", config.markers))
+    events = find_events(filter_markers(recording), settings)
+    for name, true in vars(twin.lifts[lift].events_s).items():
+        assert events[name].time_s == pytest.approx(true, abs=0.08), name
+
+
+def test_the_global_minimum_of_the_wrist_speed_is_not_taken(settings):
+    recording = scene(seed=5)
+    wrists = (recording["L_WRIST"] + recording["R_WRIST"]) / 2
+    speed = np.linalg.norm(np.gradient(wrists, 1 / RATE, axis=0), axis=1)
+    after = recording.time > 3.2
+    lowest = recording.time[after][speed[after].argmin()]
+    assert abs(lowest - 5.0) > 0.5
+    assert find_events(recording, settings)["deposit_start"].time_s == pytest.approx(5.0, abs=0.05)
+
+
+def test_a_pause_while_carrying_is_not_the_start(settings):
+    events = find_events(scene(pause=True), settings)
+    assert events["deposit_start"].time_s == pytest.approx(5.0, abs=0.05)
+
+
+def test_slowing_down_halfway_is_not_the_start(settings):
+    """The hesitation's first half-wave still raises the box until 5.1 s."""
+    events = find_events(scene(hesitation=0.02), settings)
+    assert events["deposit_start"].time_s == pytest.approx(5.1, abs=0.02)
+
+
+def test_a_lift_without_a_step_has_no_toe_off(settings):
+    events = find_events(scene(step=0.0, shuffle=0.3), settings)
+    assert events["toe_off"].time_s is None
+    assert events["toe_off"].method == "absent"
+    assert "no toe-off" in events["toe_off"].how
+    labels = set(phases(TIME, events))
+    assert labels == {"before", "lift", "deposit", "after"}
+
+
+def test_a_recording_without_feet_says_so(settings):
+    events = find_events(without(scene(), "L_TOE", "R_TOE"), settings)
+    assert events["toe_off"].time_s is None
+    assert "no toe markers" in events["toe_off"].how
+
+
+def test_a_short_twitch_of_the_toe_is_no_toe_off(settings):
+    recording = scene(step=0.0)
+    # 0.5 m/s for 40 ms.
+    recording["L_TOE"][:, 1] += 0.02 * np.clip((TIME - 4.0) / 0.04, 0, 1)
+    assert find_events(recording, settings)["toe_off"].time_s is None
+    recording["L_TOE"][:, 1] += 0.06 * np.clip((TIME - 4.5) / 0.12, 0, 1)
+    assert find_events(recording, settings)["toe_off"].time_s == pytest.approx(4.5, abs=0.02)
+
+
+def test_phases_cover_the_recording_in_order(settings):
+    labels = phases(TIME, find_events(scene(), settings))
+    order = [label for index, label in enumerate(labels) if index == 0 or label != labels[index - 1]]
+    assert order == ["before", "lift", "carry", "deposit", "after"]
+
+
+def test_an_event_set_by_hand_replaces_the_detected_one(settings):
+    declared = DeclaredEvents(deposit_start_s=5.2, reason="hands regrip")
+    event = find_events(scene(), settings, declared)["deposit_start"]
+    assert (event.time_s, event.method) == (5.2, "declared")
+    assert event.detected_s == pytest.approx(5.0, abs=0.05)
+    assert "hands regrip" in event.how
+
+
+def test_what_cannot_be_detected_can_be_declared(settings):
+    bare = without(scene(), "BOX", "L_WRIST", "R_WRIST")
+    events = find_events(bare, settings)
+    assert {event.method for event in events.values()} == {"absent"}
+    assert "what is lifted is not seen" in events["lift_off"].how
+    events = find_events(bare, settings, DeclaredEvents(lift_off_s=2.0, release_s=6.5))
+    assert events["toe_off"].time_s == pytest.approx(3.2, abs=0.05)
+    assert events["deposit_start"].method == "absent"
+
+
+@pytest.mark.parametrize(
+    ("declared", "words"),
+    [
+        ({"lift_off_s": 99.0, "release_s": 6.5}, "the recording runs from 0 to 7.99 s"),
+        ({"deposit_start_s": 7.0}, "release: 6.4.* is not after deposit_start at 7 s"),
+        ({"toe_off_s": 1.0}, "toe_off: 1 s is not after lift_off"),
+    ],
+)
+def test_events_out_of_order_are_refused(settings, declared, words):
+    with pytest.raises(InputError, match=words):
+        find_events(scene(), settings, DeclaredEvents(**declared))
+
+
+def test_a_box_that_is_not_set_down_is_no_deposit(settings):
+    events = find_events(scene(drop=0.02), settings)
+    assert events["deposit_start"].time_s is None
+    assert "the box goes down by 0.0" in events["deposit_start"].how
+    assert "a deposit needs 0.05 m" in events["deposit_start"].how
+    assert events["lift_off"].time_s == pytest.approx(2.0, abs=0.05)
+    assert set(phases(TIME, events)) == {"before", "lift", "carry", "after"}
+
+
+def test_a_box_that_never_moves_has_no_events(settings):
+    recording = scene()
+    for name in ("BOX_1", "BOX_2"):
+        recording[name][:] = recording[name][0]
+    events = find_events(recording, settings)
+    assert {event.time_s for event in events.values()} == {None}
+    assert "the box never moves" in events["lift_off"].how
+    assert events["toe_off"].how == "neither a lift-off nor a release"
+
+
+def test_a_box_that_is_carried_from_the_start_has_a_deposit_all_the_same(settings):
+    late = scene()
+    keep = TIME >= 2.5
+    cut = {name: points[keep] for name, points in late.positions.items()}
+    events = find_events(MarkerRecording("cut", TIME[keep], RATE, cut, source="cut.c3d"), settings)
+    assert "moves from the first frame" in events["lift_off"].how
+    assert [events[name].time_s for name in ("lift_off", "toe_off", "deposit_start", "release")] == [
+        None,
+        *(pytest.approx(TRUE[name], abs=0.05) for name in ("toe_off", "deposit_start", "release")),
+    ]
+
+
+def test_a_recording_that_ends_too_early_has_no_release(settings):
+    late = scene(leave=False)
+    keep = TIME <= 6.0
+    cut = {name: points[keep] for name, points in late.positions.items()}
+    events = find_events(MarkerRecording("cut", TIME[keep], RATE, cut, source="cut.c3d"), settings)
+    assert "still moves at the last frame looked at, 6.00 s" in events["release"].how
+    assert events["deposit_start"].time_s == pytest.approx(5.0, abs=0.05)
+
+
+def test_feet_that_stay_give_no_toe_off_on_a_person(settings, shared):
+    """Floor pick-ups and squats, 21 s: the feet do not step (provenance file of the recording)."""
+    aliases = {"L_TOE": "LTOE", "R_TOE": "RTOE", "R_WRIST": "ROWR"}
+    layout = MarkerLayout(up="+y", forward="+z", check_axes=False, aliases=aliases)
+    file = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
+    recording, _ = fill_gaps(read_markers(file, layout), 0.2, "keep")
+    declared = DeclaredEvents(lift_off_s=1.0, release_s=20.5, deposit_start_s=19.0)
+    event = find_events(filter_markers(recording), settings, declared)["toe_off"]
+    assert event.time_s is None
+    assert "no toe-off" in event.how
+
+
+def test_a_person_sets_a_box_on_a_shelf(settings, shared, project):
+    """The box slides on its shelf from 1.60 s, rises by 0.26 m until 2.96 s and rests at 3.73 s (raw data, read by others).
+
+    The wrists are slowest while it is swung upwards: there the thesis's rule finds the start of a deposit.
+    """
+    study = study_settings("studies/box_transfer.yaml").lifting
+    recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", study.markers)
+    recording, _ = fill_gaps(recording)
+    events = find_events(filter_markers(recording), study.events)
+    lifted, deposit = events["lift_off"], events["deposit_start"]
+    assert 2.0 <= lifted.time_s <= 2.2
+    assert "it moves from 1.5" in lifted.how and "sliding at first" in lifted.how
+    assert deposit.time_s == pytest.approx(2.96, abs=0.02)
+    assert deposit.earliest_s <= deposit.time_s < deposit.latest_s < 3.2
+    assert 2.2 < deposit.thesis_s < 2.7
+    assert events["release"].time_s == pytest.approx(3.73, abs=0.08)
+    assert events["toe_off"].time_s is None
+
+
+def test_hands_that_go_to_the_floor_start_at_the_end_of_a_long_hold(settings, shared):
+    """They are held at 1.53 m for 4 s, sinking by 1 cm, and go down at 18.55 s.
+
+    The thesis's rule finds some moment of the hold.
+    """
+    layout = MarkerLayout(up="+y", forward="+z", check_axes=False, aliases={"R_WRIST": "ROWR"})
+    file = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
+    recording, _ = fill_gaps(read_markers(file, layout), 0.2, "keep")
+    declared = DeclaredEvents(lift_off_s=14.0, release_s=19.6)
+    deposit = find_events(filter_markers(recording), settings, declared)["deposit_start"]
+    assert deposit.time_s == pytest.approx(18.55, abs=0.2)
+    assert deposit.latest_s < 19.0
+    assert deposit.thesis_s < 18.0
+
+
+def test_a_box_that_slides_first_is_lifted_when_it_rises(settings):
+    recording = scene()
+    for name in ("BOX_1", "BOX_2"):
+        recording[name][:, 1] -= 0.2 * (1 - ramp(1.2, 1.9))
+    event = find_events(recording, settings)["lift_off"]
+    assert event.time_s == pytest.approx(2.0, abs=0.1)
+    assert "it moves from 1.2" in event.how
+    assert event.earliest_s <= event.time_s < event.latest_s
+
+
+def test_a_box_that_creeps_up_and_rises_no_further_is_lifted(settings):
+    """It rises by just what makes a lift, and too slowly to be told from rest."""
+    recording = scene()
+    for name in ("BOX_1", "BOX_2"):
+        recording[name][:, 1] = ramp(1.9, 5.0)
+        recording[name][:, 2] = 0.3 + (settings.rise_m + 0.001) * ramp(2.0, 4.5)
+    event = _lift_off(recording, box_centre(recording), settings)
+    assert event.earliest_s <= event.time_s < event.latest_s <= 4.7
+
+
+def test_a_box_that_is_taken_down_leaves_when_it_moves(settings):
+    recording = scene()
+    for name in ("BOX_1", "BOX_2", "L_WRIST", "R_WRIST"):
+        recording[name][:, 2] -= 1.4 * ramp(2.0, 3.1)
+    event = find_events(recording, settings)["lift_off"]
+    assert event.time_s == pytest.approx(2.0, abs=0.05)
+    assert "it never rises" in event.how
+
+
+def test_a_stay_on_the_way_down_starts_the_deposit(settings):
+    """Lowered by 0.3 m, carried on at that height, and set down: the deposit is the last descent."""
+    recording = scene()
+    for name in ("BOX_1", "BOX_2", "L_WRIST", "R_WRIST"):
+        recording[name][:, 2] -= 0.3 * ramp(3.3, 4.0)
+    assert find_events(recording, settings)["deposit_start"].time_s == pytest.approx(5.0, abs=0.05)
+
+
+@pytest.mark.parametrize("seed", [None, 4, 5])
+@pytest.mark.parametrize("wrists", ["both", "right"])
+def test_without_a_box_the_hands_tell(settings, seed, wrists):
+    bare = without(scene(seed=seed), "BOX", *(["L_WRIST"] if wrists == "right" else []))
+    events = find_events(bare, settings)
+    for name, true in TRUE.items():
+        assert events[name].time_s == pytest.approx(true, abs=0.1), name
+    assert "hands taken for the box" in events["release"].how
+
+
+def test_hands_that_only_swing_lift_nothing(settings):
+    bare = without(scene(), "BOX")
+    for name in ("L_WRIST", "R_WRIST"):
+        bare[name][:] = [0.2, 0.3, 0.9]
+        bare[name][:, 2] += 0.1 * np.sin(2 * np.pi * TIME)
+    events = find_events(bare, settings)
+    assert {event.time_s for event in events.values()} == {None}
+    assert "the hands never rise by 0.25 m" in events["lift_off"].how
+
+
+def test_a_box_hidden_after_the_release_moves_no_event(settings):
+    recording = scene()
+    for name in ("BOX_1", "BOX_2"):
+        recording[name][TIME > 7.0] = np.nan
+    events = find_events(recording, settings)
+    for name, true in TRUE.items():
+        assert events[name].time_s == pytest.approx(true, abs=0.05), name
+    assert "the box is seen without a gap from 0.00 to 7.00 s" in events["release"].how
+
+
+def test_hands_pick_up_from_the_floor_and_put_down_there(settings, shared):
+    """Nothing but hands: the person bends to the floor until 1.4 s and again from 18.55 s on (raw data)."""
+    layout = MarkerLayout(
+        up="+y", forward="+z", check_axes=False, aliases={"R_WRIST": "ROWR", "L_WRIST": "LOWR"}
+    )
+    file = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
+    recording, _ = fill_gaps(read_markers(file, layout), 0.2, "keep")
+    events = find_events(filter_markers(recording), settings)
+    assert 1.0 < events["lift_off"].time_s < 1.6
+    assert events["deposit_start"].time_s == pytest.approx(18.55, abs=0.2)
+    assert 19.0 < events["release"].time_s < 20.6
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_hands_that_rise_several_times_ask_whether_it_was_one_lift(settings, times):
+    bare = without(scene(), "BOX")
+    for name in ("L_WRIST", "R_WRIST"):
+        for number in range(times - 1):
+            start = 3.3 + 0.8 * number
+            bare[name][:, 2] -= 0.5 * (ramp(start, start + 0.3) - ramp(start + 0.35, start + 0.75))
+    events = find_events(bare, settings)
+    asked = f"the hands rise {times} times from lift-off to release: one lift or several"
+    assert (asked in events["release"].how) == (times > 1)
+    assert "one lift or several" not in find_events(scene(), settings)["release"].how

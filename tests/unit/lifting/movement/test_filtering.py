@@ -1,0 +1,126 @@
+"""Low-pass filter and derivatives against Winter's formulas and closed forms."""
+
+import numpy as np
+import pytest
+from scipy.signal import sosfreqz
+
+from lumbar.base.errors import InputError
+from lumbar.lifting.movement.filtering import (
+    derivative,
+    dual_pass_sections,
+    filter_markers,
+    low_pass,
+    shortest_stretch,
+)
+from lumbar.records.markers import MarkerRecording
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 120.0, 1000.0])
+@pytest.mark.parametrize("cutoff", [3.0, 6.0, 12.0])
+def test_coefficients_are_winters(rate, cutoff):
+    """Winter, section 3.4.4.2: a0 … b2 of the second-order filter, cut-off corrected for two passes."""
+    omega = np.tan(np.pi * cutoff / rate) / (np.sqrt(2) - 1) ** 0.25  # 0.802
+    k1, k2 = np.sqrt(2) * omega, omega**2
+    a0 = k2 / (1 + k1 + k2)
+    k3 = 2 * a0 / k2
+    b1, b2 = -2 * a0 + k3, 1 - 2 * a0 - k3
+    sections = dual_pass_sections(cutoff, rate)
+    np.testing.assert_allclose(sections, [[a0, 2 * a0, a0, 1, -b1, -b2]], rtol=1e-7)
+
+
+@pytest.mark.parametrize("rate", [30.0, 100.0, 1000.0])
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_both_passes_attenuate_by_3_db_at_the_cut_off(rate, order):
+    _, response = sosfreqz(dual_pass_sections(6.0, rate, order), worN=[0.0, 6.0], fs=rate)
+    np.testing.assert_allclose(np.abs(response) ** 2, [1, np.sqrt(0.5)], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("frequency", "gain"), [(1.0, None), (6.0, np.sqrt(0.5)), (12.0, None)])
+def test_sine_keeps_its_phase(frequency, gain):
+    rate, time = 100.0, np.arange(1000) / 100
+    phase = np.exp(2j * np.pi * frequency * time)
+    filtered = low_pass(phase.real, rate) + 1j * low_pass(phase.imag, rate)
+    ratio = (filtered / phase)[200:-200]
+    # Closed form: bilinear transform of the Butterworth magnitude.
+    warped = np.tan(np.pi * np.array([frequency, 6.0]) / rate)
+    expected = gain or 1 / (1 + (np.sqrt(2) - 1) * (warped[0] / warped[1]) ** 4)
+    np.testing.assert_allclose(ratio, expected, atol=1e-6)
+
+
+def test_straight_motion_passes_to_the_very_ends():
+    line = np.stack([0.3 + 0.01 * np.arange(80), np.full(80, 2.0), -0.02 * np.arange(80)], axis=1)
+    np.testing.assert_allclose(low_pass(line, 100.0), line, atol=1e-6)
+
+
+def test_each_stretch_is_filtered_on_its_own():
+    generator = np.random.default_rng(1)
+    values = np.cumsum(generator.normal(size=(200, 3)), axis=0)
+    holes = values.copy()
+    holes[70:75, 1] = np.nan
+    filtered = low_pass(holes, 100.0)
+    np.testing.assert_array_equal(filtered[:70], low_pass(values[:70], 100.0))
+    np.testing.assert_array_equal(filtered[75:], low_pass(values[75:], 100.0))
+    assert np.isnan(filtered[70:75]).all()
+
+
+def test_noise_falls_as_the_gain_says():
+    """White noise: the variance that remains is the mean of the squared gain over all frequencies."""
+    rate, noise = 100.0, np.random.default_rng(2).normal(0, 1, 200_000)
+    frequency = np.linspace(0, rate / 2, 20_001)
+    gain = 1 / (1 + (np.sqrt(2) - 1) * (np.tan(np.pi * frequency / rate) / np.tan(np.pi * 6 / rate)) ** 4)
+    assert np.var(low_pass(noise, rate)) == pytest.approx(np.mean(gain**2), rel=0.03)
+
+
+@pytest.mark.parametrize("cutoff", [0.0, -1.0, 50.0, 80.0, np.nan])
+def test_cut_off_must_fit_the_rate(cutoff):
+    with pytest.raises(InputError, match="half the rate, 50 Hz"):
+        low_pass(np.zeros(100), 100.0, cutoff)
+
+
+def test_stretch_that_is_too_short_is_named():
+    values = np.zeros((100, 3))
+    values[40] = values[40 + shortest_stretch(6.0, 100.0) + 1] = np.nan
+    recording = MarkerRecording("lift", np.arange(100) / 100, 100.0, {"C7": values, "L5": np.zeros((100, 3))})
+    with pytest.raises(InputError) as caught:
+        filter_markers(recording)
+    assert "C7: frames 42 to 58: 17 frames without a gap" in str(caught.value)
+    assert "L5" not in str(caught.value)
+
+
+def test_recording_is_filtered_marker_by_marker():
+    points = np.cumsum(np.random.default_rng(4).normal(size=(300, 3)), axis=0)
+    recording = MarkerRecording("lift", np.arange(300) / 100, 100.0, {"C7": points, "L5": -points})
+    filtered = filter_markers(recording, 4.0)
+    np.testing.assert_array_equal(filtered["C7"], low_pass(points, 100.0, 4.0))
+    np.testing.assert_allclose(filtered["L5"], -filtered["C7"])
+    np.testing.assert_array_equal(filtered.time, recording.time)
+
+
+def test_derivatives_of_a_parabola_are_exact_to_the_ends():
+    time = np.arange(30) / 50
+    values = np.stack([3 * time**2 - time, 1 - time**2], axis=1)
+    expected = np.stack([6 * time - 1, -2 * time], axis=1)
+    np.testing.assert_allclose(derivative(values, 50.0), expected, atol=1e-10)
+    np.testing.assert_allclose(derivative(values, 50.0, 2), np.tile([6, -2], (30, 1)), atol=1e-8)
+
+
+def test_derivatives_of_a_sine_lose_what_the_docstring_says():
+    rate, frequency = 100.0, 6.0
+    x, omega = 2 * np.pi * frequency / rate, 2 * np.pi * frequency
+    sine = np.sin(omega * np.arange(200) / rate)
+    cosine = np.cos(omega * np.arange(200) / rate)
+    first, second = np.sin(x) / x, (np.sin(x / 2) / (x / 2)) ** 2
+    np.testing.assert_allclose(derivative(sine, rate)[1:-1], first * omega * cosine[1:-1], atol=1e-9)
+    np.testing.assert_allclose(derivative(sine, rate, 2)[1:-1], -second * omega**2 * sine[1:-1], atol=1e-7)
+    assert (1 - first, 1 - second) == pytest.approx((0.024, 0.012), abs=5e-4)
+
+
+def test_derivative_of_each_stretch_on_its_own():
+    values = np.arange(20.0) ** 2
+    values[9] = np.nan
+    result = derivative(values, 1.0)
+    assert np.flatnonzero(np.isnan(result)).tolist() == [9]
+    np.testing.assert_allclose(result[:9], 2 * np.arange(9.0))
+    values[12] = np.nan
+    with pytest.raises(InputError, match="frames 11 to 12: 2 frames"):
+        derivative(values, 1.0)

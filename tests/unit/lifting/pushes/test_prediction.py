@@ -1,0 +1,203 @@
+"""From synthetic lifts to the contest of measures: levels against the measures' own tables, scores against Mann and Whitney."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from push_cases import deposit
+from scipy.stats import mannwhitneyu
+
+from lumbar.base.errors import InputError
+from lumbar.interface.movement import measure_movement
+from lumbar.interface.person import Lift
+from lumbar.interface.pushing import pooled_prediction, push_outcomes, push_prediction, push_states
+from lumbar.lifting.measures.course import Lifter
+from lumbar.lifting.movement.lift import analyse_lift
+from lumbar.lifting.pushes import prediction
+from lumbar.lifting.pushes.body import centre_of_mass
+from lumbar.lifting.pushes.contest import draw_pushes, scene_of
+from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, KNOTS
+from lumbar.lifting.pushes.motion import bodies_of, deposit_motion
+from lumbar.lifting.pushes.person import Traits
+from lumbar.lifting.pushes.prediction import verdict_json
+from lumbar.lifting.pushes.states import from_states, states_frame
+from lumbar.lifting.stability.basins import close_loops
+from lumbar.lifting.stability.funnel.funnel import exact_funnels
+from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
+from lumbar.records.markers import MarkerRecording
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.pushes import PushesSettings, PushSettings
+from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.subject import TrialSettings
+from lumbar.twin.lifting_recordings import true_movement
+from study_settings import study_settings, subject_settings
+
+STABILITY = StabilitySettings()
+SETTINGS = replace(PushesSettings(), push=PushSettings(per_lift=16))
+
+
+@pytest.fixture(scope="module")
+def lifts():
+    found = []
+    for name in ("expert_23kg", "expert_15kg", "novice_15kg"):
+        movement = true_movement(study_settings().twin.lifting, name)
+        recording = MarkerRecording("lift", movement.time, 100.0, movement.markers, source="lift.c3d")
+        person, mass = name.split("_")
+        subject = subject_settings(person)
+        trial = TrialSettings(box_mass_kg=float(mass.removesuffix("kg")), markers="lift.c3d")
+        analysed = analyse_lift(recording, name, subject, trial, LiftingSettings())
+        found.append(Lift(analysed, subject, trial, LiftingSettings(), "test", None))
+    return found
+
+
+@pytest.fixture(scope="module")
+def states(lifts):
+    return push_states(lifts, STABILITY, SETTINGS.push.height_share)
+
+
+@pytest.fixture(scope="module")
+def found(states):
+    return push_prediction(states, settings=SETTINGS, stability=STABILITY, seed=1, data="synthetic")
+
+
+def test_links_go_through_the_joints_and_carry_the_measured_centre_of_mass(lifts):
+    lift = lifts[0]
+    lifter = Lifter(lift.body, lift.facts, STABILITY.measures, 9.81)
+    motion, points = deposit_motion(lifter), lifter.points
+    here = np.isin(lifter.time, motion.time)
+    trunk = (points["L_SHOULDER"] + points["R_SHOULDER"]) / 2 - points["MID_HIP"]
+    lean = np.arctan2(trunk[here, 1], trunk[here, 2])
+    assert motion.angle[1] == pytest.approx(lean, abs=0.01)
+    assert motion.rate[1] == pytest.approx(np.gradient(lean, motion.time), abs=0.15)
+    ankles = (points["L_ANKLE"] + points["R_ANKLE"])[here] / 2
+    centre = (78 * points["WHOLE_BODY"] + 23 * points["LOAD"])[here] / 101 - ankles
+    bodies = bodies_of([motion]).take(np.zeros(here.sum(), dtype=int))
+    ahead = centre_of_mass(bodies, motion.angle, motion.rate)[0]
+    assert ahead.mean() == pytest.approx(centre[:, 1].mean(), abs=1e-9)
+    assert ahead == pytest.approx(centre[:, 1], abs=0.01)
+    # Marker of the toe: 0.72 of a foot of 0.152 of the stature ahead of the ankle (lumbar.twin.lifter).
+    assert motion.toe_m == pytest.approx(0.72 * 0.152 * 1.75, abs=1e-3)
+
+
+def test_levels_are_those_of_the_measures_tables(lifts, states):
+    for name, part in states.groupby("lift"):
+        lift = next(item for item in lifts if item.name == name)
+        rows = measure_movement(lift).values.set_index(["measure", "plane"])["value"]
+        for measure in ("margin_of_stability", "smallest_impulse", "capture_margin", "viability_margin"):
+            lowest = part[[f"{measure}_{direction}" for direction in DIRECTIONS]].min().min()
+            assert lowest == pytest.approx(rows[measure, "flexion_extension"], abs=1e-6)
+        assert -part["l5s1_moment_forward"].min() == pytest.approx(rows["l5s1_moment_peak", "all"])
+        assert -part["trunk_inclination_forward"].min() == pytest.approx(
+            rows["trunk_inclination_peak", "flexion_extension"]
+        )
+
+
+def test_a_push_of_the_level_takes_the_pendulum_to_the_edge_of_its_basin(lifts, states):
+    lift = lifts[0]
+    sound, _ = trajectories_of_lift(lift.states, lift.facts, "with_box")
+    item = next(one for one in sound if (one.com, one.plane) == ("abdomen", "flexion_extension"))
+    loops = close_loops([item], "inverted", replace(STABILITY, knots=KNOTS))
+    funnels = exact_funnels(loops, STABILITY.goal_level)
+    motions, levels = from_states(states)
+    last, motion = levels[0].values["basin_abdomen_inverted", "forward"][-1], motions[0]
+    height = np.cos(motion.angle[:2, -1]) @ (motion.lengths[:2] * [1, SETTINGS.push.height_share])
+    # At the end V is that of the goal set: Qf22·ω² = ρ(T), with ω the push's moment over the pendulum's inertia.
+    turn = last * height / (item.mass_kg * item.length_m**2)
+    assert 10.0 * turn**2 == pytest.approx(STABILITY.goal_level, rel=1e-2)
+    assert levels[0].values["basin_area_abdomen_inverted", "forward"][0] == pytest.approx(
+        funnels.mean_area[0], rel=1e-9
+    )
+
+
+def test_areas_of_the_table_are_those_of_the_pushes(found):
+    pushes = found.pushes
+    main = found.frame[(found.frame["contest"] == "all sizes") & (found.frame["direction"] == "both")]
+    rows = main.set_index("measure")
+    scores = {
+        "smallest_impulse": pushes["impulse_N_s"] - pushes["level_smallest_impulse"],
+        "margin_of_stability": pushes["impulse_N_s"] * pushes["shift_m_per_N_s"]
+        - pushes["level_margin_of_stability"],
+        "basin_abdomen_hanging": pushes["impulse_N_s"] / pushes["level_basin_abdomen_hanging"],
+        "push_alone": pushes["impulse_N_s"],
+    }
+    steps = pushes["steps"].to_numpy(bool)
+    for name, score in scores.items():
+        pairs = mannwhitneyu(score[steps], score[~steps]).statistic / (steps.sum() * (~steps).sum())
+        assert rows.loc[name, "auc"] == pytest.approx(pairs, rel=1e-12)
+    backward = pushes[pushes["direction"] == "backward"]
+    equal = found.frame[(found.frame["contest"] == "equal pushes") & (found.frame["direction"] == "backward")]
+    if len(equal):
+        told = backward["equal_steps"].to_numpy(bool)
+        level = backward["level_viability_margin"]
+        pairs = mannwhitneyu(-level[told], -level[~told]).statistic / (told.sum() * (~told).sum())
+        assert equal.set_index("measure").loc["viability_margin", "auc"] == pytest.approx(pairs, rel=1e-12)
+
+
+def test_the_winner_says_what_it_rests_on_and_has_no_interval_of_two_persons(found):
+    winner = found.winner
+    assert winner.measure not in BASELINES
+    main = found.frame[(found.frame["contest"] == "all sizes") & (found.frame["direction"] == "both")]
+    assert winner.auc == main[~main["measure"].isin(BASELINES)]["auc"].max()
+    assert winner.low is None and "no interval: 2 persons, at least 8 are needed" in winner.sentence
+    assert "simulated bodies under an assumed controller, not people" in winner.sentence
+    assert "people best" not in winner.sentence  # which of two persons steps first is chance
+    assert verdict_json(winner, "synthetic")["measure"] == winner.measure
+    assert found.contest.drawn == 48
+    assert len(found.pushes) == 48 - found.contest.unsteady
+    assert "left out" in found.table.to_html()
+
+
+def test_one_person_alone_is_no_contest(states):
+    alone = states[states["subject"] == states["subject"].iloc[0]]
+    with pytest.raises(InputError, match="two persons at least"):
+        push_prediction(alone)
+
+
+def test_a_person_is_pushed_alike_whoever_else_is_and_files_of_persons_give_the_same(states, found, tmp_path):
+    paths = {"outcomes": [], "states": []}
+    for person, part in states.groupby("subject", sort=False):
+        outcomes = push_outcomes(part, SETTINGS, 1)
+        steady = outcomes[outcomes["outcome"] != "unsteady"].reset_index(drop=True)
+        among_others = found.pushes[found.pushes["subject"] == person].reset_index(drop=True)
+        pd.testing.assert_frame_equal(steady, among_others, check_exact=True)
+        for kind, frame in (("outcomes", outcomes), ("states", part)):
+            paths[kind].append(tmp_path / f"{kind}_{person}.csv")
+            frame.to_csv(paths[kind][-1], index=False)
+    pooled = pooled_prediction(*paths.values(), SETTINGS, 1, "synthetic")
+    pd.testing.assert_frame_equal(pooled.pushes, found.pushes, rtol=1e-12)
+    assert pooled.winner.sentence == found.winner.sentence
+    assert [item.lift for item in pooled.followed.motions] == [item.lift for item in found.followed.motions]
+
+
+def test_some_pushes_of_both_directions_are_followed_of_people_evenly_taken(monkeypatch):
+    monkeypatch.setattr(prediction, "FOLLOWED", 12)
+    motions = {item.lift: item for item in map(deposit, "abcdefghij")}
+    found = prediction.follow(list(motions), 24, lambda names: ([motions[name] for name in names], []))
+    # Every 21st of 240, counted lift after lift.
+    assert [motion.subject for motion in found.motions] == list("abcdefghij")
+    pushes = [24 * "abcdefghij".index(found.motions[one // 24].subject) + one % 24 for one in found.chosen]
+    assert pushes == list(range(0, 240, 21))
+    assert 0 < (found.chosen % 2).mean() < 1
+
+
+def test_longer_feet_let_fewer_step_and_the_measures_are_not_told(states, found, monkeypatch):
+    monkeypatch.setattr(prediction, "VARIED", {"foot length": ("foot", (1.1,))})
+    rows = found.sensitivity.frame
+    assert rows["changed"].tolist() == ["nothing", "foot length"]
+    assert rows["steps"].tolist() == sorted(rows["steps"], reverse=True)
+    assert rows["winner_auc"].between(0.5, 1.0).all()
+    assert rows.loc[0, "steps"] == pytest.approx(found.pushes["steps"].mean())
+
+
+def test_pushes_come_of_the_seed_and_lifts_survive_their_table(states):
+    motions, levels = from_states(states)
+    assert [item.lift for item in motions] == ["expert_23kg", "expert_15kg", "novice_15kg"]
+    assert states_frame(motions, levels)[states.columns].equals(states)
+    one = np.ones(len(motions))
+    scene = scene_of(motions, SETTINGS, Traits(one, one, one, 0.12 * one))
+    first, again, other = (draw_pushes(motions, scene, SETTINGS, seed).impulse for seed in (1, 1, 2))
+    assert (first == again).all() and not (first == other).any()
+    assert (first[::2] > 0).all() and (first[1::2] < 0).all()

@@ -1,0 +1,86 @@
+"""Areas, thresholds and intervals of the ROC against independent formulas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import mannwhitneyu, norm
+
+from lumbar.lifting.pushes import roc
+from lumbar.lifting.pushes.roc import (
+    areas,
+    best_threshold,
+    curve,
+    interval,
+    ordered,
+    person_weights,
+    sensitivity_at,
+    told_by_others,
+)
+
+
+@pytest.fixture(scope="module")
+def sample():
+    """Scores with ties of 12 persons."""
+    rng = np.random.default_rng(4)
+    person = np.repeat(np.arange(12), 20)
+    event = rng.random(240) < 0.4
+    return np.round(rng.normal(size=240) + event, 1), event, person
+
+
+def test_area_is_mann_whitneys_share_of_pairs(sample):
+    score, event, _ = sample
+    (found,) = areas(ordered(*sample), np.ones((1, 12), dtype=int))
+    expected = mannwhitneyu(score[event], score[~event]).statistic / (event.sum() * (~event).sum())
+    assert found == pytest.approx(expected, rel=1e-12)
+    assert np.trapezoid(*curve(score, event)[::-1]) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_person_drawn_twice_counts_as_two(sample, monkeypatch):
+    monkeypatch.setattr(roc, "AT_ONCE", 500)  # two samples at a time
+    score, event, person = sample
+    weights = person_weights(12, 5, [3])
+    for row, found in zip(weights, areas(ordered(*sample), weights), strict=True):
+        drawn = np.repeat(np.arange(len(score)), row[person])
+        high, low = score[drawn][event[drawn]], score[drawn][~event[drawn]]
+        pairs = (high[:, None] > low).mean() + 0.5 * (high[:, None] == low).mean()
+        assert found == pytest.approx(pairs, rel=1e-12)
+
+
+def test_threshold_and_sensitivity_by_hand():
+    score = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0])
+    event = np.array([0, 0, 0, 1, 0, 1, 1, 1], dtype=bool)
+    assert best_threshold(score, event) in (3.5, 5.5)
+    assert sensitivity_at(score, event) == 0.75
+    assert sensitivity_at(-score, event) == 0.0
+    # Constant scores tell nobody; what no threshold improves is told of nobody.
+    assert sensitivity_at(0 * score, event) == 0.0
+    assert best_threshold(0 * score, event) == np.inf
+
+
+def test_thresholds_of_other_persons_tell_what_normal_scores_allow():
+    rng = np.random.default_rng(1)
+    event = np.tile([True, False], 4000)
+    score, person = rng.normal(size=8000) + 2 * event, np.repeat(np.arange(40), 200)
+    assert told_by_others(score, event, person, 5, [1]) == pytest.approx((norm.cdf(1), norm.cdf(1)), abs=0.02)
+    # A score that is nothing but the person's own cannot be learnt from others.
+    assert told_by_others(rng.normal(size=8000), event, person, 5, [1]) != pytest.approx((1.0, 1.0), abs=0.4)
+
+
+@pytest.mark.statistical
+def test_intervals_over_persons_cover_the_true_area():
+    """Of 200 cohorts of 25 persons with thresholds of their own, 90 to 98 % of the intervals hold the area of all persons."""
+
+    def cohort(rng, persons):
+        person = np.repeat(np.arange(persons), 16)
+        own = rng.normal(0, 1.5, persons)[person]
+        score = rng.normal(size=person.size)
+        return score, score + own + rng.normal(0, 0.5, person.size) > 0, person
+
+    true = areas(ordered(*cohort(np.random.default_rng(0), 4000)), np.ones((1, 4000), dtype=int))[0]
+    held = 0
+    for seed in range(200):
+        scores = ordered(*cohort(np.random.default_rng([1, seed]), 25))
+        low, high = interval(areas(scores, person_weights(25, 400, [2, seed])))
+        held += low <= true <= high
+    assert 180 <= held <= 196

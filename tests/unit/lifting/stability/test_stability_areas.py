@@ -1,0 +1,262 @@
+"""Trajectories, all basins of a lift, Table 4.1 and its figures: bad input, definitions, reproducibility."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from html import unescape
+
+import numpy as np
+import pandas as pd
+import pytest
+from stability_cases import minimum_jerk
+
+from lumbar.base.errors import InputError
+from lumbar.lifting.stability.basins import CHECK_COLUMNS, COLUMNS, basins_of_lift, close_loops
+from lumbar.lifting.stability.comparison.basin_areas import areas_table
+from lumbar.lifting.stability.comparison.percent_differences import percent_differences, varied_areas
+from lumbar.lifting.stability.funnel.funnel import exact_funnels
+from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
+from lumbar.lifting.stability.model.trajectory import COMS, PLANES, find_problems, in_unit_time
+from lumbar.publishing.figures.stability_figures import ellipses, shown_lift
+from lumbar.settings.plain import typed
+from lumbar.settings.stability import StabilitySettings
+from study_settings import changed
+
+SETTINGS = typed(
+    StabilitySettings,
+    {
+        "pendulum": {"sign": "hanging", "mass": "with_box", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},
+        "regulator": {
+            "state_weight": [[1.0, 0.0], [0.0, 0.1]],
+            "control_weight": 1e-3,
+            "terminal_weight": [[100.0, 0.0], [0.0, 10.0]],
+        },
+        "goal_level": 1.0,
+        "knots": 201,
+        "checks": ["simulation", "thesis_method", "sum_of_squares", "proof"],
+        "proof": {"margin_1_s": 0.05},
+        "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5},
+        "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
+        "attack": {"starts": 400, "control_overstated": 0.3},
+        "limits": {
+            "mass_share": 0.05,
+            "knots": 101,
+            "certified_knots": 5,
+        },
+        "lyapunov_shares": [0.0, 1.0],
+        "sensitivity_factor": 2,
+    },
+)
+
+
+def lift(subject="expert", box=23.0, mass=33.0, duration=1.5):
+    return [
+        minimum_jerk(
+            subject=subject, box=box, com=com, plane=plane, mass=mass, duration=duration, start=start
+        )
+        for com in COMS
+        for plane, start in zip(PLANES, (0.1, 0.4), strict=True)
+    ]
+
+
+def states_and_facts(items):
+    frames = [
+        pd.DataFrame(
+            {
+                "com": item.com,
+                "plane": item.plane,
+                "time_s": item.time,
+                "angle_rad": item.angle,
+                "angular_velocity_rad_s": item.angular_velocity,
+                "angular_acceleration_rad_s2": item.angular_acceleration,
+            }
+        )
+        for item in items
+    ]
+    facts = {
+        "subject": "expert",
+        "experience": "expert",
+        "box_mass_kg": 23,
+        "pivot": "mid_ankle",
+        "mass_kg": {com: {"with_box": 40.0, "without_box": 17.0} for com in COMS},
+        "length_m": {com: dict.fromkeys(PLANES, 1.1) for com in COMS},
+        "box": {"share": "by_mass"},
+    }
+    return pd.concat(frames), facts
+
+
+@pytest.fixture(scope="module")
+def basins():
+    return basins_of_lift(lift(), SETTINGS, 1, [in_unit_time(item) for item in lift()])
+
+
+def test_mass_with_and_without_the_box():
+    states, facts = states_and_facts(lift())
+    assert trajectories_of_lift(states, facts, "with_box")[0][0].mass_kg == 40.0
+    found, _ = trajectories_of_lift(states, facts, "without_box")
+    assert found[0].mass_kg == 17.0
+    assert [(item.com, item.plane) for item in found] == [(com, plane) for com in COMS for plane in PLANES]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda item: {"angle": item.angle + 3.0}, "angle 3.4 rad; .* within ±π"),
+        (lambda item: {"time": np.where(np.arange(400) == 7, 0.0, item.time)}, "sample 8: time 0 s after"),
+        (lambda item: {"time": item.time[:5]}, "5 samples; at least 20"),
+        (lambda item: {"length_m": 0.02}, "length_m: 0.02; .*another pivot"),
+        (lambda item: {"mass_kg": 0.0}, "mass_kg: 0; a positive mass"),
+        (lambda item: {"angle": np.where(np.arange(400) == 3, np.nan, item.angle)}, "sample 4: angle is nan"),
+        (lambda item: {"angular_velocity": 2 * item.angular_velocity}, "strays from the angle by"),
+    ],
+)
+def test_bad_trajectories_are_named(change, message):
+    item = minimum_jerk()
+    problems = find_problems(replace(item, **change(item)))
+    with pytest.raises(InputError, match=message):
+        problems.raise_if_any()
+    assert problems.subject == "expert 23 kg, abdomen, flexion_extension"
+
+
+def test_unsound_trajectories_drop_out_alone_and_named():
+    states, facts = states_and_facts(lift())
+    facts["length_m"]["pelvis"] = dict.fromkeys(PLANES, 0.02)
+    states = states[~((states["com"] == "thorax") & (states["plane"] == "lateral_bending"))]
+    sound, failures = trajectories_of_lift(states, facts, "with_box")
+    assert [(item.com, item.plane) for item in sound] == [
+        ("thorax", "flexion_extension"),
+        ("abdomen", "lateral_bending"),
+        ("abdomen", "flexion_extension"),
+    ]
+    found = {(item.com, item.plane): item.reason for item in failures}
+    assert found["thorax", "lateral_bending"].startswith("0 samples; at least 20")
+    assert found["pelvis", "flexion_extension"].startswith("length_m: 0.02")
+    assert {item.subject for item in failures} == {"expert"} and len(failures) == 3
+
+
+def test_summary_holds_every_engine_and_convention(basins):
+    summary = basins.summary
+    assert list(summary.columns) == list(COLUMNS)
+    counts = summary.groupby(["method", "time"]).size().to_dict()
+    assert counts == {
+        ("exact", "real"): 6,
+        ("exact", "unit"): 6,
+        ("sum_of_squares", "real"): 6,
+        ("thesis", "unit"): 6,
+    }
+    assert set(summary.loc[summary["time"] == "unit", "duration_s"]) == {1.0}
+    areas = summary[["mean_area", "initial_area", "minimum_area", "final_area"]]
+    assert np.isfinite(areas).all(axis=None) and (areas > 0).all(axis=None)
+    exact = summary[summary["method"] == "exact"]
+    assert (exact["exits"] == 0).all() and (exact["control_exits"] > 0).all()
+    assert (exact["initial_area"] < exact["liouville_area"]).all()
+    assert exact["final_area"].to_numpy() == pytest.approx(np.pi / np.sqrt(1000))
+    assert summary["sos_margin_difference"].dropna().max() < 1e-5
+
+
+def test_funnel_file_gives_the_areas(basins):
+    one = basins.funnels[(basins.funnels["com"] == "pelvis") & (basins.funnels["plane"] == "lateral_bending")]
+    area = np.pi * one["rho"] / np.sqrt(one["s11"] * one["s22"] - one["s12"] ** 2)
+    assert area.to_numpy() == pytest.approx(one["area_rad2_s"].to_numpy())
+    row = basins.summary.query("com == 'pelvis' and plane == 'lateral_bending' and method == 'exact'").iloc[0]
+    mean = np.trapezoid(area, one["time_s"]) / one["time_s"].iloc[-1]
+    assert mean == pytest.approx(row["mean_area"], rel=1e-4)
+
+
+def test_same_seed_same_rows_and_checks_may_be_left_out(basins):
+    settings = replace(SETTINGS, checks=("simulation", "proof"))
+    again = basins_of_lift(lift(), settings, seed=1).summary
+    exact = basins.summary.query("method == 'exact' and time == 'real'").reset_index(drop=True)
+    pd.testing.assert_frame_equal(again, exact, check_dtype=False)
+    other = basins_of_lift(lift(), settings, seed=2).summary
+    assert (other["exits"] == 0).all()
+    assert other["control_exits"].tolist() != again["control_exits"].tolist()
+    bare = basins_of_lift(lift(), replace(SETTINGS, checks=()), seed=1).summary
+    assert bare["mean_area"].to_numpy() == pytest.approx(again["mean_area"].to_numpy(), rel=1e-12)
+    for names in CHECK_COLUMNS.values():
+        assert bare[list(names)].isna().all(axis=None)
+    page = areas_table(bare, replace(SETTINGS, checks=()), "test")
+    assert "exits" not in page.frame and "not chosen: simulation" in page.to_html()
+
+
+def rows_of(values):
+    return pd.DataFrame(
+        [
+            {"experience": name, "box_mass_kg": box, "com": com, "plane": plane, "mean_area": area}
+            for (name, box), area in values.items()
+            for com in COMS
+            for plane in PLANES
+        ]
+    )
+
+
+def test_percent_differences_by_hand():
+    areas = {("expert", 23.0): 2.2, ("expert", 15.0): 2.75, ("novice", 23.0): 2.0, ("novice", 15.0): 1.0}
+    rows = {row["comparison"]: row for row in percent_differences(rows_of(areas))}
+    assert rows["expert_vs_novice"]["lateral_bending"] == pytest.approx(10.0)
+    assert rows["decrease_in_mass_expert"]["flexion_extension"] == pytest.approx(25.0)
+    assert rows["decrease_in_mass_novice"]["flexion_extension"] == pytest.approx(-50.0)
+
+
+def test_what_a_study_lacks_is_said():
+    rows = percent_differences(rows_of({("expert", 23.0): 2.0, ("expert", 15.0): 1.0}))
+    status = {row["comparison"]: row["status"] for row in rows}
+    assert status == {
+        "expert_vs_novice": "not testable: no novice",
+        "decrease_in_mass_expert": "computed",
+        "decrease_in_mass_novice": "not testable: no novice",
+    }
+    single = percent_differences(rows_of({("unknown", 10.0): 2.0}))
+    status = {row["comparison"]: row["status"] for row in single}
+    assert status["decrease_in_mass_unknown"] == "not testable: one box mass (10 kg)"
+    assert len(single) == 12
+    apart = percent_differences(rows_of({("expert", 23.0): 2.0, ("novice", 15.0): 1.0}))
+    assert apart[0]["status"] == "not testable: no box mass in common"
+
+
+def test_variants_are_what_they_say():
+    items = lift()[:2]
+    fine = replace(SETTINGS, limits=replace(SETTINGS.limits, knots=SETTINGS.knots))
+    varied = varied_areas(dict.fromkeys(("R/", "b*", "null"), items), fine)
+    doubled = changed(SETTINGS, pendulum={"damping_N_m_s": 2.0})
+    assert varied["b*"] == pytest.approx(
+        exact_funnels(close_loops(items, "hanging", doubled)).mean_area, rel=1e-7
+    )
+    regulator = {"control_weight": 5e-4}
+    halved = changed(SETTINGS, regulator=regulator)
+    assert varied["R/"] == pytest.approx(
+        exact_funnels(close_loops(items, "hanging", halved)).mean_area, rel=1e-7
+    )
+    still = [replace(item, angle=0 * item.angle) for item in items]
+    assert varied["null"] == pytest.approx(
+        exact_funnels(close_loops(still, "hanging", SETTINGS)).mean_area, rel=1e-7
+    )
+
+
+def test_areas_table_says_what_every_column_is(basins):
+    html = areas_table(basins.summary, SETTINGS, "test").to_html()
+    for name in set(COLUMNS) - set(CHECK_COLUMNS["cvxpy"]):
+        assert f"<dd>{COLUMNS[name]}</dd>" in unescape(html)
+
+
+def test_figure_ellipses_lie_on_the_level(basins):
+    rows = basins.funnels.iloc[::40]
+    angle, velocity = ellipses(rows, rows["rho"].to_numpy())
+    error, rate = angle - rows[["theta0_rad"]].to_numpy(), velocity - rows[["thetadot0_rad_s"]].to_numpy()
+    s11, s12, s22 = (rows[[name]].to_numpy() for name in ("s11", "s12", "s22"))
+    value = s11 * error**2 + 2 * s12 * error * rate + s22 * rate**2
+    assert value == pytest.approx(np.broadcast_to(rows[["rho"]].to_numpy(), value.shape))
+
+
+def test_shown_lift_is_the_groups_heaviest_that_has_a_deposit():
+    facts = [
+        {"subject": "ann", "box_mass_kg": 30, "duration_s": 1.0},
+        {"subject": "bob", "box_mass_kg": 15, "duration_s": 1.0},
+        {"subject": "bob", "box_mass_kg": 23, "duration_s": 1.0},
+        {"subject": "bob", "box_mass_kg": 40, "duration_s": None},
+    ]
+    labels = {"ann": "untrained", "bob": "trained"}
+    assert shown_lift(facts, labels, "trained") == 2
+    assert shown_lift(facts, labels, "untrained") == 0
+    assert shown_lift(facts[:1], labels, "trained") == 0
+    assert shown_lift(facts[3:], labels, "trained") == 0

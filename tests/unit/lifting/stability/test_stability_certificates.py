@@ -1,0 +1,130 @@
+"""The sum-of-squares method against the exact method, cvxpy and closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cvxpy as cp
+import numpy as np
+import pytest
+from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
+
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.funnel import exact_funnels, regulate
+from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
+from lumbar.lifting.stability.funnel.polynomials import (
+    circle_maximum,
+    harmonics,
+    harmonics_of_monomials,
+    monomials,
+)
+from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
+from lumbar.lifting.stability.programme.circle_programme import CircleProgramme
+from lumbar.lifting.stability.programme.cvxpy_formulation import AGREEMENT, RateProgramme, rate_differences
+
+OPTIONS = {"alternations": 2, "margin": 2e-5}
+
+
+@pytest.fixture(scope="module", params=["hanging", "inverted"])
+def loops(request):
+    items = [minimum_jerk(), minimum_jerk(start=0.1, end=-0.1, mass=45.0, length=1.2)]
+    return regulate(pendulums_of(items, request.param), WEIGHTS)
+
+
+def random_polynomials(degree, count, seed):
+    return np.random.default_rng(seed).normal(size=(count, len(monomials(degree + 1))))
+
+
+@pytest.mark.parametrize("degree", [3, 5, 7])
+def test_rate_is_the_maximum_on_a_dense_grid(degree):
+    programme = CircleProgramme(degree)
+    angle = np.linspace(0, 2 * np.pi, 40_001)
+    for row in random_polynomials(degree, 4, 11):
+        values = sum(
+            c * np.cos(angle) ** i * np.sin(angle) ** j
+            for c, (i, j) in zip(row, monomials(degree + 1), strict=True)
+        )
+        assert programme.rate(row, "test") == pytest.approx(values.max(), abs=2e-7)
+        assert circle_maximum(row, degree + 1) == pytest.approx(values.max(), abs=1e-7)
+
+
+@pytest.mark.parametrize("degree", [3, 5, 7])
+def test_rates_are_those_of_eq_4_6_from_the_equation_of_motion_in_cvxpy(loops, degree):
+    level = np.linspace(2.0, 0.5, loops.knots)[:, None] * np.ones(2)
+    knots = [0, loops.knots // 3, loops.knots - 1]
+    assert rate_differences(loops, level, degree, knots).max() < AGREEMENT
+    # It is able to fail: the feedback of another control weight is another loop.
+    other = replace(loops, weights=replace(loops.weights, control=2 * loops.weights.control))
+    assert rate_differences(other, level, degree, knots).min() > 10 * AGREEMENT
+
+
+def test_a_solver_that_gives_up_is_told_with_the_basin(loops, monkeypatch):
+    def give_up(problem, **options):
+        raise cp.SolverError("Solver 'CLARABEL' failed")
+
+    monkeypatch.setattr(cp.Problem, "solve", give_up)
+    with pytest.raises(
+        NumericalError, match=r"expert 23 kg, abdomen, .*: Eq. 4.6 in cvxpy: Solver 'CLARABEL' failed"
+    ):
+        RateProgramme(3).solve(loops, 0, 0, level=1.0)
+
+
+@pytest.mark.parametrize("degree", [3, 5, 7])
+def test_harmonics_of_monomials(degree):
+    angle = np.linspace(0, 6, 9)
+    values = harmonics_of_monomials(degree).T @ harmonics(degree, angle)
+    expected = [np.cos(angle) ** i * np.sin(angle) ** j for i, j in monomials(degree)]
+    assert values == pytest.approx(np.array(expected), abs=1e-14)
+
+
+def test_areas_and_margins(loops):
+    """Certified area at least 0.9999 of the exact one; rates agree with exact maxima to 1e-6."""
+    exact = exact_funnels(loops)
+    certified, agreement = certified_funnels(loops, 1.0, degree=5, knots=201, **OPTIONS)
+    ratio = certified.mean_area / exact.mean_area
+    assert (ratio > 0.9999).all() and (ratio < 1.001).all()
+    assert agreement.margin_difference.max() < 1e-6
+    assert agreement.alternations == 2
+    assert monte_carlo_check(loops, certified, 500, [3]).exits.sum() == 0
+
+
+def test_taylor_degree_decides_what_the_certificate_covers():
+    """A large basin: degree 3 misjudges the sine, degree 7 hardly, and the method says by how much."""
+    wide = regulate(pendulums_of([minimum_jerk(start=0.9)], "hanging", knots=101), WEIGHTS)
+    differences = [
+        certified_funnels(wide, 8.0, degree, 11, alternations=2, margin=1e-4)[1] for degree in (3, 5, 7)
+    ]
+    values = [float(item.taylor_difference[0]) for item in differences]
+    assert values[0] > 5 * values[1] > 25 * values[2]
+
+
+def test_funnels_beyond_the_taylor_range_are_no_result():
+    """A range of 5 %: (0.05·24)^(1/4) = 1.05 rad at degree 3; what is refused there passes at degree 7."""
+    wide = regulate(pendulums_of([minimum_jerk(start=0.9)], "hanging", knots=101), WEIGHTS)
+    options = {"knots": 11, "alternations": 2, "margin": 1e-4}
+    message = (
+        r"expert 23 kg, abdomen, .*beyond the range of the sine's Taylor polynomial of degree 3 \(1\.05 rad\)"
+    )
+    with pytest.raises(NumericalError, match=message):
+        certified_funnels(wide, 150.0, 3, **options)
+    certified_funnels(wide, 150.0, 7, **options)
+
+
+def test_linear_loop_has_the_eigenvalue_as_its_certified_rate():
+    from scipy.linalg import eigvalsh, solve_continuous_are
+
+    item = minimum_jerk(duration=2.0)
+    pendulums = pendulums_of([item], "hanging", gravity=0.0)
+    a, b = np.array([[0, 1], [0, -1 / pendulums.inertia[0]]]), np.array([[0], [1 / pendulums.inertia[0]]])
+    state = np.diag([1.0, 0.1])
+    cost = solve_continuous_are(a, b, state, [[float(WEIGHTS.control)]])
+    steady = replace(WEIGHTS, terminal=np.array([cost[0, 0], cost[0, 1], cost[1, 1]]))
+    found, _ = certified_funnels(regulate(pendulums, steady), 1.0, degree=3, knots=11, **OPTIONS)
+    decay = eigvalsh(state + cost @ b @ b.T @ cost / float(WEIGHTS.control), cost)[0]
+    expected = 2.0 * decay
+    assert np.log(found.level[0, 0]) == pytest.approx(expected - 2.0 * OPTIONS["margin"], abs=1e-5)
+
+
+def test_solver_without_an_optimum_is_no_result():
+    with pytest.raises(NumericalError, match="somebody: the sum-of-squares programme ended as"):
+        CircleProgramme(3).rate(np.full(len(monomials(4)), np.nan), "somebody")

@@ -1,0 +1,227 @@
+"""A basin that cannot be computed drops its own row, is named, and stops nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_stability_areas import SETTINGS, lift
+from test_stability_grid import lift_states, study_of
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.lifting.stability.basins import basins_of_lift
+from lumbar.lifting.stability.comparison import compared_study
+from lumbar.lifting.stability.comparison.lyapunov_exponent import compared_exponents
+from lumbar.lifting.stability.comparison.percent_differences import comparisons
+from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
+from lumbar.lifting.stability.extended_basins import (
+    COLUMNS,
+    extended_basins,
+    extended_table,
+    nothing_extended,
+)
+from lumbar.lifting.stability.model.failures import (
+    all_or_each,
+    announcement,
+    failures_frame,
+    failures_table,
+)
+from lumbar.lifting.stability.model.trajectory import COMS, PLANES
+from lumbar.publishing.figures.basin_comparison_figure import comparison_figure
+from lumbar.publishing.figures.stability_figures import figure_4_3, figure_4_4
+from study_settings import changed
+
+FAST = changed(
+    SETTINGS,
+    knots=101,
+    checks=["simulation", "sum_of_squares"],
+    attack={"starts": 50, "control_overstated": 0.3},
+)
+
+
+def with_tiny_inertia(items, index=0):
+    """One pendulum so light that its regulator reaches further than any basin."""
+    return [replace(item, mass_kg=0.3) if number == index else item for number, item in enumerate(items)]
+
+
+@pytest.fixture(scope="module")
+def broken():
+    return basins_of_lift(with_tiny_inertia(lift()), FAST, seed=1)
+
+
+@pytest.fixture(scope="module")
+def published(project):
+    return pd.read_csv(project / "resources" / "thesis" / "table_4_1.csv")
+
+
+def test_all_at_once_or_one_by_one():
+    calls = []
+
+    def compute(items):
+        calls.append(len(items))
+        for item in items:
+            if item.com == "pelvis":
+                raise NumericalError(f"{item.label}: too hard")
+        return [item.com for item in items]
+
+    results, failures = all_or_each(compute, lift(), basin="exact, hanging")
+    assert [(len(items), found) for items, found in results] == [
+        (1, [com]) for com in ("thorax", "thorax", "abdomen", "abdomen")
+    ]
+    assert [(item.com, item.basin) for item in failures] == [("pelvis", "exact, hanging")] * 2
+    assert "expert 23 kg, pelvis" in failures[0].reason
+    assert calls == [6, 1, 1, 1, 1, 1, 1]
+    assert all_or_each(compute, lift()[4:], basin="x")[0] == []
+    assert all_or_each(compute, [], basin="x") == ([], [])
+    assert all_or_each(compute, lift()[:2], basin="x")[0][0][1] == ["thorax", "thorax"]
+
+
+def test_what_is_no_numerical_failure_stops_everything():
+    def wrong(items):
+        raise InputError("weights")
+
+    with pytest.raises(InputError, match="weights"):
+        all_or_each(wrong, lift(), basin="x")
+    regulator = {"state_weight": [[1.0, 2.0], [2.0, 1.0]], "control_weight": -1.0}
+    with pytest.raises(InputError, match="2 problems"):
+        basins_of_lift(lift(), changed(FAST, regulator=regulator), seed=1)
+
+
+def test_one_bad_basin_drops_only_its_row(broken):
+    whole = basins_of_lift(lift(), FAST, seed=1).summary
+    keys = ["com", "plane", "method", "sign"]
+    left = broken.summary.set_index(keys)
+    assert len(left) == len(whole) - 2
+    assert ("thorax", "lateral_bending", "exact", "hanging") not in left.index
+    there = whole.set_index(keys).loc[left.index]
+    assert left["mean_area"].to_numpy() == pytest.approx(there["mean_area"].to_numpy(), rel=1e-6)
+    assert {(item.com, item.plane) for item in broken.failures} == {("thorax", "lateral_bending")}
+    assert [item.basin for item in broken.failures] == [
+        "exact, hanging",
+        "sum_of_squares, hanging",
+    ]
+    assert "rad are allowed: raise the regulator's control weight" in broken.failures[0].reason
+    assert not broken.summary["mean_area"].isna().any()
+
+
+def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, monkeypatch):
+    """The novice's thorax has no basin in the headline and under no change of weights."""
+
+    def areas(cases, settings):
+        for item in chain.from_iterable(cases.values()):
+            if (item.subject, item.com) == ("novice", "thorax"):
+                raise NumericalError(f"{item.label}: out of reach")
+        return {name: np.ones(len(items)) for name, items in cases.items()}
+
+    study = study_of([lift_states(), lift_states("novice")], replace(FAST, checks=()), published)
+    gone = (study.boa["subject"] == "novice") & (study.boa["com"] == "thorax") & (study.boa["time"] == "real")
+    monkeypatch.setattr(compared_study, "varied_areas", areas)
+    table, controls, _, missing = tables_4_1(replace(study, boa=study.boa[~gone]))
+    rows = table.frame.set_index(["comparison", "com"])
+    row = rows.loc["expert_vs_novice", "thorax"]
+    assert row["status"].startswith("no basin: novice 23 kg thorax lateral_bending")
+    assert np.isnan(row["lateral_bending_headline_percent"]) and np.isfinite(row["lateral_bending_percent"])
+    assert controls.frame["verdict"].str.startswith("no basin: novice 23 kg").any()
+    assert rows.loc["expert_vs_novice", "pelvis"]["status"] == "computed"
+    assert "novice 23 kg, thorax, lateral_bending: Table 4.1, Q multiplied" in table.to_html()
+    assert "nan" not in table.to_latex() and "nan" not in controls.to_html()
+    assert any("Q multiplied" in text for text in missing["basin"])
+
+
+def test_a_lift_without_any_basin_is_still_compared_by_name(published):
+    lost = lift_states(hips=False)
+    lost.facts["length_m"] = {com: dict.fromkeys(PLANES, 0.02) for com in COMS}
+    study = study_of([lost, lift_states(box=15.0, hips=False)], replace(FAST, checks=()), published)
+    table, _, grid, _ = tables_4_1(study)
+    status = table.frame.set_index(["comparison", "com"])["status"]
+    assert status["decrease_in_mass_expert", "pelvis"].startswith(
+        "no basin: expert 23 kg pelvis lateral_bending"
+    )
+    assert table.frame["lateral_bending_headline_percent"].isna().all()
+    assert grid["status"].str.contains("length_m: 0.02").any()
+    funnels = basins_of_lift([], FAST, seed=1).funnels
+    assert funnels.empty
+    for figure in (figure_4_3(funnels, 1.0), figure_4_4(funnels), comparison_figure([], FAST)):
+        assert "no basin" in str([text.get_text() for axis in figure.axes for text in axis.texts])
+
+
+def test_exponents_stand_beside_the_basins_of_repeated_trials():
+    """Thirty noisy repetitions of each box give numbers, fewer say how many there are."""
+    generator = np.random.default_rng(5)
+
+    def repeated(box, mass, count):
+        items = []
+        for _ in range(count):
+            for item in lift(box=box, mass=mass)[2:4]:
+                noise = 0.01 * generator.normal(size=2)
+                angle, velocity = item.angle * (1 + noise[0]), item.angular_velocity * (1 + noise[1])
+                items.append(replace(item, angle=angle, angular_velocity=velocity))
+        return items
+
+    settings = replace(FAST, checks=())
+    boxes = {23.0: 33.0, 15.0: 28.0}
+    boa = pd.concat(
+        [basins_of_lift(lift(box=box, mass=mass), settings, 1).summary for box, mass in boxes.items()]
+    )
+    texts = []
+    for count in (30, 2):
+        everything = [item for box, mass in boxes.items() for item in repeated(box, mass, count)]
+        found = compared_exponents(everything, "flexion_extension", comparisons(boa, None))
+        texts.append(found["decrease_in_mass_expert", "abdomen"])
+    assert texts[0].count("1/s, estimated from 30 trials") == 2
+    assert texts[1].count("insufficient data: 2 trials, at least 30 are needed") == 2
+
+
+def test_announcement_and_table_name_everything(tmp_path, broken):
+    path = tmp_path / "failures.csv"
+    failures_frame(broken.failures).to_csv(path, index=False)
+    text = announcement(path)
+    assert text.startswith("WARNING: 2 basins of attraction could not be computed")
+    assert "expert 23 kg, thorax, lateral_bending: exact, hanging: " in text
+    assert "in no other table" in failures_table(failures_frame(broken.failures), "test").to_html()
+    failures_frame([]).to_csv(path, index=False)
+    assert announcement(path) == ""
+    assert "Every basin was computed" in failures_table(failures_frame([]), "test").to_html()
+
+
+FEET = {"foot_ahead_m": 0.6, "foot_behind_m": 0.45, "feet_half_width_m": 0.45}
+"""Feet so long that no feedforward of these lifts is beyond them."""
+
+
+def test_extended_basins_hold_every_loop_and_check():
+    """Limits that cannot bind leave the nominal basin, and the table says so; those that bind cost area and hold."""
+    settings = changed(SETTINGS, limits=FEET, checks=["simulation", "proof", "extended"])
+    frame, failures = extended_basins(lift()[:2], settings, seed=1)
+    assert not failures and list(frame.columns) == list(COLUMNS)
+    counts = frame.groupby(["loop", "method", "sign"]).size()
+    assert (counts == 2).all() and len(counts) == 5
+    rows = frame.set_index(["loop", "sign", "plane"]).sort_index()
+    free = rows.loc[("torque_limited", "hanging", "lateral_bending")]
+    assert free["binds"] == "no" and free["area_ratio"] == 1
+    bound = rows.loc[("torque_limited", "inverted", "flexion_extension")]
+    assert bound["binds"] == "yes" and bound["area_ratio"] < 1 + 1e-6 and bound["exits"] == 0
+    assert bound["highest_torque_N_m"] == pytest.approx(0.45 * 33 * 9.81)
+    assert (rows.loc["uncertain_mass", "area_ratio"] < 1).all() and (
+        rows.loc["better_v", "area_ratio"] > 1.2
+    ).all()
+    assert rows["proved_share"].dropna().min() > 0.9
+    assert "cannot bind" in extended_table(frame, settings, "test").to_html()
+
+
+def test_without_the_check_the_table_says_that_it_was_not_chosen():
+    page = extended_table(nothing_extended(), FAST, "test").to_html()
+    assert "Not computed: &#39;extended&#39; is not among stability.checks" in page
+
+
+def test_limits_beyond_any_basin_are_failures_not_zeros():
+    limits = {"mass_share": 0.5, **dict.fromkeys(FEET, 0.001)}
+    settings = changed(FAST, limits=limits, goal_level=1e-4)
+    frame, failures = extended_basins(lift()[:2], settings, seed=1)
+    assert set(frame["loop"]) == {"better_v"}
+    reasons = {item.basin: item.reason for item in failures}
+    assert "the feedforward torque reaches" in reasons["torque_limited, exact, inverted"]
+    assert "no basin of the goal set is left" in reasons["uncertain_mass, sum_of_squares, hanging"]
+    assert all(item.reason.startswith("expert 23 kg, thorax, ") for item in failures)

@@ -1,0 +1,257 @@
+"""Exact funnels: against eigenvalues of the linear loop, brute force, simulation and Liouville's theorem."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
+
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.funnel import exact_funnels, funnel_variants, reachable_area, regulate
+from lumbar.lifting.stability.funnel.invariance import boundary_growth, normal_axes
+from lumbar.lifting.stability.funnel.monte_carlo_check import (
+    monte_carlo_check,
+    quadratic_form,
+    simulate,
+    upper_share,
+)
+from lumbar.lifting.stability.model.riccati import Weights, cost_to_go, determinant, gain, riccati_rate
+
+SIGNS = ("hanging", "inverted")
+
+
+def full(entries):
+    return np.array([[entries[0], entries[1]], [entries[1], entries[2]]])
+
+
+def loops_of(items, sign, **keywords):
+    return regulate(pendulums_of(items, sign, **keywords), WEIGHTS)
+
+
+def growth_by_brute_force(loops, knot, index, level):
+    """Return the largest V̇/ρ from the error dynamics themselves, written down anew, on a fine grid."""
+    pendulums, point = loops.pendulums, 2 * knot
+    cost = full(loops.cost[point, index])
+    rate = -full(riccati_rate(pendulums, loops.weights, pendulums.angle[point], loops.cost[point])[index])
+    factor = np.linalg.inv(np.linalg.cholesky(cost)).T
+    angle, inertia = pendulums.angle[point, index], pendulums.inertia[index]
+
+    def growth(circle):
+        error, velocity = np.sqrt(level) * factor @ np.stack([np.cos(circle), np.sin(circle)])
+        feedback = (cost[1, 0] * error + cost[1, 1] * velocity) / (inertia * float(loops.weights.control))
+        gravity = pendulums.gravity_torque[index] * (np.sin(angle + error) - np.sin(angle))
+        acceleration = (-feedback - pendulums.damping[index] * velocity - gravity) / inertia
+        state, flow = np.stack([error, velocity]), np.stack([velocity, acceleration])
+        return (np.sum(state * (rate @ state), axis=0) + 2 * np.sum(state * (cost @ flow), axis=0)) / level
+
+    circle = np.linspace(0, 2 * np.pi, 20001)
+    for width in (1e-3, 1e-6):
+        best = circle[growth(circle).argmax()]
+        circle = np.linspace(best - width, best + width, 2001)
+    return growth(circle).max()
+
+
+@pytest.mark.parametrize("sign", SIGNS)
+@pytest.mark.parametrize("level", [1e-4, 1.0, 30.0, 1000.0])
+def test_boundary_growth_against_brute_force(sign, level):
+    items = [minimum_jerk(), minimum_jerk(start=-1.2, end=1.0, mass=12.0, length=0.5)]
+    loops = loops_of(items, sign)
+    for knot in (0, 137, 400):
+        form = loops.form(2 * knot)
+        found = boundary_growth(form, np.full(2, level))
+        for index in range(2):
+            expected = growth_by_brute_force(loops, knot, index, level)
+            assert found[index] == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def test_boundary_growth_finds_the_global_maximum_of_random_forms():
+    generator = np.random.default_rng(5)
+    loops = loops_of([minimum_jerk(start=start) for start in generator.uniform(-2.5, 2.5, 40)], "inverted")
+    form = loops.form(0)
+    level = 10 ** generator.uniform(-2, 3, 40)
+    found = boundary_growth(form, level)
+    expected = [growth_by_brute_force(loops, 0, index, level[index]) for index in range(40)]
+    assert found == pytest.approx(np.array(expected), rel=1e-5, abs=1e-5)
+
+
+def test_without_gravity_the_rate_is_an_eigenvalue():
+    """A linear loop has V̇ = −x̄ᵀ(Q + KᵀRK)x̄, so d ln ρ/dt is a generalised eigenvalue whatever ρ."""
+    from scipy.integrate import cumulative_simpson
+    from scipy.linalg import eigvalsh
+
+    loops = loops_of([minimum_jerk()], "hanging", gravity=0.0)
+    control = WEIGHTS.control * loops.pendulums.inertia[0] ** 2
+    rates = []
+    for entries in loops.cost[:, 0]:
+        column = full(entries)[:, 1:]
+        decay = full(WEIGHTS.state) + column @ column.T / control
+        rates.append(-eigvalsh(decay, full(entries))[0])
+    half_step = loops.step[0] / 2
+    integral = cumulative_simpson(np.array(rates), dx=half_step, initial=0.0)
+    expected = np.exp(integral - integral[-1])[::2]
+    assert exact_funnels(loops).level[:, 0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_steady_linear_loop_has_an_exponential_funnel():
+    from scipy.linalg import eigvalsh, solve_continuous_are
+
+    item = minimum_jerk(duration=2.0)
+    pendulums = pendulums_of([item], "hanging", gravity=0.0)
+    a = np.array([[0, 1], [0, -1 / pendulums.inertia[0]]])
+    b = np.array([[0], [1 / pendulums.inertia[0]]])
+    cost = solve_continuous_are(a, b, full(WEIGHTS.state), [[float(WEIGHTS.control)]])
+    steady = Weights(WEIGHTS.state, WEIGHTS.control, np.array([cost[0, 0], cost[0, 1], cost[1, 1]]))
+    funnels = exact_funnels(regulate(pendulums, steady), terminal_level=0.5)
+    decay = eigvalsh(full(WEIGHTS.state) + cost @ b @ b.T @ cost / WEIGHTS.control, cost)[0]
+    assert funnels.level[0, 0] == pytest.approx(0.5 * np.exp(2.0 * decay), rel=1e-7)
+    # (1/T)∫A dt of an exponential: A_f·(e^{λT} − 1)/(λT)
+    goal = np.pi * 0.5 / np.sqrt(np.linalg.det(cost))
+    assert funnels.mean_area[0] == pytest.approx(goal * np.expm1(2 * decay) / (2 * decay), rel=1e-7)
+    assert funnels.minimum_area[0] == pytest.approx(goal, rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", SIGNS)
+def test_doubling_the_knots_changes_areas_little(sign):
+    items = [minimum_jerk(), minimum_jerk(mass=20.0, length=0.7, duration=1.0)]
+    coarse, fine = (exact_funnels(loops_of(items, sign, knots=knots)).mean_area for knots in (251, 501))
+    assert coarse == pytest.approx(fine, rel=1e-5)
+
+
+def test_small_goal_sets_scale():
+    """Where the ellipse is small the loop is linear: the area is proportional to ρ(T)."""
+    loops = loops_of([minimum_jerk()], "inverted")
+    tiny, smaller = exact_funnels(loops, 1e-12), exact_funnels(loops, 1e-14)
+    assert tiny.mean_area == pytest.approx(100 * smaller.mean_area, rel=1e-4)
+
+
+@pytest.mark.parametrize("sign", SIGNS)
+def test_no_simulated_start_leaves_and_the_control_does(sign):
+    items = [minimum_jerk(), minimum_jerk(start=0.1, end=-0.1, mass=18, length=0.95)]
+    loops = loops_of(items, sign)
+    exact, _, control = funnel_variants(loops, 1.0, negative_control=0.3)
+    assert exact.level == pytest.approx(exact_funnels(loops).level, rel=1e-12)
+    assert monte_carlo_check(loops, exact, 2000, [1]).exits.tolist() == [0, 0]
+    assert (monte_carlo_check(loops, control, 2000, [1]).exits > 0).all()
+
+
+def test_simulation_is_the_true_dynamics():
+    """Against solve_ivp on Eq. 4.1 itself with feedforward and feedback, not on error coordinates."""
+    from scipy.integrate import solve_ivp
+    from scipy.interpolate import CubicSpline
+
+    item = minimum_jerk()
+    loops = loops_of([item], "inverted")
+    inertia, weight = item.mass_kg * item.length_m**2, -item.mass_kg * GRAVITY * item.length_m
+    time = np.linspace(0, item.duration, len(loops.cost))
+    gains = CubicSpline(time, np.stack(gain(loops.pendulums, WEIGHTS.control, loops.cost), axis=-1)[:, 0])
+    reference = CubicSpline(item.time, np.stack([item.angle, item.angular_velocity], axis=-1))
+    acceleration = CubicSpline(item.time, item.angular_acceleration)
+
+    def rate(now, state):
+        angle, velocity = reference(now)
+        forward = inertia * acceleration(now) + 1.0 * velocity + weight * np.sin(angle)
+        torque = forward - gains(now) @ (state - reference(now))
+        return [state[1], (torque - 1.0 * state[1] - weight * np.sin(state[0])) / inertia]
+
+    start = np.array([0.5, -0.8])
+    end = solve_ivp(rate, (0, item.duration), reference(0.0) + start, rtol=1e-9, atol=1e-11).y[:, -1]
+    *_, (_, state) = simulate(loops, start[:, None, None])
+    assert state[:, 0, 0] == pytest.approx(end - reference(item.duration), abs=1e-6)
+
+
+@pytest.mark.parametrize("sign", SIGNS)
+def test_reachable_area_is_that_of_the_simulated_boundary(sign):
+    """The edge of the goal set simulated backward encloses the area that Liouville's theorem gives."""
+    from scipy.integrate import solve_ivp
+    from scipy.interpolate import CubicSpline
+
+    loops = loops_of([minimum_jerk(duration=0.5)], sign)
+    pendulums, inertia = loops.pendulums, loops.pendulums.inertia[0]
+    phase = np.linspace(0, 1, len(loops.cost))
+    gains = CubicSpline(phase, np.stack(gain(pendulums, WEIGHTS.control, loops.cost), axis=-1)[:, 0])
+    angle = CubicSpline(phase, pendulums.angle[:, 0])
+    a, p, q = (float(axis[0]) for axis in normal_axes(loops.cost[-1]))
+    circle = np.linspace(0, 2 * np.pi, 1500, endpoint=False)
+    edge = np.stack([a * np.cos(circle), p * np.cos(circle) + q * np.sin(circle)])
+
+    def rate(now, flat):
+        error, velocity = flat.reshape(2, -1)
+        first, second = gains(now / 0.5)
+        theta = angle(now / 0.5)
+        gravity = pendulums.gravity_torque[0] * (np.sin(theta + error) - np.sin(theta))
+        return np.concatenate([velocity, -(first * error + (second + 1.0) * velocity + gravity) / inertia])
+
+    x, y = solve_ivp(rate, (0.5, 0), edge.ravel(), rtol=1e-8, atol=1e-10).y[:, -1].reshape(2, -1)
+    polygon = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+    assert reachable_area(loops)[0] == pytest.approx(polygon, rel=1e-4)
+    # The funnel lies inside: every point of the simulated boundary has V ≥ ρ at t = 0.
+    funnels = exact_funnels(loops)
+    outside = quadratic_form(funnels.cost[0], np.stack([x, y])[:, None, :])
+    assert outside.min() >= funnels.level[0, 0] * (1 - 1e-6)
+    assert funnels.initial_area[0] < reachable_area(loops)[0]
+
+
+def test_area_of_the_ellipse():
+    loops = loops_of([minimum_jerk()], "hanging")
+    funnels = exact_funnels(loops)
+    semi_axes = np.sqrt(funnels.level[0, 0] / np.linalg.eigvalsh(full(funnels.cost[0, 0])))
+    assert funnels.initial_area[0] == pytest.approx(np.pi * np.prod(semi_axes))
+    assert determinant(funnels.cost[0, 0]) == pytest.approx(np.linalg.det(full(funnels.cost[0, 0])))
+
+
+def test_signs_differ_and_mirror_images_agree():
+    item = minimum_jerk()
+    mirrored = replace(item, angle=-item.angle, angular_velocity=-item.angular_velocity)
+    hanging, mirror = exact_funnels(loops_of([item, mirrored], "hanging")).mean_area
+    assert hanging == pytest.approx(mirror, rel=1e-9)
+    assert abs(exact_funnels(loops_of([item], "inverted")).mean_area[0] / hanging - 1) > 0.05
+
+
+def test_dimensions_of_the_pendulum_scale():
+    """Mass, damping and 1/√R scaled together leave the dynamics, and so the basin, as they are."""
+    heavy = Weights(WEIGHTS.state, WEIGHTS.control / 9, WEIGHTS.terminal)
+    base = exact_funnels(loops_of([minimum_jerk()], "inverted"))
+    scaled = exact_funnels(regulate(pendulums_of([minimum_jerk(mass=99.0)], "inverted", damping=3.0), heavy))
+    assert scaled.mean_area == pytest.approx(base.mean_area, rel=1e-8)
+
+
+def test_one_hundred_pendulums_equal_one():
+    item = minimum_jerk()
+    one = exact_funnels(loops_of([item], "hanging", knots=101)).mean_area[0]
+    many = exact_funnels(loops_of([item] * 100, "hanging", knots=101)).mean_area
+    assert many == pytest.approx(np.full(100, one))
+
+
+def test_basin_of_many_turns_is_no_result():
+    strong = Weights(WEIGHTS.state * 50, WEIGHTS.control / 1000, WEIGHTS.terminal)
+    loops = regulate(pendulums_of([minimum_jerk(duration=8.0)], "hanging"), strong)
+    with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, .*the basin reaches"):
+        exact_funnels(loops)
+
+
+def test_goal_set_beyond_every_funnel_is_named():
+    loops = loops_of([minimum_jerk()], "hanging")
+    with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, .*the goal set reaches 3\.1[0-9] rad"):
+        exact_funnels(loops, (np.pi + 1e-6) ** 2 * 100)
+
+
+def test_knots_too_far_apart_for_the_loop_are_named():
+    strong = Weights(WEIGHTS.state, WEIGHTS.control / 1000, WEIGHTS.terminal)
+    loops = regulate(pendulums_of([minimum_jerk(mass=3.0, length=0.3)], "hanging", knots=51), strong)
+    with pytest.raises(NumericalError, match=r"raise stability\.knots"):
+        list(simulate(loops, np.zeros((2, 1, 1))))
+
+
+def test_upper_share_is_clopper_pearson():
+    from statsmodels.stats.proportion import proportion_confint
+
+    for exits in (0, 3, 250, 499, 500):
+        expected = proportion_confint(exits, 500, method="beta")[1]
+        assert upper_share(np.array(exits), 500) == pytest.approx(expected)
+
+
+def test_cost_to_go_decides_the_goal_set():
+    pendulums = pendulums_of([minimum_jerk()], "hanging")
+    assert cost_to_go(pendulums, WEIGHTS)[-1, 0] == pytest.approx(WEIGHTS.terminal)

@@ -1,0 +1,202 @@
+"""Torque limits and uncertain masses in every method and in the proof between knots, against each other and simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.lifting.stability.funnel.funnel import exact_funnels, regulate
+from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
+from lumbar.lifting.stability.funnel.polynomials import monomials, side_map
+from lumbar.lifting.stability.funnel.saturation import (
+    Saturation,
+    disturbance_of,
+    reference_of,
+    saturated_funnels,
+    saturated_growth,
+)
+from lumbar.lifting.stability.programme.bilinear_alternation import alternate
+from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
+from lumbar.lifting.stability.programme.circle_programme import CircleProgramme
+from lumbar.lifting.stability.programme.saturation_cases import Case, case_maximum, saturation_cases
+from lumbar.lifting.stability.programme.sum_of_squares import Certificate
+from lumbar.lifting.stability.proof.interval_proof import proved_share
+
+SIGNS = ("hanging", "inverted")
+KINDS = ("torque", "mass", "both")
+GOAL = 3.0
+
+
+def limited(sign, kind, box=True, knots=161):
+    """Loops of one movement, carried with or without a box, and limits that bind."""
+    mass = 33.0 if box else 18.0
+    loops = regulate(pendulums_of([minimum_jerk(start=0.2, end=0.0, mass=mass)], sign, knots=knots), WEIGHTS)
+    peak = float(np.abs(reference_of(loops.pendulums).torque).max())
+    torque = {"torque": 1.05 * peak, "mass": np.inf, "both": 1.1 * peak}[kind]
+    return loops, Saturation(torque, 0.0 if kind == "torque" else 0.05)
+
+
+def certify(loops, saturation, degree=5, knots=37):
+    return certified_funnels(loops, GOAL, degree, knots, 2, 2e-5, saturation)
+
+
+def cases_at(loops, point, level, saturation, degree):
+    reference = reference_of(loops.pendulums)
+    return saturation_cases(
+        loops.pendulums,
+        loops.form(point),
+        loops.cost[point],
+        loops.gains[point],
+        level,
+        (reference.torque[point], reference.velocity[point]),
+        saturation,
+        degree,
+    )[0]
+
+
+def test_limits_describe_themselves():
+    assert str(Saturation()) == "no limits" and not Saturation().active
+    assert str(Saturation(60.0, 0.05)) == "|u| ≤ 60 N·m, mass ±5 %" and Saturation(mass_share=0.1).active
+
+
+@pytest.mark.parametrize("sign", SIGNS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_largest_case_is_the_growth_with_the_true_sine(sign, kind):
+    """The methods' polynomials (degree 7) against the clipped torque and the sine, which know nothing of cases."""
+    loops, saturation = limited(sign, kind)
+    reference = reference_of(loops.pendulums)
+    funnel = saturated_funnels(loops, GOAL, saturation).exact
+    for point in (0, 100, 320):
+        level = funnel.level[point // 2]
+        cases = cases_at(loops, point, level, saturation, 7)
+        expected = saturated_growth(loops, point, level, saturation, reference)[0]
+        assert max(case_maximum(case, 7) for case in cases) == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("degree", [3, 5, 7])
+def test_arc_certificates_lose_nothing(degree):
+    """Random polynomials on random arcs: the programme's bound is the maximum, by roots of the derivative."""
+    generator, programme = np.random.default_rng(degree), CircleProgramme(degree)
+    for _ in range(40):
+        coefficients = generator.normal(size=len(monomials(degree + 1)))
+        half, middle = generator.uniform(0.02, 3.1), generator.uniform(0, 7)
+        side = np.array([-np.cos(half), np.cos(middle), np.sin(middle)])
+        found = programme.rate(coefficients, "random", side)
+        assert found == pytest.approx(case_maximum(Case(coefficients, side), degree), abs=1e-6)
+        assert found <= programme.rate(coefficients, "random") + 1e-6
+
+
+def test_case_maximum_against_a_dense_grid():
+    generator = np.random.default_rng(2)
+    circle = np.linspace(0, 2 * np.pi, 20_001)
+    z = np.stack([np.cos(circle), np.sin(circle)])
+    for _ in range(20):
+        coefficients, side = generator.normal(size=len(monomials(6))), generator.normal(size=3)
+        values = sum(c * z[0] ** i * z[1] ** j for c, (i, j) in zip(coefficients, monomials(6), strict=True))
+        within = side[0] + side[1] * z[0] + side[2] * z[1] >= 0
+        if within.any() and not within.all():
+            assert case_maximum(Case(coefficients, side), 5) == pytest.approx(values[within].max(), abs=2e-3)
+
+
+def test_thesis_programme_with_a_side_bounds_the_arc():
+    """L and σ of lower degree than the arc's own certificate: never below the maximum, and near it."""
+    generator, certificate = np.random.default_rng(4), Certificate(3)
+    for _ in range(15):
+        coefficients = generator.normal(size=len(monomials(4)))
+        side = np.array([generator.uniform(-0.5, 0.5), 1.0, 0.3])
+        rate, _ = certificate.solve(coefficients, "random", side)
+        highest = case_maximum(Case(coefficients, side), 3)
+        assert highest - 1e-6 <= rate <= certificate.solve(coefficients, "random")[0] + 1e-6
+
+
+def test_side_map_is_a_polynomial_identity():
+    side, z = np.array([0.3, -1.2, 0.7]), np.array([0.4, -0.9])
+    basis = np.array([z[0] ** i * z[1] ** j for i, j in monomials(1)])
+    triangle = [
+        basis[row] * basis[column] * (1 if row == column else np.sqrt(2))
+        for column in range(3)
+        for row in range(column + 1)
+    ]
+    powers = np.array([z[0] ** i * z[1] ** j for i, j in monomials(4)])
+    assert powers @ side_map(side, 3) == pytest.approx((side @ [1, *z]) * np.array(triangle))
+
+
+@pytest.mark.parametrize("sign", SIGNS)
+@pytest.mark.parametrize(("kind", "box"), [("torque", True), ("mass", False), ("both", True)])
+def test_certified_area_is_the_exact_one(kind, sign, box):
+    """Two methods that share only the equation of motion: areas at 37 knots, and limits that cost area."""
+    loops, saturation = limited(sign, kind, box, knots=331)
+    exact = saturated_funnels(loops, GOAL, saturation, negative_control=5.0)
+    assert exact.held.all()
+    funnels, agreement = certify(loops, saturation)
+    assert funnels.mean_area == pytest.approx(exact.exact.mean_area, rel=1e-2)
+    assert agreement.margin_difference.max() < 1e-6
+    assert funnels.mean_area[0] < 0.9999 * exact_funnels(loops, GOAL).mean_area[0]
+    disturbance = disturbance_of(loops, saturation, 500, [2])
+    assert monte_carlo_check(loops, exact.exact, 500, [1], disturbance).exits[0] == 0
+    assert monte_carlo_check(loops, exact.negative_control, 500, [1], disturbance).exits[0] > 0
+
+
+def test_certified_area_converges_to_the_exact_one():
+    loops, saturation = limited("hanging", "torque", knots=321)
+    exact = saturated_funnels(loops, GOAL, saturation).exact.mean_area
+    errors = [abs(certify(loops, saturation, 5, knots)[0].mean_area / exact - 1)[0] for knots in (21, 81)]
+    assert errors[1] < 0.2 * errors[0] and errors[1] < 2e-4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_proof_between_knots_knows_the_limits(kind):
+    """With its own margin the limited funnel is proved nearly everywhere; the unlimited and the overstated are not."""
+    loops, saturation = limited("inverted" if kind == "mass" else "hanging", kind)
+    goal = 1.0 if kind == "mass" else GOAL
+    found = saturated_funnels(loops, goal, saturation, margin=0.05, negative_control=5.0)
+    assert proved_share(loops, found.with_margin, saturation)[0] > 0.9
+    assert proved_share(loops, found.negative_control, saturation)[0] < 0.05
+    nominal = saturated_funnels(loops, goal, Saturation(), margin=0.05).with_margin
+    assert proved_share(loops, nominal)[0] == 1
+    assert proved_share(loops, nominal, saturation)[0] < 0.97
+
+
+def test_thesis_engine_with_limits_is_no_certificate_either():
+    loops, saturation = limited("hanging", "torque")
+    options = {"degree": 3, "knots": 9, "initial_level": GOAL, "ratio": 0.8, "alternations": 2}
+    plain, found = alternate(loops, **options), alternate(loops, **options, saturation=saturation)
+    assert found.funnels.mean_area[0] < plain.funnels.mean_area[0]
+    assert found.violation_share[0] > 0.3
+    far = alternate(loops, **options, saturation=Saturation(1e6))
+    assert far.funnels.level == pytest.approx(plain.funnels.level, rel=1e-6)
+
+
+@pytest.mark.parametrize("saturation", [Saturation(5.0), Saturation(mass_share=0.5)])
+def test_no_basin_left_is_named_by_every_engine(saturation):
+    loops = regulate(pendulums_of([minimum_jerk()], "inverted", knots=161), WEIGHTS)
+    assert saturated_funnels(loops, 1e-3, saturation).reason[0]
+    with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, flexion_extension \(inverted\): "):
+        certified_funnels(loops, 1e-3, 5, 21, 2, 2e-5, saturation)
+
+
+def test_limits_that_differ_between_the_sides_hold_in_every_engine():
+    """More torque backward than forward: exact, certified, simulated and proved agree; the nominal funnel is too large."""
+    loops, _ = limited("inverted", "torque")
+    wanted = reference_of(loops.pendulums).torque
+    low, high = 1.05 * float(wanted.min()), max(1.05 * float(wanted.max()), 20.0)
+    assert low < -1.2 * high
+    saturation = Saturation(torque=(high - low) / 2, bias=(high + low) / 2)
+    found = saturated_funnels(loops, GOAL, saturation, 0.05)
+    nominal = exact_funnels(loops, GOAL)
+    assert found.held.all() and found.exact.mean_area[0] < 0.999 * nominal.mean_area[0]
+    disturbance = disturbance_of(loops, saturation, 2000, [5])
+    assert monte_carlo_check(loops, found.exact, 2000, [4], disturbance).exits[0] == 0
+    assert monte_carlo_check(loops, nominal, 2000, [4], disturbance).exits[0] > 0
+    error, velocity = np.full((1, 1), 0.05), np.zeros((1, 1))
+    wanted = reference_of(loops.pendulums).torque[40] - loops.gains[40][:, 0] * 0.05
+    added = np.clip(wanted, low, high) - wanted
+    assert disturbance(40, np.stack([error, velocity]))[0, 0] == pytest.approx(
+        (added / loops.pendulums.inertia)[0]
+    )
+    assert certify(loops, saturation)[0].mean_area[0] == pytest.approx(found.exact.mean_area[0], rel=0.02)
+    assert proved_share(loops, found.with_margin, saturation)[0] > 0.9
+    with pytest.raises(InputError, match="one at a time"):
+        Saturation(10.0, 0.05, 1.0)

@@ -1,0 +1,220 @@
+"""Torque limits, uncertain masses, better V, perturbed trials, exponents: closed forms, brute force, simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
+
+from lumbar.base.errors import InputError
+from lumbar.lifting.population.contrast import Interval
+from lumbar.lifting.stability.comparison.lyapunov_exponent import maximum_exponent
+from lumbar.lifting.stability.comparison.verdicts import verdict
+from lumbar.lifting.stability.funnel.funnel import exact_funnels, reachable_area, regulate
+from lumbar.lifting.stability.funnel.invariance import normal_axes
+from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family, with_lyapunov_function
+from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
+from lumbar.lifting.stability.funnel.saturation import (
+    Saturation,
+    disturbance_of,
+    reference_of,
+    saturated_funnels,
+)
+from lumbar.lifting.stability.model.pendulum_loop import feedforward_torque
+from lumbar.lifting.stability.model.riccati import check_weights
+
+SIGNS = ("hanging", "inverted")
+
+
+def loops_of(items, sign, **keywords):
+    return regulate(pendulums_of(items, sign, **{"knots": 201, **keywords}), WEIGHTS)
+
+
+@pytest.mark.parametrize("sign", SIGNS)
+def test_without_limits_it_is_the_exact_engine(sign):
+    loops = loops_of([minimum_jerk(), minimum_jerk(start=-0.3)], sign)
+    found = saturated_funnels(loops, 1.0, Saturation())
+    assert found.held.all()
+    assert found.exact.level == pytest.approx(exact_funnels(loops).level, rel=1e-6)
+
+
+def test_reference_torque_is_inverse_dynamics():
+    item = minimum_jerk()
+    found = reference_of(pendulums_of([item], "inverted", knots=401)).torque[:, 0]
+    expected = np.interp(
+        np.linspace(0, item.duration, 801), item.time, feedforward_torque(item, "inverted", 1.0, GRAVITY)
+    )
+    assert found[20:-20] == pytest.approx(expected[20:-20], abs=0.02)
+
+
+@pytest.mark.parametrize("sign", SIGNS)
+@pytest.mark.parametrize("kind", ["torque", "mass", "both"])
+def test_limited_basins_hold_in_simulation_and_the_unlimited_do_not(sign, kind):
+    loops = loops_of([minimum_jerk(start=0.2, end=0.0)], sign)
+    goal = 6.0
+    peak = float(np.abs(reference_of(loops.pendulums).torque).max())
+    torque = {"torque": 1.05 * peak, "mass": np.inf, "both": 1.1 * peak}[kind]
+    saturation = Saturation(torque, 0.0 if kind == "torque" else 0.05)
+    found = saturated_funnels(loops, goal, saturation)
+    exact = exact_funnels(loops, goal)
+    assert found.held.all()
+    assert found.exact.mean_area[0] < 0.9999 * exact.mean_area[0]
+    disturbance = disturbance_of(loops, saturation, 2000, [5])
+    assert monte_carlo_check(loops, found.exact, 2000, [4], disturbance).exits[0] == 0
+    assert monte_carlo_check(loops, exact, 2000, [4], disturbance).exits[0] > 0
+
+
+def test_limits_that_leave_no_basin_are_said():
+    loops = loops_of([minimum_jerk()], "inverted")
+    assert not saturated_funnels(loops, 1.0, Saturation(torque=5.0)).held.any()
+    assert not saturated_funnels(loops, 1e-6, Saturation(mass_share=0.3)).held.any()
+    with pytest.raises(InputError, match="must be positive"):
+        Saturation(torque=0.0)
+    with pytest.raises(InputError, match=r"\[0, 1\)"):
+        Saturation(mass_share=1.0)
+
+
+def torque_limited_pendulum(limit):
+    """Swing-up pendulum of the LQR-trees literature about the top: m 1 kg, ℓ 0.5 m, b 0.1, Q diag(10, 1), R 15.
+
+    Tedrake, Manchester, Tobenkin & Roberts, International Journal of Robotics Research 29 (2010) 1038-1052.
+    """
+    from scipy.linalg import solve_continuous_are
+
+    inertia, weight, damping = 0.25, 9.8 * 0.5, 0.1
+    a, b = np.array([[0, 1], [weight / inertia, -damping / inertia]]), np.array([[0], [1 / inertia]])
+    cost = solve_continuous_are(a, b, np.diag([10.0, 1.0]), [[15.0]])
+    weights = check_weights([[10, 0], [0, 1]], 15.0, [[1, 0], [0, 1]])
+    weights = replace(weights, terminal=np.array([cost[0, 0], cost[0, 1], cost[1, 1]]))
+    still = minimum_jerk(start=0.0, end=0.0, duration=6.0, mass=1.0, length=0.5)
+    loops = regulate(pendulums_of([still], "inverted", damping=damping, gravity=9.8, knots=301), weights)
+    gain = cost[1] / (inertia * 15.0)
+
+    def growth(level):
+        """V̇ on V = level, written down anew, with saturated torque."""
+        circle = np.linspace(0, 2 * np.pi, 2001)
+        x = np.linalg.inv(np.linalg.cholesky(cost)).T @ np.stack([np.cos(circle), np.sin(circle)])
+        x = x * np.sqrt(level)
+        torque = np.clip(-gain @ x, -limit, limit)
+        acceleration = (torque - damping * x[1] + weight * np.sin(x[0])) / inertia
+        return 2 * np.sum((cost @ x) * np.stack([x[1], acceleration]), axis=0).max()
+
+    return loops, growth
+
+
+@pytest.mark.parametrize("limit", [0.5, 1.0, np.inf])
+def test_torque_limited_pendulum_of_the_literature(limit):
+    """Backward in time the funnel grows to the region of attraction {V < ρ*}, ρ* the first zero of max V̇."""
+    from scipy.optimize import brentq
+
+    loops, growth = torque_limited_pendulum(limit)
+    levels = np.geomspace(1e-2, 1e4, 120)
+    first = int(np.argmax([growth(level) > 0 for level in levels]))
+    expected = brentq(growth, levels[first - 1], levels[first])
+    found = saturated_funnels(loops, 0.2 * expected, Saturation(torque=limit))
+    assert found.held.all()
+    assert found.exact.level[0, 0] == pytest.approx(expected, rel=2e-3)
+    assert (found.exact.level[:, 0] < expected * (1 + 1e-6)).all()
+    unlimited = saturated_funnels(loops, 0.2 * expected, Saturation()).exact.level[0, 0]
+    assert np.isinf(limit) or found.exact.level[0, 0] < 0.7 * unlimited
+
+
+@pytest.mark.parametrize("limit", [0.5, 1.0])
+def test_torque_limited_region_of_attraction_by_brute_force(limit):
+    """Every state of a grid is simulated by another integrator: the funnel lies inside what comes to rest upright.
+
+    With less torque than the weight's (4.9 N·m) a pendulum that has fallen too far cannot be raised: the region is
+    the strip about the stable direction of the saddle, sin θ = U/(mgℓ) at rest (Tedrake et al. 2010, section 5).
+    """
+    from scipy.integrate import solve_ivp
+
+    loops, _ = torque_limited_pendulum(limit)
+    found = saturated_funnels(loops, 0.05, Saturation(torque=limit)).exact
+    cost, gain = found.cost[0, 0], loops.gains[0, 0]
+    angle, velocity = (
+        axis.ravel() for axis in np.meshgrid(np.linspace(-1.6, 1.6, 57), np.linspace(-7.2, 7.2, 57))
+    )
+
+    def rate(_, flat):
+        theta, omega = flat.reshape(2, -1)
+        torque = np.clip(-gain[0] * theta - gain[1] * omega, -limit, limit)
+        return np.concatenate([omega, (torque - 0.1 * omega + 4.9 * np.sin(theta)) / 0.25])
+
+    end = solve_ivp(rate, (0, 6.0), np.concatenate([angle, velocity]), rtol=1e-8, atol=1e-8).y[:, -1]
+    recovers = (np.abs(end.reshape(2, -1)) < 0.05).all(axis=0)
+    value = cost[0] * angle**2 + 2 * cost[1] * angle * velocity + cost[2] * velocity**2
+    inside = value <= found.level[0, 0]
+    assert inside.sum() > 10 and recovers[inside].all()
+    # The area of a strip cut off by the grid: an ellipse of V covers a fair part of it and never more.
+    cell = (3.2 / 56) * (14.4 / 56)
+    assert 0.2 < found.area[0, 0] / (recovers.sum() * cell) < 1.0
+    # Nobody can hold what weighs more than the torque: at rest the region ends at arcsin U/mgℓ.
+    at_rest = np.abs(angle[recovers & (np.abs(velocity) < 1e-9)])
+    assert np.arcsin(limit / 4.9) - 3.2 / 56 < at_rest.max() <= np.arcsin(limit / 4.9)
+
+
+def test_share_one_is_the_riccati_solution():
+    loops = loops_of([minimum_jerk(), minimum_jerk(mass=20.0)], "hanging")
+    found = with_lyapunov_function(loops, 1.0)
+    assert found.cost == pytest.approx(loops.cost, rel=1e-5, abs=1e-5)
+
+
+def test_best_v_of_a_linear_loop_reaches_liouvilles_area():
+    """Without gravity λ = 0 maps the goal set back exactly: no set can be larger."""
+    loops = loops_of([minimum_jerk()], "hanging", gravity=0.0)
+    best = best_of_family(loops, 1.0, [0.0, 0.5, 1.0], 1e-3)
+    assert best.share[0] == 0
+    assert best.funnels.initial_area == pytest.approx(reachable_area(loops), rel=1e-5)
+    assert best.with_margin.mean_area < best.funnels.mean_area
+
+
+@pytest.mark.parametrize("sign", SIGNS)
+def test_best_v_gains_area_and_holds(sign):
+    loops = loops_of([minimum_jerk(), minimum_jerk(start=0.1, mass=18.0)], sign)
+    best = best_of_family(loops, 1.0, [0.0, 0.25, 1.0], 1e-3)
+    assert (best.funnels.mean_area > 1.3 * exact_funnels(loops).mean_area).all()
+    assert (best.funnels.initial_area < reachable_area(loops)).all()
+    assert monte_carlo_check(best.loops, best.funnels, 1000, [6]).exits.sum() == 0
+    assert best.funnels.area[-1] == pytest.approx(exact_funnels(loops).area[-1])
+    assert np.isfinite(normal_axes(best.loops.cost)).all()
+
+
+def test_verdicts():
+    changed = {"Q divided": 9.0, "the other sign of gravity": 11.0}
+    unknown = Interval(remark="no interval: 1 person (expert), at least 3 are needed")
+    assert verdict(10.0, 1.0, changed, unknown).startswith("survives null control")
+    assert verdict(10.0, 1.0, changed, unknown).endswith(
+        "(no interval: 1 person (expert), at least 3 are needed)"
+    )
+    assert "null control shows +9.00 % of the +10.00 %" in verdict(10.0, 9.0, changed, unknown)
+    assert "sign turns with Q divided" in verdict(10.0, 1.0, {**changed, "Q divided": -1.0}, unknown)
+    assert "contains 0" in verdict(10.0, 1.0, changed, Interval(-2.0, 20.0))
+    assert "[+5.00, +20.00]" in verdict(10.0, 1.0, changed, Interval(5.0, 20.0))
+    assert verdict(None, None, {}, unknown) == "not testable in this study"
+
+
+def test_exponent_of_the_lorenz_system():
+    """Its largest exponent is 0.906 1/s (Sprott, Chaos and Time-Series Analysis, 2003)."""
+    from scipy.integrate import solve_ivp
+
+    def lorenz(_, x):
+        return [10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]]
+
+    trials, state = [], [1.0, 1.0, 20.0]
+    for _ in range(12):
+        times = np.arange(0, 30, 0.05)
+        solution = solve_ivp(lorenz, (0, 30), state, "DOP853", times, rtol=1e-8, atol=1e-8)
+        state = solution.y[:, -1]
+        trials.append(solution.y.T[100:])
+    found = maximum_exponent(trials, 0.05, horizon=2.5, fewest=10)
+    assert found.value == pytest.approx(0.906, rel=0.15)
+    assert found.remark == "estimated from 12 trials"
+
+
+def test_exponent_without_enough_trials_is_not_estimated():
+    found = maximum_exponent([np.zeros((100, 2))] * 5, 0.01, 0.1)
+    assert found.value is None and found.remark.startswith("insufficient data: 5 trials")
+    with pytest.raises(InputError, match="twice the horizon"):
+        maximum_exponent([np.ones((10, 2))] * 30, 0.01, 0.1)

@@ -1,0 +1,149 @@
+"""Sum-of-squares certificates: against exact maxima, cvxpy and polynomials whose answer is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
+
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.funnel import even_knots, regulate
+from lumbar.lifting.stability.funnel.invariance import boundary_growth
+from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
+from lumbar.lifting.stability.funnel.polynomials import (
+    circle_map,
+    circle_maximum,
+    gram_map,
+    growth_polynomial,
+    monomials,
+)
+from lumbar.lifting.stability.programme.bilinear_alternation import ACCURACY, RESOLUTION, LevelStep, alternate
+from lumbar.lifting.stability.programme.saturation_cases import Case
+from lumbar.lifting.stability.programme.sum_of_squares import Certificate, SumOfSquares, grams
+
+C = (np.sqrt(13) - 1) / 6
+"""Where c·s² − c²/2 has its maximum on the circle: the root of 1 − c − 3c²."""
+
+
+@pytest.fixture(scope="module", params=["hanging", "inverted"])
+def loops(request):
+    items = [minimum_jerk(), minimum_jerk(start=0.1, end=-0.1, mass=45.0, length=1.2)]
+    return regulate(pendulums_of(items, request.param), WEIGHTS)
+
+
+def polynomial(degree, **terms):
+    """Coefficients of a polynomial given by exponents, e.g. ``p20=1`` for z1²."""
+    index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
+    coefficients = np.zeros(len(index))
+    for name, value in terms.items():
+        coefficients[index[int(name[1]), int(name[2])]] = value
+    return coefficients
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+@pytest.mark.parametrize(
+    ("terms", "maximum"),
+    [
+        ({"p20": 3.0, "p02": -1.0}, 3.0),
+        ({"p11": 2.0}, 1.0),
+        ({"p22": 4.0}, 1.0),
+        ({"p40": 1.0, "p04": 1.0}, 1.0),
+        ({"p12": 1.0, "p20": -0.5}, C - C**3 - 0.5 * C**2),
+    ],
+)
+def test_certified_rate_is_the_maximum_on_the_circle(degree, terms, maximum):
+    coefficients = polynomial(degree, **terms)
+    rate, _ = Certificate(degree).solve(coefficients, "test")
+    assert rate == pytest.approx(circle_maximum(coefficients, degree + 1), abs=1e-6)
+    assert rate == pytest.approx(maximum, abs=1e-6)
+
+
+def test_maps_are_polynomial_identities():
+    generator = np.random.default_rng(3)
+    z1, z2 = generator.normal(size=2)
+    for degree in (3, 5):
+        values = np.array([z1**i * z2**j for i, j in monomials(degree + 1)])
+        basis = np.array([z1**i * z2**j for i, j in monomials((degree + 1) // 2)])
+        gram = generator.normal(size=(len(basis), len(basis)))
+        gram = gram + gram.T
+        upper = [(row, column) for column in range(len(basis)) for row in range(column + 1)]
+        scaled = [gram[row, column] * (1 if row == column else np.sqrt(2)) for row, column in upper]
+        assert values @ gram_map(degree) @ scaled == pytest.approx(basis @ gram @ basis)
+        multiplier = generator.normal(size=len(monomials(degree - 1)))
+        ring = sum(c * z1**i * z2**j for c, (i, j) in zip(multiplier, monomials(degree - 1), strict=True))
+        assert values @ circle_map(degree) @ multiplier == pytest.approx(ring * (1 - z1**2 - z2**2))
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+def test_taylor_polynomial_approaches_the_sine(loops, degree):
+    """The error of the maximum falls with ρ like the first term of the series left out."""
+    form = loops.form(0)
+    errors = []
+    for level in (0.04, 0.01):
+        levels = np.full(2, level)
+        taylor = circle_maximum(growth_polynomial(form, levels, degree), degree + 1)
+        errors.append(np.abs(taylor - boundary_growth(form, levels)).max())
+    assert errors[0] < 0.05
+    # ρ is four times smaller: the term of order d + 1 in e, times z2/√ρ, falls by 2^d at least.
+    assert errors[1] < errors[0] / 2 ** (degree - 0.5) + 1e-7
+
+
+def test_even_knots():
+    assert even_knots(1000, 50).tolist() == list(range(0, 1000, 27))
+    assert even_knots(101, 51).tolist() == list(range(0, 101, 2))
+    assert even_knots(51, 2).tolist() == [0, 50]
+    assert len(even_knots(60, 50)) == 60
+
+
+def test_status_other_than_solved_is_no_result():
+    with pytest.raises(NumericalError, match="somebody: the sum-of-squares programme ended as"):
+        Certificate(3).solve(np.full(len(monomials(4)), np.nan), "somebody")
+
+
+def test_alternation_is_no_certificate(loops):
+    """The thesis's method overstates the basin: its condition is violated and simulated starts leave."""
+    settings = {"degree": 3, "knots": 9, "initial_level": 1.0, "ratio": 0.8, "alternations": 2}
+    result = alternate(loops, **settings)
+    assert (result.violation_share > 0).any()
+    assert monte_carlo_check(loops, result.funnels, 500, [4]).exits.sum() > 0
+    assert (result.euler_error > 0).all() and (result.euler_error < 0.05).all()
+    # And it depends on its guess.
+    other = alternate(loops, **{**settings, "initial_level": 5.0})
+    assert np.abs(other.funnels.mean_area / result.funnels.mean_area - 1).max() > 0.05
+
+
+def test_equation_4_5_leaves_the_multiplier_and_so_the_level_open(loops):
+    """L − c·(1 − |z|²) proves the same rate as L, as c·(1 − |z|²)² is a square; step 2 makes other levels of it."""
+    coefficients = growth_polynomial(loops.form(-1), np.ones(2), 3)[0]
+    rate, multiplier = Certificate(3).solve(coefficients, "test")
+    constant = np.eye(len(coefficients))[0]
+    programme = SumOfSquares(np.ones(1), -constant[:, None], grams(3, None))
+    levels = []
+    for c in (0.0, 1.0, 10.0):
+        other = multiplier - c * np.array([1.0, 0.0, 0.0, -1.0, 0.0, -1.0])
+        (least,) = programme.solve(-coefficients - circle_map(3) @ other)
+        assert least == pytest.approx(rate, abs=1e-5)
+        levels.append(LevelStep(3, ACCURACY).solve(Case(coefficients), rate + 0.1, other))
+    assert levels[2] < levels[1] - 0.01 < levels[0] - 0.02
+
+
+def test_areas_have_the_digits_they_are_published_with(loops):
+    """Rounding moves nothing that is printed; a solver that stops elsewhere moves no more than `RESOLUTION` says."""
+    settings = {"degree": 3, "knots": 9, "initial_level": 1.0, "ratio": 0.8, "alternations": 2}
+    found = alternate(loops, **settings).funnels
+    moved = replace(loops.pendulums, angle=loops.pendulums.angle * (1 + 1e-13))
+    rounded = alternate(regulate(moved, WEIGHTS), **settings).funnels
+    others = [alternate(loops, **settings, accuracy=accuracy).funnels for accuracy in (1e-4, 1e-5, 1e-7)]
+    for name in ("mean_area", "initial_area", "minimum_area"):
+        np.testing.assert_allclose(getattr(rounded, name), getattr(found, name), rtol=1e-5)
+        for other in others:
+            np.testing.assert_allclose(getattr(other, name), getattr(found, name), rtol=RESOLUTION[name])
+
+
+def test_steady_level_with_frozen_rate_meets_the_condition_of_step_one():
+    """With one alternation over a linear loop no decrease is needed: ρ̇ = 0 is above every V̇."""
+    loops = regulate(pendulums_of([minimum_jerk()], "hanging", gravity=0.0), WEIGHTS)
+    result = alternate(loops, degree=3, knots=5, initial_level=2.0, ratio=0.5, alternations=1)
+    assert (result.funnels.level >= 2.0 - 1e-6).all()

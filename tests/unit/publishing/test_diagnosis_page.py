@@ -1,0 +1,202 @@
+"""The page of a diagnosis: what it claims is what was computed, and it can be read without a network."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from html import unescape
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from periodic_records import STEP, multisine, noise, record, relaxing_force
+
+from lumbar.base.errors import InputError
+from lumbar.publishing.pages.diagnosis_page import diagnosis_page
+from lumbar.publishing.pages.diagnosis_pictures import draw_pictures, pictured_effects
+from lumbar.publishing.pages.html import document, figure, listing, paragraph, picture, table
+from lumbar.tissue.diagnosis.design.detectable import detectable_effects, threshold_ratio
+from lumbar.tissue.diagnosis.evidence.diagnosis_files import EXCITATION, diagnosis_document, write_diagnosis
+from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.forward_selection import likelihood_ratio
+from lumbar.tissue.diagnosis.selection.null_distribution import NullDistribution, shipped
+from lumbar.tissue.diagnosis.selection.sentences import runner_up
+from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.effects.signature import RATES, SHARE, signatures, standard_motion
+from lumbar.tissue.fmu.build.equation_svg import equation_svg
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.form import Place
+
+SIGMA = 0.02
+
+
+def records(extra=lambda z: 0.0 * z, periods=8):
+    first, second = 0.5 * multisine(periods, 500, range(1, 25), 1), 0.5 * multisine(3, 500, range(1, 25), 2)
+    return [
+        record(first, relaxing_force(first) + extra(first) + SIGMA * noise(len(first), 3), "multisine"),
+        record(second, relaxing_force(second) + extra(second) + SIGMA * noise(len(second), 4), "other"),
+    ]
+
+
+@pytest.fixture(scope="module")
+def hardening():
+    """Diagnosis of records with a cubic spring, with its evidence."""
+    tests = records(lambda z: 0.01 * z**3)
+    diagnosis = diagnose(tests)
+    return diagnosis, gather_evidence(diagnosis, tests, DiagnosisSettings(), 1), tests
+
+
+def text_of(page: str) -> str:
+    return unescape(re.sub(r"<[^>]+>", " ", page))
+
+
+def test_page_tells_before_and_after_runner_up_threshold_and_limits(hardening):
+    diagnosis, evidence, _ = hardening
+    assert diagnosis.selected == ("hardening_stiffness",)
+    page = diagnosis_page(diagnosis, evidence, TISSUE, "synthetic twin")
+    text = text_of(page)
+    for number in (diagnosis.base.test_rms, diagnosis.model.test_rms, diagnosis.experiment.floor.rms):
+        assert f"{number:.4g}" in text
+    second = runner_up(diagnosis)
+    assert f"Runner-up: {' and '.join(second.candidate.effects).replace('_', ' ')}" in text
+    assert re.search(r"<td>runner-up</td>", page)
+    assert f"more than {evidence.threshold:.3g} in 1 %" in text
+    for item in (diagnosis.ranking[0], second):
+        for found in item.estimates:
+            assert f"{found.low:.4g} to {found.high:.4g}" in text
+    assert "What these records cannot decide" in text
+    assert "Effects too small to be seen" in text
+    assert "Data: synthetic twin" in text
+
+
+def test_page_needs_no_network_and_no_script(hardening):
+    diagnosis, evidence, _ = hardening
+    page = diagnosis_page(diagnosis, evidence, TISSUE, "x")
+    assert "<script" not in page
+    assert "http" not in re.sub(r'base64,[^"]*', "", page)
+    assert page.count('class="equation"') >= 4
+    for coded in re.findall(r"base64,([^\"]*)", page):
+        ElementTree.fromstring(base64.b64decode(coded))
+
+
+def test_json_keeps_the_contract_and_adds_keys(hardening, tmp_path):
+    diagnosis, evidence, _ = hardening
+    contract = diagnosis.to_json()
+    content = diagnosis_document(diagnosis, evidence, "x")
+    assert {key: content[key] for key in contract} == contract
+    assert set(content) - set(contract) == {
+        "ties", "separating_excitation", "false_alarm_threshold", "detectable_rms", "data",
+    }  # fmt: skip
+    (tmp_path / EXCITATION).write_text("of an earlier diagnosis")
+    write_diagnosis(diagnosis, evidence, tmp_path, "x")
+    assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "ladder.csv"}
+    assert json.loads((tmp_path / "diagnosis.json").read_text())["separating_excitation"] is None
+
+
+def test_pictures_of_a_diagnosis(hardening, tmp_path):
+    diagnosis, evidence, _ = hardening
+    pictures = draw_pictures(diagnosis, evidence.remaining, TISSUE, tmp_path, "laboratory X")
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"{name}.{ending}"
+        for name in ("comparison", "location", "ladder", "signatures")
+        for ending in ("svg", "pdf")
+    }
+    page = diagnosis_page(diagnosis, evidence, TISSUE, "x", pictures)
+    assert page.count("<figure>") == 4
+    assert pictured_effects(diagnosis, TISSUE)[0].name == "hardening_stiffness"
+
+
+def test_limits_name_what_is_missing_in_the_records():
+    (one, _) = records(periods=2)
+    diagnosis = diagnose([one])
+    page = text_of(
+        diagnosis_page(diagnosis, gather_evidence(diagnosis, [one], DiagnosisSettings(), 1), TISSUE, "x")
+    )
+    assert "there is one record only" in page
+    assert "no record repeats" in page
+    assert "the best candidate gains" in page
+
+
+def test_an_effect_at_the_detectable_size_gains_the_threshold():
+    """Add a force of thrice the stated size to records of the base alone: it gains nine times the threshold."""
+    tests = records()
+    diagnosis = diagnose(tests)
+    assert diagnosis.selected == ()
+    found = {item.effect: item for item in detectable_effects(diagnosis, TISSUE, shipped())}
+    forms = sum(len(effect.forms) for effect in TISSUE.values())
+    threshold = threshold_ratio(shipped(), forms)
+    # Inertia has one form and no shape: one size is stated.
+    stated = found["inertia"]
+    assert stated.easiest == pytest.approx(stated.hardest)
+    data = diagnosis.experiment.training
+    mass = 3 * stated.easiest / np.sqrt(np.mean(data.motion.acceleration[data.first :] ** 2))
+    larger = diagnose(records(lambda z: mass * acceleration(z)))
+    single = next(item.candidate for item in larger.ranking if item.candidate.effects == ("inertia",))
+    # Twice the log-likelihood of a force in noise scatters by 2 √(its mean).
+    assert likelihood_ratio(larger.base, single, larger.experiment) == pytest.approx(
+        9 * threshold, abs=2.5 * 2 * np.sqrt(9 * threshold)
+    )
+
+
+def acceleration(position: np.ndarray) -> np.ndarray:
+    """Second derivative by the spectrum: the records are whole periods of lines up to 4.8 Hz."""
+    omega = 2 * np.pi * np.fft.rfftfreq(len(position), STEP)
+    return np.fft.irfft(-(omega**2) * np.fft.rfft(position), len(position))
+
+
+def test_the_threshold_is_the_gain_that_one_in_a_hundred_nulls_reach():
+    null = NullDistribution(np.sort(np.random.default_rng(1).chisquare(3, 1000)), 30)
+    threshold = threshold_ratio(null, 30)
+    assert null.p_value(threshold, 30) <= LEVEL < null.p_value(threshold - 0.2, 30)
+    assert threshold_ratio(null, 60) > threshold
+
+
+FORMS = [form for effect in TISSUE.values() for form in effect.forms]
+
+
+@pytest.mark.parametrize("equation", [form.latex for form in FORMS] + [base.latex for base in BASES.values()])
+def test_every_equation_becomes_a_picture(equation):
+    svg = equation_svg(equation)
+    root = ElementTree.fromstring(svg)
+    assert float(root.get("width")) > 5
+    assert svg == equation_svg(equation)
+
+
+def test_an_equation_that_cannot_be_read_is_refused():
+    with pytest.raises(InputError, match="not in LaTeX that can be set"):
+        equation_svg(r"\nonsense{")
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.key)
+def test_signatures_are_visible_and_as_large_as_said(form):
+    slow, fast = signatures(TISSUE[form.effect], form)
+    share = np.sqrt(np.mean(slow.added**2) / np.mean(slow.base**2))
+    assert np.all(np.isfinite(fast.force))
+    if form.place is Place.PARALLEL:
+        assert share == pytest.approx(SHARE)
+    else:
+        assert 0.03 < share < 3 * SHARE
+
+
+def test_signatures_follow_closed_forms():
+    position = standard_motion(RATES[0]).position
+    cubic = signatures(TISSUE["hardening_stiffness"])[0].added
+    assert cubic == pytest.approx(cubic.max() * position**3, abs=1e-9 + 1e-4 * cubic.max())
+    clipped = signatures(TISSUE["saturation"])[0].force
+    assert np.ptp(clipped[np.abs(clipped) > 0.999 * clipped.max()].__abs__()) < 1e-3 * clipped.max()
+    slow, fast = signatures(TISSUE["inertia"])
+    ratio = np.abs(fast.added[600:-10]).max() / np.abs(slow.added[600:-10]).max()
+    assert ratio == pytest.approx((RATES[1] / RATES[0]) ** 2, rel=0.02)
+
+
+def test_building_blocks_escape_what_they_are_given():
+    page = document("a < b", "x & y", [paragraph("1 < 2"), listing(["<b>"]), table(["<h>"], [["a&b"]])])
+    assert "a &lt; b" in page and "x &amp; y" in page and "1 &lt; 2" in page
+    assert "<b>" not in page.split("</style>")[1].replace("<p><b>Data", "").replace("</b>", "")
+    assert "a&amp;b" in page
+    assert '"quoted"' not in picture("<svg/>", 'a "quoted" text')
+    assert "<figcaption>a &amp; b</figcaption>" in figure("<svg/>", "a & b")

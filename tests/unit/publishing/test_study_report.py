@@ -1,0 +1,144 @@
+"""The report of a study: everything in order, with what fails first, the thesis beside it, and nothing from elsewhere."""
+
+from __future__ import annotations
+
+import pkgutil
+import re
+from html import unescape
+
+import pytest
+
+from lumbar.publishing.equation_index import equations
+from lumbar.publishing.study_report.contents import chapters
+from lumbar.publishing.study_report.picture import smaller
+from lumbar.publishing.study_report.published_values import beside
+from lumbar.publishing.study_report.troubles import FAILS, WARNS, troubles
+from lumbar.study.artefacts import read_artefacts
+from small_report import CHOICES, CLAIMS, SHEET, make_results, page_of
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return make_results(tmp_path_factory.mktemp("small"))
+
+
+@pytest.fixture(scope="module")
+def entries(results):
+    made = chapters(results, results / "captions", SHEET, CHOICES, CLAIMS)
+    return {entry.key: entry for chapter in made for entry in chapter.entries}
+
+
+@pytest.fixture(scope="module")
+def page(results):
+    return page_of(results)
+
+
+def test_order_is_the_sheets_and_a_record_sets_own_stand_together(entries):
+    expected = [
+        "table_3_1",
+        "ladders-one",
+        "diagnoses-one",
+        "ladders-two",
+        "diagnoses-two",
+        "events-a_1kg",
+        "events-b_2kg",
+    ]
+    assert list(entries) == [*expected, "basins"]
+
+
+def test_of_many_lifts_the_first_are_shown_and_the_others_linked(results):
+    many = {**CHOICES, "lift": {f"p{number}_1kg": "p" for number in range(100)}}
+    events = [row for row in SHEET if row.id == "events"]
+    (chapter,) = chapters(results, results / "captions", events, many, None)
+    ((artefact, files),) = chapter.files
+    assert (len(chapter.entries), artefact.id, len(files)) == (24, "events", 2 * 76)
+
+
+def test_pictures_say_whom_they_show_and_where_the_data_come_from(entries):
+    assert [entries[f"events-{lift}"].shows for lift in CHOICES["lift"]] == list(CHOICES["lift"].values())
+    assert entries["events-b_2kg"].title == "Events: b, box of 2 kg"
+    assert (entries["ladders-one"].shows, entries["ladders-one"].data) == ("", "synthetic twin")
+    assert entries["table_3_1"].data == "synthetic twin"
+
+
+def test_a_diagnosis_is_said_in_a_sentence_and_its_page_is_linked(entries, page):
+    assert entries["diagnoses-one"].sentence.endswith(
+        "0.4 N with the base, 0.123 N with what is named; noise floor 0.1 N."
+    )
+    assert '<a href="improvement/one/diagnosis.html">' in page
+
+
+def test_published_cells_stand_beside_this_runs():
+    found = beside(CLAIMS, "table_3_1")
+    assert found.head == ("Trained on", "Model", "VAF (%)", "Order")
+    assert found.rows[0] == ("noise", "KB", ("80.21", "66.16", "does not hold"), ("1", "1", "holds"))
+    assert found.rows[1][2:] == (("–", "–", ""), ("–", "4", "cannot be tested on this data"))
+    assert found.fractions == [3, 0]
+    assert beside(CLAIMS, "table_4_1") is None
+
+
+def test_what_fails_comes_before_what_warns(results, page):
+    found = troubles(results)
+    assert [(item.grade, item.where) for item in found] == [
+        (FAILS, "diagnosis of two"),
+        (FAILS, "a 1 kg, thorax, lateral bending"),
+        (WARNS, "diagnosis of one"),
+        (WARNS, "diagnosis of two"),
+        (WARNS, "diagnosis of two"),
+        (WARNS, "export/fmu"),
+    ]
+    assert found[-1].sentence == "not safe:\n  MW is unstable\n  raise the rate"
+    first = [
+        page.index(words)
+        for words in ("exact: ρ is negative", "1 of the thesis's sentences", "MW is unstable")
+    ]
+    assert first == sorted(first) and first[-1] < page.index('id="chapter-tissue"')
+
+
+def test_what_was_not_made_is_said(entries, page):
+    assert entries["basins"].missing
+    assert "Not made: tables/basins.csv, tables/basins.tex, tables/basins.html." in page
+    assert "<b>Basins &lt;of&gt; attraction</b>: not made" in page
+
+
+def test_every_file_is_linked_and_nothing_comes_from_elsewhere(results, page):
+    links = set(map(unescape, re.findall(r'href="([^"#]+)"', page)))
+    files = {
+        str(path.relative_to(results))
+        for path in results.rglob("*")
+        if path.suffix in (".svg", ".pdf", ".tex")
+    }
+    assert files | {"tissue/models.json", "tables/table_3_1.csv"} <= links
+    assert not [
+        link
+        for link in links
+        if not (results / link).exists() and "basins" not in link and "run_config" not in link
+    ]
+    targets = set(re.findall(r'href="#([^"]+)"', page))
+    assert targets <= set(re.findall(r'id="([^"]+)"', page)) | {"claims_table"}
+    assert "http" not in page and "<script" not in page and set(re.findall(r'src="(.{5})', page)) == {"data:"}
+
+
+def test_the_same_results_make_the_same_bytes(results, page):
+    assert page_of(results) == page
+
+
+def test_pictures_lose_digits_nobody_sees_and_nothing_else():
+    svg = '<svg>\n   <path id="a1.23456" d="M 1.23456 -0.00012 L 12.5 3"/>\n  <text>1.23456</text>\n</svg>\n'
+    assert (
+        smaller(svg) == '<svg>\n<path id="a1.23456" d="M 1.23 -0 L 12.5 3"/>\n<text>1.23456</text>\n</svg>\n'
+    )
+
+
+def test_every_artefact_of_the_sheet_says_where_it_comes_from(project):
+    known = set(
+        re.findall(
+            r"^\| (\d\.\d+)", (project / "docs" / "equations.md").read_text(encoding="utf-8"), flags=re.M
+        )
+    )
+    shown = [row for row in read_artefacts(project / "config" / "artefacts.tsv") if row.label]
+    for row in shown:
+        assert callable(pkgutil.resolve_name(row.function)), row.id
+        assert row.source, row.id
+        assert {number for number in equations(row.source) if number > "3"} <= known, row.id
+        assert (project / "workflow" / "report" / f"{row.id}.rst").is_file(), row.id

@@ -1,0 +1,65 @@
+"""A rule depends on every library file its script imports, and on no other."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture
+def dependencies(project, monkeypatch):
+    monkeypatch.syspath_prepend(str(project / "workflow"))
+    from run import dependencies
+
+    return dependencies
+
+
+def test_imports_are_followed_at_any_depth(dependencies, project):
+    library = project / "workflow" / "lumbar"
+    sources = set(map(Path, dependencies.library_sources("survey_tables.py")))
+    for module in (
+        "base/errors.py", "base/files.py", "tables/table.py", "tissue/survey/paired_analysis.py", "tables/table.html.jinja",
+        "tissue/survey/signed_rank.py", "records/ratings.py", "tissue/survey/__init__.py", "__init__.py",
+    ):  # fmt: skip
+        assert library / module in sources
+    assert project / "workflow" / "scripts" / "job.py" in sources
+    assert library / "publishing" / "figures" / "style.py" not in sources
+    assert not any("diagnosis" in path.parts for path in sources)
+
+
+def test_everything_that_a_script_loads_is_declared(dependencies, project, tmp_path):
+    """Compare with what Python itself loads from the library."""
+    import subprocess
+
+    script = (
+        "import sys, runpy\n"
+        "from lumbar.tissue.survey.survey_analysis import analyse_survey\n"
+        "from lumbar.records.ratings import read_ratings\n"
+        "print('\\n'.join(m.__file__ for n, m in sys.modules.items() if n.split('.')[0] == 'lumbar'))\n"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    declared = dependencies.library_sources("survey_tables.py")
+    files = [str(Path(line).resolve()) for line in loaded.stdout.split()]
+    assert files
+    assert set(files) <= set(declared)
+
+
+def test_every_script_can_be_followed(dependencies, project):
+    for script in sorted((project / "workflow" / "scripts").glob("*.py")):
+        sources = dependencies.library_sources(script.name)
+        assert sources == sorted(set(sources))
+        assert all(Path(source).is_file() for source in sources)
+
+
+def test_no_import_statement_is_overlooked(dependencies, project):
+    """Compare with the whole syntax tree of every file; a line of prose like an import may count too."""
+    import ast
+
+    for path in sorted((project / "workflow").rglob("*.py")):
+        source = path.read_text(encoding="utf-8")
+        nodes = ast.walk(ast.parse(source))
+        statements = {ast.dump(node) for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)}
+        found = {ast.dump(node) for node in dependencies._import_statements(source)}
+        assert statements <= found, path

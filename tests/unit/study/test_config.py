@@ -1,0 +1,349 @@
+"""A study's configuration is checked as a whole before anything runs."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+import yaml
+
+from lumbar.base.errors import InputError
+from lumbar.settings.plain import plain, typed
+from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.subject import TrialSettings
+from lumbar.study.artefacts import Artefact, read_artefacts
+from lumbar.study.load_study import load_study, name_lifts
+from lumbar.study.reference import keys
+from lumbar.study.study_recordings import reading_plan, record_layout, record_set, recordings_of
+from lumbar.study.validation import laid_over
+from study_settings import study_config, study_settings, subject_settings
+
+
+@pytest.fixture
+def folder(project, tmp_path):
+    """Make a project of its own: subjects, artefacts."""
+    shutil.copytree(project / "config", tmp_path / "config")
+    return tmp_path
+
+
+@pytest.fixture
+def config() -> dict:
+    """Files of the default study, with the sections that the tests change."""
+    return laid_over({name: {} for name in ("survey", "runtime", "stability")}, study_config())
+
+
+def message_of(config, folder) -> str:
+    with pytest.raises(InputError) as caught:
+        load_study(config, folder)
+    return str(caught.value)
+
+
+def recorded(config, root) -> dict:
+    """Return the survey alone, with recordings in `root`."""
+    source = {"name": "Survey of laboratory X", "licence": "CC BY 4.0", "obtain": "https://example.org/data"}
+    return {**config} | {
+        "data": "recordings",
+        "data_root": str(root),
+        "data_source": source,
+        "chapters": ["survey"],
+    }
+
+
+def test_the_default_study_is_sound(config, folder):
+    study = load_study(config, folder)
+    assert study.synthetic
+    assert study.data_label == "synthetic twin"
+    assert study.name == "thesis"
+    assert {"expert_23kg", "novice_15kg"} <= set(study.lifts)
+    assert study.recording("survey.csv") == "results/thesis/twin/survey.csv"
+
+
+def test_the_reading_plan_covers_every_recording_and_only_reading(config, folder):
+    study = load_study(config, folder)
+    for chapter, files in recordings_of(study).items():
+        plan = reading_plan(study, [chapter])
+        assert sorted(item["path"] for item in plan) == sorted(study.recording(name) for name in files)
+    before = reading_plan(study, recordings_of(study))
+    subject = folder / "config" / "subjects" / "expert.yaml"
+    content = yaml.safe_load(subject.read_text(encoding="utf-8"))
+    content["subject"]["mass_kg"] += 1
+    subject.write_text(yaml.safe_dump(content), encoding="utf-8")
+    config["survey"]["confidence"] = 0.9
+    changed = load_study(config, folder)
+    assert changed.subjects["expert"].mass_kg == study.subjects["expert"].mass_kg + 1
+    assert reading_plan(changed, recordings_of(changed)) == before
+
+
+def test_a_record_set_names_its_base_and_with_it_its_layout(config, folder):
+    config["tissue"]["rate_Hz"] = 50
+    study = load_study(config, folder)
+    settings = study.settings
+    assert record_set(settings, "hip_moment").base == "pendulum"
+    assert record_set(settings, "tissue").base == "auto"
+    assert record_set(settings, "tissue").records == settings.tissue.records
+    assert record_layout(settings, "pendulum") == (settings.lifting.moment_layout, None)
+    assert record_layout(settings, "KV") == (settings.tissue.layout, 50)
+    with pytest.raises(InputError, match="unknown base model 'HO'"):
+        record_layout(settings, "HO")
+    plan = {item["path"]: item for item in reading_plan(study, ["improvement"])}
+    moment = plan["results/thesis/twin/hip_moment/paced.csv"]
+    assert moment["layout"]["columns"]["input"]["column"] == "angle_rad"
+    assert "rate_Hz" not in moment
+    force = plan["results/thesis/twin/two_hidden_effects/chirp.csv"]
+    assert force["layout"] == plain(settings.tissue.layout)
+    config["improvement"]["record_sets"][0]["base"] = "pendulum"
+    assert "tissue has the base pendulum and no records" in message_of(config, folder)
+    config["improvement"]["record_sets"][2]["base"] = "HO"
+    allowed = "auto, LE, Maxwell, KV, KB, KV-mass, KB-mass, LE-contact, KV-contact, KB-contact, pendulum"
+    assert f'improvement.record_sets.2.base: found "HO"; allowed: {allowed}' in message_of(config, folder)
+
+
+def test_all_wrong_keys_are_named_at_once(config, folder):
+    config["seed"] = -1
+    config["survey"] |= {
+        "resmaples": 10,
+        "confidence": 95,
+        "zeros": "drop",
+        "layout": {"scale_points": "five"},
+    }
+    config["colour"] = "blue"
+    config["data_source"] = {"name": "x", "licence": "none"}
+    config["tissue"]["records"][0]["period_s"] = "1e1"
+    config["tissue"]["training"] = ["chirp", "chirp"]
+    config["lifting"]["subjects"] = ["nobody"]
+    message = message_of(config, folder)
+    for words in (
+        "seed: found -1; allowed: whole number ≥ 0 (Seed of",
+        "survey.resmaples: unknown key; did you mean 'resamples'?; allowed: file, note,",
+        "survey.confidence: found 95; allowed: number ≥ 0.5, ≤ 0.999",
+        'survey.zeros: found "drop"; allowed: pratt, wilcox',
+        'survey.layout.scale_points: found "five"; allowed: whole number ≥ 2, ≤ 11',
+        "colour: unknown key; allowed: study, title,",
+        "data_source.obtain: missing; allowed: text (Where to get the files)",
+        'tissue.records.0.period_s: found "1e1"; allowed: number > 0 s, or null',
+        "powers of ten as 1.0e+6",
+        "tissue.training: chirp stands twice",
+        "no file config/subjects/nobody.yaml; there are: ",
+    ):
+        assert words in message
+    assert "10 problems" in message
+
+
+@pytest.mark.parametrize(
+    ("alias", "allowed"),
+    [
+        (7, True),
+        ({"median": ["A", "B"]}, True),
+        ({"mean": ["A"]}, True),
+        ({"from": "A", "offset_m": [0, 0, 3]}, True),
+        ({"between": ["A", {"mean": ["B", "C"]}], "share": 0.5}, False),
+        (["A", {"from": "B", "offset_m": [0, 0, 0.1]}], False),
+    ],
+)
+def test_aliases_of_markers(config, folder, alias, allowed):
+    config["lifting"]["markers"] = {"aliases": {"C7": alias}}
+    if not allowed:
+        assert plain(load_study(config, folder).settings.lifting.markers.aliases["C7"]) == alias
+        return
+    assert "lifting.markers.aliases.C7: found" in message_of(
+        config, folder
+    ) and "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text" in message_of(
+        config, folder
+    )
+
+
+def test_names_of_markers_are_in_capitals(config, folder):
+    config["lifting"]["markers"] = {"aliases": {"c7": "C7"}}
+    assert "lifting.markers.aliases.c7: 'c7' is no name" in message_of(config, folder)
+
+
+def test_keys_that_contradict_each_other(config, folder):
+    config["survey"]["baseline"] = "LE"
+    config["survey"]["scale_labels"] = ["no", "yes"]
+    config["tissue"]["training"] = ["multisine", "step"]
+    config["runtime"]["trained_on"] = "chirps"
+    config["improvement"]["effects"] = ["coulomb_fricton"]
+    message = message_of(config, folder)
+    for words in (
+        "survey.baseline: 'LE' is not rated; models: IL, MW, KB, HO",
+        "survey.scale_labels: 2 names; survey.layout.scale_points is 5",
+        "tissue.training.1: 'step' is no record",
+        "runtime.trained_on: 'chirps'",
+        "improvement.effects.0: 'coulomb_fricton' is no effect; effects: ",
+        "coulomb_friction, ",
+    ):
+        assert words in message
+
+
+def test_record_sets_of_a_pendulum_need_gravity(config, folder):
+    config["stability"] = {"pendulum": {"gravity_m_s2": 1.62}}
+    load_study(config, folder)
+    config["stability"] = {"pendulum": {"gravity_m_s2": 0}}
+    words = "stability.pendulum.gravity_m_s2: 0; record sets whose base is pendulum need gravity"
+    assert words in message_of(config, folder)
+    config["improvement"]["record_sets"] = [{"name": "tissue"}]
+    load_study(config, folder)
+
+
+def test_what_jobs_import_is_without_the_validating_library():
+    program = "import sys, lumbar.settings.study_settings, lumbar.settings.plain; sys.exit('pydantic' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
+def test_effects_of_the_study_itself_count(config, folder, project):
+    shutil.copy(project / "examples" / "own_effect" / "hertzian_contact.py", folder / "own.py")
+    config["improvement"] |= {"effects": ["hertzian_contact"], "effect_files": ["own.py"]}
+    assert load_study(config, folder).settings.improvement.effects == ("hertzian_contact",)
+    config["improvement"]["effect_files"] = ["absent.py"]
+    assert "improvement.effect_files: " in message_of(config, folder)
+
+
+def test_chapters_need_those_they_build_on(config, folder):
+    config["chapters"] = ["runtime", "stability"]
+    message = message_of(config, folder)
+    assert "runtime without tissue" in message
+    assert "stability without lifting" in message
+
+
+def test_an_absent_data_root_names_source_licence_and_where_to_get_it(config, folder, monkeypatch):
+    monkeypatch.delenv("LUMBAR_DATA", raising=False)
+    message = message_of(recorded(config, folder / "nowhere"), folder)
+    for words in (
+        "Survey of laboratory X",
+        "CC BY 4.0",
+        "https://example.org/data",
+        "nowhere",
+        "LUMBAR_DATA",
+    ):
+        assert words in message
+    assert "data_root: not set" in message_of(recorded(config, "x") | {"data_root": None}, folder)
+    assert "data_source: missing" in message_of(recorded(config, folder) | {"data_source": None}, folder)
+
+
+def test_an_absent_recording_names_its_source(config, folder):
+    (folder / "data").mkdir()
+    message = message_of(recorded(config, "data"), folder)
+    assert f"survey.csv is not in {folder / 'data'}" in message
+    assert "CC BY 4.0" in message
+
+
+def test_the_environment_variable_replaces_the_data_root(config, folder, monkeypatch):
+    (folder / "data").mkdir()
+    (folder / "data" / "survey.csv").write_text("x")
+    monkeypatch.setenv("LUMBAR_DATA", str(folder / "data"))
+    study = load_study(recorded(config, "nowhere"), folder)
+    assert study.recording("survey.csv") == str(folder / "data" / "survey.csv")
+    assert study.data_label == "Survey of laboratory X"
+    assert not study.synthetic
+
+
+def test_a_data_root_may_be_a_place_in_an_object_store(config, folder):
+    study = load_study(recorded(config, "s3://lab/recordings/"), folder)
+    assert study.recording("survey.csv") == "s3://lab/recordings/survey.csv"
+    assert (study.remote, study.synthetic) == (True, False)
+
+
+@pytest.mark.parametrize("name", ["../survey.csv", "/etc/passwd", "a/../../survey.csv"])
+def test_recordings_cannot_be_named_outside_the_root(config, folder, name):
+    (folder / "data").mkdir()
+    config["survey"]["file"] = name
+    assert "without '..'" in message_of(recorded(config, "data"), folder)
+    assert "without '..'" in message_of(config, folder)
+
+
+def test_links_cannot_lead_out_of_the_root(config, folder):
+    (folder / "data").mkdir()
+    (folder / "secret.csv").write_text("x")
+    (folder / "data" / "survey.csv").symlink_to(folder / "secret.csv")
+    assert "survey.csv leads out of data_root" in message_of(recorded(config, "data"), folder)
+
+
+def test_subject_files_are_checked_too(config, folder):
+    subject = folder / "config" / "subjects" / "novice.yaml"
+    content = yaml.safe_load(subject.read_text(encoding="utf-8"))
+    content["subject"] |= {"mass_kg": -70, "name": "someone"}
+    subject.write_text(yaml.safe_dump(content), encoding="utf-8")
+    config["lifting"]["subjects"] = ["expert", "novice", "nobody"]
+    message = message_of(config, folder)
+    assert (
+        "config/subjects/novice.yaml, line 4: subject.mass_kg: found -70; allowed: number > 0, ≤ 400 kg"
+        in message
+    )
+    assert "no file config/subjects/nobody.yaml; there are: " in message
+
+
+def test_a_person_of_a_study_has_trials(config, folder):
+    """Without them a file serves single lifts alone."""
+    subject = folder / "config" / "subjects" / "novice.yaml"
+    lines = subject.read_text(encoding="utf-8").splitlines()
+    kept = [line for line in lines if not line.lstrip().startswith(("- {", "trials:"))]
+    subject.write_text("\n".join([*kept, "  trials: []"]), encoding="utf-8")
+    assert "novice has no trials; list its recordings in config/subjects" in message_of(config, folder)
+
+
+def test_one_person_alone_has_results_of_its_own(config, folder):
+    subject = yaml.safe_load((folder / "config" / "subjects" / "novice.yaml").read_text(encoding="utf-8"))
+    study = load_study(config | subject, folder)
+    assert study.name == "novice"
+    assert {lift.subject for lift in study.lifts.values()} == {"novice"}
+
+
+def test_artefacts_expand_to_files():
+    table = Artefact("t", "r", "tables/t.{csv,tex}", "tissue")
+    assert table.paths() == ["tables/t.csv", "tables/t.tex"]
+    lift = Artefact("l", "r", "lifting/{lift}/a.{svg,pdf}", "lifting")
+    assert lift.paths(["x_1kg", "y_2kg"]) == [
+        "lifting/x_1kg/a.svg", "lifting/x_1kg/a.pdf", "lifting/y_2kg/a.svg", "lifting/y_2kg/a.pdf"
+    ]  # fmt: skip
+    assert lift.paths() == []
+
+
+def test_every_artefact_with_a_label_has_a_caption_and_something_to_look_at(project):
+    shown = [row for row in read_artefacts(project / "config" / "artefacts.tsv") if row.label]
+    captions = {path.stem for path in (project / "workflow" / "report").glob("*.rst")}
+    assert {row.id for row in shown} == captions
+    for row in shown:
+        files = row.labelled(["x_1kg", "y_2kg"])
+        seen = [label for path, label in files if path.endswith((".html", ".svg"))]
+        assert seen and len(seen) == len(set(seen))
+        assert ("{record_set}" in row.path) == ("{record_set}" in row.label)
+
+
+def test_the_sheet_of_artefacts_is_checked(tmp_path):
+    sheet = tmp_path / "artefacts.tsv"
+    sheet.write_text("id\trule\tpath\tchapter\tlabel\na\tr\tp\tsurvey\tA\na\tr\tp\tsurveys\tA\n")
+    with pytest.raises(
+        InputError, match=r"(?s)line 3: chapter 'surveys'.*line 3: 'a' stands twice.*label .A. stands twice"
+    ):
+        read_artefacts(sheet)
+
+
+def test_every_key_has_a_description():
+    described = [way for way, item, _ in keys(StudySettings, {}) if not item.meaning]
+    assert described == []
+
+
+def test_plain_data_come_back_as_the_settings_they_were():
+    settings = study_settings("studies/box_transfer.yaml")
+    assert typed(StudySettings, plain(settings)) == settings
+    assert typed(StudySettings, yaml.safe_load(yaml.safe_dump(plain(settings)))) == settings
+
+
+def test_repeated_trials_with_one_box_are_lifts_of_their_own():
+    trials = [{"box_mass_kg": 23, "markers": "a.c3d"}, {"box_mass_kg": 15, "markers": "b.c3d"}]
+    trials += [{"box_mass_kg": 23, "markers": "c.c3d"}]
+    people = {name: replace(subject_settings("expert"), trials=()) for name in ("expert", "novice")}
+    made = tuple(TrialSettings(**trial) for trial in trials)
+    people = {
+        "expert": replace(people["expert"], trials=made),
+        "novice": replace(people["novice"], trials=made[:1]),
+    }
+    assert {name: lift.trial.markers for name, lift in name_lifts(people).items()} == {
+        "expert_23kg": "a.c3d",
+        "expert_15kg": "b.c3d",
+        "expert_23kg_2": "c.c3d",
+        "novice_23kg": "a.c3d",
+    }

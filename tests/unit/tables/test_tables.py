@@ -1,0 +1,159 @@
+"""Published tables: the same content as CSV, LaTeX and HTML, nothing missing without being said."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from html.parser import HTMLParser
+
+import pandas as pd
+import pytest
+
+from lumbar.base.errors import NumericalError
+from lumbar.tables.table import Table
+from lumbar.tables.words import column_in_words
+
+
+def made(**changes) -> Table:
+    content = {
+        "title": "A table & its title.",
+        "frame": pd.DataFrame({"model": ["A_1", "<B>"], "value_N": [1 / 3, 2000.0], "p": [None, 0.5]}),
+        "definitions": {"model": "Name", "value_N": "Force in N, 100 % scale", "p": "p-value", "unused": "x"},
+        "data": "synthetic twin",
+        "notes": ("A note < 5 %.",),
+        "may_be_empty": frozenset({"p"}),
+    }
+    return Table(**(content | changes))
+
+
+class Cells(HTMLParser):
+    """Cells of the only table of a page."""
+
+    def __init__(self):
+        super().__init__()
+        self.cells, self.inside = [], False
+
+    def handle_starttag(self, tag, attrs):
+        if tag in ("td", "th"):
+            self.inside = True
+            self.cells.append("")
+
+    def handle_endtag(self, tag):
+        self.inside = self.inside and tag not in ("td", "th")
+
+    def handle_data(self, data):
+        if self.inside:
+            self.cells[-1] += data
+
+
+def test_three_formats_hold_the_same_cells(tmp_path):
+    made().write(tmp_path / "table")
+    rows = list(csv.DictReader((tmp_path / "table.csv").open(encoding="utf-8")))
+    assert [row["model"] for row in rows] == ["A_1", "<B>"]
+    assert float(rows[0]["value_N"]) == 1 / 3
+    assert {row["data"] for row in rows} == {"synthetic twin"}
+    page = Cells()
+    page.feed((tmp_path / "table.html").read_text(encoding="utf-8"))
+    assert page.cells == ["Model", "Value (N)", "p", "A_1", "0.3333", "–", "<B>", "2000", "0.5"]
+    tex = (tmp_path / "table.tex").read_text(encoding="utf-8")
+    assert r"A\_1 & 0.3333 & – \\" in tex
+    assert r"\textless{}B\textgreater{} & 2000\phantom{.0000} & 0.5 \\" in tex
+    assert r"100 \% scale" in tex
+    assert r"A table \& its title. Data: synthetic twin." in tex
+    assert "unused" not in tex
+
+
+def test_decimals_are_those_asked_for():
+    assert "0.333 " in made(decimals={"value_N": 3}).to_latex()
+    assert made(decimals={"value_N": 0}).cell("value_N", 2.6) == "3"
+    assert made().cell("value_N", 2.5e-16) == "2.5·10⁻¹⁶"
+
+
+def test_page_needs_nothing_from_outside_and_escapes_text():
+    page = made(notes=("<script>alert(1)</script>",)).to_html()
+    assert "<script" not in page
+    assert "http" not in page
+    assert "Data: synthetic twin" in page
+
+
+def test_columns_need_definitions():
+    with pytest.raises(ValueError, match="value_N"):
+        made(definitions={"model": "Name", "p": "p"})
+
+
+@pytest.mark.parametrize("bad", [math.nan, None])
+def test_missing_values_are_refused_where_not_announced(bad):
+    frame = pd.DataFrame({"model": ["A", "B"], "value_N": [1.0, bad], "p": [0.1, 0.2]})
+    with pytest.raises(NumericalError, match="value_N, row 2"):
+        made(frame=frame)
+
+
+def test_infinite_values_are_refused_everywhere():
+    frame = pd.DataFrame({"model": ["A", "B"], "value_N": [1.0, 2.0], "p": [0.1, math.inf]})
+    with pytest.raises(NumericalError, match="inf in column p, row 2"):
+        made(frame=frame)
+
+
+def test_an_empty_table_can_be_written(tmp_path):
+    made(frame=pd.DataFrame({"model": [], "value_N": [], "p": []})).write(tmp_path / "table")
+    assert (tmp_path / "table.csv").read_text() == "model,value_N,p,data\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("lowest_passive_rate_Hz", "Lowest passive rate (Hz)"),
+        ("damping_needed_N_s_m", "Damping needed (N·s/m)"),
+        ("vaf_test_1_percent", "VAF test 1 (%)"),
+        ("p_value", "p value"),
+        ("a0", "a0"),
+        ("s", "s"),
+    ],
+)
+def test_headers_are_words_with_units(name, words):
+    assert column_in_words(name) == words
+
+
+def wide(rows: int, columns: int, **changes) -> Table:
+    """Table of more columns, and rows, than a page holds."""
+    names = ["com", *(f"value_{number}_mm" for number in range(columns))]
+    frame = pd.DataFrame({name: [1000.5 + row for row in range(rows)] for name in names}).assign(
+        com="abdomen_left"
+    )
+    return Table("Table 4.1: percent.", frame, dict.fromkeys(names, "x"), "test", **changes)
+
+
+def test_what_does_not_fit_a_page_is_folded_and_nothing_is_lost():
+    table = wide(60, 30)
+    page = table.to_html()
+    shown, folded = page.split("<details>", 1)
+    assert shown.count("<tr>") == 13 and folded.count("abdomen left") >= 60
+    for block in re.findall("<table>.*?</table>", page, flags=re.S):
+        heads = re.findall("<th [^>]*>(.*?)</th>", block)
+        assert heads[0] == "Centre of mass" and len(heads) <= 14
+    assert {f"Value {number} (mm)" for number in range(30)} <= set(re.findall("<th [^>]*>(.*?)</th>", folded))
+
+
+def test_columns_asked_for_stand_first():
+    shown, folded = wide(3, 4, first=("com", "value_2_mm"), first_rows=(1,)).to_html().split("<details>", 1)
+    assert "Value 2 (mm)" in shown and "Value 1 (mm)" not in shown and "Value 1 (mm)" in folded
+    assert shown.count("<tr>") == 2 and folded.count("<tr>") == 4
+
+
+def test_latex_leaves_the_number_to_the_journal_and_breaks_long_tables():
+    tex = wide(100, 2, first_rows=tuple(range(100))).to_latex()
+    assert r"\caption{Percent. Data: test.}" in tex
+    assert tex.count(r"\begin{table}") == tex.count(r"\end{table}") == 3
+    assert tex.count(r"\addtocounter{table}{-1}") == 2
+    assert tex.count("abdomen left") == 100
+    assert r"\begin{table*}" in wide(2, 6).to_latex()
+
+
+def test_latex_is_balanced_and_names_no_sign_that_ends_it():
+    tex = made(notes=("100 % & more_or_less {x} ~ 1.2·10⁻¹⁶.",)).to_latex()
+    assert sorted(re.findall(r"\\begin\{(\w+)\}", tex)) == sorted(re.findall(r"\\end\{(\w+)\}", tex))
+    bare = re.sub(r"\\[\\%&_{}~#$]", "", tex)
+    assert bare.count("{") == bare.count("}")
+    assert r"1.2$\cdot10^{-16}$" in tex
+    assert r"$-$1.50 &" in made(frame=made().frame.assign(value_N=-1.5), decimals={"value_N": 2}).to_latex()

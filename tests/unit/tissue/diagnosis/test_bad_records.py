@@ -1,0 +1,237 @@
+"""What records can get wrong for compare, locate, diagnose and refine: one clear message, nothing written."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+
+from lumbar import cli
+from lumbar.base.errors import InputError
+from lumbar.records.clipping import check_clipping, flat_tops
+from lumbar.records.record import Channel, Record
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.record_checks import check_excitation
+from lumbar.tissue.diagnosis.selection.refine import refine
+from lumbar.tissue.diagnosis.selection.sentences import details
+from lumbar.tissue.effects.catalogue import TISSUE
+
+STEP = 0.01
+
+
+def motion(seconds: float, seed: int = 1, lines=range(1, 41), period: float = 10.0) -> np.ndarray:
+    time = np.arange(round(seconds / STEP)) * STEP
+    lines = np.asarray(lines)
+    phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(lines))
+    wave = np.cos(2 * np.pi * np.outer(time, lines / period) + phases).sum(axis=1)
+    return 3.0 * wave / np.abs(wave).max()
+
+
+def force_of(position: np.ndarray, seed: int = 9) -> np.ndarray:
+    return 0.8 * position + 0.02 * np.random.default_rng(seed).standard_normal(len(position))
+
+
+def record_of(position, force, name: str = "a") -> Record:
+    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
+    return Record(name, np.arange(len(position)) * STEP, channels, f"{name}.csv")
+
+
+def write(folder, **records) -> None:
+    folder.mkdir(exist_ok=True)
+    for name, (position, force) in records.items():
+        rows = np.column_stack([np.arange(len(position)) * STEP, position, force])
+        np.savetxt(
+            folder / f"{name}.csv", rows, "%.6f", ",", header="time_s,position_mm,force_N", comments=""
+        )
+
+
+@pytest.fixture
+def run(capsys):
+    def call(*arguments):
+        status = cli.main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return call
+
+
+GOOD = motion(40.0)
+OTHER = motion(12.0, 2)
+NOISE = np.random.default_rng(5).standard_normal(len(GOOD))
+
+
+def bad_training() -> dict[str, tuple]:
+    """Training record by what is wrong with it, and words of the message."""
+    force = force_of(GOOD)
+    with_gap = force.copy()
+    with_gap[100] = np.nan
+    enormous = force.copy()
+    enormous[100] = 1e308
+    return {
+        "constant input": (np.full(len(GOOD), 1.0), force, "input: constant (1)"),
+        "constant output": (GOOD, np.full(len(GOOD), 2.0), "output: constant (2)"),
+        "not a number": (GOOD, with_gap, "line 102: output is nan"),
+        "beyond measure": (GOOD, enormous, "line 102: output is 1e+308"),
+        "clipped force": (GOOD, np.clip(force, -1.5, 1.5), "output: clipped: "),
+        "clipped position": (np.clip(GOOD, -1.5, 1.5), force, "input: clipped: "),
+        "no motion": (5e-4 * NOISE, 0.02 * NOISE[::-1], "a model fitted on it says nothing about b"),
+        "other unit of position": (1e-3 * GOOD, force, "seem to be in different units"),
+        "other unit of force": (GOOD, 1e3 * force, "seem to be in different units"),
+        "nothing but noise": (
+            GOOD,
+            0.02 * np.random.default_rng(3).standard_normal(len(GOOD)),
+            "nothing can be fitted to it",
+        ),
+    }
+
+
+@pytest.mark.parametrize("fault", bad_training())
+@pytest.mark.parametrize("command", ["compare", "locate", "diagnose", "refine"])
+def test_an_unsound_training_record_is_refused(run, tmp_path, command, fault):
+    position, force, words = bad_training()[fault]
+    write(tmp_path / "in", a=(position, force), b=(OTHER, force_of(OTHER)))
+    options = ("--add", "quadratic_stiffness") if command == "refine" else ()
+    status, out, err = run(command, tmp_path / "in", "--train", "a", "--output", tmp_path / "out", *options)
+    assert (status, out) == (1, "")
+    assert words in err
+    assert "a.csv" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_record_too_short_for_its_period(run, tmp_path):
+    write(tmp_path / "in", a=(motion(15.0), force_of(motion(15.0))), b=(OTHER, force_of(OTHER)))
+    status, _, err = run("diagnose", tmp_path / "in", "--period", "a=10", "--output", tmp_path / "out")
+    assert status == 1
+    assert "15 s hold 1.5 periods of 10 s; at least 3 are needed" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_unequal_sampling(run, tmp_path):
+    write(tmp_path / "in", a=(GOOD, force_of(GOOD)), b=(OTHER, force_of(OTHER)))
+    path = tmp_path / "in" / "a.csv"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:101] + lines[141:]) + "\n")
+    status, _, err = run("diagnose", tmp_path / "in", "--output", tmp_path / "out")
+    assert status == 1
+    assert "sampled evenly" in err and "line 102" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_clipped_records_can_be_accepted(run, tmp_path):
+    write(tmp_path / "in", a=(GOOD, np.clip(force_of(GOOD), -1.5, 1.5)), b=(OTHER, force_of(OTHER)))
+    study = tmp_path / "study.yaml"
+    study.write_text(yaml.safe_dump({"tissue": {"layout": {"clipped": "accept"}}}))
+    status, _, err = run("compare", tmp_path / "in", "--output", tmp_path / "out", "--config", study)
+    assert status == 0, err
+
+
+def test_flat_tops_are_counted():
+    values = np.clip(GOOD, -1.0, 1.5)
+    low, high = sorted(flat_tops(values), key=lambda top: top.level)
+    assert (low.level, high.level) == (-1.0, 1.5)
+    inside = np.concatenate([[0], (GOOD > 1.5).astype(int), [0]])
+    lengths = np.flatnonzero(np.diff(inside) == -1) - np.flatnonzero(np.diff(inside) == 1)
+    assert high.samples == lengths[lengths >= 3].sum()
+    assert len(high.starts) == np.sum(lengths >= 3)
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        pytest.param(np.clip(0.8 * GOOD, -1.5, 1.5) + 0.02 * NOISE, id="limited by the tissue, noise on top"),
+        pytest.param(np.round(0.8 * GOOD + 0.02 * NOISE, 1), id="coarse converter"),
+        pytest.param(np.round(0.8 * np.sin(np.arange(4000) / 50), 2), id="sine of few digits"),
+        pytest.param(0.8 * GOOD, id="without noise"),
+    ],
+)
+def test_what_is_not_clipped_is_not_called_so(force):
+    check_clipping(record_of(GOOD, force))
+
+
+def test_a_position_may_rest_at_its_extreme():
+    time = np.arange(4000) * STEP
+    ramp_and_hold = np.clip(4.0 * np.abs((time / 5) % 2 - 1) - 1.0, 0.0, 2.0)
+    check_clipping(record_of(ramp_and_hold, force_of(ramp_and_hold)))
+    with pytest.raises(InputError, match="output: clipped"):
+        check_clipping(record_of(ramp_and_hold, ramp_and_hold))
+
+
+@pytest.mark.parametrize("slows", ["jerk", "acceleration"])
+@pytest.mark.parametrize("speeds", [(1.0,), (0.3, 1.0, 2.5)])
+def test_a_position_that_comes_to_rest_is_no_clipping(slows, speeds):
+    """Ramps of many speeds that end at 0 mm, slowed down at limited jerk or limited acceleration."""
+    share = np.linspace(0, 1, 200)
+    smooth = {
+        "jerk": share**3 * (10 - 15 * share + 6 * share**2),
+        "acceleration": np.where(share < 0.5, 2 * share**2, 1 - 2 * (1 - share) ** 2),
+    }
+    parts = [np.zeros(50)]
+    for number in range(6):
+        stroke = np.interp(np.arange(0, 1, speeds[number % len(speeds)] / 150), share, smooth[slows])
+        parts += [2 * stroke, np.full(60, 2.0), 2 * stroke[::-1], np.zeros(40)]
+    position = np.concatenate(parts)
+    noise = 0.01 * np.random.default_rng(2).standard_normal(len(position))
+    check_clipping(record_of(position, force_of(position) + noise))
+
+
+def test_a_position_that_stops_at_speed_is_clipped():
+    for level in (0.5, 1.0, 1.5):
+        with pytest.raises(InputError, match="input: clipped"):
+            check_clipping(record_of(np.clip(GOOD, -3.0, level), force_of(GOOD)))
+
+
+@pytest.mark.parametrize("case", ["g04", "g14"])
+def test_a_ramp_and_hold_is_read(case, shared):
+    import lumbar
+
+    records = lumbar.read(shared / "hard_effects" / case / "records")
+    assert [np.ptp(record["input"]) > 1 for record in records] == [True, True]
+
+
+def test_records_of_like_size_are_comparable():
+    check_excitation(record_of(GOOD, force_of(GOOD)), [record_of(0.2 * OTHER, force_of(OTHER), "b")])
+
+
+def test_an_effect_that_the_record_does_not_excite_is_refused():
+    """On one sine a mass is a negative spring, a second branch another spring: nothing tells them from the base."""
+    sine = motion(40.0, lines=[10])
+    records = [record_of(sine, force_of(sine)), record_of(motion(12.0, 4), force_of(motion(12.0, 4)), "b")]
+    with pytest.raises(InputError, match="a: the record does not excite inertia"):
+        refine(records, ["inertia"], DiagnosisSettings(train="a"))
+    rich = [record_of(GOOD, force_of(GOOD)), records[1]]
+    assert refine(rich, ["inertia"], DiagnosisSettings(train="a"))[1][-1].effects == ("inertia",)
+
+
+def test_a_fit_that_did_not_converge_is_no_result():
+    from dataclasses import replace
+
+    from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+
+    position = motion(40.0)
+    records = [
+        record_of(position, force_of(position) + 0.01 * position**3),
+        record_of(OTHER, force_of(OTHER) + 0.01 * OTHER**3, "b"),
+    ]
+    found = diagnose(records)
+    assert not any("did not converge" in line for line in details(found, TISSUE))
+    stopped = replace(found.model, fit=replace(found.model.fit, converged=False))
+    lines = details(replace(found, path=[found.base, stopped]), TISSUE)
+    assert "did not converge" in lines[0] and "no result" in lines[0]
+
+
+def test_a_force_that_grows_beyond_measure_with_speed_is_in_no_other_unit():
+    """Slow motion tells units apart: there a force that explodes at high speed is as in any other record."""
+    from periodic_records import STEP, record
+
+    from lumbar.tissue.diagnosis.fitting.record_checks import check_excitation
+
+    time = np.arange(0, 20, STEP)
+    slow = 5 * np.sin(2 * np.pi * 0.2 * time)
+    fast = 5 * np.sin(2 * np.pi * (0.1 * time + 0.12 * time**2))
+    records = []
+    for name, position in (("slow", slow), ("fast", fast)):
+        speed = np.gradient(position, STEP)
+        records.append(record(position, position + 0.01 * np.sinh(speed / 10.0), name))
+    assert np.std(records[1]["output"]) > 300 * np.std(records[0]["output"])
+    check_excitation(records[0], [records[1]])
+    check_excitation(records[1], [records[0]])

@@ -1,0 +1,160 @@
+"""Figures of merit of a free run: definitions, intervals, the explainable part."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
+from lumbar.tissue.diagnosis.residuals.compare import (
+    RESAMPLES,
+    block_groups,
+    compare_record,
+    comparison_table,
+)
+from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
+
+
+def aperiodic(size: int, sigma: float, seed: int, pole: float = 0.0):
+    position = noise(size, seed, 0.97)
+    force = relaxing_force(position)
+    return record(position, force + sigma * noise(size, seed + 1, pole), "noise"), force
+
+
+def test_values_follow_their_definitions():
+    test, force = aperiodic(3000, 0.3, 1)
+    found = compare_record(test, force, start=0.5)
+    measured, residual = test["output"][50:], (test["output"] - force)[50:]
+    assert found.samples == 2950
+    assert found.rms.value == pytest.approx(np.sqrt(np.mean(residual**2)))
+    assert found.vaf.value == pytest.approx(100 * (1 - np.var(residual) / np.var(measured)))
+    assert found.fit.value == pytest.approx(100 * (1 - np.sqrt(np.mean(residual**2)) / np.std(measured)))
+    assert found.mean_residual.value == pytest.approx(np.mean(np.abs(residual)))
+    for estimate in (found.rms, found.vaf, found.fit, found.mean_residual):
+        assert estimate.low < estimate.value < estimate.high
+    assert found.explainable_rms is None and found.is_noise is None and found.nmse_one_step is None
+    assert "how much of it is noise is unknown" in found.sentence
+
+
+def test_noise_and_what_could_be_explained_add_up():
+    test = noisy_record(10, 0.3, 1)
+    force = relaxing_force(test["input"])
+    wrong = force + 0.4 * test["input"] / np.std(test["input"])
+    found = compare_record(test, wrong, noise_floor(test))
+    assert found.floor_from == "multisine"
+    assert found.explainable_rms == pytest.approx(0.4, rel=0.03)
+    assert found.rms.value**2 == pytest.approx(found.explainable_rms**2 + found.floor.rms**2)
+    variance = np.var(test["output"][50:])
+    assert found.explainable_percent == pytest.approx(100 * 0.16 / variance, rel=0.06)
+    assert found.explainable_vaf == pytest.approx(100 * (1 - 0.16 / (variance - 0.09)), abs=0.03)
+    assert not found.is_noise
+    assert "is left for a better model to explain" in found.sentence
+
+
+def test_the_true_model_leaves_noise():
+    test = noisy_record(10, 0.3, 2)
+    found = compare_record(test, relaxing_force(test["input"]), noise_floor(test))
+    assert found.is_noise
+    assert found.explainable_vaf > 99.9
+    assert "no more than the 0.3" in found.sentence
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_intervals_cover(pole):
+    """The RMS and VAF that very long records would give lie inside in about 95 % of the cases."""
+    variance = 0.25 + np.mean([np.var(aperiodic(20_000, 0.0, seed)[1]) for seed in range(20)])
+    inside = []
+    for seed in range(60):
+        test, force = aperiodic(4000, 0.5, 3 * seed, pole)
+        found = compare_record(test, force, seed=seed)
+        truths = ((found.rms, 0.5), (found.vaf, 100 * (1 - 0.25 / variance)))
+        inside.append([estimate.low <= truth <= estimate.high for estimate, truth in truths])
+    assert np.all(np.mean(inside, axis=0) >= 0.82)
+
+
+def test_periods_that_repeat_an_error_are_no_new_evidence():
+    """Ten periods of the same error tell no more about another excitation than one."""
+    position = multisine(10, seed=4)
+    force = relaxing_force(position)
+    error = np.tile(noise(500, 9, 0.95), 10)
+    test = record(position, force + error + 1e-3 * noise(5000, 3))
+    many = compare_record(test, force, noise_floor(test)).rms
+    one = compare_record(record(position[:500], (force + error)[:500]), force[:500], start=0.0).rms
+    assert many.high - many.low == pytest.approx(one.high - one.low, rel=0.35)
+    unaware = compare_record(test, force).rms
+    assert unaware.high - unaware.low < 0.7 * (many.high - many.low)
+
+
+@pytest.mark.parametrize(("size", "period"), [(1000, None), (4950, 500), (37, None), (700, 500)])
+def test_groups_hold_every_sample_once_and_keep_phases_together(size, period):
+    groups = block_groups([noise(size, 1, 0.9)], period)
+    assert sorted(np.concatenate(groups)) == list(range(size))
+    assert len(groups) >= 8
+    if period and period < size:
+        for group in groups:
+            phases = np.unique(group % period)
+            assert np.ptp(phases) == len(phases) - 1
+
+
+def test_the_same_seed_gives_the_same_interval():
+    test, force = aperiodic(1500, 0.3, 1)
+    assert compare_record(test, force, seed=3) == compare_record(test, force, seed=3)
+    assert compare_record(test, force, seed=3).rms.low != compare_record(test, force, seed=4).rms.low
+
+
+def test_intervals_are_those_of_the_figures_of_resampled_records():
+    test, force = aperiodic(1000, 0.3, 1)
+    found = compare_record(test, force, start=0.0, seed=3)
+    measured, residual = test["output"], test["output"] - force
+    groups = block_groups([residual, measured - measured.mean()], None)
+    draws = np.random.default_rng(3).integers(len(groups), size=(RESAMPLES, len(groups)))
+    chosen = [np.concatenate([groups[group] for group in draw]) for draw in draws]
+    for name, figure in (
+        ("vaf", variance_accounted_for),
+        ("fit", fit_ratio),
+        ("mean_residual", mean_residual),
+    ):
+        resampled = [figure(measured[samples], force[samples]) for samples in chosen]
+        interval = getattr(found, name)
+        assert [interval.low, interval.high] == pytest.approx(np.quantile(resampled, [0.025, 0.975]))
+
+
+def test_what_cannot_be_compared_is_refused():
+    test, force = aperiodic(1000, 0.3, 1)
+    with pytest.raises(InputError, match="simulation of shape"):
+        compare_record(test, force[:-1])
+    force[500] = np.nan
+    with pytest.raises(InputError, match=r"nan from 5 s on: the model is unstable"):
+        compare_record(test, force)
+    with pytest.raises(InputError, match="leave 0 samples after the first 20 s"):
+        compare_record(test, np.zeros(1000), start=20.0)
+    with pytest.raises(NumericalError, match="output does not move"):
+        compare_record(record(test["input"], np.zeros(1000)), np.zeros(1000))
+
+
+def test_the_table_holds_what_was_found(tmp_path):
+    test = noisy_record(10, 0.3, 1)
+    floor, other = noise_floor(test), aperiodic(1000, 0.3, 5)
+    found = [
+        compare_record(test, relaxing_force(test["input"]), floor, one_step=test["output"]),
+        compare_record(other[0], other[1], floor, "multisine"),
+    ]
+    comparison_table(found, "synthetic twin").write(tmp_path / "compare")
+    table = pd.read_csv(tmp_path / "compare.csv")
+    assert list(table["record"]) == ["multisine", "noise"]
+    assert list(table["noise_floor_from"]) == ["multisine", "multisine"]
+    assert table["rms"].tolist() == pytest.approx([item.rms.value for item in found])
+    assert table["vaf_percent"].tolist() == pytest.approx([item.vaf.value for item in found])
+    assert table["nmse_one_step"][0] == 0.0 and np.isnan(table["nmse_one_step"][1])
+    alone = comparison_table([compare_record(other[0], other[1])], "synthetic twin")
+    assert "nmse_one_step" not in alone.frame
+    assert alone.frame["noise_floor_rms"].isna().all()
+
+
+def test_the_sampling_time_does_not_matter_to_what_is_left_out():
+    test, force = aperiodic(1000, 0.3, 1)
+    assert compare_record(test, force, start=0.5).samples == 1000 - round(0.5 / STEP)

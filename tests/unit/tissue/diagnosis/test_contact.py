@@ -1,0 +1,140 @@
+"""A tool that is not fastened to the tissue: palpation from above an unknown surface, simulated apart in fine steps."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from fine_tissue import palpation
+from periodic_records import STEP, noise, record
+
+import lumbar
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.base_choice import choose_base
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.refine import refined_fit
+from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.models_file import models_document, read_models
+from lumbar.tissue.models.motion import Motion
+
+RIVALS = {
+    name: TISSUE[name]
+    for name in ("hardening_stiffness", "contact_loss", "drift", "quadratic_stiffness", "softening")
+}
+"""The effect that is there in one case, and those that contact has passed for."""
+KNOWN = {"spring_stiffness": 1.2, "branch_ratio": 0.8 / 1.2, "relaxation_time": 0.3}
+
+
+def hardened(depth: float) -> float:
+    return 0.05 * depth**3
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    return diagnose(palpation(), DiagnosisSettings(catalogue=RIVALS))
+
+
+@pytest.fixture(scope="module")
+def pressed_hard():
+    return diagnose(palpation(hardened), DiagnosisSettings(catalogue=RIVALS))
+
+
+def parameters(found) -> dict[str, float]:
+    fit = found.model.fit
+    items = (*fit.structure.linear, *fit.structure.nonlinear)
+    return dict(zip((item.name for item in items), (*fit.linear, *fit.nonlinear), strict=True))
+
+
+def test_palpation_is_contact_and_nothing_else(pressed):
+    assert pressed.base.fit.structure.base.name == "KB-contact"
+    assert (pressed.verdict, pressed.selected) == ("adequate", ())
+    assert pressed.experiment.surface == pytest.approx(3.0, rel=0.01)
+    assert parameters(pressed) == pytest.approx(KNOWN, rel=0.02)
+    assert pressed.base.test_rms == pytest.approx(0.02, rel=0.05)
+
+
+def test_the_surface_is_told(pressed):
+    (finding,) = (item for item in pressed.findings if item.kind == "surface")
+    assert finding.value == pressed.experiment.surface
+    assert finding.unit == "mm"
+    assert "The tool is not fastened to the tissue: it meets the surface at 3.0" in finding.sentence
+
+
+def test_a_base_chosen_again_finds_the_same_surface(pressed):
+    """Of records with zeros of their own, or with another base, whose positions count from the surface already."""
+    again, base = choose_base(pressed.experiment, "KB-contact", {})
+    assert again.surface == pytest.approx(pressed.experiment.surface, abs=1e-3)
+    assert base.test_rms == pytest.approx(pressed.base.test_rms, rel=1e-3)
+    fastened, _ = choose_base(pressed.experiment, "KB", {})
+    assert fastened.surface == 0.0
+
+
+def test_what_hardens_under_the_tool_is_named(pressed_hard):
+    assert (pressed_hard.verdict, pressed_hard.selected) == ("named", ("hardening_stiffness",))
+    assert pressed_hard.experiment.surface == pytest.approx(3.0, rel=0.01)
+    found = parameters(pressed_hard)
+    assert {name: found[name] for name in KNOWN} == pytest.approx(KNOWN, rel=0.1)
+    assert found["cubic_stiffness"] == pytest.approx(0.05, rel=0.05)
+    assert pressed_hard.model.test_rms == pytest.approx(0.02, rel=0.05)
+
+
+def test_a_fastened_tool_that_pulls_has_no_surface():
+    time = np.arange(1000) * STEP
+    position = 2 * np.sin(2 * np.pi * 0.4 * time) + np.sin(2 * np.pi * 1.1 * time)
+    records = [
+        record(position, 1.2 * position + 0.02 * noise(1000, seed), name) for seed, name in enumerate("ab")
+    ]
+    found = diagnose(records, DiagnosisSettings(catalogue=RIVALS))
+    assert not found.base.fit.structure.base.contact
+    assert found.experiment.surface == 0.0
+
+
+@pytest.mark.parametrize("ratio", [0.8 / 1.2, 8.0])
+@pytest.mark.parametrize("relaxation", [0.03, 0.3, 3.0])
+def test_contact_is_lost_and_found_as_in_fine_steps(ratio, relaxation):
+    """Force of the base KB-contact against Heun's method in steps a hundredth as long."""
+    step, finer = 0.01, 100
+    time = np.arange(1200 * finer) * step / finer
+    depth = 1.5 * np.sin(2 * np.pi * 0.7 * time) + 0.8 * np.sin(2 * np.pi * 1.9 * time) + 0.3
+    expected = np.zeros(len(time))
+    dashpot = depth[0]  # it has rested there
+    following = ratio / (1 + ratio)
+    for index, tool in enumerate(depth.tolist()):
+        surface = max(tool, following * dashpot)
+        expected[index] = max((1 + ratio) * tool - ratio * dashpot, 0.0)
+        ahead = dashpot + time[1] * (surface - dashpot) / relaxation
+        nearer = max(float(depth[min(index + 1, len(depth) - 1)]), following * ahead)
+        dashpot += time[1] / 2 * ((surface - dashpot) + (nearer - ahead)) / relaxation
+    motion = Motion(time[::finer], depth[::finer], step)
+    (force,) = BASES["KB-contact"].columns(motion, np.array([ratio, relaxation]))
+    assert np.sqrt(np.mean((force - expected[::finer]) ** 2)) < 0.005 * np.sqrt(np.mean(expected**2))
+    assert np.mean(expected == 0) > 0.2
+
+
+@pytest.fixture(scope="module")
+def model():
+    return refined_fit(palpation(), [], DiagnosisSettings(base="KB-contact", catalogue=RIVALS))
+
+
+def test_the_surface_goes_with_the_model(model):
+    (again,) = read_models(json.loads(json.dumps(models_document([model], "test"))), CATALOGUES)
+    assert again == model
+    assert again.input.offset == pytest.approx(3.0, rel=0.01)
+
+
+def test_no_transfer_function_holds_a_contact(model):
+    with pytest.raises(NumericalError, match="no transfer function holds a contact that is lost"):
+        model.to_control()
+
+
+def test_an_fmu_of_a_contact_is_refused_in_words_that_help(model, tmp_path):
+    with pytest.raises(InputError) as refused:
+        lumbar.export_fmu(model, tmp_path / "fmu")
+    assert "base KB-contact: is one of a tool that leaves the tissue, which FMUs do not hold" in str(
+        refused.value
+    )
+    assert "with a base without contact (improvement.base: LE, Maxwell, KV or KB)" in str(refused.value)
+    assert not (tmp_path / "fmu").exists()

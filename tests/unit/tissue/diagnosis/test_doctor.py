@@ -1,0 +1,265 @@
+"""What could have been seen in records: effects and mistakes put into records of which everything is known."""
+
+from __future__ import annotations
+
+import filecmp
+import json
+import math
+
+import numpy as np
+import pytest
+from periodic_records import STEP, multisine, noise, record, relaxing_force
+
+import lumbar
+from lumbar.base.errors import InputError
+from lumbar.tissue.diagnosis.doctor.examination import Scope, examine
+from lumbar.tissue.diagnosis.doctor.fault_telling import judge_fault
+from lumbar.tissue.diagnosis.doctor.faults import FAULTS
+from lumbar.tissue.diagnosis.doctor.injection import Injection, without_effect
+from lumbar.tissue.diagnosis.doctor.outcome import Kind, Outcome, judge_effect
+from lumbar.tissue.diagnosis.doctor.smallest import CLOSE, search
+from lumbar.tissue.diagnosis.doctor.truth import Truth, phase_randomised
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.models.form import Place
+
+SIGMA = 0.02
+EFFECTS = {name: TISSUE[name] for name in ("hardening_stiffness", "coulomb_friction", "delay", "saturation")}
+
+
+def blind(records, most_effects):
+    return diagnose(records, DiagnosisSettings("KB", catalogue=EFFECTS, most_effects=most_effects))
+
+
+@pytest.fixture(scope="module")
+def records():
+    """A spring and a relaxing branch in noise of known size: nothing is missing from KB."""
+    found = []
+    for name, periods, seed in (("multisine", 5, 1), ("other", 3, 2)):
+        position = 0.4 * multisine(periods, 250, range(1, 12), seed)
+        force = relaxing_force(position) + SIGMA * noise(len(position), seed)
+        found.append(record(position, force, name))
+    return found
+
+
+@pytest.fixture(scope="module")
+def truth(records):
+    return Truth.of(blind(records, 1), records, 0)
+
+
+@pytest.fixture(scope="module")
+def examined(records, truth):
+    names = ("hardening_stiffness", "coulomb_friction")
+    scope = Scope(names, faults=False)
+    return examine(records, truth.verdict, EFFECTS, blind, scope, None, 0, lambda items, *_: items)
+
+
+def sized(examined, name):
+    return next(item for item in examined.effects if item.form.effect == name)
+
+
+def test_a_strong_effect_is_found_and_one_far_below_the_noise_is_not(examined):
+    for item in examined.effects:
+        assert item.words == "named"
+        assert item.trials.at_missed.kind is Kind.UNSEEN
+        assert 0.1 < item.smallest / item.noise < 2
+    assert examined.nothing.kind is Kind.UNSEEN
+
+
+def test_sizes_found_agree_with_the_prediction(examined):
+    """Two ways to the same number: the likelihood to first order, and blind diagnoses of simulated records."""
+    for item in examined.effects:
+        assert item.predicted / 2 < item.smallest < 2 * item.predicted
+
+
+def test_the_prediction_agrees_with_the_least_squares_gain(truth):
+    """Closed form: N R² of regressing the added force on what the model's own sensitivities leave of it."""
+    form = TISSUE["hardening_stiffness"].forms[0]
+    injection = Injection.middle(truth.fit, form, truth.training)
+    data, fit = truth.training, truth.fit
+    predicted = injection.predicted(truth.noise * np.sqrt(30.0 / data.size))
+    cubic = data.counted(data.motion.position**3)
+    step = 1e-6
+    columns = [np.ones(data.size)]
+    for number in range(len(fit.linear)):
+        columns.append(data.counted(fit.structure.design(data.motion, fit.nonlinear)[:, number]))
+    up, down = (
+        fit.structure.simulate(data.motion, fit.linear, fit.nonlinear * (1 + sign * step)) for sign in (1, -1)
+    )
+    columns.append(data.counted(up - down) / step)
+    design = np.column_stack(columns)
+    left = cubic - design @ np.linalg.lstsq(design, cubic, rcond=None)[0]
+    size = np.sqrt(np.mean(data.settled(data.motion.position**3) ** 2))
+    expected = truth.noise * np.sqrt(30.0) * size / np.linalg.norm(left)
+    assert predicted == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_an_effect_has_the_strength_that_is_asked_for(truth, name):
+    for form in TISSUE[name].forms[:1]:
+        injection = Injection.middle(truth.fit, form, truth.training)
+        rms = min(5 * SIGMA, injection.largest)
+        assert injection.rms(injection.at(rms)) == pytest.approx(rms, rel=1e-4)
+        assert (form.place is Place.PARALLEL) == (len(form.linear) > 0)
+
+
+def test_an_effect_that_is_taken_out_leaves_the_rest_as_it_was(truth):
+    first, second = (TISSUE[name].forms[0] for name in ("coulomb_friction", "hardening_stiffness"))
+    with_one = Injection.middle(truth.fit, first, truth.training).at(0.1)
+    with_both = Injection.middle(with_one, second, truth.training).at(0.1)
+    rest, form, nonlinear = without_effect(with_both, "coulomb_friction")
+    assert (rest.structure.effects, form) == (("hardening_stiffness",), first)
+    assert np.array_equal(nonlinear, with_one.nonlinear[-1:])
+    motion = truth.motions[0]
+    friction = with_one.simulate(motion) - truth.fit.simulate(motion)
+    assert np.allclose(with_both.simulate(motion) - rest.simulate(motion), friction)
+
+
+def test_answers_of_the_truth_keep_motion_and_noise_of_the_records(truth, records):
+    answers = truth.records(truth.fit)
+    for mine, own in zip(answers, records, strict=True):
+        assert np.array_equal(mine["input"], own["input"])
+        left = mine["output"] - truth.fit.simulate(
+            truth.motions[[item.name for item in records].index(own.name)]
+        )
+        assert np.std(left) == pytest.approx(SIGMA, rel=0.15)
+        assert abs(np.corrcoef(left, own["output"] - mine["output"] + left)[0, 1]) < 0.2
+
+
+def test_random_phases_keep_the_spectrum():
+    signal = noise(400, 1, pole=0.8)
+    found = phase_randomised(signal, 1000, np.random.default_rng(0))
+    assert np.allclose(np.abs(np.fft.rfft(found[:400])), np.abs(np.fft.rfft(signal)))
+    assert np.array_equal(found[400:800], found[:400])
+    assert abs(np.corrcoef(found[:400], signal)[0, 1]) < 0.3
+
+
+@pytest.mark.parametrize("threshold", [0.05, 0.3, 1.0, 4.0, 12.0])
+def test_the_search_brackets_a_threshold_wherever_the_prediction_lies(threshold):
+    tried = []
+
+    def outcome_at(strength):
+        tried.append(strength)
+        return Outcome(Kind.NAMED if strength >= threshold else Kind.UNSEEN)
+
+    found = search(outcome_at, 1.0, 16.0, quick=False)
+    assert len(tried) == len(set(tried)) <= 6
+    assert found.missed is None or found.missed < threshold <= found.smallest
+    if 0.3 <= threshold <= 4:
+        assert found.smallest <= CLOSE * found.missed * (1 + 1e-9)
+
+
+def test_a_strong_effect_that_is_mistaken_may_be_named_where_it_is_weaker():
+    def outcome_at(strength):
+        if strength > 8:
+            return Outcome(Kind.MISTAKEN, ("drift",))
+        return Outcome(Kind.NAMED if strength > 1 else Kind.UNSEEN)
+
+    found = search(outcome_at, 0.9, 16.0, quick=False)
+    assert found.at_strongest.words == "mistaken for drift"
+    assert 1 < found.smallest < 2
+    never = search(lambda strength: Outcome(Kind.UNSEEN), math.nan, 16.0, quick=False)
+    assert (never.smallest, never.missed, len(never.trials)) == (None, 16.0, 1)
+
+
+def test_records_that_are_refused_say_why(truth):
+    assert judge_effect("clipped", "saturation", (), "KB").kind is Kind.REFUSED
+    assert judge_fault("unit?", FAULTS["input_unit"], truth.verdict).message == "unit?"
+
+
+def test_mistakes_are_told_or_not(records, truth):
+    """By the diagnosis of today; a lag of five samples is a delay, an offset a finding."""
+    for name, size, kind in (
+        ("sign_flip", 1.0, Kind.TOLD),
+        ("offset", 10.0, Kind.TOLD),
+        ("lag", 5.0, Kind.NAMED),
+    ):
+        fault = FAULTS[name]
+        found = judge_fault(blind(fault.put_into(records, size, 0), 1), fault, truth.verdict)
+        assert found.kind is kind, name
+    unchanged = judge_fault(truth.verdict, FAULTS["offset"], truth.verdict)
+    assert unchanged.kind is Kind.UNSEEN
+
+
+def test_mistakes_have_the_size_that_is_said(records):
+    first, second = records
+    half = FAULTS["offset"].put_into(records, 50.0, 0)[0]["output"] - first["output"]
+    assert np.allclose(half, 0.5 * np.ptp(first["output"]))
+    late = FAULTS["lag"].put_into(records, 3.0, 0)[0]["output"]
+    assert np.array_equal(late[3:], first["output"][:-3])
+    inches = FAULTS["input_unit"].put_into(records, 25.4, 0)
+    assert inches[0] is first
+    assert np.allclose(inches[1]["input"], 25.4 * second["input"])
+    steps = FAULTS["position_step"].put_into(records, 1.0, 0)[0]["input"]
+    assert len(np.unique(steps)) <= 102
+    noisy = FAULTS["position_noise"].put_into(records, 1.0, 0)[0]["input"] - first["input"]
+    assert np.std(noisy) == pytest.approx(0.01 * np.ptp(first["input"]), rel=0.1)
+
+
+def test_the_further_record_is_better_than_the_one_at_hand(examined):
+    further = examined.further
+    assert all(far > 1.5 * own > 0 for far, own in zip(further.distances, further.recorded, strict=True))
+    assert further.excitation.words in further.sentence
+
+
+@pytest.fixture(scope="module")
+def folder(records, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("doctor")
+    for item in records:
+        rows = np.column_stack([STEP * np.arange(len(item)), item["input"], item["output"]])
+        head = "time_s,position_mm,force_N"
+        np.savetxt(folder / f"{item.name}.csv", rows, "%.9g", ",", header=head, comments="")
+    return folder
+
+
+def test_the_command_prints_and_writes_what_the_verb_does(run, folder, tmp_path):
+    chosen = ("--base", "KB", "--effects", "hardening_stiffness", "--quick", "--no-faults")
+    status, out, err = run(
+        "doctor", folder, *chosen, "--output", tmp_path / "one", "--excitation", tmp_path / "play.csv"
+    )
+    assert status == 0, err
+    assert "hardening stiffness" in out
+    found = lumbar.doctor(
+        lumbar.read(folder),
+        base="KB",
+        effects=["hardening_stiffness"],
+        quick=True,
+        faults=False,
+        machine=lumbar.load_settings().signals.machine,
+    )
+    assert str(found) == out.rstrip("\n")
+    found.save(tmp_path / "two")
+    names = sorted(path.name for path in (tmp_path / "one").iterdir())
+    assert names == ["doctor.csv", "doctor.html", "doctor.json", "doctor.tex"]
+    for name in names:
+        assert filecmp.cmp(tmp_path / "one" / name, tmp_path / "two" / name, shallow=False), name
+    written = json.loads((tmp_path / "one" / "doctor.json").read_text())
+    assert written["effects"][0]["trials"][0]["said"] == "named"
+    assert written["effects"][0]["smallest_named"] == found["hardening_stiffness"].smallest
+    played = np.loadtxt(tmp_path / "play.csv", delimiter=",", skiprows=1)
+    assert np.allclose(
+        played[:, 1], found.examination.further.excitation.motion.position, rtol=1e-4, atol=1e-4
+    )
+    assert "hardening_stiffness" in found._repr_html_()
+    with pytest.raises(InputError, match="'drift' was not put in; put in were hardening_stiffness"):
+        found["drift"]
+
+
+def test_wrong_options_and_records_are_refused(run, folder, records, tmp_path):
+    status, _, err = run("doctor", folder, "--base", "KB", "--effects", "hardning")
+    assert status == 1
+    assert "unknown effect hardning; known are hardening_stiffness" in err
+    status, _, err = run("doctor", tmp_path / "nowhere")
+    assert status == 1
+    assert "nowhere" in err
+    flipped = FAULTS["sign_flip"].put_into(records, 1.0, 0)
+    with pytest.raises(InputError, match="nothing can be put into these records: The sign of the force"):
+        lumbar.doctor(flipped, base="KB")
+
+
+def test_no_law_is_looked_for_in_records_that_something_was_put_into(monkeypatch, records):
+    asked = []
+    monkeypatch.setattr("lumbar.tissue.diagnosis.law.beside_verdict.law_beside", asked.append)
+    lumbar.doctor(records, base="KB", effects=["hardening_stiffness"], quick=True, faults=False)
+    assert not asked

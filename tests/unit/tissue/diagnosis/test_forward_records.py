@@ -1,0 +1,176 @@
+"""Forward records (force in, motion out): what is hidden is named in the motion's unit, by simulation from force to motion."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from forward_records import MASS, STEP, STIFFNESS, VISCOSITY, ZERO, driving_force, forward_records, measured
+from scipy.signal import lsim
+
+import lumbar
+from lumbar.base.errors import InputError
+from lumbar.cli.command import main
+from lumbar.study.settings_files import load_settings
+from lumbar.tissue.diagnosis.forward.carried import response_of
+from lumbar.tissue.diagnosis.linear.direction import FORWARD
+from lumbar.tissue.effects.catalogue import catalogues_with
+from lumbar.tissue.fmu.build.effect_entry import effect_model
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.fitted_model import FittedModel
+
+
+@pytest.fixture(scope="module")
+def friction():
+    """Return records with Coulomb friction and their diagnosis."""
+    records = forward_records("coulomb_friction")
+    return records, lumbar.diagnose(records, train="train", forward=True)
+
+
+@pytest.mark.parametrize("hidden", ["hardening_stiffness", "hysteresis"])
+def test_what_is_hidden_is_named(hidden):
+    found = lumbar.diagnose(forward_records(hidden), train="train", forward=True).verdict
+    assert (found.verdict, found.selected, found.complete) == ("named", (hidden,), True)
+    assert found.experiment.output_unit == "mm"
+
+
+def test_nothing_is_named_where_nothing_is_hidden():
+    found = lumbar.diagnose(forward_records("nothing"), train="train", forward=True)
+    assert (found.verdict.verdict, found.selected) == ("adequate", ())
+    assert found.verdict.base.fit.structure.base.name == "KV-mass"
+    values = {item.name: (item.low, item.high, item.unit) for item in found.model.parameters}
+    for name, value, unit in (
+        ("mass", MASS, "N s^2/mm"), ("spring_stiffness", STIFFNESS, "N/mm"), ("viscosity", VISCOSITY, "N s/mm"),
+    ):  # fmt: skip
+        low, high, own = values[name]
+        assert low < value < high
+        assert own == unit
+    assert found.model.output.offset == pytest.approx(ZERO, abs=0.001)
+
+
+def test_the_friction_and_its_size_are_found(friction):
+    _, found = friction
+    assert (found.verdict.verdict, found.selected, found.verdict.complete) == (
+        "named",
+        ("coulomb_friction",),
+        True,
+    )
+    assert found.model["coulomb_friction.coulomb_force"].value == pytest.approx(0.25, rel=0.02)
+    assert "from 0.1" in str(found).splitlines()[0]
+    assert str(found).splitlines()[0].endswith(" mm.")
+
+
+def test_the_model_is_written_and_read_back(friction):
+    records, found = friction
+    entry = json.loads(json.dumps(found.model.to_json()))
+    assert entry["structure"]["forward"] is True
+    again = FittedModel.from_json(entry, catalogues_with([]))
+    for record in records:
+        np.testing.assert_allclose(again.simulate(record), found.model.simulate(record), atol=1e-6)
+
+
+def test_a_model_from_force_to_motion_is_not_exported(friction):
+    with pytest.raises(InputError, match="it goes from force to motion"):
+        effect_model(friction[1].model, STEP)
+
+
+def test_compare_and_locate_are_in_the_unit_of_the_motion(friction):
+    records, found = friction
+    compared = lumbar.compare(records, found.model)
+    assert compared["other"].comparison.vaf.value > 99.9
+    assert "mm RMS" in str(compared)
+    bare = lumbar.refine(records, [], train="train", forward=True)
+    assert "mm of the error's" in str(bare.locate())
+
+
+def test_effects_that_are_asked_for_are_added(friction):
+    records, _ = friction
+    refined = lumbar.refine(records, ["coulomb_friction"], base="KV-mass", train="train", forward=True)
+    assert [item.fit.structure.effects for item in refined.path] == [(), ("coulomb_friction",)]
+    assert refined.path[1].test_rms < 0.1 * refined.path[0].test_rms
+    with pytest.raises(InputError, match="backlash: it cannot be added to KV-mass from force to motion"):
+        lumbar.refine(records, ["backlash"], base="KV-mass", train="train", forward=True)
+
+
+def test_a_sensor_that_gives_the_absolute_value(tmp_path):
+    """Two poles on a random command of two levels; nothing tells the sign but the command."""
+    records = []
+    for name, seconds, seed in (("train", 16.0, 1), ("other", 8.0, 2)):
+        time = STEP * np.arange(round(seconds / STEP))
+        command = np.repeat(np.sign(np.random.default_rng(seed).standard_normal(len(time) // 20)), 20)
+        # Held between samples: the solver interpolates, so on a grid fine enough.
+        fine = np.repeat(command, 10)
+        speed = lsim(([1.0], [0.02, 0.25, 1.0]), fine, STEP / 10 * np.arange(len(fine)))[1][::10]
+        channels = measured(name, time, command, np.abs(speed) - ZERO, seed)
+        records.append(channels)
+    diagnosis = lumbar.diagnose(records, train="train", forward=True)
+    found = diagnosis.verdict
+    assert (found.verdict, found.selected) == ("named", ("absolute_value",))
+    assert "Diagnosed again" not in str(diagnosis)
+    diagnosis.save(tmp_path, pictures=False)
+    with pytest.raises(InputError, match="linear dynamics behind a sensor"):
+        lumbar.load_models(tmp_path / "refined.json")
+    assert found.model.test_rms < 0.03
+    assert found.path[0].test_rms > 5 * found.model.test_rms
+
+
+def test_the_finding_prints_the_line_that_makes_the_study_run(friction, tmp_path, capsys):
+    """Recorded as force in, motion out and not said so: flagged, with the line of YAML; with it the study runs."""
+    records, _ = friction
+    folder = tmp_path / "records"
+    folder.mkdir()
+    for record in records:
+        table = np.stack([record.time, record["input"], record["output"]], axis=1)
+        np.savetxt(
+            folder / f"{record.name}.csv",
+            table,
+            delimiter=",",
+            header="time_s,force_N,position_mm",
+            comments="",
+        )
+    columns = {
+        "input": {"column": "force_N", "unit": "N", "quantity": "force"},
+        "output": {"column": "position_mm", "unit": "mm", "quantity": "position"},
+    }
+    study = {"tissue": {"layout": {"columns": columns}}, "improvement": {"propose_law": False}}
+    path = tmp_path / "study.yaml"
+    path.write_text(yaml.safe_dump(study))
+    command = ["diagnose", str(folder), "--train", "train", "--base", "KV-mass", "--config", str(path)]
+    assert main([*command, "--output", str(tmp_path / "flagged")]) == 0
+    told = capsys.readouterr().out
+    assert "These records are not what the" in told
+    assert f"\n{FORWARD}\n" in told
+
+    line = tmp_path / "line.yaml"
+    line.write_text(FORWARD)
+    assert load_settings(path, line).improvement.forward
+    assert main([*command, "--config", str(line), "--output", str(tmp_path / "forward")]) == 0
+    assert "missing coulomb friction" in capsys.readouterr().out
+    assert json.loads((tmp_path / "forward" / "diagnosis.json").read_text())["unit"] == "mm"
+
+
+def test_what_forward_records_do_not_do_yet_is_said():
+    records = forward_records("nothing")
+    with pytest.raises(InputError, match="no law is looked for"):
+        lumbar.propose(records, base="LE", train="train", forward=True)
+    with pytest.raises(InputError, match="no effects are put into them"):
+        lumbar.doctor(records, forward=True)
+    with pytest.raises(InputError, match="base KV-contact: records with the force as input know"):
+        lumbar.diagnose(records, base="KV-contact", forward=True)
+
+
+def test_the_response_of_a_base_is_that_of_its_transfer_function():
+    linear, nonlinear = np.array([MASS, STIFFNESS, 2.0]), np.array([0.1])
+    frequency = np.geomspace(0.01, 100, 50)
+    s = 2j * np.pi * frequency
+    expected = 1 / (MASS * s**2 + STIFFNESS + 2.0 * s / (s + 1 / 0.1))
+    np.testing.assert_allclose(
+        response_of(BASES["KB-mass"], linear, nonlinear)(frequency), expected, rtol=1e-9
+    )
+
+
+def test_a_driving_force_repeats():
+    _, force = driving_force(6.0, 3, 1)
+    np.testing.assert_allclose(force[:600], force[600:1200], atol=1e-9)

@@ -1,0 +1,339 @@
+"""A law is proposed where one is missing, is right, passes what it must, can be added, and is never made of noise."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import law_experiments
+import numpy as np
+import pytest
+import yaml
+from law_experiments import (
+    NOISE,
+    STEP,
+    cogging,
+    depth_friction,
+    experiment,
+    lateral,
+    nothing,
+    record,
+    records,
+    sines,
+)
+
+import lumbar
+from lumbar.base.errors import InputError
+from lumbar.interface.diagnosis import Diagnosis
+from lumbar.records.record import Record
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit
+from lumbar.tissue.diagnosis.law.beside_verdict import law_beside, with_law
+from lumbar.tissue.diagnosis.law.blocks import alternate
+from lumbar.tissue.diagnosis.law.checks import is_dissipative, least_work, stays_bounded
+from lumbar.tissue.diagnosis.law.effect_file import effect_text, finding, form_found, sentences
+from lumbar.tissue.diagnosis.law.law_form import form_of
+from lumbar.tissue.diagnosis.law.proposal import propose
+from lumbar.tissue.diagnosis.law.search import Search
+from lumbar.tissue.diagnosis.law.surface import surfaces
+from lumbar.tissue.diagnosis.law.terms import library
+from lumbar.tissue.diagnosis.law.thinning import thinned
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
+from lumbar.tissue.diagnosis.selection.sentences import headline
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.effects.own_effect import load_effects
+from lumbar.tissue.models.motion import Motion
+
+FEW = (
+    "friction",
+    "friction_push",
+    "viscous_z",
+    "position_z2",
+    "position_z3",
+    "cogging",
+    "branch_z",
+    "saturating",
+)
+"""Terms of a library that is quick to search."""
+
+
+def terms(*names: str):
+    return tuple(item for item in library() if item.name in names)
+
+
+def saved(made: list[Record], folder):
+    """Write records as files into a new folder."""
+    folder = folder / "tests"
+    folder.mkdir()
+    for one in made:
+        rows = np.column_stack([one.time, one["input"], one["output"]])
+        np.savetxt(
+            folder / f"{one.name}.csv", rows, "%.8f", ",", header="time_s,position_mm,force_N", comments=""
+        )
+    return folder
+
+
+def error(found, position: np.ndarray, added) -> float:
+    """RMS on a new record, beyond its noise."""
+    one = record("new", position, added, 99)
+    return float(np.std((found.simulate(Motion.of(one)) - one["output"])[50:])) / NOISE
+
+
+@pytest.fixture(scope="module")
+def needle():
+    prepared, base = experiment(depth_friction)
+    return propose(prepared, base, terms=terms(*FEW))
+
+
+def test_friction_along_a_needle_is_found(needle):
+    assert form_found(needle).equation == "k_1*max(z, 0)*tanh(v/v_s)"
+    assert needle.law.fit.linear[-1] == pytest.approx(0.25, rel=0.03)
+    assert needle.law.own_nonlinear[0] == pytest.approx(2.0, rel=0.1)
+    assert form_found(needle).linear[0].unit == "{y}/{x}"
+    assert needle.share_removed > 0.95
+
+
+def test_it_holds_on_a_new_excitation_and_on_a_larger_one(needle):
+    assert error(needle.base.fit, sines(10, 50, even=False), depth_friction) > 5
+    assert error(needle.law.fit, sines(10, 50, even=False), depth_friction) < 1.1
+    assert error(needle.law.fit, sines(10, 51, size=6.0, even=False), depth_friction) < 1.25
+    assert needle.extrapolation.holds
+
+
+def test_the_missing_force_is_seen_over_position_and_velocity(needle):
+    best = needle.surfaces[0]
+    assert (best.first.symbol, best.second.symbol) == ("z", "v")
+    assert best.share > 0.7
+
+
+def test_the_proposal_says_what_it_is_and_where_it_was_found(needle):
+    said = " ".join(sentences(needle))
+    assert "found in these data, not known physics" in said
+    low, high = needle.range.low, needle.range.high
+    assert f"z from {low:.3g} to {high:.3g} mm" in said
+    assert needle.range.speed == pytest.approx(np.abs(needle.experiment.training.motion.velocity).max())
+    found = finding(needle)
+    assert found.kind == "proposed_law"
+    assert found.value == needle.law.candidate.test_rms
+
+
+def test_the_file_is_an_effect_that_refines_the_model_as_well(needle, tmp_path):
+    path = tmp_path / "needle.yaml"
+    path.write_text(effect_text(needle, "needle", "a test"), encoding="utf-8")
+    effect = load_effects(path)["needle"]
+    assert effect.forms[0].equation == form_found(needle).equation
+    assert "not known physics" in effect.mechanism
+    refined = lumbar.refine(
+        records(depth_friction), ["needle"], settings=ImprovementSettings(effect_files=(str(path),))
+    )
+    assert refined.path[-1].test_rms == pytest.approx(needle.law.candidate.test_rms, rel=0.02)
+
+
+def test_a_force_that_repeats_along_the_position_is_found():
+    prepared, base = experiment(cogging)
+    found = propose(prepared, base, terms=terms(*FEW))
+    assert [item.name for item in found.terms] == ["cogging"]
+    assert found.law.own_nonlinear[0] == pytest.approx(2.5, rel=0.01)
+    assert error(found.law.fit, sines(10, 52, size=6.0, even=False), cogging) < 1.2
+
+
+def test_a_lateral_axis_that_nobody_recorded_has_no_formula(tmp_path):
+    prepared, base = experiment(lateral)
+    found = propose(prepared, base, terms=terms(*FEW))
+    assert found.law is None
+    assert found.is_needed
+    assert sentences(found)[0].startswith("No short formula found")
+    assert finding(found).kind == "proposed_law"
+
+
+def test_nothing_is_proposed_where_nothing_is_missing():
+    """With the gate, and with the search let loose on noise: a cheap part of the benchmark's count."""
+    for seed in range(0, 40, 10):
+        prepared, base = experiment(nothing, seed)
+        assert not propose(prepared, base).is_needed
+        blind = replace(prepared, floor=None)
+        assert blind.floor is None and propose(blind, base, terms=terms(*FEW[:6])).law is None
+
+
+def test_no_law_that_feeds_energy_in_or_runs_away():
+    prepared, base = experiment(nothing)
+    viscous = base.fit.structure.with_form(form_of(terms("viscous")))
+    fitted = fit(viscous, prepared.training, base.fit.nonlinear)
+    assert is_dissipative(fitted, prepared.training)
+    driven = replace(fitted, linear=np.array([*fitted.linear[:-1], -0.2]))
+    assert least_work(driven, prepared.training) < -0.01
+    assert not is_dissipative(driven, prepared.training)
+    steep = base.fit.structure.with_form(form_of(terms("position_expm1")))
+    found = fit(steep, prepared.training, np.append(base.fit.nonlinear, 1.0))
+    assert stays_bounded(found, prepared)
+    runaway = replace(found, linear=np.abs(found.linear), nonlinear=np.array([base.fit.nonlinear[0], 0.4]))
+    assert not stays_bounded(runaway, prepared)
+
+
+def test_work_in_a_cycle_is_that_of_a_damper():
+    """Of b v over a sine: π b ω A², beside b ω A of largest force."""
+    prepared, base = experiment(nothing)
+    damper = base.fit.structure.with_form(form_of(terms("viscous")))
+    fitted = fit(damper, prepared.training, base.fit.nonlinear)
+    only = replace(fitted, linear=np.array([0.0, 0.0, 1.0]))
+    assert least_work(only, prepared.training) == pytest.approx(np.pi, rel=0.01)
+
+
+def test_choices_and_confirmation_look_at_different_seconds():
+    prepared, _ = experiment(nothing)
+    first, second = alternate(prepared)
+    for one, other, whole in zip(first.tests, second.tests, prepared.tests, strict=True):
+        assert not (one.keep & other.keep).any()
+        assert one.size + other.size == whole.size
+        both = np.concatenate([one.settled(whole.force), other.settled(whole.force)])
+        assert sorted(both) == sorted(whole.settled(whole.force))
+
+
+def test_an_exponential_that_is_a_straight_line_becomes_one():
+    prepared, base = experiment(lambda z, v: (0.5 + 0.12 * z) * np.tanh(v / 2))
+    search = Search(alternate(prepared)[0], terms("friction", "friction_exp", "friction_z"))
+    laws = search.laws(base)
+    assert {item.name for item in laws[-1].terms} == {"friction", "friction_z"}
+    assert laws[-1].shared
+    assert form_of(laws[-1].terms, shared=True).nonlinear[0].symbol == "v_s"
+
+
+def test_of_noise_no_surface_explains_a_share():
+    prepared, base = experiment(nothing)
+    assert max(item.share for item in surfaces(base.fit, replace(prepared, floor=None))) < 0.05
+
+
+def test_the_command_says_that_nothing_is_missing(run, tmp_path):
+    status, out, _ = run("propose", saved(records(nothing), tmp_path), "--output", tmp_path / "law.yaml")
+    assert status == 0
+    assert out.startswith("No law is needed")
+    assert not (tmp_path / "law.yaml").exists()
+
+
+def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkeypatch, needle):
+    import lumbar.interface.proposing as proposing
+
+    found = proposing.ProposedLaw(needle, TISSUE, "needle tests")
+    monkeypatch.setattr(proposing, "propose", lambda *_, **__: found)
+    folder = saved(records(depth_friction), tmp_path)
+    status, out, _ = run("propose", folder, "--output", tmp_path / "law.yaml", "--picture", tmp_path / "law")
+    assert status == 0
+    assert "max(z, 0)*tanh(v/v_s)" in out
+    assert yaml.safe_load((tmp_path / "law.yaml").read_text(encoding="utf-8"))["name"] == "law"
+    assert (tmp_path / "law.svg").is_file()
+    assert (tmp_path / "law.pdf").is_file()
+    for name in ("coulomb_friction", "My law"):
+        status, _, err = run("propose", folder, "--output", tmp_path / f"{name}.yaml")
+        assert status == 1
+        assert name in err
+
+
+@pytest.fixture(scope="module")
+def diagnosed():
+    """A diagnosis whose catalogue holds but a likeness of the law."""
+    effects = {name: TISSUE[name] for name in ("depth_dependent_damping", "hardening_stiffness")}
+    settings = DiagnosisSettings("KB", catalogue=effects)
+    return search(records(depth_friction), settings)
+
+
+def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
+    monkeypatch.setattr("lumbar.tissue.diagnosis.law.proposal.library", lambda: terms(*FEW))
+    assert diagnosed.selected == ("depth_dependent_damping",)
+    assert diagnosed.verdict == "named"
+    assert not diagnosed.complete
+    law = law_beside(replace(diagnosed, verdict="unexplained", further=diagnosed.model))
+    beside = with_law(diagnosed, law)
+    assert law.left_by is law.base
+    assert beside.verdict == "unexplained"
+    assert beside.findings[-1].kind == "proposed_law"
+    assert beside.findings[-1].value < 0.5 * diagnosed.model.test_rms
+    assert "no effect of the catalogue explains it" in headline(beside)
+
+
+def test_no_law_is_looked_for_where_the_catalogue_goes_on_or_records_are_turned(diagnosed):
+    turned = Finding("direction", "force in, motion out", 0.0, "")
+    noise = diagnosed.experiment.floor.rms
+    whole = replace(diagnosed.model, train_rms=noise, test_rms=noise)
+    for verdict in (replace(diagnosed, further=whole), replace(diagnosed, findings=(turned,))):
+        assert law_beside(verdict) is None
+        assert with_law(verdict, None) is verdict
+
+
+def test_a_law_is_looked_for_where_one_effect_more_still_leaves_much(diagnosed, monkeypatch):
+    """A search ends at a number of effects: that one more would pass does not make the first ones right."""
+    monkeypatch.setattr("lumbar.tissue.diagnosis.law.proposal.library", lambda: terms(*FEW))
+    assert law_beside(replace(diagnosed, further=diagnosed.model)).law is not None
+
+
+def test_terms_are_chosen_at_a_lower_rate_and_the_law_is_fitted_to_every_sample(monkeypatch):
+    monkeypatch.setattr(law_experiments, "STEP", 0.001)
+    prepared, base = experiment(cogging)
+    lower = thinned(prepared)
+    assert lower.training.motion.sampling_time == pytest.approx(0.003)
+    assert np.array_equal(lower.tests[0].force, prepared.tests[0].force[::3])
+    found = propose(prepared, base, terms=terms("cogging", "position_z3"))
+    assert [item.name for item in found.terms] == ["cogging"]
+    assert found.law.candidate.test_rms < 1.05 * NOISE
+    assert found.law.fit.squared_error > 0.9 * NOISE**2 * prepared.training.size  # of all its samples
+
+
+def test_records_that_are_slow_enough_stay_the_very_same():
+    prepared, _ = experiment(cogging)
+    assert thinned(prepared) is prepared
+
+
+def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, diagnosed, needle):
+    diagnosis = Diagnosis(
+        records(depth_friction),
+        DiagnosisSettings("KB"),
+        with_law(diagnosed, needle),
+        None,
+        1,
+        "a test",
+        needle,
+    )
+    assert diagnosis.propose().proposal is needle
+    diagnosis.save(tmp_path, pictures=False)
+    effect = load_effects(tmp_path / "proposed_law.yaml")["proposed_law"]
+    assert effect.forms[0].equation == form_found(needle).equation
+    said = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
+    assert [item["kind"] for item in said["findings"]][-1] == "proposed_law"
+    replace(diagnosis, proposal=None).save(tmp_path, pictures=False)
+    assert not (tmp_path / "proposed_law.yaml").exists()
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_the_settings_say_whether_a_law_is_looked_for(monkeypatch, wanted):
+    asked = []
+    monkeypatch.setattr("lumbar.tissue.diagnosis.law.beside_verdict.law_beside", asked.append)
+    lumbar.diagnose(records(nothing), base="KB", settings=ImprovementSettings(propose_law=wanted))
+    assert len(asked) == wanted
+
+
+def test_a_law_is_for_tissue():
+    diagnosis = SimpleNamespace(settings=SimpleNamespace(base="pendulum", system="pendulum"))
+    with pytest.raises(InputError, match="no passive force"):
+        Diagnosis.propose(diagnosis)
+
+
+def test_a_part_that_snaps_through_is_found_and_extrapolates():
+    """Its own simulation in fine steps; the spring that carries it is part of the base's."""
+    fine = 20
+
+    def snapping(position, velocity):
+        time = np.arange(len(position)) * STEP
+        between = np.interp(np.arange(fine * len(position)) * STEP / fine, time, position)
+        place, places = 0.0, []
+        for now in between.tolist():
+            place += STEP / fine * (now - place + 2.2 * place * (1 - (place / 2.0) ** 2)) / 0.04
+            places.append(place)
+        return 0.5 * (position - np.array(places)[::fine])
+
+    prepared, base = experiment(snapping)
+    found = propose(prepared, base, terms=terms("snap_through", "position_z3", "friction", "odd_bump"))
+    assert [item.name for item in found.terms] == ["snap_through"]
+    assert found.law.candidate.test_rms < 1.1 * NOISE
+    assert error(found.law.fit, 1.2 * sines(20, 5), snapping) < 1.3

@@ -1,0 +1,113 @@
+"""Every term that a law may hold is dimensionally sound, finite, and the effect's file that it is written to can be read."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.diagnosis.law.law_form import check_dimensions, distinct, form_of
+from lumbar.tissue.diagnosis.law.terms import library
+from lumbar.tissue.diagnosis.law.units import FORCE, OF_SIGNALS, Dimension, dimension
+from lumbar.tissue.effects.signature import standard_motion
+from lumbar.tissue.models.form import Place
+from lumbar.tissue.models.parsing import parse
+
+
+def term(name: str):
+    return next(item for item in library() if item.name == name)
+
+
+@pytest.mark.parametrize(
+    "unit", ["{y}", "{y}/{x}", "{y} s/{x}", "{y} s^2/{x}", "{y}/{x}^1.5", "1", "s", "1/s"]
+)
+def test_a_unit_is_written_as_it_is_read(unit):
+    assert Dimension.of(unit).unit == unit
+
+
+def test_units_follow_from_what_a_force_is_made_of():
+    known = {**OF_SIGNALS, "c": Dimension.of("{y} s^2/{x}^2"), "d": Dimension.of("{x}")}
+    assert dimension(parse("c*v*abs(v)*exp(-z/d)"), known) == FORCE
+    assert dimension(parse("where(z > d, 0, c*max(v, 0)**2)"), known) == FORCE
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("z + v", "do not go together"),
+        ("tanh(v)", "has a unit"),
+        ("where(z > v, z, 0)", "do not go together"),
+    ],
+)
+def test_unlike_things_are_not_added_or_compared(text, found):
+    with pytest.raises(InputError, match=found):
+        dimension(parse(text), OF_SIGNALS)
+
+
+def test_every_term_is_dimensionally_sound_and_a_form_can_be_made_of_it():
+    for item in library():
+        check_dimensions(item)
+        form = form_of((item,))
+        form.check()
+        if form.place is Place.PARALLEL:
+            known = {
+                **OF_SIGNALS,
+                **{one.symbol: Dimension.of(one.unit) for one in (*form.linear, *form.nonlinear, *form.constants)},
+                **{name: {"q": Dimension(x=1), "u": Dimension(x=1), "m": Dimension(x=1)}.get(name[0], Dimension())
+                   for name, _ in form.state},
+            }  # fmt: skip
+            assert dimension(parse(form.equation), known) == FORCE, item.name
+
+
+def test_names_of_terms_are_unique():
+    names = [item.name for item in library()]
+    assert len(names) == len(set(names))
+
+
+def test_an_unsound_term_is_refused():
+    from dataclasses import replace
+
+    with pytest.raises(InputError, match="do not go together"):
+        check_dimensions(replace(term("friction"), parts=("v + z",)))
+    with pytest.raises(InputError, match="rate of q"):
+        check_dimensions(replace(term("branch"), state=(("q", "z - q"),)))
+
+
+def test_states_solved_term_by_term_are_those_of_the_whole_form():
+    from dataclasses import replace
+
+    form = form_of((term("branch"), term("stiffness_unloading")))
+    motion, nonlinear = standard_motion(0.5), np.array([0.2, 0.3])
+    together = replace(form, solution=None).columns(motion, nonlinear)
+    for one, other in zip(form.columns(motion, nonlinear), together, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9)
+
+
+def test_symbols_of_several_terms_are_kept_apart_or_shared():
+    terms = term("friction"), term("friction_z")
+    assert form_of(terms).equation == "F_1*tanh(v/v_s) + k_2*z*tanh(v/v_s2)"
+    assert form_of(terms, shared=True).equation == "F_1*tanh(v/v_s) + k_2*z*tanh(v/v_s)"
+    assert [item.unit for item in form_of(terms).linear] == ["{y}", "{y}/{x}"]
+    one, other = distinct((term("branch"), term("branch_z")))
+    assert one.state == (("q", "v - q/tau"),)
+    assert other.state == (("q2", "v - q2/tau_2"),)
+
+
+def test_a_bridge_holds_on_the_way_out_until_it_tears():
+    """The switching state against a walk through the samples."""
+    motion = standard_motion(0.5)
+    held, expected = False, []
+    for z in motion.position:
+        held = True if z > 0 else False if z < -0.4 else held
+        expected.append(z if held and -0.4 <= z < 0 else 0.0)
+    (found,) = form_of((term("adhesion"),)).columns(motion, np.array([0.4]))
+    assert np.mean(np.abs(found - expected) > 0.02) < 0.01
+    assert found.min() < -0.35
+
+
+def test_the_largest_depth_is_known_at_once():
+    motion = standard_motion(0.5)
+    (found,) = form_of((term("stiffness_deepest"),)).columns(motion, np.zeros(0))
+    np.testing.assert_allclose(
+        found, motion.position * np.maximum.accumulate(np.abs(motion.position)), atol=0.02
+    )

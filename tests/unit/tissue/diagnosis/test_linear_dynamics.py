@@ -1,0 +1,230 @@
+"""Linear models of higher order against impedances in closed form, and against forces that are not linear."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from periodic_records import noise, record
+from scipy.signal import butter, cheby1, cheby2, freqs, lfilter
+
+from lumbar.records.record import Channel, Record
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
+from lumbar.tissue.diagnosis.fitting.preparation import prepare
+from lumbar.tissue.diagnosis.linear.decimation import decimated
+from lumbar.tissue.diagnosis.linear.higher_order import linear_dynamics
+from lumbar.tissue.diagnosis.linear.poles import Poles, forces, slope_forces
+from lumbar.tissue.diagnosis.selection.forward_selection import evaluate, unseen_improvement
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
+
+SIGMA = 0.002
+
+
+def motion(seed: int, seconds: float = 60.0, step: float = 0.01, fastest: float = 6.0) -> np.ndarray:
+    """Sines of random phases in mm, which begin and end at rest."""
+    random = np.random.default_rng(seed)
+    time = np.arange(0, seconds, step)
+    frequency, phase = np.geomspace(0.05, fastest, 40), random.uniform(0, 2 * np.pi, 40)
+    window = np.clip(np.minimum(time, seconds - time) / 1.5, 0, 1)
+    smooth = window**3 * (10 - 15 * window + 6 * window**2)
+    return 0.5 * smooth * np.sin(2 * np.pi * np.outer(time, frequency) + phase).sum(axis=1)
+
+
+def response(impedance, position: np.ndarray, step: float = 0.01) -> np.ndarray:
+    """Force by the impedance (N/mm at s = jω), the motion preceded and followed by rest."""
+    size = 8 * len(position)
+    s = 2j * np.pi * np.fft.rfftfreq(size, step)
+    s[0] = 1e-9j
+    return np.fft.irfft(impedance(s) * np.fft.rfft(position, size), size)[: len(position)]
+
+
+def two_branches(s):
+    return 0.5 + 0.02 * s + 0.8 * s / (s + 1 / 0.09) + 0.6 * s / (s + 1 / 1.3)
+
+
+def springpot(s):
+    return 0.3 + 0.5 * s**0.35
+
+
+def chebyshev(s):
+    numerator, denominator = cheby1(3, 0.5, 2 * np.pi * 4.0, analog=True)
+    return freqs(numerator, denominator, s.imag)[1]
+
+
+def resonances(s):
+    def mode(frequency, damping):
+        omega = 2 * np.pi * frequency
+        return omega**2 / (s**2 + 2 * damping * omega * s + omega**2)
+
+    return 1.0 + 0.4 * mode(1.7, 0.03) - 0.2 * mode(3.9, 0.05)
+
+
+def late(s):
+    return (0.5 + 0.9 * s / (s + 1 / 0.15)) * np.exp(-0.023 * s)
+
+
+def experiment(impedance, sigma: float = SIGMA, step: float = 0.01, extra=lambda position: 0.0):
+    """A training record and two unseen ones; `extra` is added to the force."""
+    records = []
+    for name, seed, seconds in (("training", 1, 60.0), ("second", 2, 20.0), ("third", 3, 20.0)):
+        position = motion(seed, seconds, step)
+        force = response(impedance, position, step) + extra(position) + 0.04
+        force = force + sigma * noise(len(position), seed + 50)
+        channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
+        records.append(Record(name, np.arange(len(position)) * step, channels))
+    return prepare(records)
+
+
+def base_candidate(prepared, name: str = "KB"):
+    return evaluate(fit_base(Structure(BASES[name]), prepared.training), prepared)
+
+
+@pytest.mark.parametrize("impedance", [two_branches, springpot, chebyshev, resonances, late])
+def test_linear_materials_are_recovered_to_the_noise(impedance):
+    prepared = experiment(impedance)
+    found = linear_dynamics(prepared)
+    assert found.train_rms < 1.03 * SIGMA
+    assert found.test_rms < 1.15 * SIGMA
+    base = base_candidate(prepared)
+    assert base.train_rms > 3 * SIGMA
+    assert unseen_improvement(base, evaluate(found, prepared), prepared) > 4
+
+
+def test_parameters_of_two_branches_are_those_of_the_impedance():
+    found = linear_dynamics(experiment(two_branches))
+    assert (found.kind, found.order) == ("rational", 2)
+    assert_allclose(found.linear[:3], [0.04, 0.5, 0.02], atol=2e-3)
+    ((damping, square),) = found.poles.sections
+    assert_allclose(np.roots([1, damping, square]), [-1 / 0.09, -1 / 1.3], rtol=0.02)
+
+
+def test_a_delay_is_found():
+    found = linear_dynamics(experiment(late))
+    assert found.kind == "delayed"
+    assert found.poles.delay == pytest.approx(0.023, abs=5e-4)
+
+
+def test_a_base_that_is_right_is_not_made_any_larger():
+    prepared = experiment(lambda s: 0.5 + 0.9 * s / (s + 1 / 0.15))
+    found, base = linear_dynamics(prepared), base_candidate(prepared)
+    assert found.order == 1
+    assert found.test_rms < 1.05 * SIGMA
+    assert unseen_improvement(evaluate(found, prepared), base, prepared) < 2
+
+
+@pytest.mark.parametrize(
+    "force",
+    [lambda z: 0.02 * z**3, lambda z: 0.1 * z**2, lambda z: 0.3 * np.tanh(np.gradient(z, 0.01) / 2.0)],
+    ids=["cubic", "quadratic", "friction"],
+)
+def test_no_order_explains_a_nonlinear_force_on_unseen_motion(force):
+    prepared = experiment(lambda s: 0.5 + 0.9 * s / (s + 1 / 0.15), extra=force)
+    found, base = linear_dynamics(prepared), base_candidate(prepared)
+    assert found.test_rms > 10 * SIGMA
+    assert found.train_rms < 1.001 * base.train_rms
+
+
+def test_a_spring_is_not_blown_up_by_a_pole_slower_than_the_record():
+    """On a record that begins at 0 they cancel; the third begins elsewhere."""
+    prepared = experiment(lambda s: 0.5 + 0 * s, extra=lambda z: 0.01 * z**3)
+    elsewhere = record(motion(9)[300:2300], motion(9)[300:2300], "elsewhere")
+    found = linear_dynamics(prepared)
+    assert np.abs(found.simulate(Motion.of(elsewhere))).max() < 10 * np.abs(elsewhere["output"]).max()
+
+
+def test_one_sine_asks_for_no_more_than_it_shows():
+    """Mass, spring and constant are told apart by no sine that starts at 0; they would err on any other motion."""
+    position = 2 * np.sin(2 * np.pi * 0.5 * np.arange(0, 30, 0.01))
+    test = motion(4)
+    records = [
+        record(z, response(lambda s: 0.5 + 0.9 * s / (s + 1 / 0.15), z) + SIGMA * noise(len(z), 5), name)
+        for z, name in ((position, "sine"), (test, "test"))
+    ]
+    found = linear_dynamics(prepare(records, train="sine"))
+    assert found.poles.direct == 2
+    assert found.order <= 1
+    assert found.test_rms < 6 * SIGMA
+
+
+def test_dynamics_before_and_after_a_saturation():
+    """Wiener–Hammerstein: a third order comes as near as the best of all linear models, here an FIR of 80 taps."""
+    random = np.random.default_rng(0)
+    low = butter(6, 0.4)
+    excitation = lfilter(*low, random.standard_normal(20_000))
+    before, after = cheby1(3, 0.5, 0.17), cheby2(3, 40, 0.2)
+    between = lfilter(*before, excitation)
+    output = lfilter(*after, np.where(between > 0.3, 0.3 + 0.25 * (between - 0.3), between))
+    prepared = prepare(
+        [record(excitation[:14_000], output[:14_000], "a"), record(excitation[14_000:], output[14_000:], "b")]
+    )
+    delayed = np.stack([np.roll(excitation, lag) for lag in range(80)], axis=1)
+    taps = np.column_stack([delayed, np.ones(len(delayed))])[80:14_000]
+    solution = np.linalg.lstsq(taps, output[80:14_000])[0]
+    best = float(np.std(delayed[14_200:] @ solution[:-1] + solution[-1] - output[14_200:]))
+    found = linear_dynamics(prepared)
+    assert found.test_rms < 1.05 * best
+    assert found.test_rms < 0.5 * base_candidate(prepared, "KV").test_rms
+
+
+def test_a_held_command_is_answered_by_a_discrete_model():
+    """Two levels, changed at random: a third-order discrete response."""
+    numerator, denominator = [0.0, 0.1, 0.05], np.poly([0.9, 0.8 + 0.3j, 0.8 - 0.3j])
+    records = []
+    for name, seed, size in (("training", 1, 3000), ("second", 2, 1500)):
+        command = np.repeat(np.sign(np.random.default_rng(seed).standard_normal(size // 5)), 5)
+        output = lfilter(numerator, denominator, command - command[0])
+        records.append(record(command, output + SIGMA * noise(size, seed), name))
+    found = linear_dynamics(prepare(records))
+    assert found.order == 3
+    assert found.test_rms < 1.1 * SIGMA
+    assert found.train_rms < 1.05 * SIGMA
+
+
+def test_long_records_are_fitted_at_a_lower_rate_and_err_at_the_full_one():
+    prepared = experiment(two_branches, step=0.001)
+    assert len(decimated(prepared.training).force) < len(prepared.training.force) / 5
+    found = linear_dynamics(prepared)
+    assert len(found.errors(prepared.training)) == prepared.training.size
+    assert found.test_rms < 1.05 * SIGMA
+    assert found.train_rms == pytest.approx(SIGMA, rel=0.03)
+
+
+def test_records_that_are_fitted_together_begin_each_anew():
+    parts = [experiment(two_branches), experiment(springpot)]
+    joined = prepare([*_named(parts[0], "a"), *_named(parts[0], "b")], train=["training a", "second b"])
+    assert linear_dynamics(joined).test_rms < 1.05 * SIGMA
+
+
+def _named(prepared, suffix):
+    return [
+        record(item.motion.position, item.force, f"{item.name} {suffix}")
+        for item in (prepared.training, *prepared.tests)
+    ]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.013])
+def test_slopes_are_those_of_the_force(delay):
+    poles = Poles(np.array([4.0]), np.array([[9.0, 14.0], [1.0, 90.0]]), delay)
+    position = motion(1)
+    moved = Motion(np.arange(len(position)) * 0.01, position, 0.01)
+    linear = np.random.default_rng(0).standard_normal(forces(moved, poles, False).shape[1])
+    vector = poles.to_vector()
+
+    def force(values):
+        return forces(moved, poles.replaced(values), False) @ linear
+
+    slopes = slope_forces(moved, poles, linear, False)
+    for index, unit in enumerate(np.eye(len(vector))):
+        expected = (force(vector + 1e-4 * unit) - force(vector - 1e-4 * unit)) / 2e-4
+        assert_allclose(slopes[:, index], expected, atol=2e-3 * np.abs(expected).max())
+
+
+def test_poles_are_stable_wherever_they_are_put():
+    poles = Poles.of(np.array([3.0, -0.5, 2 + 7j, 2 - 7j, -4.0]))
+    assert poles.order == 5
+    assert (poles.rates > 0).all()
+    assert (poles.sections > 0).all()
+    assert_allclose(sorted(np.roots([1, *poles.sections[0]]).imag), [-7, 7])
+    assert_allclose(np.roots([1, *poles.sections[0]]).real, [-2, -2])

@@ -1,0 +1,353 @@
+"""Where a model fails: known errors are seen where they are, and noise is not seen anywhere."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
+from scipy.signal import lfilter
+from scipy.stats import chi2, kendalltau, spearmanr
+from statsmodels.stats.diagnostic import acorr_ljungbox
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
+from lumbar.tissue.diagnosis.residuals.cycle_diagnostic import rank_correlation
+from lumbar.tissue.diagnosis.residuals.frequency_diagnostic import (
+    EVEN,
+    EXCITED,
+    ODD,
+    excited_lines,
+    line_classes,
+)
+from lumbar.tissue.diagnosis.residuals.locate import locate, location_table
+from lumbar.tissue.diagnosis.residuals.residual import Residual, chi_square_p, steady_velocity
+from lumbar.tissue.diagnosis.residuals.residual_tests import cross_correlation, ljung_box
+from lumbar.tissue.diagnosis.residuals.state_diagnostics import reversals
+from lumbar.tissue.diagnosis.residuals.time_diagnostic import mann_kendall_p
+
+DETECTION_GRID = [line for line in range(1, 50, 2) if line % 9 != 0]
+"""Odd lines, of which 9, 27 and 45 are left out."""
+
+
+def located(error, sigma: float = 0.05, seed: int = 1, lines=None, samples: int = 500, periods: int = 8):
+    """Locate a known error: a function of position, velocity and time."""
+    position = multisine(periods, samples, lines, seed)
+    time = np.arange(len(position)) * STEP
+    velocity = np.gradient(position, STEP)
+    force = relaxing_force(position)
+    test = record(position, force + error(position, velocity, time) + sigma * noise(len(position), seed + 1))
+    return locate(test, force, noise_floor(test))
+
+
+ERRORS = {
+    "cubic": lambda z, v, t: 0.002 * z**3,
+    "quadratic": lambda z, v, t: 0.01 * z**2,
+    "friction": lambda z, v, t: 0.5 * np.tanh(v / 2),
+    "drift": lambda z, v, t: 0.03 * t,
+    "line": lambda z, v, t: 0.5 * np.sin(2 * np.pi * 0.537 * t),
+    "stiffness": lambda z, v, t: 0.2 * z,
+    "relaxation": lambda z, v, t: 0.5 * lfilter([0.05], [1, -0.95], z),
+    "offset": lambda z, v, t: 0.5 + 0 * z,
+}
+
+
+def test_noise_is_seen_nowhere():
+    location = located(lambda z, v, t: 0 * z)
+    assert location.is_noise
+    assert location.headline == "multisine: no view shows more than noise would."
+    assert all(view.share == 0.0 for view in location.ranking)
+
+
+@pytest.mark.parametrize(
+    ("error", "view", "share"),
+    [
+        ("cubic", "depth", 0.85),
+        ("quadratic", "depth", 0.9),
+        ("friction", "position and velocity", 0.8),
+        ("drift", "time", 0.2),
+        ("line", "time", 0.95),
+        ("stiffness", "linear dynamics", 0.98),
+        ("relaxation", "linear dynamics", 0.95),
+    ],
+)
+def test_an_error_is_seen_where_it_is(error, view, share):
+    location = located(ERRORS[error])
+    assert not location.is_noise
+    if error == "stiffness":
+        assert location.views[view].share > share
+    else:
+        assert location.ranking[0].name == view
+    assert location.views[view].share >= share
+    assert location.views[view].p_value < 1e-6
+    assert f"{view} (" in location.headline
+
+
+def test_a_constant_offset_is_called_one_and_not_credited_to_a_view():
+    location = located(ERRORS["offset"])
+    assert "a constant offset of +0.50" in location.headline and "is 100 % of it" in location.headline
+    assert all(view.share < 0.05 for view in location.ranking)
+
+
+def test_friction_jumps_at_reversals_by_twice_its_force():
+    view = located(ERRORS["friction"]).views["reversals"]
+    assert view.numbers["change"] == pytest.approx(1.0, rel=0.1)
+    assert "a force opposed to the motion" in view.sentence
+    table = view.table
+    assert table["mean"][table["time"] > 0.02] == pytest.approx(0.5, rel=0.1)
+    assert table["mean"][table["time"] < -0.02] == pytest.approx(-0.5, rel=0.1)
+    assert "a force opposed" not in located(ERRORS["cubic"]).views["reversals"].sentence
+
+
+def test_parity_of_the_map():
+    """An odd grid moves alike in both directions, so every bin of the map has its mirror image."""
+    cubic, quadratic = (
+        located(ERRORS[name], lines=DETECTION_GRID).views["position and velocity"]
+        for name in ("cubic", "quadratic")
+    )
+    assert cubic.numbers["odd_share"] > 0.7 and cubic.numbers["even_share"] < 0.05
+    assert quadratic.numbers["even_share"] > 0.7 and quadratic.numbers["odd_share"] < 0.05
+    for error, words in (("cubic", "opposite at both ends (odd"), ("quadratic", "alike at both ends (even")):
+        assert words in located(ERRORS[error], lines=DETECTION_GRID).views["depth"].sentence
+
+
+def test_depth_shows_the_error_itself():
+    table = located(ERRORS["quadratic"]).views["depth"].table
+    inner = slice(1, -1)  # outer bins are wide
+    assert table["mean"][inner] == pytest.approx(0.01 * table["position"][inner] ** 2, abs=0.03)
+    assert table["advancing"][inner] == pytest.approx(table["mean"][inner], abs=0.05)
+
+
+def test_detection_lines_tell_even_from_odd():
+    even = located(ERRORS["quadratic"], lines=DETECTION_GRID).views["frequency"]
+    odd = located(ERRORS["cubic"], lines=DETECTION_GRID).views["frequency"]
+    assert even.numbers["lines_are_odd"] and even.numbers["excited_lines"] == len(DETECTION_GRID)
+    assert even.numbers[f"share {EVEN}"] > 0.97 and even.numbers[f"share {ODD}"] < 0.01
+    assert "even nonlinearity" in even.sentence and "odd nonlinearity" not in even.sentence
+    assert odd.numbers[f"share {EVEN}"] < 0.01 and odd.numbers[f"share {ODD}"] > 0.1
+    assert "odd nonlinearity: a mirrored force, such as friction or z³" in odd.sentence
+    linear = located(ERRORS["relaxation"], lines=DETECTION_GRID).views["frequency"]
+    assert linear.numbers[f"share {EXCITED}"] > 0.95
+    assert "no nonlinearity exceeds the noise on the lines that were left out" in linear.sentence
+
+
+def test_odd_nonlinearity_is_extrapolated_to_the_excited_lines():
+    """Of a cubic error on an odd grid with random phases, most of what lies on excited lines is not linear dynamics."""
+    position = multisine(8, 500, DETECTION_GRID, 3)
+    error = 0.002 * position**3
+    gain = error @ position / (position @ position)
+    location = located(lambda z, v, t: 0.002 * z**3 - gain * z, lines=DETECTION_GRID, seed=3)
+    sentence = location.views["frequency"].sentence
+    assert "were it as strong on the excited lines" in sentence
+
+
+def test_a_full_grid_says_that_it_cannot_tell():
+    sentence = located(ERRORS["quadratic"]).views["frequency"].sentence
+    assert "lies above them" in sentence
+    assert "an odd grid with detection lines would" in sentence
+
+
+def test_lines_are_found_and_classed():
+    lines = np.array(DETECTION_GRID)
+    found = excited_lines(multisine(1, 500, lines))
+    assert list(found) == list(lines)
+    classes = line_classes(found, 60)
+    assert classes[9] == classes[27] == classes[51] == ODD
+    assert classes[0] == classes[2] == classes[58] == EVEN
+    assert classes[1] == EXCITED
+    assert excited_lines(multisine(1, 500) + 1e-4 * noise(500, 1)).tolist() == list(range(1, 26))
+
+
+def test_correlations_tell_even_from_odd():
+    quadratic, cubic = (located(ERRORS[name]).views["correlations"] for name in ("quadratic", "cubic"))
+    assert quadratic.numbers["p even"] < 1e-10
+    assert cubic.numbers["p odd"] < 1e-10
+    assert quadratic.sentence.index("even functions") < quadratic.sentence.find("odd functions") % 10_000
+    assert cubic.sentence.index("odd functions") < cubic.sentence.find("even functions") % 10_000
+
+
+def test_without_a_floor_the_views_still_work():
+    position = noise(3000, 1, 0.97)
+    force = relaxing_force(position)
+    test = record(position, force + 0.3 * position**2 + 0.05 * noise(3000, 2), "noise")
+    location = locate(test, force)
+    assert location.ranking[0].name == "depth"
+    assert "no record repeats" in location.views["frequency"].sentence
+    assert "of the error" in location.headline
+
+
+def test_a_floor_of_another_record_serves():
+    periodic = noisy_record(10, 0.05, 1)
+    position = noise(3000, 1, 0.97)
+    force = relaxing_force(position)
+    test = record(position, force + 0.05 * noise(3000, 2), "noise")
+    assert locate(test, force, noise_floor(periodic), "multisine").is_noise
+    worse = locate(test, force + 0.1 * position, noise_floor(periodic), "multisine")
+    assert worse.views["linear dynamics"].share > 0.9
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize(("pole", "repeating"), [(0.0, True), (0.9, True), (0.0, False)])
+def test_sizes_under_the_null(pole, repeating):
+    """At the 5 % level no test of a true model's residual rejects in clearly more than 5 % of the cases."""
+    trials = 300 if pole == 0.0 and repeating else 150
+    p_values: dict[str, list[float]] = {}
+    accused = 0
+    for seed in range(trials):
+        test = noisy_record(6, 0.3, seed, pole, samples=160)
+        floor = noise_floor(test, period=1.6)
+        location = locate(test, relaxing_force(test["input"]), floor, "" if repeating else "another")
+        accused += not location.is_noise
+        for view in location.views.values():
+            p_values.setdefault(view.name, []).append(view.p_value)
+        for kind in ("p even", "p odd"):
+            p_values.setdefault(kind, []).append(location.views["correlations"].numbers[kind])
+    # Three standard errors, and a little for the noise's spectrum being estimated.
+    scatter = 3 * np.sqrt(0.05 * 0.95 / trials)
+    allowed = 0.05 + scatter + (0.01 if pole == 0 else 0.03)
+    rejected = {name: np.mean(np.array(values) < 0.05) for name, values in p_values.items()}
+    assert max(rejected.values()) <= allowed, rejected
+    assert accused / trials <= 0.05 + scatter
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_deviation_of_averages_under_noise(pole):
+    """Standard deviations of bin means, against their scatter over simulated noise."""
+    test = noisy_record(10, 0.3, 3, pole)
+    force = relaxing_force(test["input"])
+    residual = locate(test, force, noise_floor(test)).residual
+    groups = np.digitize(residual.position, [-2, 0, 2])
+    stated = residual.averages(groups, 4).deviation
+    scatter = []
+    for seed in range(400):
+        values = 0.3 * noise(len(residual.values), seed, pole)
+        scatter.append(np.bincount(groups, values, 4) / np.bincount(groups, minlength=4))
+    assert stated == pytest.approx(np.std(scatter, axis=0), rel=0.15)
+
+
+def test_ljung_box_is_that_of_statsmodels():
+    values = noise(700, 5, 0.1)
+    expected = acorr_ljungbox(values, lags=[12])
+    statistic, p_value = ljung_box(values, 12)
+    assert statistic == pytest.approx(expected["lb_stat"].iloc[0], rel=1e-9)
+    assert p_value == pytest.approx(expected["lb_pvalue"].iloc[0], rel=1e-9)
+
+
+def test_chi_square_of_correlated_sums():
+    covariance = np.array([[2.0, 0.5], [0.5, 1.0]])
+    sums = np.array([1.5, -0.7])
+    expected = chi2.sf(sums @ np.linalg.solve(covariance, sums), 2)
+    assert chi_square_p(sums, covariance) == pytest.approx(expected, rel=1e-9)
+
+
+def test_mann_kendall_agrees_with_kendalls_tau():
+    values = noise(40, 3) + 0.03 * np.arange(40)
+    assert mann_kendall_p(values) == pytest.approx(kendalltau(np.arange(40), values).pvalue, abs=0.02)
+    assert mann_kendall_p(np.arange(10.0)) < 0.001
+
+
+def test_cross_correlation_is_the_sum_it_says():
+    test = noisy_record(6, 0.3, 2)
+    residual = locate(test, relaxing_force(test["input"]), noise_floor(test)).residual
+    signal = residual.position - residual.position.mean()
+    lags, correlation, limit, _ = cross_correlation(residual, signal)
+    scale = np.sqrt(np.sum(residual.values**2) * np.sum(signal**2))
+    direct = [np.sum(residual.values * np.roll(signal, lag)) / scale for lag in lags]
+    assert correlation == pytest.approx(direct, abs=1e-12)
+    assert limit == pytest.approx(1.96 / np.sqrt(len(signal)), rel=0.1)
+
+
+def test_reversals_of_a_noisy_triangle():
+    position = np.concatenate([np.linspace(0, 1, 100), np.linspace(1, -1, 200), np.linspace(-1, 0.5, 150)])
+    turns, directions = reversals(position + 0.01 * noise(450, 1))
+    assert directions.tolist() == [-1, 1]
+    assert turns == pytest.approx([100, 300], abs=4)
+
+
+def test_velocity_of_a_noisy_position_is_steadied():
+    time = np.arange(2000) * STEP
+    position = 5 * np.sin(2 * np.pi * 0.5 * time)
+    expected = 5 * np.pi * np.cos(2 * np.pi * 0.5 * time)
+    assert steady_velocity(position, STEP)[5:-5] == pytest.approx(expected[5:-5], abs=0.01)
+    noisy = steady_velocity(position + 0.05 * noise(2000, 1), STEP)
+    assert np.std(noisy - expected) < 0.15 * np.std(expected)
+
+
+def test_a_diverging_simulation_is_refused():
+    test = noisy_record(4, 0.3, 2)
+    with pytest.raises(InputError, match="unstable"):
+        locate(test, np.full(len(test), np.inf), None)
+
+
+def test_the_table_lists_every_view(tmp_path):
+    location = located(ERRORS["cubic"])
+    location_table([location], "synthetic twin").write(tmp_path / "location")
+    text = (tmp_path / "location.csv").read_text()
+    assert text.count("\n") == 1 + len(location.views)
+    assert len(location.sentences) == 1 + len(location.views)
+    assert isinstance(location.residual, Residual)
+
+
+FIRST_VIEWS = {
+    "hardening_stiffness": {"depth"},
+    "quadratic_stiffness": {"depth"},
+    "coulomb_friction": {"position and velocity"},
+    "depth_dependent_damping": {"position and velocity"},
+    "delay": {"linear dynamics"},
+    "inertia": {"linear dynamics"},
+    "second_relaxation": {"linear dynamics"},
+    "softening": {"time"},
+    "periodic_disturbance": {"time"},
+    "drift": {"time"},
+    "contact_loss": {"depth", "position and velocity"},
+    "saturation": {"depth", "position and velocity"},
+}
+"""View that must come first by the nature of the effect; others are mixed."""
+
+
+def test_hidden_effects(shared):
+    labels = json.loads((shared / "hidden_effects" / "labels.json").read_text())
+    for case, label in labels.items():
+        time, position, force = np.loadtxt(
+            shared / "hidden_effects" / case / "multisine.csv", delimiter=",", skiprows=1, unpack=True
+        )
+        step = time[1] - time[0]
+        # The base model with its true time constant, stiffnesses by least squares.
+        decay = np.exp(-step / label["tau_s"])
+        held = label["tau_s"] * (1 - decay) / step
+        branch = lfilter([held, -held], [1, -decay], position - position[0])
+        columns = np.column_stack([position, branch])
+        fitted = columns @ np.linalg.lstsq(columns[50:], force[50:], rcond=None)[0]
+        test = record(position, force)
+        location = locate(test, fitted, noise_floor(test))
+        if not label["effects"]:
+            assert location.is_noise or "all but noise" in location.headline, case
+        elif len(label["effects"]) == 1 and label["effects"][0] in FIRST_VIEWS:
+            assert location.ranking[0].name in FIRST_VIEWS[label["effects"][0]], (case, location.headline)
+
+
+def test_errors_of_large_and_of_fast_cycles_are_told_apart():
+    hardening = located(ERRORS["cubic"]).views["cycles"]
+    assert hardening.numbers["rank_with_amplitude"] > 0.5
+    assert "grows with their amplitude" in hardening.sentence
+    drag = located(lambda z, v, t: 1e-3 * v * np.abs(v)).views["cycles"]
+    assert drag.numbers["rank_with_speed"] > max(0.5, drag.numbers["rank_with_amplitude"])
+    assert "too few" in located(ERRORS["cubic"], lines=[1], periods=4).views["cycles"].sentence
+
+
+def test_cycles_hold_the_error_between_their_turning_points():
+    location = located(ERRORS["cubic"])
+    table, residual = location.views["cycles"].table, location.residual
+    third = (residual.time >= table["start"][2] - 1e-9) & (residual.time < table["stop"][2] - 1e-9)
+    assert table["rms"][2] == pytest.approx(np.sqrt(np.mean(residual.values[third] ** 2)))
+    assert table["amplitude"][2] == pytest.approx(np.ptp(residual.position[third]) / 2)
+
+
+def test_rank_correlation_against_scipy():
+    first, second = noise(40, 1), noise(40, 2) + 0.5 * noise(40, 1)
+    expected = spearmanr(first, second)
+    correlation, p_value = rank_correlation(first, second)
+    assert correlation == pytest.approx(expected.statistic)
+    assert p_value == pytest.approx(expected.pvalue)

@@ -1,0 +1,344 @@
+"""Period and noise floor against simulations in which both are known."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
+from scipy.stats import chi2
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.diagnosis.noise.noise_floor import find_period, noise_floor
+
+
+def test_period_is_found_exactly():
+    position = multisine(4)
+    assert find_period(record(position, relaxing_force(position))) == pytest.approx(5.0)
+
+
+def test_period_survives_rounding_and_noise_in_the_position():
+    position = multisine(4, seed=3)
+    for measured in (np.round(position, 5), position + 0.005 * np.std(position) * noise(len(position), 1)):
+        assert find_period(record(measured, position)) == pytest.approx(5.0)
+
+
+def test_shortest_period_is_found():
+    position = np.sin(2 * np.pi * 0.5 * np.arange(2000) * STEP)
+    assert find_period(record(position, position)) == pytest.approx(2.0)
+
+
+def test_a_faint_slow_component_makes_the_period_long():
+    time = np.arange(4000) * STEP
+    position = np.sin(2 * np.pi * time) + 0.01 * np.sin(2 * np.pi * 0.1 * time)
+    assert find_period(record(position, position)) == pytest.approx(10.0)
+
+
+def test_a_sine_whose_period_is_no_whole_number_of_samples():
+    time = np.arange(3000) * STEP
+    position = np.sin(2 * np.pi * 0.3 * time)
+    found = find_period(record(position, position))
+    assert found == pytest.approx(round(found * 0.3) / 0.3, abs=STEP)
+
+
+@pytest.mark.parametrize("periods", [1.5, 2.0, 2.9])
+def test_fewer_than_three_periods_are_no_period(periods):
+    position = multisine(3, seed=5)[: int(periods * 500)]
+    assert find_period(record(position, position)) is None
+    assert noise_floor(record(position, position)) is None
+
+
+def test_a_lost_sample_at_the_end_is_forgiven():
+    position = multisine(3, seed=5)[:-1]
+    assert find_period(record(position, position)) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("kind", ["chirp", "noise", "ramp", "steps", "constant"])
+def test_what_does_not_repeat_has_no_period(kind):
+    time = np.arange(2000) * STEP
+    position = {
+        "chirp": np.sin(2 * np.pi * (0.1 * time + 0.1 * time**2)),
+        "noise": noise(2000, 4, 0.95),
+        "ramp": time,
+        "steps": np.floor(time / 3),
+        "constant": np.zeros(2000),
+    }[kind]
+    assert find_period(record(position, time)) is None
+
+
+def test_without_structure_the_floor_is_the_spread_over_the_periods():
+    test = noisy_record(periods=10, sigma=0.3, seed=1)
+    kept = test["output"].reshape(10, 500)[1:]
+    expected = np.sqrt(np.sum((kept - kept.mean(axis=0)) ** 2) / (8 * 500))
+    floor = noise_floor(test)
+    assert floor.structured == () and floor.structured_rms == 0.0
+    assert floor.rms == pytest.approx(expected, rel=1e-12)
+    assert floor.periods == 9 and floor.period == pytest.approx(5.0)
+    low, high = (expected * np.sqrt(4000 / chi2.ppf(q, 4000)) for q in (0.975, 0.025))
+    assert floor.low == pytest.approx(low, rel=0.01)
+    assert floor.high == pytest.approx(high, rel=0.01)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize(("pole", "periods"), [(0.0, 10), (0.0, 3), (0.9, 10), (0.98, 10), (0.5, 30)])
+def test_intervals_cover_the_noise_and_nothing_is_taken_for_structure(pole, periods):
+    sigma, trials = 0.3, 100
+    floors = [noise_floor(noisy_record(periods, sigma, seed, pole), period=5.0) for seed in range(trials)]
+    assert np.mean([floor.low <= sigma <= floor.high for floor in floors]) >= 0.88
+    assert np.mean([floor.rms for floor in floors]) == pytest.approx(sigma, rel=0.015 if pole < 0.9 else 0.06)
+    assert sum(bool(floor.structured) for floor in floors) <= 5
+
+
+DISTURBANCES = {
+    "drift": lambda time, _: 0.02 * time,
+    "drift, settling": lambda time, _: 2.0 * np.exp(-time / 12),
+    "amplitude change": lambda time, force: -0.06 * force * (1 - np.exp(-time / 15)),
+    "off-grid line": lambda time, _: 1.0 * np.sin(2 * np.pi * 1.2345 * time),
+    "off-grid line, slow": lambda time, _: 1.0 * np.sin(2 * np.pi * 0.07 * time),
+    "off-grid line at 0.837 Hz with harmonics": lambda time, _: (
+        0.5 * np.tanh(5 * np.sin(2 * np.pi * 0.837 * time))
+    ),
+    "other change: period 5 differs": lambda time, _: 2.0 * ((time > 22) & (time < 23)),
+}
+
+
+@pytest.mark.parametrize("strength", [1.0, 3.0, 10.0])
+@pytest.mark.parametrize("kind", DISTURBANCES)
+def test_what_does_not_repeat_is_found_named_and_taken_out(kind, strength):
+    def extra(time, force):
+        return strength * DISTURBANCES[kind](time, force)
+
+    test = noisy_record(10, 0.3, 7, extra=extra)
+    floor = noise_floor(test)
+    assert len(floor.structured) == 1
+    assert floor.structured[0][0].startswith(kind.split(", ")[0])
+    assert floor.rms == pytest.approx(0.3, rel=0.03)
+    clean = extra(test.time, relaxing_force(test["input"])).reshape(10, 500)[1:]
+    expected = np.sqrt(np.mean((clean - clean.mean(axis=0)) ** 2))
+    assert floor.structured_rms == pytest.approx(expected, rel=0.1)
+    assert floor.structured[0][1] == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize("periods", [3, 4, 5])
+@pytest.mark.parametrize("kind", ["drift", "off-grid line"])
+def test_few_periods_suffice(periods, kind):
+    floor = noise_floor(noisy_record(periods, 0.3, 2, extra=lambda t, f: 5 * DISTURBANCES[kind](t, f)))
+    assert floor.structured[0][0].startswith(kind)
+    assert floor.rms == pytest.approx(0.3, rel=0.08)
+
+
+def test_several_disturbances_at_once():
+    def extra(time, force):
+        return 0.05 * time + np.sin(2 * np.pi * 0.3137 * time) + 0.8 * np.sin(2 * np.pi * 31.37 * time)
+
+    floor = noise_floor(noisy_record(10, 0.3, 11, pole=0.9, extra=extra))
+    assert sorted(words.split()[0] for words, _ in floor.structured) == ["drift:", "off-grid", "off-grid"]
+    assert floor.rms == pytest.approx(0.3, rel=0.1)
+
+
+def test_frequency_and_amplitude_of_a_line_are_told():
+    floor = noise_floor(noisy_record(10, 0.1, 3, extra=lambda t, _: 0.5 * np.sin(2 * np.pi * 2.2871 * t + 1)))
+    assert floor.structured[0][0].startswith("off-grid line at 2.287 Hz, amplitude 0.50")
+
+
+def test_a_line_on_the_grid_repeats_and_is_no_structure():
+    floor = noise_floor(noisy_record(10, 0.1, 3, extra=lambda t, _: 0.5 * np.sin(2 * np.pi * 2.2 * t)))
+    assert floor.structured == ()
+    assert floor.rms == pytest.approx(0.1, rel=0.03)
+
+
+def test_what_follows_deviations_of_the_input_is_no_noise():
+    position = multisine(10, seed=1)
+    moved = position + 0.01 * np.std(position) * noise(len(position), 2, 0.8)
+    test = record(moved, relaxing_force(moved) + 0.01 * noise(len(position), 3))
+    floor = noise_floor(test)
+    assert floor.input_driven_rms > 0.03
+    assert floor.rms == pytest.approx(0.01, rel=0.15)
+
+
+def test_noise_in_the_sensor_of_position_moves_nothing():
+    position = multisine(10, seed=1)
+    measured = position + 0.005 * np.std(position) * noise(len(position), 2)
+    floor = noise_floor(record(measured, relaxing_force(position) + 0.3 * noise(len(position), 3)))
+    assert floor.rms == pytest.approx(0.3, rel=0.03)
+
+
+def test_without_noise_the_floor_is_zero():
+    position = multisine(5)
+    floor = noise_floor(record(position, np.tile(relaxing_force(position)[-500:], 5)))
+    assert floor.exact and floor.rms < 1e-5 * np.ptp(relaxing_force(position)) and floor.structured == ()
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_spectrum_holds_the_variance_and_shows_the_colour(pole):
+    floors = [noise_floor(noisy_record(10, 0.3, seed, pole), period=5.0) for seed in range(20)]
+    frequency, density = floors[0].spectrum[0], np.mean([floor.spectrum[1] for floor in floors], axis=0)
+    assert np.sum(density) * frequency[1] == pytest.approx(
+        np.mean([floor.rms**2 for floor in floors]), rel=0.01
+    )
+    angle = 2 * np.pi * frequency * STEP
+    process = 2 * STEP * 0.09 * (1 - pole**2) / np.abs(1 - pole * np.exp(-1j * angle)) ** 2
+    for band in ((0.5, 1.5), (3, 5), (10, 20), (30, 45)):
+        inside = (frequency > band[0]) & (frequency < band[1])
+        assert density[inside].mean() == pytest.approx(process[inside].mean(), rel=0.1)
+        smooth = np.mean([floor.density(frequency[inside]) for floor in floors])
+        assert smooth == pytest.approx(process[inside].mean(), rel=0.15)
+
+
+def test_whitening_makes_coloured_noise_white_and_leaves_white_noise_alone():
+    floor = noise_floor(noisy_record(10, 0.3, 1, 0.9), period=5.0)
+    whitened = np.convolve(0.3 * noise(50_000, 77, 0.9), floor.whitening, mode="valid")
+    assert np.std(whitened) == pytest.approx(0.3, rel=0.1)
+    assert np.corrcoef(whitened[1:], whitened[:-1])[0, 1] == pytest.approx(0, abs=0.05)
+    assert noise_floor(noisy_record(10, 0.3, 1), period=5.0).whitening == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_periods_suffice_to_see_strong_colour(seed):
+    floor = noise_floor(noisy_record(3, 0.3, seed, 0.97, samples=1000), period=10.0)
+    whitened = np.convolve(noise(50_000, 77, 0.97), floor.whitening, mode="valid")
+    assert np.corrcoef(whitened[1:], whitened[:-1])[0, 1] == pytest.approx(0, abs=0.1)
+
+
+def test_the_error_of_a_few_samples_of_coloured_noise_scatters_within_the_stated_ratio():
+    """RMS of short stretches of the same noise exceeds the floor by more than the ratio in about 1 of 1000."""
+    for pole, most in ((0.0, 1.1), (0.97, 2.0)):
+        floor = noise_floor(noisy_record(10, 0.3, 3, pole, samples=1000), period=10.0)
+        ratio = floor.largest_ratio(1000)
+        stretches = 0.3 * noise(2_000_000, 5, pole).reshape(-1, 1000)
+        exceeding = np.mean(np.sqrt(np.mean(stretches**2, axis=1)) > ratio * floor.rms)
+        assert 1 < ratio < most
+        assert exceeding < 0.01
+
+
+def test_a_strong_square_wave_does_not_hide_itself():
+    """Its sinusoid spreads over the lowest lines of every period's spectrum and must not count as noise there."""
+    square = lambda time, force: 6.0 * np.sign(np.sin(2 * np.pi * 0.74048 * time + 5.2))  # noqa: E731
+    floor = noise_floor(noisy_record(10, 0.3, 2, samples=1000, extra=square), period=10.0)
+    assert floor.structured_rms == pytest.approx(6.0, rel=0.1)
+    # Beyond the harmonics that are fitted the wave's edges remain.
+    assert floor.rms < 2 * 0.3
+
+
+def test_a_period_that_cannot_be_is_refused():
+    test = noisy_record(4, 0.1, 1)
+    with pytest.raises(InputError, match="does not repeat after 3 s"):
+        noise_floor(test, period=3.0)
+    with pytest.raises(InputError, match="hold 2 periods of 10 s; at least 3 are needed"):
+        noise_floor(test, period=10.0)
+    with pytest.raises(InputError, match="less than two samples"):
+        noise_floor(test, period=0.01)
+
+
+def test_a_multiple_of_the_period_may_be_given():
+    test = noisy_record(12, 0.3, 1)
+    floor = noise_floor(test, period=10.0)
+    assert floor.periods == 5
+    assert floor.rms == pytest.approx(0.3, rel=0.04)
+
+
+def test_hidden_effects(shared):
+    """Of 36 experiments with known noise, drift, softening and lines among them."""
+    labels = json.loads((shared / "hidden_effects" / "labels.json").read_text())
+    kinds = {"drift": "drift", "softening": "amplitude change", "periodic_disturbance": "off-grid line"}
+    ratios = []
+    for case, label in labels.items():
+        time, position, force = np.loadtxt(
+            shared / "hidden_effects" / case / "multisine.csv", delimiter=",", skiprows=1, unpack=True
+        )
+        test = record(position, force)
+        assert np.allclose(test.time, time)
+        floor = noise_floor(test)
+        ratios.append(floor.rms / label["noise_rms_N"])
+        expected = [kinds[effect] for effect in label["effects"] if effect in kinds]
+        assert [words.split(":")[0].split(" at ")[0] for words, _ in floor.structured] == expected, case
+    assert np.abs(np.array(ratios) - 1).max() < 0.03
+    assert len(ratios) == 36
+
+
+def test_only_numpy_is_loaded():
+    script = (
+        "import sys, lumbar.tissue.diagnosis.noise.noise_floor\n"
+        "print([name for name in ('scipy', 'pandas', 'statsmodels', 'matplotlib') if name in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_few_wild_samples_are_no_change_over_the_periods(seed):
+    def spikes(time, _):
+        hit = np.random.default_rng(seed).choice(time.size, 12, replace=False)
+        wild = np.zeros(time.size)
+        wild[hit] = 5.0 * np.where(np.arange(12) % 2, -1, 1)
+        return wild
+
+    assert noise_floor(noisy_record(10, 0.3, seed, extra=spikes)).structured == ()
+
+
+def test_a_force_that_repeats_exactly_leaves_what_its_digits_leave_open():
+    position = multisine(6)
+    force = np.round(np.tile(relaxing_force(position)[-500:], 6), 2)
+    floor = noise_floor(record(position, force))
+    assert floor.exact and floor.structured == ()
+    assert floor.rms == pytest.approx(0.01 / np.sqrt(12))
+    assert len(floor.whitening) == 1
+
+
+def drops(size: float):
+    """Where the response rises above levels that chance sets, the force drops and recovers within 0.3 s."""
+
+    def lost(_, force):
+        random, dropped = np.random.default_rng(8), 0.0
+        level, found = 0.0, np.zeros(len(force))
+        for k, value in enumerate(force):
+            if value <= 0:
+                dropped, level = 0.0, random.uniform(0.1, 1.0) * np.std(force)
+            elif value > level:
+                dropped, level = dropped + size, value + random.exponential(0.5) * np.std(force)
+            dropped *= np.exp(-STEP / 0.3)
+            found[k] = -dropped
+        return found
+
+    return lost
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.6])
+def test_drops_that_come_at_the_same_places_are_no_noise(pole):
+    floor = noise_floor(noisy_record(10, 0.3, 4, pole, samples=1000, extra=drops(1.5)))
+    assert floor.rms == pytest.approx(0.3, rel=0.15)
+    words, rms = floor.structured[0]
+    assert words.startswith("bursts") and rms == pytest.approx(0.67, rel=0.1)
+    assert floor.structured_rms == floor.surely_structured_rms > rms
+
+
+def trembling(time, force):
+    return 0.3 * np.gradient(force) * noise(time.size, 5)
+
+
+INNOCENT = {
+    "spikes": lambda time, force: (
+        3.0 * noise(time.size, 5) * (np.random.default_rng(6).random(time.size) < 0.02)
+    ),
+    "heavy tails": lambda time, force: 0.3 * np.random.default_rng(6).standard_t(2.2, time.size),
+    "noise that grows with the force": lambda time, force: 0.2 * force * noise(time.size, 5),
+    "a clock that trembles": trembling,
+    "drops that come anywhere": lambda time, force: drops(1.5)(time, noise(time.size, 5, 0.95)),
+    "wandering": lambda time, force: 0.02 * np.cumsum(noise(time.size, 5)),
+}
+
+
+@pytest.mark.parametrize("kind", INNOCENT)
+def test_what_comes_anywhere_or_does_not_last_is_no_drop(kind):
+    floor = noise_floor(noisy_record(10, 0.3, 4, samples=1000, extra=INNOCENT[kind]))
+    assert not any(words.startswith("bursts") for words, _ in floor.structured)
+
+
+def test_a_converter_whose_steps_are_larger_than_the_noise_drops_nothing():
+    rough = noisy_record(10, 0.05, 3)
+    force = np.round(rough["output"], 0)
+    found = noise_floor(record(rough["input"], force)).structured
+    assert not any(words.startswith("bursts") for words, _ in found)

@@ -1,0 +1,252 @@
+"""Faults of sensors and clocks: told with their size, mended, and never told of sound records."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from sensor_records import clean_records, tissue_record
+
+from lumbar.records.columns import read_record
+from lumbar.records.record import Channel, Record
+from lumbar.settings.layout import ColumnLayout, ColumnSettings
+from lumbar.tissue.diagnosis.sensors.clock_skew import shifted
+from lumbar.tissue.diagnosis.sensors.excitation_band import edge_above_floor, within_band
+from lumbar.tissue.diagnosis.sensors.sensor_faults import mended, sensor_faults
+
+EFFECTS = ("none", "hardening", "coulomb")
+
+
+def kinds(record: Record) -> list[str]:
+    return [finding.kind for finding in sensor_faults(record)]
+
+
+def test_sound_records_are_not_accused_and_come_back_as_they_are():
+    accused = Counter()
+    for record in clean_records(100, seed=7):
+        found = sensor_faults(record)
+        accused.update(finding.kind for finding in found)
+        if not found:
+            assert mended(record, found) is record
+    assert not accused
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+@pytest.mark.parametrize(
+    ("kind", "fault", "size", "told", "value"),
+    [
+        ("multisine", "noise", 8e-3, "position_noise", 8e-3),
+        ("shot", "noise", 8e-3, "position_noise", 8e-3),
+        ("smooth_hold", "noise", 8e-3, "position_noise", 8e-3),
+        ("shot", "steps", 0.02, "quantisation", 0.02),
+        ("chirp", "steps", 0.02, "quantisation", 0.02),
+        ("shot", "jitter", 5e-4, "jitter", 0.5),
+        ("chirp", "shared_jitter", 5e-4, "jitter", 0.5),
+    ],
+)
+def test_a_rough_position_is_told_with_its_size(kind, fault, size, told, value, effect):
+    found = sensor_faults(tissue_record(kind, effect, fault=fault, size=size, seed=3))
+    assert [finding.kind for finding in found] == [told]
+    assert found[0].value == pytest.approx(value, rel=0.1)
+
+
+@pytest.mark.parametrize("size", [2e-5, -1.5e-4])
+def test_the_skew_of_two_clocks(size):
+    record = tissue_record("multisine", "hardening", fault="skew", size=size, seconds=100.0, seed=2)
+    (found,) = sensor_faults(record)
+    assert found.kind == "clock_skew"
+    assert found.value == pytest.approx(-1e6 * size, abs=1.0)
+    even = mended(record, [found])
+    # Mended, the force repeats with the position again: its last period is its second one but for noise.
+    period = round(10.0 / record.sampling_time)
+    before, after = (
+        np.std(item["output"][-period:] - item["output"][period : 2 * period]) for item in (record, even)
+    )
+    sound = tissue_record("multisine", "hardening", seconds=100.0, seed=2)
+    usual = np.std(sound["output"][-period:] - sound["output"][period : 2 * period])
+    assert after < 1.05 * usual < before
+
+
+@pytest.mark.parametrize("effect", ["softening", "thinning", "drift", "disturbance"])
+def test_a_tissue_that_changes_is_no_skew(effect):
+    assert kinds(tissue_record("multisine", effect, seconds=60.0, seed=4)) == []
+
+
+def test_lost_rows_are_put_back_where_they_were():
+    sound = tissue_record("multisine", "hardening", seconds=40.0, seed=5)
+    lost = [400, 1203, 1204, 2900]
+    kept = np.setdiff1d(np.arange(len(sound)), lost)
+    short = replace(sound, time=sound.time[: len(kept)]).with_values(
+        input=sound["input"][kept], output=sound["output"][kept]
+    )
+    (found,) = sensor_faults(short)
+    assert (found.kind, found.value) == ("dropped_samples", 4)
+    whole = mended(short, [found])
+    assert whole.filled == tuple(lost)
+    np.testing.assert_allclose(whole.time, sound.time, atol=1e-9)
+    np.testing.assert_array_equal(whole["output"][kept], sound["output"][kept])
+    assert np.abs(whole["input"] - sound["input"]).max() < 0.01 * np.ptp(sound["input"])
+
+
+@pytest.mark.parametrize("role", ["input", "output"])
+def test_held_samples_are_counted_and_filled_in(role):
+    sound = tissue_record("multisine", "coulomb", seconds=40.0, seed=6)
+    values, starts = sound[role].copy(), np.arange(101, 3900, 211)
+    for start in starts:
+        values[start + 1 : start + 3] = values[start]
+    record = sound.with_values(**{role: values})
+    (found,) = sensor_faults(record)
+    assert (found.kind, found.value) == ("held_samples", 2 * len(starts))
+    assert sound.channels[role].quantity in found.sentence
+    after = mended(record, [found])
+    assert set(after.filled) == {*(starts + 1), *(starts + 2)}
+    untouched = np.setdiff1d(np.arange(len(record)), after.filled)
+    np.testing.assert_array_equal(after[role][untouched], sound[role][untouched])
+    at = np.array(after.filled)
+    assert np.std(after[role][at] - sound[role][at]) < 0.3 * np.std(values[at] - sound[role][at])
+
+
+def test_rests_crests_and_flat_tops_are_no_held_samples():
+    time = np.arange(4000) / 100.0
+    stairs = np.cumsum(np.where((time * 2) % 1 < 0.7, 0.01, 0.0))  # moves, rests for 15 samples, moves on
+    crest = np.sin(2 * np.pi * (time - 0.005))  # two equal samples at every crest
+    for position in (stairs, crest, np.clip(crest, -0.5, 0.5)):
+        force = lfilter([0.1], [1, -0.9], position) + 0.01 * np.random.default_rng(1).standard_normal(4000)
+        record = Record(
+            "rest",
+            time,
+            {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")},
+        )
+        assert "held_samples" not in kinds(record)
+        assert "dropped_samples" not in kinds(record)
+
+
+def test_rows_that_are_missing_are_filled_and_told(tmp_path):
+    sound = tissue_record("multisine", "none", seconds=20.0, seed=8)
+    rows = [
+        f"{t:.6f},{x:.7g},{f:.7g}"
+        for t, x, f in zip(sound.time, sound["input"], sound["output"], strict=True)
+    ]
+    del rows[500:503], rows[900]
+    file = tmp_path / "gaps.csv"
+    file.write_text("\n".join(["t,x,f", *rows]) + "\n")
+    columns = {"time": ("t", "time", "s"), "input": ("x", "position", "mm"), "output": ("f", "force", "N")}
+    layout = ColumnLayout(
+        columns={
+            role: ColumnSettings(column, quantity=quantity, unit=unit)
+            for role, (column, quantity, unit) in columns.items()
+        }
+    )
+    record = read_record(file, layout)
+    assert record.filled == (500, 501, 502, 903)
+    assert len(record) == len(sound)
+    (found,) = sensor_faults(record)
+    assert (found.kind, found.value) == ("gap", 4)
+    assert record.between(5.01, 100.0).filled == (0, 1, 402)
+
+
+def test_what_is_mended_is_nearer_to_the_true_motion():
+    sound = tissue_record("multisine", "coulomb", seconds=50.0, seed=9)
+    for fault, size in (("noise", 0.02), ("steps", 0.05), ("jitter", 1e-3)):
+        record = tissue_record("multisine", "coulomb", seconds=50.0, seed=9, fault=fault, size=size)
+        after = mended(record, sensor_faults(record))
+        before, left = (np.std(item["input"] - sound["input"]) for item in (record, after))
+        assert left < 0.5 * before
+        ends = np.r_[0:20, len(sound) - 20 : len(sound)]
+        assert np.std((after["input"] - sound["input"])[ends]) < 1.5 * before
+
+
+def test_a_jitter_that_both_channels_share_is_taken_off_the_force_too():
+    sound, record = (
+        tissue_record("multisine", "hardening", seconds=50.0, seed=10, fault=fault, size=1e-3, quiet=1e-3)
+        for fault in ("", "shared_jitter")
+    )
+    after = mended(record, sensor_faults(record))
+    before, left = (np.std(item["output"] - sound["output"]) for item in (record, after))
+    assert left < 0.65 * before
+
+
+def test_a_tool_that_shakes_is_no_noise_of_its_sensor():
+    """The force follows what lies beyond the excitation's band."""
+    time = np.arange(4000) / 100.0
+    rng = np.random.default_rng(11)
+    moved = (
+        np.sin(2 * np.pi * 0.7 * time)
+        + np.sin(2 * np.pi * 1.9 * time + 1)
+        + 0.01 * rng.standard_normal(len(time))
+    )
+    force = 0.4 * moved + 1e-3 * rng.standard_normal(len(time))
+    channels = {"input": Channel(moved, "position", "mm"), "output": Channel(force, "force", "N")}
+    assert kinds(Record("shaking", time, channels)) == []
+    measured = moved + 0.01 * rng.standard_normal(len(time))
+    channels = {"input": Channel(measured, "position", "mm"), "output": channels["output"]}
+    assert kinds(Record("noisy", time, channels)) == []  # half of it is motion: nothing sure can be said
+
+
+def test_the_band_is_left_as_it_is_up_to_its_ends():
+    time = np.arange(2000) / 100.0
+    wave = sum(np.cos(2 * np.pi * line * time / 7.3 + line**2) for line in range(1, 30))
+    edge = edge_above_floor(wave + 1e-3 * np.random.default_rng(0).standard_normal(len(time)), 0.01)
+    assert 29 / 7.3 < edge < 2 * 29 / 7.3
+    assert np.abs(within_band(wave, 0.01, edge) - wave).max() < 5e-3 * np.ptp(wave)
+
+
+def test_shifting_in_time_against_a_closed_form():
+    count = np.arange(3000)
+    wave = np.sin(2 * np.pi * 0.31 * count + 0.3)
+    rate = 2e-4
+    expected = np.sin(2 * np.pi * 0.31 * count * (1 + rate) + 0.3)
+    assert np.abs(shifted(wave, rate) - expected)[20:-20].max() < 1e-3
+
+
+def test_long_records_take_little_memory():
+    rng = np.random.default_rng(12)
+    time = np.arange(1_000_000) / 1000.0
+    position = (
+        np.sin(2 * np.pi * 0.37 * time)
+        + 0.5 * np.sin(2 * np.pi * 1.1 * time)
+        + 1e-3 * rng.standard_normal(len(time))
+    )
+    force = 0.4 * np.sin(2 * np.pi * 0.37 * time) + 0.01 * rng.standard_normal(len(time))
+    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
+    record = Record("long", time, channels)
+    tracemalloc.start()
+    found = sensor_faults(record)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert [item.kind for item in found] == ["position_noise"]
+    assert peak < 300e6
+
+
+def with_force(record: Record, at: dict[int, float]) -> Record:
+    force = record["output"].copy()
+    for sample, value in at.items():
+        force[sample] = value
+    return record.with_values(output=force)
+
+
+def test_single_samples_beyond_all_others_are_told_and_replaced():
+    sound = tissue_record("hand", "coulomb", seed=3)
+    size = 2 * np.ptp(sound["output"])
+    wild = with_force(sound, {400: size, 900: -3 * size})
+    (found,) = sensor_faults(wild)
+    assert (found.kind, found.value, found.record) == ("wild_samples", 2, wild.name)
+    assert f"{wild.time[400]:.4g} s" in found.sentence and f"{-3 * size:.3g}" in found.sentence
+    force = mended(wild, [found])["output"]
+    assert force[400] == pytest.approx((sound["output"][399] + sound["output"][401]) / 2)
+    untouched = np.setdiff1d(np.arange(len(force)), [400, 900])
+    assert np.array_equal(force[untouched], sound["output"][untouched])
+
+
+def test_a_force_that_jumps_or_strikes_often_is_not_wild():
+    sound = tissue_record("hand", "none", seed=3)
+    size = 2 * np.ptp(sound["output"])
+    struck = with_force(sound, dict.fromkeys(range(100, len(sound), 100), size))
+    blow = with_force(sound, {400: size, 401: 0.7 * size, 402: 0.3 * size})
+    step = sound.with_values(output=sound["output"] + size * (np.arange(len(sound)) > 700))
+    for record in (struck, blow, step):
+        assert "wild_samples" not in kinds(record)

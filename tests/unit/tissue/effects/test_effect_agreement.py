@@ -1,0 +1,195 @@
+"""LaTeX, NumPy and C of every form say the same: LaTeX by sympy, C compiled and run."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+import sympy
+from c_programs import CModel
+from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry
+from latex_readings import constant_of, latex_names, read_latex
+from portable_functions import NEGLIGIBLE
+from runtime_models import exported, random_motion
+
+from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.evaluation import Evaluator
+from lumbar.tissue.models.expression import symbols
+from lumbar.tissue.models.form import Place
+from lumbar.tissue.models.motion_signals import FORCE, SIGNALS
+from lumbar.tissue.models.sampled_motion import SampledMotion
+from lumbar.tissue.models.state_equation import STEP_SYMBOL
+
+on_x86_64_linux = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
+)
+FORMS = {form.key: form for effect in TISSUE.values() for form in effect.forms}
+EVERY_FORM = {
+    form.key: form
+    for forms in (
+        *(effect.forms for catalogue in CATALOGUES.values() for effect in catalogue.values()),
+        [base.form for base in BASES.values()],
+    )
+    for form in forms
+}
+HAND_WRITTEN = {
+    "hysteresis/elastoplastic", "hysteresis/iwan", "delay/pure", "backlash/play",
+}  # fmt: skip
+"""What no equation says."""
+CONTACTS = {"base/KV-contact", "base/KB-contact"}
+"""Bases of a tool that leaves the tissue: no equation says when, and no FMU holds them."""
+EQUATIONS = {key: form for key, form in EVERY_FORM.items() if key not in HAND_WRITTEN | CONTACTS}
+CLOSED_FORMS = {"hysteresis/bouc_wen", "hysteresis/bouc_wen_general"}
+STEPPED = HAND_WRITTEN | CLOSED_FORMS
+"""Whose C code is written by hand; Bouc–Wen's are the closed forms of their equations."""
+ON_OUTPUT = [key for key in FORM_NUMBERS if FORMS[key].place is Place.OUTPUT]
+OTHERS = [key for key in FORM_NUMBERS if key not in {*ON_OUTPUT, *STEPPED}]
+STRUCTURES = [
+    *((base,) for base in BASE_NUMBERS),
+    *(("KB", *OTHERS[start::6]) for start in range(6)),
+    *(("KB", key) for key in ON_OUTPUT),
+]
+"""Every form at least once, several in one model so that few need compiling; a clipped force would hide others."""
+WITH_HAND_WRITTEN = [
+    ("KB", *sorted(STEPPED)[:3]),
+    *(("LE", key) for key in sorted(STEPPED)[3:]),
+    *COMBINATIONS,
+]
+
+
+@pytest.fixture(scope="module")
+def c_folder(tmp_path_factory):
+    """Return one folder for all models: what they have in common is compiled once."""
+    return tmp_path_factory.mktemp("models")
+
+
+def test_what_is_written_by_hand_is_known():
+    assert {key for key, form in EVERY_FORM.items() if form.hand_written} == HAND_WRITTEN | CONTACTS
+    assert {key for key, form in EVERY_FORM.items() if form.c_solution} == CLOSED_FORMS
+    assert set(FORM_NUMBERS) == set(FORMS)
+    in_c = {key for key, form in EVERY_FORM.items() if not form.channels and form.c_step is not None}
+    assert {key for key, form in EVERY_FORM.items() if not form.channels} - in_c == CONTACTS
+
+
+@pytest.mark.parametrize("form", EVERY_FORM.values(), ids=lambda form: form.key)
+def test_every_symbol_is_a_parameter_or_a_signal(form):
+    form.check()
+    items = (*form.linear, *form.nonlinear)
+    assert all(item.symbol and item.unit for item in items)
+    assert len({item.symbol for item in items}) == len(items)
+
+
+def in_expressions(model, positions: np.ndarray, functions: dict) -> np.ndarray:
+    """A model's response from the very trees that its C code is printed from, on the C library's functions."""
+    motion = SampledMotion.of_positions(positions, model.sampling_time)
+    force = np.zeros(len(positions))
+    with np.errstate(over="ignore"):
+        for term in model.terms:
+            equation = term.form._equation
+            values = {
+                item.symbol: value
+                for item, value in zip(
+                    (*term.form.linear, *term.form.nonlinear), (*term.linear, *term.nonlinear), strict=True
+                )
+            }
+            if equation.state is not None:
+                values |= _states(equation.state, motion, values, functions)
+            values |= {name: signal.of(motion) for name, signal in SIGNALS.items() if not signal.channel}
+            values[FORCE] = force
+            first, *others = Evaluator(equation.portable_terms, functions)(values)
+            total = first
+            for other in others:
+                total = total + other
+            force = total if term.form.place is Place.OUTPUT else force + total
+    return force
+
+
+def _states(state, motion, values, functions) -> dict[str, np.ndarray]:
+    known = {
+        **values,
+        STEP_SYMBOL: motion.sampling_time,
+        "v": motion.velocity[1:],
+        "dz": motion.increments[1:],
+    }
+    found = state.in_steps(known, len(motion) - 1, functions)
+    return dict(zip(state.names, found, strict=True))
+
+
+@on_x86_64_linux
+@pytest.mark.parametrize("structure", STRUCTURES, ids="+".join)
+def test_c_code_is_its_expression_bit_for_bit(structure, functions, zig_cache, c_folder):
+    model = exported(effect_entry(*structure))
+    inputs = random_motion(3000, seed=4)
+    found = CModel(model, c_folder, zig_cache).response(inputs)
+    expected = in_expressions(model.dynamics, inputs, functions)
+    assert not np.any((np.abs(expected) < NEGLIGIBLE) & (expected != 0))
+    np.testing.assert_array_equal(found, expected)
+    plain = model.dynamics.response(inputs)
+    np.testing.assert_allclose(found, plain, rtol=0, atol=1e-12 * max(1.0, np.abs(plain).max()))
+
+
+@on_x86_64_linux
+@pytest.mark.parametrize("structure", WITH_HAND_WRITTEN, ids="+".join)
+def test_c_code_by_hand_is_the_catalogues_simulation(structure, zig_cache, c_folder):
+    """Both are written by hand, in different ways: NumPy from reversal to reversal, C sample by sample."""
+    model = exported(effect_entry(*structure))
+    inputs = random_motion(3000, seed=4)
+    found = CModel(model, c_folder, zig_cache).response(inputs)
+    plain = model.dynamics.response(inputs)
+    np.testing.assert_allclose(found, plain, rtol=0, atol=1e-12 * max(1.0, np.abs(plain).max()))
+
+
+@pytest.mark.parametrize("form", EQUATIONS.values(), ids=lambda form: form.key)
+def test_latex_is_the_simulation(form):
+    """What sympy reads in the LaTeX gives the numbers of the columns, and the rates of the states."""
+    equation = form._equation
+    items = (*form.linear, *form.nonlinear, *form.constants)
+    names = latex_names(items, [name for name, _ in form.state])
+    force, *lines = form.latex.removeprefix(r"F \to ").split(r",\quad ")
+    rates, constants = lines[: len(form.state)], lines[len(form.state) :]
+    assert {names[name]: value for name, value in map(constant_of, constants)} == {
+        item.symbol: item.value for item in form.constants
+    }
+    generator = np.random.default_rng(7)
+    every = sorted({item.symbol for item in items} | {name for name, _ in form.state} | {*SIGNALS, FORCE})
+    given = {name: generator.uniform(-1.5, 1.5, 40) for name in every}
+    for item in (*form.nonlinear, *form.constants):
+        given[item.symbol] = np.full(40, getattr(item, "value", 0.8))
+    for name in ("t", "s", "box_held", "length"):
+        given[name] = np.abs(given[name])
+    assert _of(read_latex(force, names), given) == pytest.approx(
+        _total(equation, given), rel=1e-11, abs=1e-12
+    )
+    for line, (name, slope) in zip(rates, equation.slopes.items(), strict=True):
+        left, right = line.split(" = ")
+        assert left == rf"\dot {name}"
+        found = _of(read_latex(right, names), given)
+        assert found == pytest.approx(Evaluator([slope])(given)[0], rel=1e-11, abs=1e-12)
+
+
+def _of(reading: sympy.Expr, given: dict) -> np.ndarray:
+    used = sorted(map(str, reading.free_symbols))
+    compute = sympy.lambdify([sympy.Symbol(name, real=True) for name in used], reading, "numpy")
+    return np.broadcast_to(compute(*(given[name] for name in used)), 40)
+
+
+def _total(equation, given: dict) -> np.ndarray:
+    """The columns times their parameters; of an output form what it makes of the force."""
+    columns = Evaluator(equation.columns)(given)
+    if equation.transforms:
+        return columns[0]
+    return sum(given[item.symbol] * column for item, column in zip(equation.linear, columns, strict=True))
+
+
+def test_latex_names_every_parameter():
+    for form in EQUATIONS.values():
+        names = latex_names((*form.linear, *form.nonlinear, *form.constants), ())
+        read = symbols(form._equation.force).union(*map(symbols, form._equation.slopes.values()))
+        assert {item.symbol for item in (*form.linear, *form.nonlinear)} <= read, form.key
+        assert all(
+            latex in form.latex
+            for latex, name in names.items()
+            if name in read and name not in SIGNALS and not name[-1].isdigit()
+        ), form.key

@@ -1,0 +1,175 @@
+"""The catalogue: complete, described, and each form what its equation says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE, choose
+from lumbar.tissue.effects.own_effect import load_effects
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.form import Place
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
+
+NAMES = {
+    "hardening_stiffness", "quadratic_stiffness", "coulomb_friction", "hysteresis", "contact_loss",
+    "depth_dependent_damping", "quadratic_damping", "inertia", "second_relaxation", "delay", "saturation", "drift",
+    "softening", "periodic_disturbance", "backlash", "strain_softening", "viscous_damping",
+}  # fmt: skip
+FORMS = [form for effect in TISSUE.values() for form in effect.forms]
+
+
+@pytest.fixture(scope="module")
+def motion():
+    time = np.arange(1200) * 0.01
+    return Motion(time, 3 * np.sin(2 * np.pi * 0.7 * time) + np.cos(2 * np.pi * 2.3 * time), 0.01)
+
+
+def middle(form):
+    return np.array([np.sqrt(shape.low * shape.high) for shape in form.nonlinear])
+
+
+def test_the_names_that_others_rely_on():
+    assert set(TISSUE) == NAMES
+
+
+@pytest.mark.parametrize("effect", TISSUE.values(), ids=lambda effect: effect.name)
+def test_every_effect_is_described(effect):
+    assert effect.mechanism.endswith(".")
+    assert effect.source
+    assert effect.experiment
+    assert len({form.name for form in effect.forms}) == len(effect.forms)
+    for form in effect.forms:
+        assert form.equation
+        assert form.effect == effect.name
+        parameters = [*form.linear, *form.nonlinear]
+        assert len({item.name for item in parameters}) == len(parameters)
+        assert all(item.unit for item in parameters)
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.key)
+def test_every_form_simulates(form, motion):
+    structure = Structure(BASES["KB"], (form,))
+    force = structure.simulate(motion, np.ones(len(structure.linear)), np.concatenate([[0.1], middle(form)]))
+    assert force.shape == motion.position.shape
+    assert np.isfinite(force).all()
+    base = Structure(BASES["KB"]).simulate(motion, np.ones(2), np.array([0.1]))
+    assert np.abs(force - base).max() > 1e-6 * np.abs(base).max()
+
+
+EQUATIONS = {
+    "hardening_stiffness/cubic": lambda z, v, a, t, s: [z**3],
+    "hardening_stiffness/exponential": lambda z, v, a, t, s: [np.sign(z) * (np.exp(np.abs(z) / s[0]) - 1)],
+    "quadratic_stiffness/quadratic": lambda z, v, a, t, s: [z * z],
+    "coulomb_friction/coulomb": lambda z, v, a, t, s: [np.tanh(v / s[0])],
+    "depth_dependent_damping/bilinear": lambda z, v, a, t, s: [z * v, v],
+    "quadratic_damping/quadratic": lambda z, v, a, t, s: [np.sign(v) * v**2],
+    "hardening_stiffness/power": lambda z, v, a, t, s: [z * np.abs(z) ** (s[0] - 1)],
+    "quadratic_stiffness/rounded": lambda z, v, a, t, s: [np.sqrt(z**2 + s[0] ** 2) - s[0]],
+    "quadratic_stiffness/deep": lambda z, v, a, t, s: [np.where(z > s[0], z - s[0], 0)],
+    "quadratic_stiffness/shallow": lambda z, v, a, t, s: [np.where(z < -s[0], z + s[0], 0)],
+    "depth_dependent_damping/hunt_crossley": lambda z, v, a, t, s: [np.where(z > 0, z, 0) ** s[0] * v, v],
+    "inertia/mass": lambda z, v, a, t, s: [a],
+    "drift/power": lambda z, v, a, t, s: [t ** s[0]],
+    "drift/settling": lambda z, v, a, t, s: [1 - np.exp(-t / s[0])],
+    "periodic_disturbance/sine": lambda z, v, a, t, s: [
+        np.sin(2 * np.pi * s[0] * t),
+        np.cos(2 * np.pi * s[0] * t),
+    ],
+}
+
+
+@pytest.mark.parametrize("key", EQUATIONS)
+def test_columns_against_the_equation_with_exact_derivatives(key, motion):
+    form = next(form for form in FORMS if form.key == key)
+    slow, fast, time = 2 * np.pi * 0.7, 2 * np.pi * 2.3, motion.time
+    velocity = 3 * slow * np.cos(slow * time) - fast * np.sin(fast * time)
+    acceleration = -3 * slow**2 * np.sin(slow * time) - fast**2 * np.cos(fast * time)
+    expected = EQUATIONS[key](motion.position, velocity, acceleration, time, middle(form))
+    for found, wanted in zip(form.columns(motion, middle(form)), expected, strict=True):
+        assert np.abs(found - wanted)[10:-10].max() < 2e-3 * np.abs(wanted).max()
+
+
+def test_output_forms_limit_the_force(motion):
+    force = 10 * motion.position
+    limits = {form.key: form for form in FORMS if form.place is Place.OUTPUT}
+    lost = limits["contact_loss/sharp"].output_transform(force, motion, np.array([4.0]))
+    assert lost.min() == -4.0
+    assert np.array_equal(lost[force > -4], force[force > -4])
+    clipped = limits["saturation/sharp"].output_transform(force, motion, np.array([6.0]))
+    assert (clipped.min(), clipped.max()) == (-6.0, 6.0)
+    soft = limits["contact_loss/soft"].output_transform(force, motion, np.array([4.0, 1e-3]))
+    assert np.allclose(soft, lost, atol=1e-2)
+
+
+def test_a_rounded_limit_tends_to_the_sharp_one_and_does_not_overflow(motion):
+    force = np.concatenate([10 * motion.position, [1e30, -1e30]])
+    forms = {form.key: form.output_transform for form in FORMS if form.place is Place.OUTPUT}
+    rounded = forms["saturation/rounded"](force, motion, np.array([6.0, 400.0]))
+    assert np.allclose(rounded, np.clip(force, -6, 6), atol=0.02)
+    expected = force[:-2] / (1 + np.abs(force[:-2] / 6.0) ** 5) ** 0.2
+    assert np.allclose(forms["saturation/rounded"](force, motion, np.array([6.0, 5.0]))[:-2], expected)
+
+
+def test_iwans_elements_slide_one_after_the_other():
+    """Pushed from rest, stiffness falls by one element's share whenever it begins to slide."""
+    position = np.linspace(0, 4, 401)
+    form = next(form for form in FORMS if form.key == "hysteresis/iwan")
+    columns = form.columns(Motion(0.01 * np.arange(401), position, 0.01), np.array([2.0]))
+    for distance, column in zip((2.0, 1.0, 0.5, 0.25), columns, strict=True):
+        assert np.allclose(column, np.minimum(position / distance, 1.0))
+
+
+def test_overtones_span_any_wave_of_their_period(motion):
+    form = next(form for form in FORMS if form.key == "periodic_disturbance/overtones")
+    columns = np.array(form.columns(motion, np.array([0.31]))).T
+    wave = np.sign(np.sin(2 * np.pi * 0.31 * motion.time + 0.4))
+    left = wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]
+    # A square wave's odd harmonics 1, 3, 5, 7 hold 8/π² (1 + 1/9 + 1/25 + 1/49) of its power.
+    assert np.mean(left**2) == pytest.approx(1 - 8 / np.pi**2 * (1 + 1 / 9 + 1 / 25 + 1 / 49), abs=0.02)
+
+
+def test_unknown_effect_lists_the_known_ones():
+    with pytest.raises(InputError, match=r"unknown effect friction; known are hardening_stiffness"):
+        choose(["friction"], TISSUE)
+
+
+def test_an_effect_of_the_users_own(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(
+        "from lumbar.tissue.models.form import LinearParameter, Effect, Form, Place\n"
+        "STEP = Effect('step', 'A step at zero.', (Form('step', 'F1*where(z > 0, 1, 0)', Place.PARALLEL,\n"
+        "    (LinearParameter('step_force', '{y}', symbol='F1'),)),), 'me')\n",
+        encoding="utf-8",
+    )
+    assert list(load_effects(path)) == ["step"]
+    path.write_text(path.read_text().replace("F1*where", "F_2*where"), encoding="utf-8")
+    with pytest.raises(
+        InputError,
+        match=r"own.py: 1 problem\n  - step/step, equation: unknown symbol F_2; known are .* F1 and the",
+    ):
+        load_effects(path)
+    path.write_text("x = 1\n", encoding="utf-8")
+    with pytest.raises(InputError, match="defines no Effect"):
+        load_effects(path)
+    path.write_text("import nothing_of_this_name\n", encoding="utf-8")
+    with pytest.raises(InputError, match="ModuleNotFoundError"):
+        load_effects(path)
+    with pytest.raises(InputError, match="not a Python file"):
+        load_effects(tmp_path / "absent.py")
+
+
+@pytest.mark.parametrize(("system", "name"), [("tissue", "effects"), ("pendulum", "pendulum_effects")])
+def test_the_pages_of_the_catalogues_say_what_the_definitions_say(project, system, name):
+    from lumbar.publishing.effects_reference import effects_page
+
+    page = project / "docs" / f"{name}.md"
+    text = page.read_text(encoding="utf-8")
+    assert text == effects_page(system), "run make docs"
+    for effect, definition in CATALOGUES[system].items():
+        picture = f"images/{name}/{effect}.svg"
+        shown = any(not form.channels for form in definition.forms)
+        assert (picture in text) == shown
+        assert (page.parent / picture).is_file() == shown

@@ -1,0 +1,200 @@
+"""Operators with memory against brute force, differential equations and closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.operators import (
+    bouc_wen,
+    bouc_wen_general,
+    elastoplastic,
+    play,
+    presliding,
+    relaxation,
+)
+
+STEP = 0.01
+
+
+def wandering(seed, samples=1500):
+    random = np.random.default_rng(seed)
+    time = np.arange(samples) * STEP
+    lines = random.uniform(0.1, 4, 12)
+    position = np.cos(2 * np.pi * np.outer(time, lines) + random.uniform(0, 6, 12)) @ (1 / lines)
+    return Motion(time, position, STEP, smooth=False)
+
+
+def test_derivatives_of_a_sine():
+    time = np.arange(1000) * STEP
+    motion = Motion(time, np.sin(2 * np.pi * 5 * time), STEP)
+    inside = slice(20, -20)
+    rate = 2 * np.pi * 5
+    assert np.abs(motion.velocity - rate * np.cos(rate * time))[inside].max() < 2e-4 * rate
+    assert np.abs(motion.acceleration + rate**2 * np.sin(rate * time))[inside].max() < 2e-3 * rate**2
+
+
+def test_reversals_skip_rests():
+    motion = Motion(np.arange(8) * STEP, np.array([0.0, 1, 1, 2, 2, 1, 0, 1]), STEP, smooth=False)
+    assert motion.reversals.tolist() == [0, 4, 6, 7]
+    assert motion.stretch.tolist() == [0, 0, 0, 0, 1, 1, 2, 2]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("gap", [0.01, 0.5, 50.0])
+def test_play_against_sample_by_sample(seed, gap):
+    motion = wandering(seed)
+    expected = [motion.position[0]]
+    for value in motion.position[1:]:
+        expected.append(min(max(expected[-1], value - gap), value + gap))
+    assert np.abs(play(motion, gap) - expected).max() < 1e-12
+
+
+def integrated(motion, slope):
+    """Solve dr/dx = slope(r, sign of motion) along the path, finely between samples."""
+    share, found = 0.0, [0.0]
+    for before, after in zip(motion.position, motion.position[1:], strict=False):
+        sign = np.sign(after - before)
+        steps = 50
+        width = abs(after - before) / steps
+        for _ in range(steps):  # classical Runge-Kutta along the path
+            first = slope(share, sign)
+            second = slope(share + 0.5 * width * first, sign)
+            third = slope(share + 0.5 * width * second, sign)
+            share += width / 6 * (first + 2 * second + 2 * third + slope(share + width * third, sign))
+        found.append(share)
+    return np.array(found)
+
+
+def test_presliding_against_its_differential_equation():
+    motion = wandering(5, 300)
+    expected = integrated(motion, lambda share, sign: sign * (1 - share * sign) / 0.4)
+    assert np.abs(presliding(motion, 0.4) - expected).max() < 1e-6
+
+
+def test_bouc_wen_against_its_differential_equation():
+    motion = wandering(6, 300)
+    expected = integrated(
+        motion, lambda share, sign: sign * (1 - (share**2 if share * sign > 0 else 0.0)) / 0.3
+    )
+    assert np.abs(bouc_wen(motion, 0.3) - expected).max() < 1e-3
+
+
+@pytest.mark.parametrize("unloading", [0.01, 0.5, 1.0, 1.1875, 2.5])
+def test_general_bouc_wen_against_its_differential_equation(unloading):
+    """In Bouc and Wen's own numbers: ṙ = αv − β(γ|v|r + δv|r|), divided by |v|."""
+    motion, alpha, beta, gamma = wandering(6, 200), 5.0, 1.7, 0.8
+    delta = gamma * (1 - 2 * unloading)
+    expected = integrated(
+        motion, lambda force, sign: alpha * sign - beta * (gamma * force + delta * sign * abs(force))
+    )
+    largest = alpha / (2 * beta * gamma)
+    found = largest * bouc_wen_general(motion, 1 / (2 * beta * gamma), unloading)
+    assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+def test_general_bouc_wen_holds_dahl():
+    """At w = 1/2 (δ = 0) the loop is Dahl's of twice the distance and the limit."""
+    motion = wandering(7)
+    assert np.abs(bouc_wen_general(motion, 0.2, 0.5) / 2 - presliding(motion, 0.4)).max() < 1e-12
+
+
+@pytest.mark.parametrize("unloading", [0.01, 0.9, 1.1875, 3.0])
+def test_general_bouc_wen_dissipates_in_every_closed_loop(unloading):
+    """Unloading is steeper than loading wherever γ > 0, also beyond |δ| ≤ γ."""
+    turns = 3 * np.sin(2 * np.pi * np.arange(4001) / 1000) * (1 + np.sin(2 * np.pi * np.arange(4001) / 500))
+    motion = Motion(np.arange(4001) * STEP, turns, STEP)
+    force = bouc_wen_general(motion, 0.7, unloading)
+    work = np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(turns))
+    assert np.all(work[999::1000][1:] > work[999::1000][:-1])
+
+
+def test_elastoplastic_is_a_spring_until_it_slips():
+    time = np.arange(400) * STEP
+    motion = Motion(time, 2 * np.sin(2 * np.pi * 0.5 * time), STEP)
+    force = elastoplastic(motion, 0.5)
+    early = motion.position < 0.49
+    early[int(np.argmax(~early)) :] = False
+    assert np.allclose(force[early], motion.position[early] / 0.5)
+    assert np.abs(force).max() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("time_constant", [0.004, 0.02, 0.2, 5.0, 300.0])
+def test_relaxation_against_an_ode_solver(time_constant):
+    time = np.arange(600) * STEP
+    rate = 2 * np.pi * 3
+    motion = Motion(time, np.sin(rate * time) + 0.3 * np.cos(0.7 * rate * time), STEP)
+
+    def slope(now, value):
+        return rate * np.cos(rate * now) - 0.21 * rate * np.sin(0.7 * rate * now) - value / time_constant
+
+    expected = solve_ivp(slope, (0, time[-1]), [0.0], t_eval=time, rtol=1e-10, atol=1e-12, method="LSODA").y[
+        0
+    ]
+    assert np.abs(relaxation(motion, time_constant) - expected).max() < 3e-4 * np.abs(expected).max()
+
+
+def test_relaxation_of_a_ramp_is_exact_for_a_position_that_is_not_smooth():
+    time = np.arange(200) * STEP
+    motion = Motion(time, 2.0 * time, STEP, smooth=False)
+    assert np.allclose(relaxation(motion, 0.3), 2.0 * 0.3 * -np.expm1(-time / 0.3), rtol=1e-12)
+
+
+FINE = 50
+"""Steps between two samples of a motion that is known finely."""
+
+
+def band_limited(seed: int, fastest: float = 5.0) -> tuple[Motion, Motion]:
+    """A motion up to 5 Hz as a sensor samples it, and in fine steps."""
+    random = np.random.default_rng(seed)
+    lines, phases = random.uniform(0.1, fastest, 12), random.uniform(0, 6, 12)
+    time = np.arange(1 + 1499 * FINE) * STEP / FINE
+    position = np.cos(2 * np.pi * np.outer(time, lines) + phases).sum(axis=1)
+    sampled = Motion(time[::FINE], position[::FINE], STEP)
+    return sampled, Motion(time, position, STEP / FINE, smooth=False)
+
+
+OPERATORS = {
+    "play": lambda motion: play(motion, 0.4),
+    "presliding": lambda motion: presliding(motion, 0.3),
+    "bouc_wen": lambda motion: bouc_wen(motion, 0.3),
+    "bouc_wen_general": lambda motion: bouc_wen_general(motion, 0.3, 0.8),
+    "elastoplastic": lambda motion: elastoplastic(motion, 0.3),
+}
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_smooth_motion_turns_between_its_samples(name, seed):
+    sampled, fine = band_limited(seed)
+    truth = OPERATORS[name](fine)[::FINE]
+    apart = Motion(sampled.time, sampled.position, STEP, smooth=False)
+    within, without = (OPERATORS[name](motion) - truth for motion in (sampled, apart))
+    assert np.abs(within).mean() < 0.05 * np.abs(without).mean()
+    assert abs(within.mean()) < 1e-3 * np.abs(truth).mean()
+
+
+def test_a_branch_behind_play_follows_what_moves_between_samples():
+    sampled, fine = band_limited(3)
+    truth = relaxation(Motion(fine.time, play(fine, 0.4), fine.sampling_time, smooth=False), 0.1)[::FINE]
+    error = relaxation(sampled.through(lambda motion: play(motion, 0.4)), 0.1) - truth
+    coarse = relaxation(Motion(sampled.time, play(sampled, 0.4), STEP, smooth=False), 0.1) - truth
+    assert np.sqrt(np.mean(error**2)) < 0.3 * np.sqrt(np.mean(coarse**2))
+
+
+def test_rests_and_corners_of_a_machine_are_no_turns_between_samples():
+    ramps = np.concatenate([np.arange(50), np.full(30, 50.0), 50 - np.arange(50), np.arange(20)])
+    motion = Motion(np.arange(len(ramps)) * STEP, ramps, STEP)
+    np.testing.assert_allclose(motion.turns, ramps[motion.reversals], atol=1e-12)
+
+
+def test_delayed_motion_rests_before_the_record():
+    motion = wandering(8)
+    late = motion.delayed(0.025)
+    assert late.position[0] == pytest.approx(motion.position[0])
+    assert late.position[2] == pytest.approx(motion.position[0])
+    fine = np.interp(motion.time[500] - 0.025, motion.time, motion.position)
+    assert late.position[500] == pytest.approx(fine, abs=0.02)
+    assert late.position[500] != pytest.approx(motion.position[500], abs=0.02)

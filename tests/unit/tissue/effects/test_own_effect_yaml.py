@@ -1,0 +1,235 @@
+"""An effect of a user's own in a few lines of YAML: from equation to diagnosis, page and FMU; and what is refused."""
+
+from __future__ import annotations
+
+import re
+import sys
+from html import unescape
+
+import numpy as np
+import pytest
+from c_programs import CModel
+from effect_entries import entry_of_effects
+from periodic_records import multisine, noise, record, relaxing_force
+from runtime_models import SETTINGS, TARGET, models_json, selected
+
+from lumbar.base.errors import InputError
+from lumbar.publishing.pages.diagnosis_page import diagnosis_page
+from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.refined_model import fitted_model
+from lumbar.tissue.effects.catalogue import catalogue_with
+from lumbar.tissue.fmu.build.package import export_fmus
+from lumbar.tissue.fmu.check.fmu_check import check_fmus
+from lumbar.tissue.models.fitted_model import FittedModel
+from study_settings import changed
+
+RIBS = """
+name: ribs
+mechanism: The tip runs over ribs at even distances.
+equation: A*sin(2*pi*z/p) + B*cos(2*pi*z/p)
+parameters:
+  A: {name: sine_of_ribs, unit: "{y}", sign: any}
+  B: {name: cosine_of_ribs, unit: "{y}", sign: any}
+  p: {name: rib_distance, unit: "{x}", start: [0.3, 3.0], scale: position, points: 8}
+"""
+"""No effect of the catalogue looks like it."""
+DAHL = """
+name: own_friction
+mechanism: Friction that builds up with the distance.
+equation: "Fc*r"
+state: {r: "v/d*(1 - r*sign(v))"}
+parameters:
+  Fc: {name: coulomb_force, unit: "{y}"}
+  d: {name: distance, unit: "{x}", start: [0.01, 1.0], scale: position}
+"""
+SENSOR = """
+name: own_sensor
+mechanism: The sensor is not linear.
+place: output
+equation: F + F**3/F_n**2
+parameters:
+  F_n: {name: nonlinearity, unit: "{y}", start: [3, 30], scale: force, reach: [0.5, 2]}
+"""
+
+
+def written(folder, text: str, name: str = "own.yaml"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def ribbed(tmp_path_factory):
+    """Diagnosis of a tissue with ribs of 1.7 mm, with the catalogue and the effect's own file."""
+    catalogue = catalogue_with([written(tmp_path_factory.mktemp("own"), RIBS)])
+    tests = []
+    for seed, periods in ((1, 8), (2, 3)):
+        z = 0.5 * multisine(periods, 500, range(1, 25), seed)
+        force = relaxing_force(z) + 0.2 * np.sin(2 * np.pi * z / 1.7) + 0.02 * noise(len(z), seed + 2)
+        tests.append(record(z, force, f"record {seed}"))
+    settings = DiagnosisSettings(catalogue=catalogue, most_effects=2)
+    return diagnose(tests, settings), tests, settings
+
+
+def test_an_equation_in_yaml_is_named_with_its_numbers(ribbed):
+    diagnosis, tests, settings = ribbed
+    assert diagnosis.verdict == "named"
+    assert diagnosis.selected == ("ribs",)
+    fit = diagnosis.model.fit
+    assert fit.nonlinear[-1] == pytest.approx(1.7, rel=0.01)
+    assert fit.linear[-2:] == pytest.approx([0.2, 0.0], abs=0.01)
+    page = diagnosis_page(
+        diagnosis, gather_evidence(diagnosis, tests, settings, 1), settings.catalogue, "synthetic twin"
+    )
+    text = unescape(re.sub(r"<[^>]+>", " ", page))
+    assert "ribs" in text
+    assert "rib distance" in text or "rib_distance" in text
+
+
+def test_a_refined_model_is_simulated_from_its_entry(ribbed):
+    diagnosis, tests, settings = ribbed
+    entry = fitted_model(diagnosis.model, diagnosis.experiment).to_json()
+    assert [effect["effect"] for effect in entry["structure"]["effects"]] == ["ribs"]
+    simulated = FittedModel.from_json(entry, {"tissue": settings.catalogue}).simulate(tests[0])
+    error = simulated - tests[0]["output"]
+    assert np.std(error[len(error) // 2 :]) < 0.03
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux")
+@pytest.mark.parametrize(
+    ("text", "name", "linear", "nonlinear"),
+    [
+        (RIBS, "ribs", [0.2, 0.1], [1.7]),
+        (DAHL, "own_friction", [0.6], [0.3]),
+        (SENSOR, "own_sensor", [], [20.0]),
+    ],
+)
+def test_an_equation_in_yaml_becomes_an_fmu(text, name, linear, nonlinear, zig_cache, tmp_path):
+    catalogue = catalogue_with([written(tmp_path, text)])
+    entry = entry_of_effects("KB", {f"{name}/equation": (linear, nonlinear)}, catalogue)
+    chosen = changed(SETTINGS, models=[entry["name"]], moving_average_ms=0)
+    (model,) = selected(models_json(entry), chosen, catalogue)
+    walk = np.cumsum(np.random.default_rng(3).standard_normal(800)) * 0.1
+    expected = model.dynamics.response(walk)
+    found = CModel(model, tmp_path / "c", zig_cache).response(walk)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    export_fmus([model], tmp_path, "own", TARGET, zig_cache)
+    for check in check_fmus([model], tmp_path, 200, seed=5):
+        assert check.largest_output > 0.1
+
+
+def test_a_state_in_yaml_is_the_catalogues_own(tmp_path):
+    """Dahl's friction from its equation alone, without its closed form, under a motion in straight lines.
+
+    A smooth motion turns between two samples; the closed form knows, a state that is solved from sample to sample does not.
+    """
+    from lumbar.tissue.models.motion import Motion
+
+    catalogue = catalogue_with([written(tmp_path, DAHL)])
+    own, built_in = catalogue["own_friction"].forms[0], catalogue["hysteresis"].forms[0]
+    position = np.cumsum(np.random.default_rng(5).standard_normal(500)) * 0.1
+    motion = Motion(np.arange(500) * 0.01, position - position[0], 0.01, smooth=False)
+    (found,), (expected,) = (form.columns(motion, np.array([0.3])) for form in (own, built_in))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+def test_the_examples_twins_are_one_effect(project):
+    folder = project / "examples" / "own_effect"
+    twins = [
+        catalogue_with([folder / f"hertzian_contact.{kind}"])["hertzian_contact"] for kind in ("py", "yaml")
+    ]
+    assert twins[0] == twins[1]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("name: ribs", "name: coulomb_friction", "line 2: name: 'coulomb_friction' is taken"),
+        ("name: ribs", "name: Ribs of steel", "line 2: name: 'Ribs of steel'; letters a to z"),
+        ("mechanism: The", "mechanisms: The", "line 3: mechanisms: unknown key; allowed are name, mechanism"),
+        ("mechanism: The", "mechanisms: The", "mechanism: is missing; a text is needed"),
+        ("cos(2*pi*z/p)", "cos(2*pi*y/p)", "line 4: equation: unknown symbol y; known are .*A, B, p and the signals z"),
+        ("cos(2*pi*z/p)", "cot(2*pi*z/p)", r"line 4: equation: 'cot\(2\*pi\*z/p\)' is not allowed; functions are"),
+        ("A*sin", "sin(A)*sin", r"line 4: equation: .*is not proportional to A"),
+        ("B*cos", "cos", "parameters: B is declared and never used"),
+        ("+ B*cos(2*pi*z/p)", "+ B*z**p", r"line 4: equation: z\*\*p: z may be negative"),
+        ("+ B*cos(2*pi*z/p)", "+ B*sqrt(z)", r"line 4: equation: is nan at t = .*, z = -.*must be finite"),
+        ("+ B*cos(2*pi*z/p)", "+ B*(" + "-" * 70 + "z)", "line 4: equation: .*nested more than 60 deep"),
+        ('unit: "{y}", sign: any}\n  B', "sign: any}\n  B", "line 6: parameters.A.unit: is missing"),
+        ('unit: "{x}"', 'unit: "{m}"', r"line 8: parameters.p.unit: '\{m\}'; units are"),
+        ("sign: any}\n  B", "sign: both}\n  B", "line 6: parameters.A.sign: 'both'; allowed are positive, negative, any"),
+        ("[0.3, 3.0]", "[3.0, 0.3]", r"line 8: parameters.p.start: \[3.0, 0.3\]; two numbers above 0, the lower"),
+        ("[0.3, 3.0]", "[.nan, 3.0]", r"parameters.p.start: \[nan, 3.0\]"),
+        ("scale: position", "scale: depth", "parameters.p.scale: 'depth'; allowed are position, speed"),
+        ("points: 8", "points: 1000", "parameters.p.points: 1000; a whole number"),
+        ("points: 8", "step: 8", "line 8: parameters.p.step: unknown key; allowed are name, unit, latex, start"),
+        ("rib_distance", "sine_of_ribs", "parameters: sine_of_ribs is there twice"),
+        ("  p: {", "  v: {", "parameters: v is taken: velocity; call it otherwise"),
+        ("  B: {", "  A: {", "lines 6 and 7: key 'parameters.A' stands twice; keep one"),
+        ("parameters:", "parameters: [", "line 7: not valid YAML: .*expected ',' or"),
+        ("name: ribs\nmechanism: The", "name: &a ribs\nsource: *a\nmechanism: The", "line 3: source: an alias; anchors are"),
+        ("name: ribs", "name: !!python/object/apply:os.getcwd []", "line 2: name: tag '.*os.getcwd'; tags are not read"),
+        ("equation:", "place: input\nequation:", "line 4: place: 'input'; parallel .* or output"),
+        ("equation:", "state: {r: A*v}\nequation:", "state.r: A is linear; a state knows nonlinear parameters only"),
+        ("equation:", "state: {r: a - r/p}\nequation:", "state.r: a is not known between samples"),
+    ],
+)  # fmt: skip
+def test_what_a_file_lacks_is_named_with_its_line(old, new, words, tmp_path):
+    assert old in RIBS
+    path = written(tmp_path, RIBS.replace(old, new))
+    with pytest.raises(InputError, match=re.compile(rf"{re.escape(str(path))}.*(?:{words})", re.DOTALL)):
+        catalogue_with([path])
+
+
+def test_all_problems_are_told_at_once(tmp_path):
+    text = RIBS.replace("mechanism", "mechanics").replace("points: 8", "points: 0").replace("cos(", "cot(")
+    with pytest.raises(InputError) as raised:
+        catalogue_with([written(tmp_path, text)])
+    assert len(str(raised.value).splitlines()) == 5
+    assert "4 problems" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "name: is missing"),
+        ("- a\n- b\n", "no mapping"),
+        ("x" * 2_000_000, "2000000 bytes; at most 1000000"),
+    ],
+)
+def test_other_files_are_refused(text, words, tmp_path):
+    with pytest.raises(InputError, match=words):
+        catalogue_with([written(tmp_path, text)])
+
+
+def test_a_file_that_is_absent_or_no_text_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"absent\.yaml: no such file"):
+        catalogue_with([tmp_path / "absent.yaml"])
+    (tmp_path / "bytes.yaml").write_bytes(b"name: \xff\xfe")
+    with pytest.raises(InputError, match=r"bytes\.yaml, line 1: byte 0xff is not UTF-8"):
+        catalogue_with([tmp_path / "bytes.yaml"])
+
+
+def test_the_same_name_twice_is_refused(tmp_path):
+    with pytest.raises(InputError, match="'ribs' is taken"):
+        catalogue_with([written(tmp_path, RIBS), written(tmp_path, RIBS, "again.yaml")])
+
+
+def test_the_page_names_all_signals_functions_and_keys(project):
+    from lumbar.tissue.effects import own_effect
+    from lumbar.tissue.models.expression import OPERANDS
+    from lumbar.tissue.models.motion_signals import SIGNALS
+    from lumbar.tissue.models.parameter import SCALES
+
+    page = (project / "docs" / "own_effect.md").read_text(encoding="utf-8")
+    keys = {*own_effect._EFFECT_KEYS, *own_effect._FORM_KEYS, *own_effect._NONLINEAR_KEYS, "sign"} - {"name"}
+    for name in (*SIGNALS, *OPERANDS, *SCALES, *keys):
+        assert re.search(rf"`{name}[`:(]", page), name
+
+
+def test_the_pages_example_is_read(project, tmp_path):
+    page = (project / "docs" / "own_effect.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    assert catalogue_with([written(tmp_path, example)])["own_friction"].forms[0].state

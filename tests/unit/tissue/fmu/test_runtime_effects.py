@@ -1,0 +1,190 @@
+"""Models with effects: finished FMUs, elementary functions, closed forms, and entries that cannot be exported."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+
+import numpy as np
+import pytest
+from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry, entry_of_effects, parameter
+from runtime_models import TARGET, exported, random_motion
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
+from lumbar.tissue.fmu.build.effect_entry import effect_model
+from lumbar.tissue.fmu.build.package import export_fmus
+from lumbar.tissue.fmu.check.fmu_check import check_fmus
+from lumbar.tissue.models.fitted_model import FittedModel
+
+on_x86_64_linux = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
+)
+
+
+@on_x86_64_linux
+@pytest.mark.usefixtures("without_plots")
+def test_finished_fmus_give_these_forces_in_both_versions(zig_cache, tmp_path):
+    """Through fmpy: FMI 3.0 at once, FMI 2.0 one sample late; schema and lint find nothing."""
+    models = [exported(effect_entry(*structure)) for structure in COMBINATIONS[:2]]
+    export_fmus(models, tmp_path, "synthetic twin", TARGET, zig_cache)
+    for check in check_fmus(models, tmp_path, 300, seed=2):
+        assert check.largest_error < 1e-12
+        assert check.largest_output > 0.1
+
+
+@on_x86_64_linux
+def test_elementary_functions_are_those_of_the_c_library(functions):
+    """To two units in the last place, against Python's math (the platform's C library)."""
+    generator = np.random.default_rng(1)
+    values = np.concatenate(
+        [generator.uniform(-40, 40, 4000), generator.normal(0, 1e-3, 4000), [0.0, 700.0, -700.0]]
+    )
+    for name, standard in (
+        ("expm1", math.expm1),
+        ("tanh", math.tanh),
+        ("sinh", math.sinh),
+        ("arctan", math.atan),
+    ):
+        for value in values.tolist():
+            expected = standard(value)
+            assert abs(functions[f"portable_{name}"](value) - expected) <= 2.5 * math.ulp(expected), (
+                name,
+                value,
+            )
+    for value in values.tolist():
+        expected = max(value, 0.0) + math.log1p(math.exp(-abs(value)))
+        assert functions["portable_softplus"](value) == pytest.approx(expected, rel=4e-16, abs=2e-16)
+        assert functions["portable_sine"](value) == pytest.approx(
+            math.sin(math.tau * (value - round(value))), abs=5e-16
+        )
+        assert functions["portable_cosine"](value) == pytest.approx(
+            math.cos(math.tau * (value - round(value))), abs=5e-16
+        )
+    for value in (10.0 ** generator.uniform(-6, 12, 4000)).tolist():
+        assert functions["portable_log"](value) == pytest.approx(math.log(value), rel=5e-16, abs=1e-16)
+    for base, exponent in zip(
+        10.0 ** generator.uniform(-6, 4, 3000), generator.uniform(1, 4, 3000), strict=True
+    ):
+        assert functions["portable_power"](base, exponent) == pytest.approx(base**exponent, rel=1e-14)
+    assert functions["portable_power"](0.0, 1.5) == 0.0
+    assert functions["portable_expm1"](800.0) == math.inf
+    assert functions["portable_expm1"](-800.0) == -1.0
+    assert math.isnan(functions["portable_expm1"](math.nan))
+
+
+def response(structure, inputs, sampling_time=0.01):
+    model = FittedModel.from_json(effect_entry(*structure), CATALOGUES)
+    return effect_model(model, sampling_time).response(np.asarray(inputs, dtype=float))
+
+
+def test_relaxation_after_a_ramp_has_its_closed_form():
+    rate, time = 3.0, np.arange(300) * 0.01
+    ramp = np.minimum(time, 1.0) * rate
+    (stiffness,), (tau,) = BASE_NUMBERS["Maxwell"]
+    rising = stiffness * rate * tau * -np.expm1(-time / tau)
+    falling = stiffness * rate * tau * -math.expm1(-1 / tau) * np.exp(-(time - 1.0) / tau)
+    np.testing.assert_allclose(
+        response(("Maxwell",), ramp), np.where(time <= 1.0, rising, falling), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("form", "shape"),
+    [
+        ("dahl", lambda travel: -np.expm1(-travel)),
+        ("bouc_wen", np.tanh),
+        ("bouc_wen_general", lambda travel: np.expm1(0.2 * travel) / 0.2),
+        ("elastoplastic", lambda travel: np.minimum(travel, 1.0)),
+    ],
+)
+def test_first_loading_of_hysteresis_has_its_closed_form_at_any_speed(form, shape):
+    (limit,), (distance, *_) = FORM_NUMBERS[f"hysteresis/{form}"]
+    positions = np.sort(np.random.default_rng(2).uniform(0, 3.0, 200))
+    positions -= positions[0]
+    added = response(("LE", f"hysteresis/{form}"), positions) - response(("LE",), positions)
+    np.testing.assert_allclose(added, limit * shape(positions / distance), atol=1e-12)
+
+
+def test_delay_of_whole_samples_shifts_and_play_rests():
+    positions = random_motion(400, seed=1)
+    entry = entry_of_effects("LE", {"delay/pure": ([], [0.03])}, TISSUE)
+    late = effect_model(FittedModel.from_json(entry, CATALOGUES), 0.01).response(positions)
+    np.testing.assert_allclose(late[3:], response(("LE",), positions)[:-3], atol=1e-13)
+    np.testing.assert_array_equal(late[:3], late[0])
+    small = 0.19 * np.sin(np.arange(200))
+    small -= small[0]
+    held = response(("LE", "backlash/play"), small * 0.5)
+    np.testing.assert_array_equal(held, np.zeros(200))
+
+
+def test_velocity_is_a_backward_difference():
+    positions = random_motion(300, seed=3)
+    stiffness, viscosity = BASE_NUMBERS["KV"][0]
+    velocity = np.diff(positions, prepend=positions[0]) / 0.01
+    np.testing.assert_allclose(
+        response(("KV",), positions), stiffness * positions + viscosity * velocity, atol=1e-12
+    )
+
+
+def test_another_rate_needs_no_other_numbers():
+    """A relaxation is exact for positions in straight lines: at the common instants the forces are the same."""
+    slow, ratio = random_motion(100, seed=5), 10
+    fast = np.interp(np.arange(100 * ratio) / ratio, np.arange(100), slow)
+    structure = ("KB", "hysteresis/dahl", "second_relaxation/maxwell_branch", "softening/time")
+    np.testing.assert_allclose(
+        response(structure, fast, 0.001)[::ratio], response(structure, slow, 0.01), atol=1e-11
+    )
+
+
+def with_effect(effect: str, form: str) -> dict:
+    return {"structure": {"effects": [{"effect": effect, "form": form}]}}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"base": "Burgers"}, "'Burgers'.*LE, Maxwell, KV, KB"),
+        (
+            {"parameters": []},
+            "spring_stiffness: missing.*branch_stiffness: missing.*relaxation_time: missing",
+        ),
+        (with_effect("inertia", "mass"), r"inertia\.mass: missing"),
+        (with_effect("ageing", "log"), "unknown effect 'ageing'.*coulomb_friction.*effect_files"),
+        (with_effect("hysteresis", "preisach"), "unknown form 'preisach'.*dahl"),
+        (with_effect("base", "KB"), "unknown effect 'base'"),
+        ({"structure": {"effects": [{"effect": "inertia", "form": "mass"}] * 2}}, "inertia is there twice"),
+    ],
+)
+def test_entries_that_cannot_be_exported_are_named(change, words):
+    with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
+        exported({**effect_entry("KB"), **change})
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ([parameter("viscosity", 1.0)], "viscosity: unknown parameter.*spring_stiffness"),
+        ([parameter("spring_stiffness", 1.0)], "spring_stiffness: it is there twice"),
+        ([parameter("coulomb_force", 1.0, "coulomb_friction")], "unknown parameter"),
+        ([parameter("k1", float("nan"))], "value: nan; .*finite number"),
+        ([parameter("k1", "stiff")], "value: 'stiff'; .*valid number"),
+    ],
+)
+def test_parameters_that_do_not_belong_there_are_named(parameters, words):
+    entry = effect_entry("KB")
+    with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
+        exported({**entry, "parameters": [*entry["parameters"], *parameters]})
+
+
+def test_numbers_that_cannot_run_are_named():
+    with pytest.raises(InputError, match=r"delay\.\w+: 0; a number above 0"):
+        exported(entry_of_effects("KB", {"delay/pure": ([], [0.0])}, TISSUE))
+    with pytest.raises(InputError, match=r"delay/pure: keeps 901 numbers at 100 Hz; at most 256"):
+        exported(entry_of_effects("KB", {"delay/pure": ([], [9.0])}, TISSUE))
+
+
+def test_overflow_is_an_error_and_no_number():
+    with pytest.raises(NumericalError, match="overflow"):
+        response(("LE", "hardening_stiffness/exponential"), [0.0, 1e6])

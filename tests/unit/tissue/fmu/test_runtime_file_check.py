@@ -1,0 +1,516 @@
+"""``lumbar check FILE.fmu``: defects that only show where description, library, reference and sources are held together."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from test_runtime_defects import BINARY, DESCRIPTION, binary, contents, edited
+
+import lumbar
+from lumbar.base.errors import InputError
+from lumbar.settings.runtime import RuntimeSettings
+from lumbar.tissue.fmu.agreed import REFERENCE, WITHOUT_EVENT_MODE
+from lumbar.tissue.fmu.build.compiler import compile_library
+from lumbar.tissue.fmu.build.package import write_fmu
+from lumbar.tissue.fmu.build.sources import c_files, content_token, source_files
+from lumbar.tissue.fmu.check import file_check
+from lumbar.tissue.fmu.check.behaviour import compared, problems_of
+from lumbar.tissue.fmu.check.file_check import check_file, check_files
+from lumbar.tissue.fmu.check.instance import UnzippedFmu
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
+)
+PAGE = "documentation/index.html"
+NUMBERS = "sources/model_data.h"
+
+
+def scaled(path: str, factor: float):
+    """Return a defect that multiplies a reference signal."""
+
+    def change(files: dict[str, bytes], version: int) -> None:
+        head, *rows = files[path].decode().splitlines()
+        cells = [row.split(",") for row in rows]
+        changed = [f"{time},{float(value) * factor!r}" for time, value in cells]
+        files[path] = ("\n".join([head, *changed]) + "\n").encode()
+
+    return change
+
+
+def swapped(one: str, other: str, *paths: str):
+    """Return a defect that exchanges two words."""
+
+    def change(files: dict[str, bytes], version: int) -> None:
+        for path in paths:
+            text = files[path].replace(one.encode(), b"@@").replace(other.encode(), one.encode())
+            assert b"@@" in text
+            files[path] = text.replace(b"@@", other.encode())
+
+    return change
+
+
+def both(*changes):
+    """Return a defect of several parts."""
+
+    def change(files: dict[str, bytes], version: int) -> None:
+        for part in changes:
+            part(files, version)
+
+    return change
+
+
+def twice_as_slow(files: dict[str, bytes], version: int) -> None:
+    """Everything but the library says 0.02 s: description, references, page and sources."""
+    edited('"0.01"', '"0.02"')(files, version)
+    edited("every 0.01 s", "every 0.02 s", PAGE)(files, version)
+    edited((0.01).hex(), (0.02).hex(), NUMBERS)(files, version)
+    for path in [*REFERENCE, *([WITHOUT_EVENT_MODE] if version == 3 else [])]:
+        head, *rows = files[path].decode().splitlines()
+        values = [row.split(",")[1] for row in rows]
+        late = [f"{0.02 * k!r},{value}" for k, value in enumerate(values)]
+        files[path] = ("\n".join([head, *late]) + "\n").encode()
+
+
+def of_another_machine(data: bytes) -> bytes:
+    """The same ELF file, for ARM."""
+    return data[:18] + b"\xb7\x00" + data[20:]
+
+
+def attribute(name: str, before: str, after: str):
+    """Return a defect of one attribute."""
+    return edited(f'{name}="{before}"', f'{name}="{after}"')
+
+
+def told(name: str, before, after):
+    """Return a defect of the annotation: JSON in FMI 3.0, attributes in FMI 2.0."""
+
+    def change(files: dict[str, bytes], version: int) -> None:
+        words = [
+            f'{name}="{value}"' if version == 2 else json.dumps({name: value})[1:-1]
+            for value in (before, after)
+        ]
+        edited(*words)(files, version)
+
+    return change
+
+
+def in_metres(files: dict[str, bytes], version: int) -> None:
+    """The valid range in another unit than the input."""
+    before = 'unit="mm" lowest' if version == 2 else '"unit": "mm"'
+    edited(before, before.replace("mm", "m"))(files, version)
+
+
+def row(name: str, before: str, after: str):
+    """Return a defect of a variable's row in the page."""
+    cells = [
+        f"<td>{name}</td>" + "".join(f"<td>{cell}</td>" for cell in row.split()) for row in (before, after)
+    ]
+    return edited(*cells, PAGE)
+
+
+STEPPING = "canHandleVariableCommunicationStepSize"
+NEWTON = '<Unit name="{}N">\n      <BaseUnit kg="1" m="1" s="-2"{} />'
+GAIN_ROLE = 'description="Factor on the model\'s force" causality="parameter" variability="{}"'
+WRITTEN = {
+    "gain of 2 in the description": (
+        both(attribute("start", "1.0", "2.0"), row("gain", "parameter 1 1", "parameter 1 2")),
+        "gain: the library starts with 1.0; modelDescription.xml says 2.0",
+    ),
+    "gain of 2, the page left as it was": (
+        attribute("start", "1.0", "2.0"),
+        "gain: documentation/index.html has parameter, 1, 1, 0, 10; modelDescription.xml has parameter, 1, 2, 0, 10",
+    ),
+    "lower bound that the library refuses": (
+        both(
+            attribute("min", "0.0", "-1.0"),
+            row("gain", "parameter 1 1 0", "parameter 1 1 -1"),
+            row("force_limit", "parameter N 15 0", "parameter N 15 -1"),
+        ),
+        "gain: the library refuses -1.0",
+    ),
+    "larger gain than the sources allow": (
+        attribute("max", "10.0", "20.0"),
+        "gain: max is 20.0; the sources have gain_limit 10.0",
+    ),
+    "swapped names": (
+        swapped('"force_offset"', '"position_offset"', DESCRIPTION),
+        "force_offset: documentation/index.html has",
+    ),
+    "swapped names, in the page too": (
+        both(
+            edited('unit="mm" start="0.0"', 'unit="mm" min="-15.0" max="15.0" nominal="15.0" start="0.0"'),
+            row("position", "input mm 0 – –", "input mm 0 -15 15"),
+            row("position_offset", "parameter mm 0 – –", "parameter N 0 -15 15"),
+            row("force_offset", "parameter N 0", "parameter mm 0"),
+            swapped('"force_offset"', '"position_offset"', DESCRIPTION),
+        ),
+        "force_offset: with another value the library gives",
+    ),
+    "swapped input and output": (
+        swapped('"force"', '"position"', DESCRIPTION),
+        "begins with 'time,position', not 'time,force'",
+    ),
+    "another step": (attribute("stepSize", "0.01", "0.02"), "stepSize 0.02 it must be at 0.02 s"),
+    "reference output × 1.1": (scaled(REFERENCE[1], 1.1), f"{REFERENCE[1]} says"),
+    "reference input × 0.9": (scaled(REFERENCE[0], 0.9), f"{REFERENCE[1]} says"),
+    "min above max without a start": (
+        edited('min="-15.0" max="15.0" nominal="15.0"', 'min="25.0" max="15.0" nominal="15.0"'),
+        "force: min 25 above max 15",
+    ),
+    "wrong factor of a unit": (
+        attribute("factor", "0.001", "0.01"),
+        "the unit mm is defined as m=1 factor=0.01; it is m=1 factor=0.001",
+    ),
+    "force in kilonewton": (
+        both(
+            attribute("unit", "N", "kN"),
+            edited(NEWTON.format("", ""), NEWTON.format("k", ' factor="1000.0"')),
+        ),
+        "force: documentation/index.html has output, N",
+    ),
+    "missing dependency": (
+        attribute("dependencies", "1 3 4 5 6", "3 4 5 6"),
+        "position: force depends on it at once; the dependencies in modelDescription.xml leave it out",
+    ),
+    "binary of another processor": (binary(of_another_machine), "is no library for x86_64-linux"),
+    "gain that is fixed": (
+        edited(GAIN_ROLE.format("tunable"), GAIN_ROLE.format("fixed")),
+        "gain: there is no tunable parameter",
+    ),
+    "position that never changes": (
+        edited('causality="input" variability="', 'causality="input" variability="tunable" was="'),
+        "position: the input has variability 'tunable'; continuous or discrete is needed",
+    ),
+    "start that is infinite": (attribute("start", "15.0", "INF"), "force_limit: start is INF"),
+    "moving average that is not the sources'": (
+        edited("mean of the last 3 samples", "mean of the last 5 samples", PAGE),
+        "a moving average of 5 samples; the sources have 3",
+    ),
+    "page of another model": (edited("<title>KB", "<title>HO", PAGE), "is another FMU's"),
+    "no stepping as the loop needs it": (attribute(STEPPING, "true", "false"), f"{STEPPING} is false"),
+    "sources of another limit": (
+        edited(f".output_limit = {(15.0).hex()}", f".output_limit = {(20.0).hex()}", NUMBERS),
+        "the sources have output_limit 20.0",
+    ),
+    "sources of another model": (
+        edited((1.9).hex(), (1.8).hex(), NUMBERS),
+        "built from the FMU's own sources",
+    ),
+    "no author": (
+        edited(' author="The lumbar developers"', ""),
+        "modelDescription.xml has no author",
+    ),
+    "no word on the direction": (edited('="lumbar">', '="other">'), "direction and valid range are not said"),
+    "inverted in the annotation alone": (
+        told("resisting_sign", 1, -1),
+        "modelDescription.xml does not call the force inverted; the annotation has resisting_sign -1",
+    ),
+    "inverted wherever it is told": (
+        both(
+            told("resisting_sign", 1, -1),
+            edited("a positive force resists", "INVERTED"),
+            edited("a positive force resists", "INVERTED", PAGE),
+            edited("where positive it resists", "INVERTED: where negative it answers"),
+        ),
+        "by modelDescription.xml the force that resists has the sign of -1",
+    ),
+    "a wider range in the annotation": (
+        told("highest", 2.5, 25),
+        "does not say '-2.4 to 25 mm, to 41 mm/s, 0.1 to 5 Hz', as the annotation does",
+    ),
+    "a range of no motion": (told("lowest", -2.4, 24), "no motion is"),
+    "a range in metres": (in_metres, "is in 'm'; the input is in 'mm'"),
+    "sources that do not compile": (
+        edited("return y;", "return z;", "sources/model_linear.c"),
+        "sources: compiling for",
+    ),
+}
+"""Defects of what is written, with words of the sentence that tells them."""
+ONLY_FMI3 = {
+    "another internal step": (
+        attribute("fixedInternalStepSize", "0.01", "0.02"),
+        "fixedInternalStepSize is 0.02; the sources have sampling_time 0.01",
+    ),
+    "reference without event mode × 1.1": (
+        scaled(WITHOUT_EVENT_MODE, 1.1),
+        "without event mode the library gives",
+    ),
+    "event mode denied": (attribute("hasEventMode", "true", "false"), "hasEventMode is false"),
+    "reference without a number": (edited("\n0.01,0.0\n", "\n0.01,nan\n", REFERENCE[0]), "not finite"),
+}
+CASES = [(name, version, *case) for name, case in WRITTEN.items() for version in (2, 3)]
+CASES += [(name, 3, *case) for name, case in ONLY_FMI3.items()]
+CASES += [
+    ("another step wherever it is told", version, twice_as_slow, words)
+    for version, words in ((2, "of the reference"), (3, "takes its next sample after 0.01 s"))
+]
+
+CORE = "sampled_force.c"
+WIPED = "memset(state, 0, sizeof *state);"
+SAVED = "    memcpy(*saved, &self->state, sizeof(force_state));"
+RESTORED = "    memcpy(state, bytes + sizeof MAGIC + strlen(MODEL.token), sizeof *state);"
+READ = 'return failed(self, "fmi{0}Get{1}: unknown value reference.");\n        }}'
+
+
+def read_as(changed: str, version: int = 3) -> dict[str, str]:
+    """Return the change of a source file that alters the force where it is read."""
+    read = READ.format(version, "Real" if version == 2 else "Float64")
+    return {read: f"{read}\n        if (vr[i] == VR_OUTPUT) {changed};"}
+
+
+COMPILED = {
+    "5 N more": ("fmi3.c", read_as("value[i] += 5.0"), "of the reference"),
+    "a hundredth of the force": ("fmi3.c", read_as("value[i] *= 0.01"), "of the reference"),
+    "force without a limit": (
+        "fmi3.c",
+        read_as("value[i] *= value[i] * value[i] < MODEL.output_limit * MODEL.output_limit ? 1.0 : 2.0"),
+        "modelDescription.xml says -15 to 15",
+    ),
+    "limit that cannot be lowered": (
+        "fmi3.c",
+        read_as("value[i] *= MODEL.output_limit / self->state.output_limit"),
+        "force_limit set to 3.75 asks for",
+    ),
+    "any value of a parameter": (
+        CORE,
+        {"if (!(value >= low && value <= high)) return VALUE_OUT_OF_RANGE;": "(void)low, (void)high;"},
+        "gain: the library takes",
+    ),
+    "any token": ("fmi3.c", {"strcmp(token, MODEL.token) != 0": "strlen(token) > 9999"}, "takes any token"),
+    "positions that are no number": (
+        CORE,
+        {"if (!isfinite(value)) return VALUE_NOT_FINITE;": ""},
+        "position: the library keeps nan",
+    ),
+    "a wrong derivative": (
+        CORE,
+        {"VR_OUTPUT_OFFSET: *value = limited ? 0.0 : 1.0": "VR_OUTPUT_OFFSET: *value = limited ? 0.0 : 2.0"},
+        "force_offset: the library's derivative",
+    ),
+    "twice the sampling time": (
+        "model_data.h",
+        {(0.01).hex(): (0.02).hex()},
+        "fixedInternalStepSize: the library takes its next sample after 0.02 s",
+    ),
+    "a reset that keeps the past": (CORE, {WIPED: ""}, "after a reset, at sample"),
+    "a reset that keeps the limit": (
+        CORE,
+        {
+            WIPED: f"double kept = state->output_limit; {WIPED}",
+            "state->output_limit = MODEL.output_limit;": "state->output_limit = kept > 0.0 ? kept : MODEL.output_limit;",
+        },
+        "force_limit: it is 7.625 after a reset; it must start with 15.0",
+    ),
+    "saved states without what they had in mind": (
+        "fmi3.c",
+        {SAVED: f"{SAVED}\n    memset(((force_state *)*saved)->x, 0, sizeof self->state.x);"},
+        "in a restored state",
+    ),
+    "bytes without the gain": (
+        CORE,
+        {RESTORED: f"{RESTORED}\n    state->gain = 1.0;"},
+        "gain: it is 1.0 in a state read from bytes; 0.8125 was saved",
+    ),
+    "instances that share their gain": (
+        "fmi3.c",
+        {
+            "const char *fmi3GetVersion": "static double shared = 1.0;\n\nconst char *fmi3GetVersion",
+            "        switch (force_set(": "        if (vr[i] == VR_GAIN) shared = value[i];\n        switch (force_set(",
+            **read_as("value[i] *= shared"),
+        },
+        "beside a second instance",
+    ),
+    "a library that crashes": (
+        CORE,
+        {"    double end = from + step;": "    double end = from + step;\n    __builtin_trap();"},
+        "crashes with signal",
+    ),
+}
+"""Defects of the library alone: file, what is replaced in it, words of the sentence."""
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory):
+    """Return a folder for all libraries: the compiler does what they have in common once."""
+    return tmp_path_factory.mktemp("libraries")
+
+
+def defective(model, file: str, changes: dict[str, str], cache: Path, folder: Path) -> bytes:
+    """Library of a model whose sources were changed."""
+    sources = source_files(model)
+    for before, after in changes.items():
+        assert before in sources[file], before
+        sources[file] = sources[file].replace(before, after)
+    for name, text in sources.items():
+        # The compiler knows a C file again by its date: only what the defect changes is compiled.
+        if not (folder / name).is_file() or (folder / name).read_text(encoding="utf-8") != text:
+            (folder / name).write_text(text, encoding="utf-8")
+    library = folder / f"{model.identifier}.so"
+    compile_library([folder / name for name in c_files(model)], library, "x86_64-linux", cache)
+    return library.read_bytes()
+
+
+@pytest.fixture
+def played_here(monkeypatch):
+    """Play libraries that crash nothing in this process: to start one for each takes longer than all that is tested."""
+
+    def played(jobs, work):
+        fmus = [[UnzippedFmu(folder) for folder in folders] for folders in jobs]
+        return [problems_of(*fmu) if len(fmu) == 1 else compared(*fmu) for fmu in fmus]
+
+    monkeypatch.setattr(file_check, "played", played)
+
+
+def problems(files: dict[str, bytes], version: int, folder: Path, cache: Path) -> tuple[str, ...]:
+    """What the check says of an FMU of these files."""
+    path = folder / f"KB_fmi{version}.fmu"
+    write_fmu(path, files)
+    return check_file(path, cache).problems
+
+
+@pytest.mark.parametrize(
+    ("name", "version", "change", "words"), CASES, ids=[f"{n}-fmi{v}" for n, v, *_ in CASES]
+)
+@pytest.mark.usefixtures("played_here")
+def test_what_is_written_must_be_what_is_done(name, version, change, words, fmu_folder, zig_cache, tmp_path):
+    files = contents(fmu_folder / f"KB_fmi{version}.fmu")
+    change(files, version)
+    found = problems(files, version, tmp_path, zig_cache)
+    assert any(words in text for text in found), found
+
+
+@pytest.mark.parametrize("name", COMPILED)
+def test_what_the_library_does_must_be_what_is_written(
+    name, fmu_models, fmu_folder, zig_cache, workshop, tmp_path, request
+):
+    """The sources in the FMU are left as they were; the same library serves FMI 2.0."""
+    file, changes, words = COMPILED[name]
+    if "crashes" not in name:
+        request.getfixturevalue("played_here")
+    model = next(model for model in fmu_models if model.name == "KB")
+    library = defective(model, file, changes, zig_cache, workshop)
+    files = contents(fmu_folder / "KB_fmi3.fmu")
+    found = problems({**files, BINARY[3]: library}, 3, tmp_path, zig_cache)
+    assert any(words in text for text in found), found
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.usefixtures("played_here")
+def test_defects_that_the_sources_have_too_are_found(
+    version, fmu_models, fmu_folder, zig_cache, workshop, tmp_path
+):
+    """Built anew they give the same forces: only the reference tells."""
+    model = next(model for model in fmu_models if model.name == "KB")
+    source, changes = f"fmi{version}.c", read_as("value[i] += 5.0", version)
+    library = defective(model, source, changes, zig_cache, workshop)
+    files = contents(fmu_folder / f"KB_fmi{version}.fmu")
+    for before, after in changes.items():
+        edited(before, after, f"sources/{source}")(files, version)
+    found = problems({**files, BINARY[version]: library}, version, tmp_path, zig_cache)
+    assert any("of the reference" in text for text in found), found
+
+
+@pytest.mark.usefixtures("played_here")
+def test_a_library_with_another_moving_average_is_found(
+    fmu_models, fmu_folder, zig_cache, workshop, tmp_path
+):
+    """With the token of the description, so that it is let in."""
+    model = next(model for model in fmu_models if model.name == "KB")
+    longer = replace(model, moving_average=5)
+    token = {content_token(longer): content_token(model)}
+    library = defective(longer, "model_data.h", token, zig_cache, workshop)
+    found = problems({**contents(fmu_folder / "KB_fmi3.fmu"), BINARY[3]: library}, 3, tmp_path, zig_cache)
+    assert any("of the reference" in text for text in found), found
+
+
+@pytest.mark.usefixtures("played_here")
+def test_each_defect_is_told_in_one_sentence_with_its_file(fmu_folder, zig_cache, tmp_path):
+    for version, factor in ((2, 1.1), (3, 0.9)):
+        files = contents(fmu_folder / f"KB_fmi{version}.fmu")
+        scaled(REFERENCE[1], factor)(files, version)
+        write_fmu(tmp_path / f"KB_fmi{version}.fmu", files)
+    with pytest.raises(InputError) as caught:
+        check_files(sorted(tmp_path.glob("*.fmu")), zig_cache)
+    first, *lines = str(caught.value).splitlines()
+    assert first == "FMUs that must not be used: 2 problems"
+    for line, file in zip(lines, ("KB_fmi2.fmu", "KB_fmi3.fmu"), strict=True):
+        assert line.startswith(f"  - {file}: force: with")
+        assert "at sample" in line
+
+
+@pytest.mark.parametrize("name", ["IL", "MW", "KB", "HO", "KB+coulomb_friction"])
+@pytest.mark.parametrize("version", [2, 3])
+def test_an_untouched_export_gives_no_finding(name, version, fmu_folder, zig_cache):
+    check = check_file(fmu_folder / f"{name}_fmi{version}.fmu", zig_cache)
+    assert check.problems == ()
+    assert check.played
+    assert check.same_bytes
+
+
+@pytest.mark.usefixtures("played_here")
+def test_other_flags_give_other_bytes_and_the_same_forces(
+    fmu_models, fmu_folder, zig_cache, workshop, tmp_path, monkeypatch
+):
+    """Sources decide, not the compiler's choices: a library of another optimisation passes."""
+    from lumbar.tissue.fmu.build import compiler
+
+    model = next(model for model in fmu_models if model.name == "HO")
+    monkeypatch.setattr(compiler, "FLAGS", (*compiler.FLAGS, "-O0"))
+    library = defective(model, CORE, {}, zig_cache, workshop)
+    monkeypatch.undo()
+    files = contents(fmu_folder / "HO_fmi3.fmu")
+    place = BINARY[3].replace("KB", "HO")
+    assert library != files[place]
+    write_fmu(tmp_path / "HO_fmi3.fmu", {**files, place: library})
+    check = check_file(tmp_path / "HO_fmi3.fmu", zig_cache)
+    assert (check.problems, check.played, check.same_bytes) == ((), True, False)
+
+
+def test_without_a_library_for_this_machine_the_file_alone_is_checked(
+    fmu_folder, zig_cache, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(file_check, "host_target", lambda: "aarch64-darwin")
+    check = check_file(fmu_folder / "KB_fmi3.fmu", zig_cache)
+    assert (check.problems, check.played) == ((), False)
+    assert "no library for this machine" in str(check)
+
+
+def test_the_command_checks_files_and_folders(run, fmu_folder, tmp_path):
+    status, out, _ = run("check", fmu_folder / "KB_fmi3.fmu")
+    assert (status, out) == (
+        0,
+        "runtime: KB_fmi3.fmu: sound; plays its reference, and its sources give the same library\n",
+    )
+    files = contents(fmu_folder / "KB_fmi3.fmu")
+    scaled(REFERENCE[1], 1.1)(files, 3)
+    write_fmu(tmp_path / "KB_fmi3.fmu", files)
+    status, out, err = run("check", tmp_path)
+    assert (status, out) == (1, "")
+    assert "KB_fmi3.fmu: 1 problem" in err
+    assert "Traceback" not in err
+    assert run("check", tmp_path / "absent.fmu")[0] == 1
+
+
+def test_export_keeps_no_file_that_fails_its_check(tmp_path, zig_cache, monkeypatch):
+    from runtime_models import models_json
+
+    from lumbar.base.files import write_json
+    from lumbar.tissue.fmu.build import package
+
+    write_json(tmp_path / "models.json", models_json())
+    settings = RuntimeSettings(compiler_cache=str(zig_cache), models=("KB",), trained_on="multisine")
+    sound = lumbar.export_fmu(tmp_path / "models.json", tmp_path / "sound", settings=settings)
+    assert all(path.is_file() for path in sound)
+    original = package.resources
+
+    def wrong(*arguments):
+        return {path: text.replace(",0.", ",0.1") for path, text in original(*arguments).items()}
+
+    monkeypatch.setattr(package, "resources", wrong)
+    with pytest.raises(InputError, match="must not be used"):
+        lumbar.export_fmu(tmp_path / "models.json", tmp_path / "wrong", settings=settings)
+    assert list((tmp_path / "wrong").iterdir()) == []

@@ -1,0 +1,265 @@
+"""FMUs as files: reproducible bytes, lint, escaping, compiling, places that cannot be written."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import subprocess
+import sys
+import zipfile
+from contextlib import nullcontext
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from effect_entries import COMBINATIONS, effect_entry
+from runtime_models import SETTINGS, TARGET, entry, models_json, selected
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.fmu.build import compiler, package
+from lumbar.tissue.fmu.build.compiler import TARGETS, compile_library
+from lumbar.tissue.fmu.build.package import compile_model, export_fmus, write_fmu
+from lumbar.tissue.fmu.build.sources import c_files, source_files
+from lumbar.tissue.fmu.check.fmu_check import simulate_fmu
+from lumbar.tissue.fmu.check.lint import lint_fmu
+from study_settings import changed
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
+)
+
+
+def test_names_are_escaped_everywhere(fmu_folder):
+    for version in (2, 3):
+        path = fmu_folder / f"KB+coulomb_friction_fmi{version}.fmu"
+        description = fmpy.read_model_description(str(path), validate=True)
+        assert description.modelName == "KB+coulomb_friction"
+        assert description.coSimulation.modelIdentifier == "KB_coulomb_friction"
+        assert "A & B <lab>" in description.description
+        with zipfile.ZipFile(path) as archive:
+            assert "A &amp; B &lt;lab&gt;" in archive.read("documentation/index.html").decode()
+
+
+def test_documentation_states_data_equation_and_feedthrough(fmu_folder):
+    with zipfile.ZipFile(fmu_folder / "KB_fmi2.fmu") as archive:
+        page = archive.read("documentation/index.html").decode()
+    for words in (
+        "Data: synthetic twin",
+        "y[k] = x1[k] + 1.9 u[k]",
+        "one sample late",
+        "81.20 %",
+        "last 3 samples",
+    ):
+        assert words in page
+
+
+def test_the_same_bytes_from_another_folder_and_a_cold_cache(fmu_models, fmu_folder, zig_cache, tmp_path):
+    chosen = [model for model in fmu_models if model.name == "KB"]
+    export_fmus(chosen, tmp_path / "elsewhere", "synthetic twin", TARGET, tmp_path / "cold cache")
+    for name in ("KB_fmi2.fmu", "KB_fmi3.fmu"):
+        first, second = ((place / name).read_bytes() for place in (fmu_folder, tmp_path / "elsewhere"))
+        assert hashlib.sha256(first).hexdigest() == hashlib.sha256(second).hexdigest()
+    with_effects = effect_entry(*COMBINATIONS[1])
+    models = selected(models_json(with_effects), changed(SETTINGS, models=[with_effects["name"]]))
+    first, again = (
+        export_fmus(models, tmp_path / folder, "synthetic twin", TARGET, cache)
+        for folder, cache in (("one", zig_cache), ("another folder", tmp_path / "cold cache"))
+    )
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in again]
+
+
+def test_libraries_need_an_old_c_library_only(fmu_folder):
+    with zipfile.ZipFile(fmu_folder / "KB_fmi3.fmu") as archive:
+        library = archive.read("binaries/x86_64-linux/KB.so")
+    versions = {part.split(b"\0")[0] for part in library.split(b"GLIBC_")[1:]}
+    assert versions
+    assert max(tuple(map(int, version.split(b"."))) for version in versions) <= (2, 17)
+
+
+DEFECTS = {
+    "start outside": (b'start="15.0"', b'start="16.0"', "start 16 outside"),
+    "nominal": (b'nominal="1.0"', b'nominal="0.0"', "nominal 0"),
+    "step": (b'stepSize="0.01"', b'stepSize="-0.01"', "not above 0"),
+    "identifier": (b'modelIdentifier="KB"', b'modelIdentifier="KC"', "not named after"),
+    "no identifier": (b'modelIdentifier="KB"', b'modelIdentifier="K-B"', "no C identifier"),
+    "bounds": (b'min="0.0" max="10.0"', b'min="20.0" max="10.0"', "above max"),
+}
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_lint_finds_defects_of_the_description(version, defect, fmu_folder, tmp_path):
+    before, after, words = DEFECTS[defect]
+    broken = altered(fmu_folder / f"KB_fmi{version}.fmu", tmp_path, lambda text: text.replace(before, after))
+    assert any(words in problem for problem in lint_fmu(broken)), lint_fmu(broken)
+
+
+def altered(path: Path, fmu_folder: Path, change, leave_out: str = "") -> Path:
+    with zipfile.ZipFile(path) as archive:
+        files = {name: archive.read(name) for name in archive.namelist() if name != leave_out}
+    original = files.get("modelDescription.xml", b"")
+    if original:
+        files["modelDescription.xml"] = change(original)
+    if not leave_out:
+        assert files["modelDescription.xml"] != original
+    write_fmu(fmu_folder / path.name, files)
+    return fmu_folder / path.name
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_lint_finds_a_foreign_token_and_missing_files(version, fmu_folder, tmp_path):
+    path = fmu_folder / f"KB_fmi{version}.fmu"
+    token = fmpy.read_model_description(str(path)).guid.encode()
+    foreign = altered(path, tmp_path, lambda text: text.replace(token, b"0" * 36))
+    assert any("built from something else" in problem for problem in lint_fmu(foreign))
+    binary = "binaries/linux64/KB.so" if version == 2 else "binaries/x86_64-linux/KB.so"
+    for left_out, words in (
+        ("sources/fmi2.c", "fmi2.c is missing"),
+        ("documentation/index.html", "no documentation"),
+        ("modelDescription.xml", "no modelDescription"),
+        (binary, "no binary"),
+    ):
+        problems = lint_fmu(altered(path, tmp_path, lambda text: text, leave_out=left_out))
+        assert any(words in problem for problem in problems), problems
+    assert lint_fmu(path) == []
+
+
+def test_a_refused_compilation_says_what_the_compiler_said(fmu_models, zig_cache, tmp_path):
+    (tmp_path / "broken.c").write_text("int f(void) { return nonsense; }\n")
+    with pytest.raises(InputError, match="nonsense"):
+        compile_library([tmp_path / "broken.c"], tmp_path / "broken.so", "x86_64-linux", zig_cache)
+    with pytest.raises(InputError, match=r"runtime\.targets.*pdp11.*x86_64-linux"):
+        export_fmus(fmu_models[:1], tmp_path, "", ["pdp11"], zig_cache)
+
+
+@pytest.fixture
+def nothing_compiled():
+    """Let this process forget what it has compiled."""
+    compiler.library_of.cache_clear()
+
+
+@pytest.mark.usefixtures("nothing_compiled")
+def test_a_compiler_that_fails_without_a_word_is_an_error(fmu_models, zig_cache, tmp_path, monkeypatch):
+    """Killed, or done without a library: both leave no FMU."""
+    (tmp_path / "ziglang").mkdir()
+    (tmp_path / "ziglang" / "__init__.py").touch()
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    for body, words in (("", "exit code 0"), ("import os\nos.abort()\n", "exit code -6")):
+        (tmp_path / "ziglang" / "__main__.py").write_text(body)
+        with pytest.raises(InputError, match=rf"{words}(?s:.*)remove its cache(?s:.*)it said nothing"):
+            export_fmus(fmu_models[:1], tmp_path / "fmu", "", TARGET, zig_cache)
+    assert not (tmp_path / "fmu").exists()
+
+
+@pytest.mark.usefixtures("nothing_compiled")
+def test_places_that_cannot_be_written_are_named(fmu_models, fmu_folder, zig_cache, tmp_path, monkeypatch):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    with pytest.raises(InputError, match="compiler_cache"):
+        export_fmus(fmu_models[:1], tmp_path, "", TARGET, blocked / "cache")
+    with pytest.raises(InputError, match="cannot be written"):
+        export_fmus(fmu_models[:1], blocked / "fmu", "", TARGET, zig_cache)
+    compiler.library_of.cache_clear()
+    with monkeypatch.context() as within, pytest.raises(InputError, match="TMPDIR"):
+        within.setattr(compiler.tempfile, "TemporaryDirectory", lambda **_: nullcontext(tmp_path / "absent"))
+        compile_model(fmu_models[0], TARGET, zig_cache)
+    monkeypatch.setattr("lumbar.tissue.fmu.build.compiler.find_spec", lambda _: None)
+    with pytest.raises(InputError, match="ziglang"):
+        export_fmus(fmu_models[:1], tmp_path, "", TARGET, zig_cache)
+
+
+def test_no_half_written_fmu(tmp_path, monkeypatch):
+    written = []
+
+    def fail_at_second(self, entry, content, *compression):
+        written.append(entry)
+        if len(written) == 2:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(package.zipfile.ZipFile, "writestr", fail_at_second)
+    with pytest.raises(InputError, match="No space left"):
+        write_fmu(tmp_path / "KB_fmi2.fmu", {"modelDescription.xml": b"x", "a": b"y", "b": b"z"})
+    assert list(tmp_path.iterdir()) == []
+
+
+CLIENT = r"""
+#include <stdio.h>
+#include "fmi2Functions.h"
+#include "model.h"
+
+/* Steps whose times are sums of 1 ms, over a static gain sampled at 10 ms: whether any sample is mistimed. */
+int main(void) {
+    fmi2CallbackFunctions callbacks = {0};
+    fmi2Component c = fmi2Instantiate("client", fmi2CoSimulation, MODEL.token, "", &callbacks, 0, 0);
+    const fmi2ValueReference input = 1, output = 2;
+    if (!c || fmi2SetupExperiment(c, 0, 0, START, 0, 0) || fmi2EnterInitializationMode(c)) return 2;
+    if (fmi2ExitInitializationMode(c)) return 3;
+    double time = START;
+    long mistimed = 0;
+    for (long tick = 0; tick < 3000000; ++tick) {
+        double position = (double)tick, force = -1.0;
+        if (fmi2SetReal(c, &input, 1, &position) || fmi2DoStep(c, time, 1e-3, 1)) return 4;
+        if (fmi2GetReal(c, &output, 1, &force)) return 5;
+        time += 1e-3;
+        mistimed += force != (double)(tick - tick % 10);
+    }
+    fmi2FreeInstance(c);
+    printf("%ld\n", mistimed);
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("start", ["0.0", "1e3"])
+def test_accumulated_steps_are_never_mistimed(start, zig_cache, tmp_path):
+    """A client in C, built with traps for undefined behaviour, takes three million steps."""
+    settings = changed(SETTINGS, models=["gain"], moving_average_ms=0, output_limit=1e9)
+    model = selected(models_json(entry("gain", [1.0], [1.0])), settings)[0]
+    for name, text in source_files(model).items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "client.c").write_text(CLIENT)
+    flags = ["-std=c99", "-O2", "-fsanitize=undefined", "-fsanitize-trap=undefined", f"-DSTART={start}"]
+    environment = {"ZIG_GLOBAL_CACHE_DIR": str(zig_cache), "ZIG_LOCAL_CACHE_DIR": str(zig_cache), "PATH": ""}
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-target",
+        TARGETS[TARGET[0]].triple,
+        *flags,
+        "client.c",
+        *c_files(model),
+        "-lm",
+        "-o",
+        "client",
+    ]
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    done = subprocess.run([tmp_path / "client"], capture_output=True, text=True, check=True)
+    assert done.stdout == "0\n"
+
+
+@pytest.mark.skipif(
+    shutil.which("cmake") is None, reason="no CMake, with which fmpy compiles FMUs: apt-get install cmake"
+)
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler: apt-get install gcc libc6-dev")
+@pytest.mark.parametrize(("name", "version"), [("KB", 3), ("KB+coulomb_friction", 2)])
+def test_fmpy_compiles_the_sources_alone(name, version, fmu_folder, fmu_positions, tmp_path):
+    """Without binaries, with another compiler: the sources in the FMU are complete, and give the same bits."""
+    from fmpy.build import build_platform_binary
+
+    unzipped, shipped = tmp_path / "fmu", fmu_folder / f"{name}_fmi{version}.fmu"
+    fmpy.extract(str(shipped), str(unzipped))
+    shutil.rmtree(unzipped / "binaries")
+    build_platform_binary(unzipped, generator="Unix Makefiles")
+    files = {
+        str(path.relative_to(unzipped)): path.read_bytes()
+        for path in sorted(unzipped.rglob("*"))
+        if path.is_file()
+    }
+    write_fmu(tmp_path / shipped.name, files)
+    time = np.arange(len(fmu_positions)) * 0.01
+    built = simulate_fmu(tmp_path / shipped.name, time, fmu_positions)
+    np.testing.assert_array_equal(built, simulate_fmu(shipped, time, fmu_positions))

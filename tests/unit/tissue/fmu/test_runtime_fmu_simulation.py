@@ -1,0 +1,238 @@
+"""Forces of finished FMUs in time, against a simulation written out in Python."""
+
+from __future__ import annotations
+
+import struct
+import sys
+import zipfile
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from runtime_models import POSITION, SETTINGS, TARGET, entry, get, models_json, put, selected
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.fmu.build.package import export_fmus
+from lumbar.tissue.fmu.check.fmu_check import check_fmus
+from lumbar.tissue.fmu.check.reference_stimulus import push
+from study_settings import changed
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
+)
+
+
+def written_out(model, fmu_positions):
+    """C x[k] and D u[k] of every sample, by the difference equation and a moving average in plain Python."""
+    inputs = [position - model.input.offset for position in fmu_positions]
+    averaged = [
+        sum(inputs[max(0, k - model.moving_average + 1) : k + 1]) / model.moving_average
+        for k in range(len(inputs))
+    ]
+    outputs = []
+    for k in range(len(inputs)):
+        value = sum(b * averaged[k - j] for j, b in enumerate(model.dynamics.numerator) if k >= j)
+        value -= sum(a * outputs[k - i] for i, a in enumerate(model.dynamics.denominator) if 0 < i <= k)
+        outputs.append(value)
+    through = [model.dynamics.numerator[0] * u for u in averaged]
+    return np.array(outputs) - through, np.array(through)
+
+
+@pytest.mark.parametrize("name", ["IL", "MW", "KB", "HO"])
+def test_fmi2_client_reads_the_feedthrough_one_sample_late(name, fmu_models, fmu_instance, fmu_positions):
+    model = next(model for model in fmu_models if model.name == name)
+    state_part, through = written_out(model, fmu_positions)
+    slave = fmu_instance(name, 2)
+    put(slave, POSITION, fmu_positions[0])
+    slave.exitInitializationMode()
+    forces = [get(slave)]
+    for k in range(len(fmu_positions) - 1):
+        put(slave, POSITION, fmu_positions[k])
+        slave.doStep(k * 0.01, 0.01)
+        forces.append(get(slave))
+    late = np.concatenate([through[:1], through[:-1]])
+    np.testing.assert_allclose(forces, state_part + late + model.output.offset, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["IL", "MW", "KB", "HO"])
+def test_fmi3_event_mode_has_no_delay(name, fmu_models, fmu_instance, fmu_positions):
+    model = next(model for model in fmu_models if model.name == name)
+    state_part, through = written_out(model, fmu_positions)
+    slave = fmu_instance(name, 3, event_mode=True)
+    slave.exitInitializationMode()
+    forces = []
+    for k, position in enumerate(fmu_positions):
+        if k:
+            event, _, early, _ = slave.doStep((k - 1) * 0.01, 0.01)
+            assert event
+            assert not early
+            slave.enterEventMode()
+        put(slave, POSITION, position)
+        before_update = get(slave)
+        more, *_, defined, next_event = slave.updateDiscreteStates()
+        assert (more, defined) == (False, True)
+        assert next_event == pytest.approx((k + 1) * 0.01, abs=1e-12)
+        after_update = get(slave)
+        slave.enterStepMode()
+        assert before_update == after_update == get(slave)
+        forces.append(after_update)
+    np.testing.assert_allclose(forces, state_part + through + model.output.offset, atol=1e-12)
+
+
+def test_event_iteration_may_change_the_input_until_event_mode_is_left(fmu_models, fmu_instance):
+    slave = fmu_instance("KB", 3, event_mode=True)
+    slave.exitInitializationMode()
+    for position in (5.0, -3.0, 1.0):
+        put(slave, POSITION, position)
+        slave.updateDiscreteStates()
+        assert get(slave) == pytest.approx(1.9 * position / 3, rel=1e-15)
+    slave.enterStepMode()
+    put(slave, POSITION, 100.0)
+    assert get(slave) == pytest.approx(1.9 / 3, rel=1e-15)
+
+
+def test_early_return_leads_to_every_sample(fmu_instance):
+    slave = fmu_instance("KB", 3, event_mode=True, early_return=True)
+    slave.exitInitializationMode()
+    slave.updateDiscreteStates()
+    slave.enterStepMode()
+    time, instants = 0.0, []
+    while time < 0.095:
+        event, _, early, time = slave.doStep(time, 0.095 - time)
+        assert early == event == (time < 0.094)
+        if event:
+            instants.append(time)
+            slave.enterEventMode()
+            slave.updateDiscreteStates()
+            slave.enterStepMode()
+    np.testing.assert_allclose(instants, np.arange(1, 10) * 0.01, atol=1e-12)
+
+
+def test_long_steps_hold_the_input_and_equal_short_ones(fmu_instance):
+    for version in (2, 3):
+        long, short = fmu_instance("HO", version), fmu_instance("HO", version)
+        for slave in (long, short):
+            put(slave, POSITION, 1.0)
+            slave.exitInitializationMode()
+        long.doStep(0.0, 0.37)
+        for k in range(37):
+            short.doStep(k * 0.01, 0.01)
+        assert get(long) == get(short)
+
+
+def test_force_is_held_between_samples(fmu_instance):
+    slave = fmu_instance("KB", 2)
+    slave.exitInitializationMode()
+    seen = []
+    for tick in range(40):
+        put(slave, POSITION, 0.1 * tick)
+        slave.doStep(tick * 1e-3, 1e-3)
+        seen.append(get(slave))
+    for sample in range(4):
+        # Within a sample the force is held; at its end the next sample is due.
+        assert len(set(seen[10 * sample : 10 * sample + 9])) == 1
+    first = 1.9 * np.array([0.0, 1.0, 3.0]) / 3
+    states = np.array([0.0, 0.0, (-1.2 + 0.45 * 1.9) / 3])
+    np.testing.assert_allclose([seen[0], seen[10], seen[20]], first + states, rtol=1e-14)
+
+
+def test_decayed_states_are_flushed_to_zero(fmu_instance):
+    # 0.72 is such that rounding keeps an unflushed state at the smallest denormal number for ever.
+    slave = fmu_instance("HO", 2)
+    put(slave, POSITION, 1.0)
+    slave.exitInitializationMode()
+    slave.doStep(0.0, 0.01)
+    put(slave, POSITION, -0.4)
+    slave.doStep(0.01, 60.0)
+    saved = slave.getFMUstate()
+    content = slave.serializeFMUstate(saved)
+    slave.freeFMUstate(saved)
+    # Magic (8 bytes) and token (36) come before the states.
+    assert struct.unpack_from("=2d", content, 44) == (0.0, 0.0)
+
+
+def test_check_finds_nothing_in_sound_fmus(fmu_models, fmu_folder):
+    checks = check_fmus(fmu_models, fmu_folder, samples=200, seed=3)
+    assert len(checks) == 8
+    assert max(check.largest_error for check in checks) < 1e-13
+    assert min(check.largest_output for check in checks) > 5.0
+
+
+@pytest.mark.usefixtures("without_plots")
+def test_check_refuses_an_fmu_of_other_numbers(fmu_models, fmu_folder, zig_cache, tmp_path):
+    other = selected(
+        models_json(entry("KB", [1.9 * (1 + 1e-11), -1.2], [1.0, -0.45])), changed(SETTINGS, models=["KB"])
+    )
+    export_fmus(other, tmp_path, "synthetic twin", TARGET, zig_cache)
+    sound = [model for model in fmu_models if model.name == "KB"]
+    with pytest.raises(InputError, match="simulated output is off"):
+        check_fmus(sound, tmp_path, samples=200, seed=3)
+
+
+@pytest.mark.usefixtures("without_plots")
+def test_an_unstable_model_runs_into_its_limit_and_passes(zig_cache, tmp_path):
+    settings = changed(SETTINGS, models=["MW"], unstable="export")
+    unstable = selected(models_json(entry("MW", [0.0, 1.0], [1.0, -1.04])), settings)
+    export_fmus(unstable, tmp_path, "synthetic twin", TARGET, zig_cache)
+    checks = check_fmus(unstable, tmp_path, samples=1000, seed=3)
+    assert max(check.largest_error for check in checks) < 1e-9
+    with zipfile.ZipFile(tmp_path / "MW_fmi2.fmu") as archive:
+        assert b"UNSTABLE" in archive.read("modelDescription.xml")
+
+
+def test_push_is_followed_by_every_model(fmu_models, fmu_folder):
+    played = push(fmu_models, fmu_folder)
+    resting = {model.name: model.output.offset for model in fmu_models}
+    for (name, version), forces in played.outputs.items():
+        assert len(forces) == len(played.time), version
+        assert abs(forces[:5] - resting[name]).max() < 0.5
+    stiffest = max(np.abs(forces).max() for forces in played.outputs.values())
+    assert 0.3 * 15 < stiffest < 15
+    assert played.most_delayed() in {"KB", "HO"}
+
+
+@pytest.mark.parametrize("name", ["KB", "HO"])
+def test_a_hundred_thousand_steps_differ_in_no_bit(name, fmu_models, zig_cache, tmp_path):
+    """C code against Eqs 3.17 and 3.18 with lists in Python, states included; both against scipy's dlsim."""
+    from c_programs import CModel
+    from scipy.signal import dlsim
+
+    model = next(model for model in fmu_models if model.name == name)
+    system = model.dynamics.state_space
+    matrix, column, row = system.A.tolist(), system.B[:, 0].tolist(), system.C[0].tolist()
+    inputs = np.random.default_rng(11).standard_normal(100_000)
+    state, expected = [0.0] * system.nstates, np.empty(len(inputs))
+    for k, u in enumerate(inputs.tolist()):
+        output, following = float(system.D[0, 0]) * u, []
+        for i in range(system.nstates):
+            output += row[i] * state[i]
+            total = column[i] * u
+            for j in range(system.nstates):
+                total += matrix[i][j] * state[j]
+            following.append(total)
+        state, expected[k] = following, output
+    compiled = CModel(model, tmp_path, zig_cache)
+    found = compiled.response(inputs)
+    np.testing.assert_array_equal(found, expected)
+    assert compiled.state[: system.nstates] == state
+    _, simulated, _ = dlsim((system.A, system.B, system.C, system.D, 0.01), inputs)
+    np.testing.assert_allclose(found, simulated[:, 0], atol=1e-12 * np.abs(found).max())
+
+
+def test_fmpys_own_search_finds_the_same_next_events():
+    """The checks let it search by bisection."""
+    from fmpy.simulation import Input
+
+    from lumbar.tissue.fmu.check.fmu_check import _next_events_by_bisection
+
+    events = np.append(np.cumsum(np.random.default_rng(3).choice([0.01, 1e-12, 0.3], 60)), np.inf)
+    inputs = SimpleNamespace(t=events[:-1], t_events=events)
+    times = [-1.0, *events, *(events[:-1] + 1e-11), *(events[:-1] - 1e-11), 1e9]
+    own = Input.nextEvent
+    with _next_events_by_bisection():
+        assert Input.nextEvent is not own
+        found = [Input.nextEvent(inputs, time) for time in times]
+        assert Input.nextEvent(SimpleNamespace(t=None), 0.0) == np.inf
+    assert Input.nextEvent is own
+    assert found == [own(inputs, time) for time in times]

@@ -1,0 +1,281 @@
+"""Forces made to be felt: start at rest, contact, rate limit and passivity, in Python and C alike."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from c_programs import CModel, loader_program
+from effect_entries import COMBINATIONS, effect_entry
+from runtime_models import (
+    ENERGY,
+    FORCE_RATE_LIMIT,
+    SETTINGS,
+    TARGET,
+    entry,
+    get,
+    models_json,
+    put,
+    random_motion,
+    selected,
+)
+from scipy.linalg import expm
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.fmu.build.guards import guarded
+from lumbar.tissue.fmu.build.package import export_fmus
+from lumbar.tissue.fmu.build.reference_response import reference_output
+from lumbar.tissue.fmu.check.fmu_check import check_fmus, simulate_fmu
+from study_settings import changed
+
+pytestmark = [
+    pytest.mark.skipif(
+        not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
+    ),
+    pytest.mark.usefixtures("without_plots"),
+]
+DEVICE = changed(
+    SETTINGS, models=["IL", "MW", "KB", "HO"], rate_Hz=1000.0, moving_average_ms=3.0, start="first_position"
+)
+"""What is exported by default."""
+EFFECTS = effect_entry(*COMBINATIONS[0])
+HIGH_ORDER = entry("HO", [0.0, 5.0, -8.0, 3.5], [1.0, 0.1, -0.2, 0.05])
+"""As in the default study: a sample late, and with poles that no continuous model has."""
+DAMPING = 2.75
+"""N s/m, half of that of the stylus below."""
+
+
+def models(settings, *entries):
+    """Models of the shared entries, one of high order and one with effects."""
+    content = models_json()["models"]
+    content = [item for item in content if item["name"] != "HO"] + [HIGH_ORDER, EFFECTS, *entries]
+    names = [item["name"] for item in content]
+    return selected(models_json(*content), changed(settings, models=names))
+
+
+def exported(settings, folder, cache, *names):
+    chosen = [model for model in models(settings) if not names or model.name in names]
+    export_fmus(chosen, folder, "synthetic twin", TARGET, cache)
+    return chosen
+
+
+@pytest.mark.parametrize(
+    ("guards", "names"),
+    [
+        ({}, ("HO", EFFECTS["name"])),
+        ({"moving_average_ms": 30.0}, ("HO",)),
+        ({"contact": True}, (EFFECTS["name"],)),
+        ({"output_rate_limit": 200.0}, ("HO",)),
+        ({"device_damping": DAMPING}, (EFFECTS["name"],)),
+        (
+            {"contact": True, "output_rate_limit": 300.0, "device_damping": DAMPING, "start": "offset"},
+            ("IL", "MW", "HO", EFFECTS["name"]),
+        ),
+    ],
+    ids=["default", "30 ms", "contact", "rate", "passive", "all"],
+)
+def test_fmus_at_1_khz_pass_all_checks(guards, names, zig_cache, tmp_path):
+    """Delays, models several times over, effects and every guard: FMU against Python, in both versions."""
+    chosen = exported(changed(DEVICE, **guards), tmp_path, zig_cache, *names)
+    for check in check_fmus(chosen, tmp_path, 1500, seed=4):
+        # An inverted model that cannot pull gives no force at all.
+        assert (check.largest_output > 0.05) != (check.model.name == "IL" and guards.get("contact", False)), (
+            check.file
+        )
+
+
+@pytest.mark.parametrize("name", ["KB", "HO", EFFECTS["name"]])
+def test_guarded_forces_differ_in_no_bit(name, zig_cache, tmp_path):
+    """The model's own C code sample by sample, then the guards in Python, against the finished FMU."""
+    settings = changed(
+        DEVICE,
+        moving_average_ms=0,
+        start="offset",
+        contact=True,
+        output_rate_limit=500.0,
+        device_damping=DAMPING,
+        rate_Hz=None,
+    )
+    model = next(item for item in models(settings) if item.name == name)
+    inputs = random_motion(3000, seed=8)
+    touched = np.where(inputs < model.input.offset, 0.0, inputs - model.input.offset)
+    outputs = 1.0 * CModel(model, tmp_path, zig_cache).response(touched) + model.output.offset
+    limited = np.clip(np.where(model.resistance * outputs < 0, 0.0, outputs), -15.0, 15.0)
+    export_fmus([model], tmp_path, "synthetic twin", TARGET, zig_cache)
+    time = np.arange(len(inputs)) * model.sampling_time
+    for version in (2, 3):
+        expected = guarded(model, inputs, limited, event_mode=version == 3).read
+        found = simulate_fmu(tmp_path / f"{name}_fmi{version}.fmu", time, inputs)
+        np.testing.assert_array_equal(found, expected)
+        assert np.count_nonzero(expected != limited) > 100
+        assert np.abs(expected).max() > 0.5
+
+
+@pytest.mark.parametrize("rate", [None, 1000.0])
+def test_a_model_starts_at_rest_where_it_is_first_touched(rate, zig_cache, tmp_path):
+    """Thesis's start for comparison: from the offset, where a first position of 3 mm is a jump."""
+    settings = changed(DEVICE, rate_Hz=rate, moving_average_ms=30.0)
+    chosen = exported(settings, tmp_path, zig_cache, "KB", "HO", EFFECTS["name"])
+    for model in chosen:
+        time = np.arange(60) * model.sampling_time
+        for version in ("2.0", "3.0"):
+            path = tmp_path / f"{model.name}_fmi{version[0]}.fmu"
+            forces = simulate_fmu(path, time, np.full(60, 3.0))
+            np.testing.assert_allclose(forces, forces[0], atol=1e-12)
+            if model.name in ("KB", "HO"):
+                gain = sum(model.dynamics.numerator) / sum(model.dynamics.denominator)
+                assert forces[0] == pytest.approx(3.0 * gain, rel=1e-12)
+    thesis = models(changed(settings, start="offset"))
+    jumping = next(model for model in thesis if model.name == "HO")
+    assert np.ptp(reference_output(jumping, np.full(60, 3.0), "3.0")) > 5.0
+
+
+def test_an_integrator_rests_nowhere_else():
+    integrator = entry("KB", [1.0, -0.5], [1.0, -1.0])
+    with pytest.raises(InputError, match=r"runtime\.start.*a pole at 1.*offset"):
+        selected(models_json(integrator), changed(DEVICE, models=["KB"], unstable="export"))
+
+
+@pytest.mark.parametrize("name", ["IL", "KB", EFFECTS["name"]])
+def test_contact_does_not_pull(name):
+    """A tool lifted to −2 mm and brought back; the inverted model, displayed like the others, would draw it in."""
+    motion = np.concatenate(
+        [np.linspace(0, 3, 200), np.linspace(3, -2, 200), np.full(200, -2.0), np.linspace(-2, 0, 50)]
+    )
+    free, touched = (
+        reference_output(model, motion, "3.0")
+        for settings in (DEVICE, changed(DEVICE, contact=True))
+        for model in models(settings)
+        if model.name == name
+    )
+    assert free.min() < -0.2
+    lifted = int(np.argmax(motion < 0))
+    np.testing.assert_array_equal(touched[:lifted], np.where(free < 0, 0.0, free)[:lifted])
+    assert np.abs(touched[lifted + 3 :]).max() == 0.0  # not felt before it is touched again
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_the_force_changes_no_faster_than_its_limit(version, zig_cache, tmp_path):
+    chosen = exported(changed(DEVICE, output_rate_limit=300.0), tmp_path, zig_cache, "KB", EFFECTS["name"])
+    for model in chosen:
+        jumps = np.repeat([0.0, 6.0, -6.0, 1.0], 100)
+        path = tmp_path / f"{model.name}_fmi{version}.fmu"
+        forces = simulate_fmu(path, np.arange(len(jumps)) * 1e-3, jumps)
+        assert np.abs(np.diff(forces, prepend=0.0)).max() <= 0.3 * (1 + 1e-12)
+    with zipfile.ZipFile(tmp_path / f"KB_fmi{version}.fmu") as archive:
+        text = archive.read("modelDescription.xml").decode()
+    assert 'name="force_rate_limit"' in text
+    assert 'unit="N/s" min="0.0" max="300.0" nominal="300.0" start="300.0"' in text
+
+
+@pytest.mark.parametrize(
+    ("settings", "names"),
+    [
+        (DEVICE, ("IL", "KB", "HO", EFFECTS["name"])),
+        (changed(SETTINGS, start="first_position"), ("HO", EFFECTS["name"])),
+    ],
+    ids=["1 kHz", "100 Hz"],
+)
+def test_device_and_fmu_never_give_out_more_than_they_took_in(settings, names, zig_cache, tmp_path):
+    """A hand that means harm takes a hundred thousand steps; the energies are those that it counts itself."""
+    chosen = exported(changed(settings, device_damping=DAMPING), tmp_path, zig_cache, *names)
+    client = loader_program(CLIENT, TARGET[0], tmp_path, zig_cache)
+    for model in chosen:
+        found = energies(client, model, tmp_path, 100_000)
+        assert min(found[:3]) >= -1e-12, model.name
+        assert min(found[3:]) > 0.01, model.name
+    unguarded = [model for model in models(settings) if model.name == "HO"]
+    export_fmus(unguarded, tmp_path / "free", "synthetic twin", TARGET, zig_cache)
+    assert max(energies(client, unguarded[0], tmp_path / "free", 100_000)[:3]) < -0.1
+
+
+CLIENT = Path(__file__).parents[2] / "fmu_client.c"
+
+
+def energies(client, model, folder, steps: int) -> list[float]:
+    """Least energies in FMI 2.0, with forces displayed at once and late, and in FMI 3.0's event mode, in J; work done."""
+    unzipped = folder / f"{model.identifier}_unzipped"
+    with zipfile.ZipFile(folder / f"{model.name}_fmi3.fmu") as archive:
+        archive.extractall(unzipped)
+        description = archive.read("modelDescription.xml").decode()
+    token = description.split('instantiationToken="')[1].split('"')[0]
+    library = unzipped / "binaries" / "x86_64-linux" / f"{model.identifier}.so"
+    unit = model.input_unit * model.resistance
+    command = [client, "passive", library, token, steps, model.sampling_time, unit, DAMPING]
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=True)
+    return [float(word) for word in done.stdout.split()]
+
+
+@pytest.mark.parametrize(("damping", "calm"), [(None, False), (DAMPING, True)])
+def test_a_passive_model_calms_a_stylus_that_its_hold_would_shake(damping, calm, zig_cache, tmp_path):
+    """A stylus of 0.25 kg with 5.5 N s/m, held by a hand of 300 N/m, on KB of the default study at 100 Hz.
+
+    Without device damping enough for the hold (Colgate and Schenkel's condition) the force swings between its limits.
+    """
+    kelvin = entry("KB", [4.638, -4.0663], [1.0, -0.40743])
+    settings = changed(DEVICE, models=["KB"], rate_Hz=None, moving_average_ms=30.0, device_damping=damping)
+    (model,) = selected(models_json(kelvin), settings)
+    export_fmus([model], tmp_path, "synthetic twin", TARGET, zig_cache)
+    motion = np.array([[0, 1, 0, 0], [-300, -5.5, -1, 300], [0, 0, 0, 0], [0, 0, 0, 0]])
+    motion[1] /= 0.25
+    over = expm(motion * 0.01)
+    slave = instance(tmp_path / "KB_fmi3.fmu", tmp_path)
+    state, forces = np.zeros(2), []
+    for k in range(300):
+        put(slave, 1, 1000 * state[0])
+        forces.append(get(slave))
+        slave.enterStepMode()
+        slave.doStep(k * 0.01, 0.01)
+        slave.enterEventMode()
+        if damping:
+            assert get(slave, ENERGY) >= 0.0
+        state = (over @ [*state, forces[-1], 0.01 * min(1.0, k / 20)])[:2]
+    slave.freeInstance()
+    swing = np.ptp(forces[-50:])
+    assert swing < 0.1 if calm else swing > 29.0
+
+
+def instance(path, folder):
+    """Return an FMI 3.0 instance in event mode, at its first sample."""
+    import fmpy
+    from fmpy.fmi3 import FMU3Slave
+
+    description = fmpy.read_model_description(str(path))
+    slave = FMU3Slave(
+        guid=description.guid,
+        unzipDirectory=fmpy.extract(str(path), str(folder / "unzipped")),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="stylus",
+    )
+    slave.instantiate(eventModeUsed=True)
+    slave.enterInitializationMode(startTime=0.0)
+    slave.exitInitializationMode()
+    return slave
+
+
+def test_guards_can_be_lowered_while_the_model_runs(zig_cache, tmp_path):
+    settings = changed(DEVICE, models=["KB"], output_rate_limit=300.0, device_damping=DAMPING)
+    export_fmus(selected(models_json(), settings), tmp_path, "synthetic twin", TARGET, zig_cache)
+    slave = instance(tmp_path / "KB_fmi3.fmu", tmp_path)
+    assert [get(slave, reference) for reference in (7, 8, 9, 10)] == [300.0, DAMPING, 0.2, 0.0]
+    for reference, value in ((FORCE_RATE_LIMIT, 301.0), (8, -1.0), (9, 2000.0), (ENERGY, 1.0)):
+        with pytest.raises(Exception, match="SetFloat64"):
+            put(slave, reference, value)
+    put(slave, 8, 0.0)  # a device without damping: no force can be held without risk
+    for k in range(50):
+        put(slave, 1, 0.1 * k)
+        assert get(slave) == 0.0
+        slave.enterStepMode()
+        slave.doStep(k * 1e-3, 1e-3)
+        slave.enterEventMode()
+    slave.freeInstance()
+
+
+def test_energies_need_units_of_work():
+    odd = entry("KB", [1.9, -1.2], [1.0, -0.45], input={"quantity": "angle", "unit": "deg", "offset": 0.0})
+    with pytest.raises(InputError, match=r"device_damping.*deg times N is no energy"):
+        selected(models_json(odd), changed(DEVICE, models=["KB"], device_damping=1.0))

@@ -1,0 +1,218 @@
+"""FMUs in importers other than fmpy: the same bits as from fmpy, one by one, where the importer does not round inputs."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from effect_entries import COMBINATIONS, effect_entry
+from runtime_models import POSITION, SETTINGS, TARGET, get, models_json, put, selected
+
+from lumbar.tissue.fmu.build.package import export_fmus
+from study_settings import changed
+
+FOLDER = Path(os.environ.get("LUMBAR_IMPORTERS", "absent"))
+"""Made by tests/get_importers.sh."""
+GET_IMPORTERS = "tests/get_importers.sh FOLDER and set LUMBAR_IMPORTERS=FOLDER"
+PYTHON = FOLDER / "python" / "bin" / "python"
+FMI_SIM = FOLDER / "bin" / "fmi-sim"
+FMUSIM = FOLDER / "bin" / "fmusim"
+HERE = Path(__file__).parents[3] / "importers"
+EFFECTS = effect_entry(*COMBINATIONS[1])
+NAMES = ["IL", "MW", "KB", "HO", "KB+coulomb_friction", EFFECTS["name"]]
+STEP = "0.01"
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
+)
+with_python = pytest.mark.skipif(not PYTHON.exists(), reason=f"no libcosim and Ecos: {GET_IMPORTERS}")
+with_java = pytest.mark.skipif(
+    not (FOLDER / "jars").is_dir() or shutil.which("java") is None,
+    reason=f"no FMI4j: apt-get install default-jre maven, then {GET_IMPORTERS}",
+)
+with_fmi_sim = pytest.mark.skipif(
+    not FMI_SIM.exists(), reason=f"no fmi-sim: apt-get install cargo libclang-dev, then {GET_IMPORTERS}"
+)
+with_fmusim = pytest.mark.skipif(
+    not FMUSIM.exists(),
+    reason=f"no fmusim: apt-get install cargo, put its sources there, then {GET_IMPORTERS}",
+)
+
+
+@pytest.fixture(scope="module")
+def folder(fmu_folder, zig_cache):
+    """Return the folder of shared FMUs, with one more whose input and output forms have memory."""
+    chosen = selected(models_json(EFFECTS), changed(SETTINGS, models=[EFFECTS["name"]]))
+    export_fmus(chosen, fmu_folder, "synthetic twin", TARGET, zig_cache)
+    return fmu_folder
+
+
+@pytest.fixture(scope="module")
+def positions_file(fmu_positions, tmp_path_factory):
+    """Return a CSV file with time and position."""
+    path = tmp_path_factory.mktemp("positions") / "positions.csv"
+    rows = [f"{k * float(STEP)!r},{value!r}" for k, value in enumerate(fmu_positions.tolist())]
+    path.write_text("\n".join(["time,position", *rows]) + "\n")
+    return path
+
+
+@pytest.fixture
+def expected(folder, fmu_instance, fmu_positions):
+    """Return a function that plays the positions through fmpy as importers do: set, step, get."""
+
+    def forces(name: str, version: int) -> list[float]:
+        slave = fmu_instance(name, version)
+        slave.exitInitializationMode()
+        read = []
+        for k, position in enumerate(fmu_positions.tolist()):
+            put(slave, POSITION, position)
+            slave.doStep(k * float(STEP), float(STEP))
+            read.append(get(slave))
+        return read
+
+    return forces
+
+
+def printed(command: list, **environment: str) -> list[float]:
+    """Forces that a program prints, one in a line; importers print lines of their own between them."""
+    done = subprocess.run(
+        [*map(str, command)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    lines = [line for line in done.stdout.splitlines() if line.startswith(("0x", "-0x"))]
+    return [float.fromhex(line) for line in lines]
+
+
+@with_python
+@pytest.mark.parametrize("name", NAMES)
+def test_libcosim_reads_the_forces_of_fmi2(name, folder, positions_file, expected):
+    """libcosim of libcosimpy 0.0.6 has no FMI 3.0."""
+    command = [PYTHON, HERE / "play_libcosim.py", folder / f"{name}_fmi2.fmu", positions_file, STEP]
+    assert printed(command) == expected(name, 2)
+
+
+@with_python
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("name", NAMES)
+def test_ecos_reads_the_forces(name, version, folder, positions_file, expected):
+    command = [PYTHON, HERE / "play_ecos.py", folder / f"{name}_fmi{version}.fmu", positions_file, STEP]
+    assert printed(command, LD_LIBRARY_PATH=str(FOLDER / "python" / "lib")) == expected(name, version)
+
+
+@with_java
+@pytest.mark.parametrize("name", NAMES)
+def test_fmi4j_reads_the_forces_of_fmi2(name, folder, positions_file, expected):
+    """FMI4j 0.38 has no FMI 3.0."""
+    fmu = folder / f"{name}_fmi2.fmu"
+    command = ["java", "-cp", f"{FOLDER}/jars/*", HERE / "PlayFmi4j.java", fmu, positions_file, STEP]
+    assert printed(command) == expected(name, 2)
+
+
+def fmi_sim(fmu: Path, positions_file: Path, folder: Path, *options: str) -> dict[float, list[float]]:
+    """Forces that fmi-sim records, by time; at an event it records those before and after."""
+    written = folder / "forces.csv"
+    end = f"{199 * float(STEP)!r}"
+    command = [
+        FMI_SIM,
+        "--model",
+        fmu,
+        "-i",
+        positions_file,
+        "-o",
+        written,
+        "co-simulation",
+        "-s",
+        "0",
+        "-f",
+        end,
+    ]
+    done = subprocess.run(
+        [*map(str, command), "--output-interval", STEP, *options], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    forces: dict[float, list[float]] = {}
+    with written.open() as file:
+        for row in csv.DictReader(file):
+            forces.setdefault(float(row["time"]), []).append(float(row["force"]))
+    return forces
+
+
+def without_attributes(fmu: Path, folder: Path) -> Path:
+    """Copy of an FMU without units and nominals of variables: fmi-schema 0.8.0 knows neither, though FMI 3.0 has both."""
+    copy = folder / fmu.name
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(copy, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                lines = content.decode().split("\n")
+                content = "\n".join(
+                    re.sub(r' (unit|nominal)="[^"]*"', "", line) if "<Float64" in line else line
+                    for line in lines
+                ).encode()
+            new.writestr(name, content)
+    return copy
+
+
+@with_fmi_sim
+@pytest.mark.parametrize("name", NAMES)
+def test_fmi_sim_reads_the_forces_of_fmi3_without_event_mode(
+    name, folder, positions_file, expected, tmp_path
+):
+    """In event mode it sets a discrete input only at events between its output instants, so hardly ever."""
+    fmu = without_attributes(folder / f"{name}_fmi3.fmu", tmp_path)
+    read = [values[-1] for values in fmi_sim(fmu, positions_file, tmp_path).values()]
+    assert read[1:200] == pytest.approx(expected(name, 3)[:199], rel=0, abs=1e-12)
+
+
+def fmusim(fmu: Path, folder: Path, *options: str) -> list[float]:
+    """Forces that fmusim, the FMI project's own simulator, records for the file's reference input, one per instant."""
+    with zipfile.ZipFile(fmu) as archive:
+        archive.extractall(folder, ["resources/reference_input.csv"])
+    inputs, outputs = folder / "resources" / "reference_input.csv", folder / "forces.csv"
+    with inputs.open() as file:
+        end = list(csv.DictReader(file))[-1]["time"]
+    command = [FMUSIM, "simulate", "--input-file", inputs, "--output-file", outputs, "--stop-time", end]
+    command += ["--output-interval", STEP, *options, fmu]
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with outputs.open() as file:  # at an event it records before and after: the last row of an instant counts
+        return list({row["time"]: float(row["force"]) for row in csv.DictReader(file)}.values())
+
+
+def embedded(fmu: Path, name: str) -> list[float]:
+    """Column of a reference signal of an FMU."""
+    with zipfile.ZipFile(fmu) as archive:
+        rows = archive.read(f"resources/{name}.csv").decode().splitlines()[1:]
+    return [float(row.split(",")[1]) for row in rows]
+
+
+@with_fmusim
+@pytest.mark.parametrize(
+    ("version", "options", "reference"),
+    [
+        (2, [], "reference_output"),
+        (3, [], "reference_output_without_event_mode"),
+        (3, ["--event-mode-used"], "reference_output"),
+        (3, ["--event-mode-used", "--early-return-allowed"], "reference_output"),
+    ],
+)
+@pytest.mark.parametrize("name", NAMES)
+def test_fmusim_validates_and_reads_the_embedded_references(
+    name, version, options, reference, folder, tmp_path
+):
+    fmu = folder / f"{name}_fmi{version}.fmu"
+    subprocess.run([FMUSIM, "validate", fmu], check=True, capture_output=True)
+    read, expected = fmusim(fmu, tmp_path, *options), embedded(fmu, reference)
+    assert read == pytest.approx(expected, rel=0, abs=1e-11)
+    assert max(map(abs, expected)) > 1.0

@@ -1,0 +1,301 @@
+"""The loaders of examples/haptic_runtime: compiled, run on exported FMUs at any rate, and misused."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from c_programs import loader_program, zig_cc
+from runtime_models import RANGE
+
+from lumbar.tissue.fmu.build.compiler import TARGETS
+from running import PROJECT
+
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
+)
+LOADERS = PROJECT / "examples" / "haptic_runtime"
+STUBS = PROJECT / "tests" / "loaders"
+UNITY = LOADERS / "unity"
+with_mono = pytest.mark.skipif(
+    shutil.which("mcs") is None or shutil.which("mono") is None,
+    reason="no C# compiler: apt-get install mono-mcs mono-runtime libmono-system-xml4.0-cil",
+)
+with_cpp = pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler: apt-get install g++")
+
+
+@pytest.fixture(scope="module")
+def unzipped(fmu_folder, tmp_path_factory):
+    """Return a folder with unzipped FMUs: KB for FMI 3.0, ``old`` for FMI 2.0, ``empty`` without a library."""
+    folder = tmp_path_factory.mktemp("unzipped")
+    for name, file in (
+        ("KB", "KB_fmi3"),
+        ("old", "KB_fmi2"),
+        ("empty", "KB_fmi3"),
+        ("effects", "KB+coulomb_friction_fmi3"),
+    ):
+        with zipfile.ZipFile(fmu_folder / f"{file}.fmu") as archive:
+            archive.extractall(folder / name)
+    shutil.rmtree(folder / "empty" / "binaries")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def player(zig_cache, tmp_path_factory):
+    """Return a function that plays rows of time and position through the loader in C."""
+    program = loader_program(
+        LOADERS / "play_fmu.c", "x86_64-linux", tmp_path_factory.mktemp("player"), zig_cache
+    )
+    return lambda *arguments: played([program], *arguments)
+
+
+def played(command: list, folder: Path, rows, *parameters: str) -> np.ndarray:
+    """Forces that a player prints for rows of time and position, or for a file of them."""
+    file = rows
+    if not isinstance(rows, Path):
+        file = folder.parent / "rows.csv"
+        np.savetxt(file, rows, delimiter=",", header="time,position", comments="", fmt="%.17g")
+    done = subprocess.run([*command, folder, file, *parameters], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    head, *lines = done.stdout.splitlines()
+    assert head == "time,position,force"
+    return np.array([float(line.split(",")[2]) for line in lines])
+
+
+def signal(folder: Path, name: str) -> np.ndarray:
+    """Time and value of a reference signal."""
+    return np.loadtxt(folder / "resources" / f"reference_{name}.csv", delimiter=",", skiprows=1)
+
+
+@pytest.fixture(scope="module")
+def csharp_player(tmp_path_factory):
+    """Return the same for the loader in C#."""
+    program = tmp_path_factory.mktemp("csharp") / "play.exe"
+    sources = [LOADERS / "PlayFmu.cs", UNITY / "Runtime" / "TissueForce.cs"]
+    subprocess.run(
+        ["mcs", "-warn:4", "-warnaserror", f"-out:{program}", "-r:System.Xml", *sources], check=True
+    )
+    return lambda *arguments: played(["mono", program], *arguments)
+
+
+@pytest.mark.parametrize("name", ["KB", "effects"])
+def test_the_embedded_reference_is_played(name, unzipped, player):
+    folder = unzipped / name
+    forces = player(folder, folder / "resources" / "reference_input.csv")
+    expected = signal(folder, "output")[:, 1]
+    np.testing.assert_allclose(forces, expected, atol=1e-13)
+    assert np.abs(expected).max() > 0.1
+
+
+@pytest.mark.parametrize("name", ["KB", "effects"])
+def test_a_faster_loop_feels_the_same_model(name, unzipped, player):
+    """At 1 kHz a 100 Hz model gives its forces every ten calls, and holds them: it does not run ten times too fast."""
+    folder = unzipped / name
+    time, position = signal(folder, "input").T
+    fast = np.arange(10 * (len(time) - 1) + 1) * 1e-3 + 1234.5
+    forces = player(folder, np.column_stack([fast, np.interp(fast - 1234.5, time, position)]))
+    expected = signal(folder, "output")[:, 1]
+    np.testing.assert_allclose(forces[::10], expected, atol=1e-9)
+    np.testing.assert_array_equal(forces[:-1].reshape(-1, 10), np.repeat(forces[:-1:10], 10).reshape(-1, 10))
+
+
+@pytest.mark.parametrize("every", [2, 3])
+def test_a_slower_loop_misses_no_sample(every, unzipped, player):
+    """Positions between two calls lie on a straight line, so that ramps and rests are played as if sampled fast."""
+    folder = unzipped / "KB"
+    time = np.arange(121) * 0.01
+    position = np.interp(time, [0.0, 0.3, 0.6, 0.9, 1.2], [0.0, 0.0, 2.0, 2.0, -1.0])
+    every_sample = player(folder, np.column_stack([time, position]))
+    forces = player(folder, np.column_stack([time, position])[::every])
+    np.testing.assert_allclose(forces, every_sample[::every], atol=1e-9)
+
+
+def test_an_uneven_clock_is_followed(unzipped, player):
+    """Instants that jitter by 2 ms about 1 kHz of a slow motion: forces of the same moments, to what a sample changes."""
+    folder = unzipped / "KB"
+    time, position = signal(folder, "input").T
+    jittered = np.sort(np.random.default_rng(3).uniform(0.0, time[-1], 10 * len(time)))
+    jittered[0] = 0.0
+    forces = player(folder, np.column_stack([jittered, np.interp(jittered, time, position)]))
+    samples = np.floor(jittered / 0.01 + 1e-3).astype(int)
+    np.testing.assert_allclose(forces, signal(folder, "output")[samples, 1], atol=0.03)
+
+
+def test_parameters_are_those_of_the_fmu(unzipped, player):
+    folder = unzipped / "KB"
+    reference = folder / "resources" / "reference_input.csv"
+    plain = player(folder, reference)
+    np.testing.assert_allclose(
+        player(folder, reference, "gain=0.5", "force_offset=1"), 0.5 * plain + 1, atol=1e-12
+    )
+    assert np.abs(player(folder, reference, "force_limit=2")).max() == 2.0
+
+
+@pytest.mark.parametrize(
+    ("rows", "parameters", "words"),
+    [
+        ([[0, 0], [1, 0], [2, 0]], [], "1 s since the last step; 0 to 0.25 are allowed. Are they seconds?"),
+        ([[0.2, 0], [0.1, 0]], [], "-0.1 s since the last step"),
+        ([[0, float("nan")]], [], "the first position is not finite"),
+        ([[0, 0]], ["force_limit=99"], "does not allow this value of force_limit"),
+        ([[0, 0]], ["stiffness=1"], "the FMU has no parameter stiffness"),
+    ],
+    ids=["milliseconds", "backwards", "no position", "raised limit", "no such parameter"],
+)
+def test_misuse_is_an_error(rows, parameters, words, unzipped, zig_cache, tmp_path):
+    program = loader_program(LOADERS / "play_fmu.c", "x86_64-linux", tmp_path, zig_cache)
+    np.savetxt(tmp_path / "rows.csv", rows, delimiter=",", header="time,position", comments="")
+    command = [program, unzipped / "KB", tmp_path / "rows.csv", *parameters]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert words in done.stderr
+
+
+@pytest.mark.parametrize("target", ["x86_64-windows", "aarch64-linux", "aarch64-darwin"])
+def test_loaders_compile_for_other_platforms(target, zig_cache, tmp_path):
+    flags = ["-c", "-Wall", "-Wextra", "-Werror", "-target", TARGETS[target].triple]
+    zig_cc(["-std=c99", *flags, str(LOADERS / "play_fmu.c"), "-o", "play.o"], tmp_path, zig_cache)
+    assert (tmp_path / "play.o").stat().st_size > 1000
+
+
+def cpp_program(source: Path, folder: Path) -> Path:
+    """Compile a C++ program that uses the loader."""
+    program = folder / source.stem
+    flags = ["-std=c++11", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror", f"-I{LOADERS}", f"-I{STUBS}"]
+    subprocess.run(["g++", *flags, source, "-o", program, "-ldl"], check=True)
+    return program
+
+
+@with_cpp
+def test_the_loader_in_cpp_answers_right_and_wrong_use(unzipped, player, tmp_path):
+    program = cpp_program(STUBS / "use_loader.cpp", tmp_path)
+    command = [program, unzipped / "KB", "KB.so", unzipped / "old", unzipped / "empty"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    said = [line.partition(": ")[::2] for line in done.stdout.splitlines()]
+    answers = dict(said)
+    numbers = [RANGE[name] for name in ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")]
+    assert answers["described"] == " ".join(f"{value:g}" for value in (0.01, 1, 1, *numbers))
+    assert answers["in range"] == "1 0"
+    first, second = player(unzipped / "KB", [[0.0, 0.0], [0.01, 1.0]])
+    assert [float(item) for item in answers["forces"].split()] == [first, second, second]
+    again = answers["again"].split()
+    assert ([float(again[0]), float(again[1])], again[2:]) == ([first, second], ["limit", "5"])
+    assert [answer for key, answer in said if key == "loaded"] == ["1", "0"]
+    assert [answer for key, answer in said if key == "log"] == [
+        "fmi3SetFloat64: the value is outside min and max; not set."
+    ]
+    for key, words in (
+        ("back", "-1.01 s since the last step"),
+        ("pause", "2.99 s since the last step"),
+        ("no time", "the time is not finite"),
+        ("too much", "does not allow this value of force_limit"),
+        ("quietly too much", "does not allow this value of force_limit"),
+        ("no parameter", "no parameter stiffness"),
+        ("an output", "no parameter force"),
+        ("no first position", "the first position is not finite"),
+        ("no folder", "cannot read absent/modelDescription.xml"),
+        ("FMI 2.0", "unzip <model>_fmi3.fmu"),
+        ("no library", "no library for this platform (x86_64-linux)"),
+    ):
+        assert words in answers[key], key
+
+
+@with_cpp
+def test_the_chai3d_example_presses_into_tissue(unzipped, player, tmp_path):
+    """Against a stub of CHAI3D's headers: 200 ticks of 1 ms, forces out of the tissue within what the device can do."""
+    program = cpp_program(LOADERS / "chai3d_tissue.cpp", tmp_path)
+    done = subprocess.run([program, unzipped / "KB"], capture_output=True, text=True, check=True)
+    *forces, released, closed = done.stdout.splitlines()
+    time = np.arange(200) * 0.001
+    depth = 2.0 * np.sin(0.01 * np.arange(200))
+    expected = player(unzipped / "KB", np.column_stack([time, depth]), "force_limit=8")
+    np.testing.assert_allclose([float(force) for force in forces], expected, atol=1e-12)
+    assert expected.max() > 1.0
+    assert (float(released), closed) == (0.0, "closed")
+
+
+@with_mono
+@pytest.mark.parametrize("name", ["KB", "effects"])
+def test_the_loader_in_c_sharp_gives_the_same_forces(name, unzipped, player, csharp_player):
+    folder = unzipped / name
+    reference = folder / "resources" / "reference_input.csv"
+    np.testing.assert_array_equal(csharp_player(folder, reference), player(folder, reference))
+    time = np.arange(300) * 0.0037
+    rows = np.column_stack([time, 2.0 * np.sin(9.0 * time)])
+    parameters = ("gain=0.7", "force_limit=6", "position_offset=0.25")
+    np.testing.assert_array_equal(csharp_player(folder, rows, *parameters), player(folder, rows, *parameters))
+
+
+@with_mono
+def test_the_unity_package_answers_right_and_wrong_use(unzipped, player, tmp_path):
+    """Against stubs of Unity, with its symbol defined: sample, haptic thread, errors, a comma as decimal sign."""
+    program = tmp_path / "unity.exe"
+    sources = [*UNITY.rglob("*.cs"), STUBS / "UnityStubs.cs", STUBS / "UseUnityPackage.cs"]
+    flags = [
+        "-warn:4",
+        "-warnaserror",
+        "-nowarn:0649,0414",
+        "-define:UNITY_5_3_OR_NEWER",
+        f"-out:{program}",
+        "-r:System.Xml",
+    ]
+    subprocess.run(["mcs", *flags, *sources], check=True)
+    command = ["mono", program, unzipped, "KB.so", unzipped / "old", unzipped / "empty"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    lines = done.stdout.splitlines()
+    frames = np.array([line.split()[1:] for line in lines if line.startswith("frame ")], dtype=float)
+    rows = np.column_stack([3.0 + 0.02 * np.arange(100), -1000.0 * frames[:, 0]])
+    np.testing.assert_array_equal(frames[:, 1], player(unzipped / "KB", rows))
+    np.testing.assert_allclose(frames[:, 2], frames[:, 1], rtol=1e-6)
+    first, second = player(unzipped / "KB", [[0.0, 0.0], [0.01, 1.0]], "gain=2")
+    answers = {line.split()[0]: line for line in lines}
+    assert answers["callback"] == "callback True True"
+    assert answers["again"] == f"again {first:.17g} {second:.17g} 2 5"
+    assert [line for line in lines if line.startswith("loaded ")] == ["loaded False", "loaded False"]
+    numbers = [RANGE[name] for name in ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")]
+    described = answers["described"].split()
+    assert described[2:6] == ["position", "mm", "force", "N"]
+    assert [float(item) for item in (described[1], *described[6:])] == [0.01, 1, *numbers]
+    assert answers["thread"] == "thread True 0 True"
+    assert [line for line in lines if line.startswith("log: ")] == [
+        "log: fmi3SetFloat64: the value is outside min and max; not set."
+    ]
+    for start, words in (
+        (
+            "too much",
+            "ArgumentOutOfRangeException: modelDescription.xml does not allow this value of force_limit",
+        ),
+        ("no parameter", "ArgumentException: the FMU has no variable stiffness"),
+        ("back", "ArgumentException: -1 s since the last step"),
+        ("pause", "ArgumentException: 2 s since the last step; 0 to 0.25 are allowed. Are they seconds?"),
+        ("disposed", "ObjectDisposedException"),
+        ("FMI 2.0", "NotSupportedException: not an FMU of FMI 3.0"),
+        ("no library", "DllNotFoundException: the FMU has no library for x86_64-linux"),
+    ):
+        assert any(line.startswith(f"{start} {words}") for line in lines), start
+
+
+def test_the_unity_package_is_one():
+    """Unity ignores files of an installed package that have no .meta file, and samples that it does not list."""
+    package = json.loads((UNITY / "package.json").read_text())
+    assert re.fullmatch(r"[a-z0-9-]+(\.[a-z0-9-]+)+", package["name"])
+    assert re.fullmatch(r"\d+\.\d+\.\d+", package["version"])
+    assert all((UNITY / sample["path"]).is_dir() for sample in package["samples"])
+    assembly = json.loads((UNITY / "Runtime" / "Lumbar.TissueForce.asmdef").read_text())
+    assert assembly["name"] == "Lumbar.TissueForce"
+    shown = [
+        path
+        for path in UNITY.rglob("*")
+        if "~" not in str(path.relative_to(UNITY)) and path.suffix != ".meta"
+    ]
+    identities = [re.search(r"guid: ([0-9a-f]{32})", Path(f"{path}.meta").read_text())[1] for path in shown]
+    assert len(set(identities)) == len(shown) == 5

@@ -1,0 +1,216 @@
+"""FMUs on every platform: names, sizes, the same bits under Wine and qemu, timing of samples, threads, sanitizers."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from c_programs import loader_program, write_sources
+from effect_entries import FIVE_EFFECTS, effect_entry
+from runtime_models import SETTINGS, entry, models_json, selected
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.fmu.build import compiler
+from lumbar.tissue.fmu.build.compiler import TARGETS, host_target, resolve_targets
+from lumbar.tissue.fmu.build.mach_o import universal_library
+from lumbar.tissue.fmu.build.package import export_fmus, fmu_contents
+from lumbar.tissue.fmu.build.reference_response import reference_push
+from study_settings import changed
+
+HERE = Path(__file__).parents[2]
+WINE = (
+    shutil.which("wine64") or shutil.which("wine") or next(iter(Path("/usr/lib/wine").glob("wine64")), None)
+)
+QEMU = shutil.which("qemu-aarch64")
+ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
+STEPS = 1_000_000
+on_linux = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
+)
+with_wine = pytest.mark.skipif(WINE is None, reason="no Wine: apt-get install wine64")
+with_qemu = pytest.mark.skipif(
+    QEMU is None or not ARM_LIBRARIES.is_dir(),
+    reason="no qemu-aarch64 or no C library for it: apt-get install qemu-user libc6-arm64-cross",
+)
+NONLINEAR = effect_entry(
+    "KB", "coulomb_friction/stribeck", "hysteresis/dahl", "softening/path", "periodic_disturbance/sine"
+)
+
+
+def some_models():
+    """KB, a static gain, and a model with effects."""
+    entries = [entry("KB", [1.9, -1.2], [1.0, -0.45]), entry("gain", [1.0], [1.0])]
+    linear = selected(
+        models_json(*entries),
+        changed(SETTINGS, models=["KB", "gain"], moving_average_ms=0, output_limit=1e9),
+    )
+    settings = changed(SETTINGS, models=[NONLINEAR["name"]])
+    return [*linear, *selected(models_json(NONLINEAR), settings)]
+
+
+@pytest.fixture(scope="module")
+def platform_fmus(zig_cache, tmp_path_factory):
+    """Return a function that builds the models for one target and unzips the FMI 3.0 files."""
+    built = {}
+
+    def build(target: str) -> dict[str, Path]:
+        if target not in built:
+            folder = tmp_path_factory.mktemp(target)
+            for path in export_fmus(some_models(), folder, "test", [target], zig_cache):
+                with zipfile.ZipFile(path) as archive:
+                    archive.extractall(folder / path.stem)
+            program = loader_program(HERE / "fmu_client.c", target, folder, zig_cache)
+            built[target] = {"program": program, "folder": folder}
+        return built[target]
+
+    return build
+
+
+def run_client(build: dict, target: str, mode: str, name: str, *arguments, before=()) -> str:
+    model = build["folder"] / f"{name}_fmi3"
+    description = fmpy.read_model_description(str(model))
+    identifier = description.coSimulation.modelIdentifier
+    library = model / "binaries" / TARGETS[target].fmi3 / f"{identifier}{TARGETS[target].suffix}"
+    environment = {**os.environ, "WINEPREFIX": str(build["folder"] / "wine"), "WINEDEBUG": "-all"}
+    command = [*before, build["program"], mode, library, description.instantiationToken, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@on_linux
+@with_wine
+@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
+def test_forces_on_windows_are_those_on_linux(name, platform_fmus):
+    linux = run_client(platform_fmus("x86_64-linux"), "x86_64-linux", "hash", name, STEPS)
+    windows = platform_fmus("x86_64-windows")
+    assert run_client(windows, "x86_64-windows", "hash", name, STEPS, before=[WINE]) == linux
+
+
+@on_linux
+@with_qemu
+@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
+def test_forces_on_arm_are_those_on_intel(name, platform_fmus):
+    linux = run_client(platform_fmus("x86_64-linux"), "x86_64-linux", "hash", name, STEPS)
+    arm = platform_fmus("aarch64-linux")
+    emulated = [QEMU, "-L", ARM_LIBRARIES]
+    assert run_client(arm, "aarch64-linux", "hash", name, STEPS, before=emulated) == linux
+
+
+@on_linux
+@pytest.mark.parametrize("step", ["0.01", "0.001"])
+def test_no_sample_of_ten_million_is_mistimed(step, platform_fmus):
+    """A client that sums up steps of 10 ms and 1 ms; a sample is mistimed where the force is another's."""
+    build = platform_fmus("x86_64-linux")
+    assert run_client(build, "x86_64-linux", "mistimed", "gain", 10_000_000, step) == "0"
+
+
+@on_linux
+@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
+def test_eight_instances_in_threads_are_alike(name, platform_fmus):
+    assert run_client(platform_fmus("x86_64-linux"), "x86_64-linux", "threads", name, 50_000) == "0"
+
+
+@on_linux
+@with_wine
+def test_five_platforms_fit_into_180_kilobytes(zig_cache, tmp_path):
+    """A linear model, and the most effects that a diagnosis adds at the rate of a haptic loop."""
+    chosen = changed(SETTINGS, models=[FIVE_EFFECTS["name"]], rate_Hz=1000, moving_average_ms=3.0)
+    models = [some_models()[0], *selected(models_json(FIVE_EFFECTS), chosen)]
+    for path in export_fmus(models, tmp_path, "synthetic twin", list(TARGETS), zig_cache):
+        assert path.stat().st_size <= 180_000, path.name
+
+
+def test_folders_are_those_of_each_standard():
+    """FMI 2.0 has platforms of its own names and one macOS; FMI 3.0 names processor and system."""
+    model = some_models()[0]
+    mach_o = struct.pack("<III", 0xFEEDFACF, 0x01000007, 3) + b"code"
+    libraries = dict.fromkeys(TARGETS, mach_o)
+    found = {
+        version: {
+            name.split("/")[1] for name in fmu_contents(model, version, "", libraries) if "binaries" in name
+        }
+        for version in ("2.0", "3.0")
+    }
+    assert found["2.0"] == {"linux64", "win64", "darwin64", "aarch64-linux"}
+    assert found["3.0"] == {
+        "x86_64-linux",
+        "x86_64-windows",
+        "aarch64-linux",
+        "x86_64-darwin",
+        "aarch64-darwin",
+    }
+
+
+def test_universal_library_is_read_back():
+    """By the layout of mach-o/fat.h, written out here once more."""
+    parts = [
+        struct.pack("<III", 0xFEEDFACF, cpu, kind) + bytes([cpu & 255]) * 40_000
+        for cpu, kind in ((7, 3), (12, 0))
+    ]
+    joined = universal_library(parts)
+    magic, count = struct.unpack_from(">II", joined)
+    assert (magic, count) == (0xCAFEBABE, 2)
+    for index, part in enumerate(parts):
+        cpu, _, offset, size, align = struct.unpack_from(">IIIII", joined, 8 + 20 * index)
+        assert cpu == part[4]
+        assert offset % (1 << align) == 0
+        assert joined[offset : offset + size] == part
+    with pytest.raises(ValueError, match="Mach-O"):
+        universal_library([b"\x7fELF" + bytes(20)])
+
+
+def test_host_is_this_machine_and_others_are_named(monkeypatch):
+    assert resolve_targets(["host"]) == [host_target()]
+    assert resolve_targets(["x86_64-windows", "host", "x86_64-linux"])[0] == "x86_64-linux"
+    monkeypatch.setattr(compiler, "machine", lambda: "ARM64")
+    monkeypatch.setattr(compiler, "system", lambda: "Darwin")
+    assert host_target() == "aarch64-darwin"
+    monkeypatch.setattr(compiler, "machine", lambda: "riscv64")
+    with pytest.raises(InputError, match=r"riscv64-darwin.*x86_64-linux"):
+        host_target()
+    with pytest.raises(InputError, match="allowed are host"):
+        resolve_targets([])
+
+
+SANITIZED = ["-std=c99", "-g", "-O1", "-Wall", "-Wextra", "-Werror"]
+SANITIZED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+
+
+@on_linux
+@pytest.mark.skipif(
+    shutil.which("gcc") is None, reason="no gcc with sanitizers: apt-get install gcc libc6-dev"
+)
+@pytest.mark.parametrize("index", [0, 2], ids=["linear", "effects"])
+def test_misuse_is_answered_and_sanitizers_find_nothing(index, tmp_path):
+    """Address and undefined-behaviour sanitizers of gcc: another compiler than the FMUs are built with.
+
+    First every misuse with the status that it should give, then calls in any order with any values.
+    """
+    files = write_sources(some_models()[index], tmp_path)
+    shutil.copy(HERE / "fmu_misuse.c", tmp_path)
+    command = ["gcc", *SANITIZED, "fmu_misuse.c", *files, "-lm", "-o", "misuse"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    for arguments in ([], ["random", "1", "200000"], ["random", "2", "200000"]):
+        done = subprocess.run(
+            [tmp_path / "misuse", *arguments], capture_output=True, text=True, check=False, timeout=60
+        )
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_reference_of_the_fmu_is_what_its_version_gives():
+    model = some_models()[0]
+    time, inputs, forces = reference_push(model, "3.0")
+    _, _, late = reference_push(model, "2.0")
+    assert np.abs(forces).max() == pytest.approx(model.output_limit / 2)
+    through = model.dynamics.numerator[0] * (inputs - np.concatenate([inputs[:1], inputs[:-1]]))
+    np.testing.assert_allclose(forces - late, through, atol=1e-6)
+    assert len(time) == len(inputs) == len(forces)

@@ -1,0 +1,129 @@
+"""Models discretised anew: the same forces at common instants, against scipy's first-order hold, and refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from runtime_models import SETTINGS, entry, models_json, selected
+from scipy.signal import cont2discrete, dlsim, lfilter, ss2tf
+
+from lumbar.base.errors import NumericalError
+from lumbar.tissue.fmu.build.linear_model import LinearModel
+from lumbar.tissue.fmu.build.resampled_model import at_rate
+from study_settings import changed
+
+pytestmark = pytest.mark.filterwarnings("ignore::scipy.signal.BadCoefficients")  # numerators begin with zeros
+MODELS = {
+    "KB": ([1.9, -1.2], [1.0, -0.45]),
+    "Maxwell": ([1.5, -1.5], [1.0, -0.7]),
+    "two real poles": ([1.9, -2.9, 1.1], [1.0, -1.5, 0.56]),
+    "two complex poles": ([1.9, -2.9, 1.1], [1.0, -1.5, 0.6]),
+    "a double pole": ([1.0, -1.0, 0.3], [1.0, -1.2, 0.36]),
+    "an integrator": ([1.0, -0.5], [1.0, -1.0]),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("ratio", [2, 10])
+def test_straight_lines_give_the_same_forces_at_the_old_instants(name, ratio):
+    model = LinearModel(*map(tuple, MODELS[name]))
+    faster = at_rate(model, 0.01, 0.01 / ratio)
+    slow = np.cumsum(np.random.default_rng(3).standard_normal(200))
+    slow[0] = 0.0
+    fast = np.interp(np.arange(199 * ratio + 1) / ratio, np.arange(200), slow)
+    expected = lfilter(model.numerator, model.denominator, slow)
+    found = lfilter(faster.numerator, faster.denominator, fast)[::ratio]
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_a_known_continuous_model_comes_back():
+    """Kelvin–Boltzmann from k = 0.8 N/mm, branch 6 N/mm, τ = 0.035 s, by scipy's first-order hold at both rates."""
+    a, b, c, d = -1 / 0.035, 1.0, -6.0 / 0.035, 6.8
+    coefficients = {}
+    for step in (0.01, 0.001):
+        discrete = cont2discrete(tuple(np.atleast_2d(item) for item in (a, b, c, d)), step, method="foh")
+        numerator, denominator = ss2tf(*discrete[:4])
+        coefficients[step] = (tuple(numerator[0]), tuple(denominator))
+    found = at_rate(LinearModel(*coefficients[0.01]), 0.01, 0.001)
+    np.testing.assert_allclose(found.numerator, coefficients[0.001][0], rtol=1e-10)
+    np.testing.assert_allclose(found.denominator, coefficients[0.001][1], rtol=1e-10)
+
+
+DELAYED = {
+    "MW": ([0.0, 0.265], [1.0, -0.372]),
+    "a delayed gain": ([0.0, 0.7], [1.0]),
+    "two samples late": ([0.0, 0.0, 1.9, -2.9, 1.1], [1.0, -1.5, 0.6]),
+}
+
+
+@pytest.mark.parametrize("name", DELAYED)
+@pytest.mark.parametrize(("old", "new"), [(1, 10), (1, 3), (2, 5), (100, 781)])
+def test_a_delay_stays_what_it_is_in_seconds(name, old, new):
+    """Whole samples or not: exact for straight lines with corners where instants of both rates meet."""
+    model = LinearModel(*map(tuple, DELAYED[name]))
+    faster = at_rate(model, 0.01, 0.01 * old / new)
+    assert faster.delay == int((len(model.numerator) - np.flatnonzero(model.numerator).size) * new / old)
+    corners = np.cumsum(np.random.default_rng(4).standard_normal(12))
+    corners[0] = 0.0
+    slow = np.interp(np.arange(11 * old + 1) / old, np.arange(12), corners)
+    fast = np.interp(np.arange(11 * new + 1) / new, np.arange(12), corners)
+    _, expected = dlsim((model.numerator, padded(model), 0.01), slow)
+    found = faster.response(fast)
+    whole = faster.transfer_function
+    np.testing.assert_allclose(lfilter(whole.numerator, whole.denominator, fast), found, atol=1e-12)
+    np.testing.assert_allclose(found[::new], expected[::old, 0], atol=1e-10 * np.abs(expected).max())
+
+
+def padded(model):
+    """Denominator as long as the numerator: scipy's polynomials are of z, the model's of 1/z."""
+    return [*model.denominator, *[0.0] * (len(model.numerator) - len(model.denominator))]
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator"),
+    [
+        ([1.0, 0.3], [1.0, 0.35]),
+        ([0.0, 5.0, -8.0, 3.5], [1.0, 0.1, -0.2, 0.05]),
+        ([1.0, 0.3, 0.2], [1.0, -0.5]),
+    ],
+)
+def test_models_without_a_continuous_counterpart_are_themselves_at_their_own_instants(numerator, denominator):
+    """For any positions, and whichever new sample the old clock begins at; against dlsim."""
+    model = LinearModel(tuple(numerator), tuple(denominator), name="HO")
+    faster = at_rate(model, 0.01, 0.001)
+    assert faster.phases == 10
+    positions = np.random.default_rng(5).standard_normal(500)
+    found = faster.response(positions)
+    whole = faster.transfer_function
+    np.testing.assert_allclose(lfilter(whole.numerator, whole.denominator, positions), found, atol=1e-10)
+    longest = max(len(numerator), len(denominator))
+    system = (
+        [*numerator, *[0.0] * (longest - len(numerator))],
+        [*denominator, *[0.0] * (longest - len(denominator))],
+    )
+    for begin in (0, 3, 9):
+        _, expected = dlsim((*system, 0.01), positions[begin::10])
+        np.testing.assert_allclose(found[begin::10], expected[:, 0], atol=1e-12)
+    assert faster.largest_pole == pytest.approx(model.largest_pole**0.1)
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator", "wanted", "words"),
+    [
+        ([1.0, 0.3], [1.0, 0.35], 0.003, "KB.*0 or negative.*multiples of its own 100 Hz"),
+        ([1.9, -1.2], [1.0, -0.45], 0.02, "50 is slower than the 100 Hz"),
+    ],
+)
+def test_rates_that_cannot_be_are_named(numerator, denominator, wanted, words):
+    model = LinearModel(tuple(numerator), tuple(denominator), name="KB")
+    with pytest.raises(NumericalError, match=words):
+        at_rate(model, 0.01, wanted)
+
+
+def test_rate_of_the_configuration_is_that_of_the_fmu():
+    content = models_json(entry("KB", [1.9, -1.2], [1.0, -0.45]), entry("IL", [-0.125], [1.0]))
+    kb, gain = selected(content, changed(SETTINGS, models=["KB", "IL"], rate_Hz=1000, moving_average_ms=3.0))
+    assert kb.sampling_time == gain.sampling_time == 0.001
+    assert kb.dynamics.largest_pole == pytest.approx(0.45**0.1)
+    assert gain.dynamics.numerator == (-0.125,)
+    assert sum(kb.dynamics.numerator) / sum(kb.dynamics.denominator) == pytest.approx(0.7 / 0.55)

@@ -1,0 +1,204 @@
+"""``lumbar render`` and what export says of the device: as a command, in Python, on models, effects and FMUs."""
+
+from __future__ import annotations
+
+import json
+import sys
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from effect_entries import effect_entry
+from runtime_models import SETTINGS, entry, models_json, selected
+from tissue_fits import fitted
+
+import lumbar
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.settings.runtime import RuntimeSettings
+from lumbar.tissue.fmu.build.documentation import documentation_html
+from lumbar.tissue.fmu.build.reference_response import reference_push
+from lumbar.tissue.haptics.export_warning import with_device
+from lumbar.tissue.haptics.judgement import judge, judge_fmu
+from lumbar.tissue.haptics.rendered_model import exported_at, rendered
+from study_settings import changed
+
+LINUX = pytest.mark.skipif(
+    not sys.platform.startswith("linux"),
+    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
+)
+STYLUS = RuntimeSettings().device
+
+
+@pytest.fixture
+def models(tmp_path):
+    path = tmp_path / "models.json"
+    path.write_text(json.dumps(models_json()))
+    return path
+
+
+def test_the_command_says_what_happens_and_writes_table_and_figures(run, models, tmp_path):
+    status, out, err = run(
+        "render", models, "--model", "KB", "--hand", "300", "--damping", "5.5", "--output", tmp_path / "out"
+    )
+    assert status == 0, err
+    assert "KB at 100 Hz: UNSTABLE" in out
+    assert "simulated, it oscillates at" in out
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {
+        f"{stem}.{ending}"
+        for stem, endings in (
+            ("rendering", "csv tex html"),
+            ("closed_loop", "svg pdf"),
+            ("z_width", "svg pdf"),
+        )
+        for ending in endings.split()
+    }
+
+
+def test_a_heavily_damped_device_is_passive(run, models):
+    status, out, _ = run("render", models, "--model", "KB", "--damping", "60", "--rate", "100")
+    assert status == 0
+    assert "KB at 100 Hz: passive in any hand" in out
+    assert "comes to rest" in out
+
+
+@pytest.mark.parametrize("option", ["--mass", "--damping", "--hand", "--rate"])
+def test_a_device_without_mass_damping_hand_or_rate_is_refused(run, models, option):
+    status, _, err = run("render", models, "--model", "KB", option, "0")
+    assert status == 1
+    assert "a finite number above 0" in err
+
+
+def test_a_torque_is_refused_with_the_reason():
+    with pytest.raises(InputError, match="angle in 'rad'"):
+        lumbar.render(fitted("KB", "rad", "angle"))
+
+
+def test_the_table_defines_its_columns_and_keeps_the_numbers(tmp_path):
+    found = lumbar.render([fitted("KB"), fitted("IL")])
+    frame = found.table.frame.set_index(["model", "rate_Hz"])
+    assert frame.loc[("KB", 100.0), "damping_needed_N_s_m"] == found[0].analysis.damping
+    assert frame.loc[("KB", 100.0), "stable"] == "NO"
+    assert np.isnan(frame["oscillation_Hz"].to_numpy()[-1])
+    found.save(tmp_path)
+    assert "Colgate" not in (tmp_path / "rendering.csv").read_text()
+    assert "Re{(1 − exp(−jωT)) H(exp(jωT))}" in (tmp_path / "rendering.html").read_text()
+
+
+def test_side_by_side_stand_the_loop_that_oscillates_and_the_mended_one():
+    figure = lumbar.render([fitted("Maxwell"), fitted("KB")]).loop_figure()
+    titles = [axes.get_title() for axes in figure.axes[:2]]
+    assert titles[0].endswith("Hz") and "oscillates" in titles[0]
+    assert "comes to rest" in titles[1]
+    limits = [line.get_ydata() for line in figure.axes[2].lines if len(set(line.get_ydata())) == 1]
+    assert sorted(values[0] for values in limits) == [-15.0, 15.0]
+
+
+@LINUX
+@pytest.mark.parametrize("name", ["IL", "KB", "HO"])
+def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models):
+    """From what the library answers alone: damping, gain, and the loop with the library in it."""
+    settings = RuntimeSettings()
+    model = next(model for model in fmu_models if model.name == name)
+    found = judge_fmu(fmu_folder / f"{name}_fmi3.fmu", settings)
+    expected = rendered(model, STYLUS)
+    from lumbar.tissue.haptics.analysis import analyse, run_loop
+
+    assert found.analysis.damping == pytest.approx(analyse(expected, STYLUS).damping, rel=1e-6)
+    assert found.analysis.gain == pytest.approx(analyse(expected, STYLUS).gain, rel=1e-6)
+    np.testing.assert_allclose(found.run.samples[:20], run_loop(expected, STYLUS).samples[:20], atol=1e-9)
+
+
+@LINUX
+def test_an_fmu_of_the_older_standard_is_refused(run, fmu_folder):
+    status, _, err = run("render", fmu_folder / "KB_fmi2.fmu")
+    assert status == 1
+    assert "take the file for FMI 3.0" in err
+    assert "no such file" in run("render", fmu_folder / "none.fmu")[2]
+
+
+@LINUX
+def test_a_model_with_effects_is_linearised_and_its_fmu_simulated(zig_cache):
+    """Without effects the linearisation is the transfer function; a hardening spring is stiffer at depth."""
+    from lumbar.tissue.effects.catalogue import CATALOGUES
+    from lumbar.tissue.models.models_file import read_models
+
+    settings = changed(SETTINGS, models=["KB+hardening_stiffness"], compiler_cache=str(zig_cache))
+    document = models_json(effect_entry("KB", "hardening_stiffness/cubic"))
+    model = read_models(document, CATALOGUES)[0]
+    meets = rendered(exported_at(model, settings, 100.0), STYLUS)
+    assert meets.linearised
+    cubic = model["hardening_stiffness.cubic_stiffness"].value
+    at_rest, at_depth = (meets.loops[index].response(np.array([1e-3]))[0].real for index in (0, 2))
+    assert at_depth - at_rest == pytest.approx(1e3 * 3 * cubic * 2.0**2, rel=1e-2)
+    found = judge([model], settings)[0][0]
+    assert found.run.samples.max() > 0
+
+
+@LINUX
+def test_the_bound_of_the_fmu_calms_a_loop_that_the_analysis_calls_unstable(zig_cache):
+    """Simulated with the library: half of the device's damping given to it, 30 N peak to peak become less than a step's."""
+    given = changed(SETTINGS, device_damping=2.75, compiler_cache=str(zig_cache))
+    bounded, free = (judge([fitted("KB")], settings)[0][0] for settings in (given, SETTINGS))
+    assert not bounded.analysis.stable
+    assert (free.run.peak_to_peak, free.run.oscillates) == (30.0, True)
+    assert bounded.run.peak_to_peak < 0.05
+    assert not bounded.run.oscillates
+
+
+def test_export_warns_and_the_page_says_the_numbers(capsys):
+    model = selected(
+        models_json(entry("KB", [4.638, -4.0663], [1.0, -0.4074])), changed(SETTINGS, models=["KB"])
+    )[0]
+    told = with_device([model], STYLUS)[0]
+    err = capsys.readouterr().err
+    assert "WARNING: not safe" in err
+    assert "it needs 29.3 N·s/m" in err
+    page = documentation_html(told, "3.0", "drawn", reference_push(told, "3.0"))
+    assert "KB at 100 Hz: UNSTABLE (it needs 29.3 N·s/m to be passive; largest stable gain 0.303" in page
+    assert "Read as FMI 2.0 reads" in page
+
+
+def test_export_refuses_what_is_unstable_where_the_study_says_so(capsys):
+    model = selected(
+        models_json(entry("KB", [4.638, -4.0663], [1.0, -0.4074])), changed(SETTINGS, models=["KB"])
+    )[0]
+    with pytest.raises(NumericalError, match=r"runtime\.device\.unsafe: warn"):
+        with_device([model], replace(STYLUS, unsafe="refuse"))
+    damped = replace(STYLUS, damping_N_s_m=40.0, unsafe="refuse")
+    assert with_device([model], damped)[0].on_device
+    assert capsys.readouterr().err == ""
+
+
+@LINUX
+def test_export_of_a_file_of_passive_models(run, tmp_path, zig_cache):
+    """From records to an FMU that is passive on the device: what `identify --passive` writes, `export` takes."""
+    from lumbar.base.files import write_json
+    from lumbar.tissue.models.models_file import models_document
+    from lumbar.twin.examples import example_records
+
+    records = example_records()
+    training = max(records, key=len)
+    found = lumbar.identify(records, training.name)
+    fits = found.passive(records)
+    assert str(fits).count("KB-passive") == 3
+    frame = fits.table("drawn").frame
+    assert (frame.loc[frame["fit"] != "free, ridge ARX", "vaf_cost"].dropna() > -0.01).all()
+    assert (frame.loc[frame["fit"].str.startswith("passive"), "takes_energy"] == "yes").all()
+    on_device = frame[frame["fit"] == "passive on the device at 1000Hz"]
+    assert (on_device["damping_at_servo_rate_N_s_m"] <= 5.5).all()
+    write_json(tmp_path / "passive_models.json", models_document(fits.passive, "drawn"))
+    settings = tmp_path / "study.yaml"
+    settings.write_text(
+        f"runtime: {{rate_Hz: 1000, compiler_cache: {zig_cache}, device: {{unsafe: refuse}}}}",
+        encoding="utf-8",
+    )
+    status, _, err = run(
+        "export", tmp_path / "passive_models.json", "--model", "KB-passive-1000Hz", "--config", settings,
+        "--output", tmp_path / "fmu",
+    )  # fmt: skip
+    assert status == 0, err
+    assert "warning" not in err
+    with zipfile.ZipFile(tmp_path / "fmu" / "KB-passive-1000Hz_fmi3.fmu") as archive:
+        assert "passive in any hand" in archive.read("documentation/index.html").decode()

@@ -1,0 +1,317 @@
+"""Identification of a whole record set, its tables and the models' file."""
+
+import csv
+import dataclasses
+import json
+from itertools import chain
+
+import numpy as np
+import pytest
+from viscoelastic import discretise, kelvin_boltzmann
+
+from lumbar.base.errors import InputError
+from lumbar.records.record import Channel, Record
+from lumbar.settings.plain import typed
+from lumbar.settings.tissue import TissueSettings
+from lumbar.tissue.identification.arx_search import IdentificationData, search, select
+from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
+from lumbar.tissue.identification.ridge import ReducedRegression
+from lumbar.tissue.identification.table_2_1 import physical_parameters_table, table_2_1
+from lumbar.tissue.identification.table_3_1 import table_3_1, unit_slug
+from lumbar.tissue.models.arx_structure import ArxStructure
+from lumbar.tissue.models.model_data import Port
+from lumbar.tissue.models.models_file import models_document, read_models
+from lumbar.tissue.models.tissue_models import HO, KB
+from study_settings import changed
+
+SETTINGS = typed(
+    TissueSettings,
+    {
+        "settling_s": 0.5,
+        "search": {"order_max": 3, "condition_max": 5000, "selection": "training"},
+        "ridge": {"alpha_min": 0.01, "alpha_max": 100, "alpha_points": 9},
+        "bootstrap": {"block_s": 0.5, "resamples": 200, "confidence": 0.95},
+        "inverted_linear": {"force_max": 5.0, "travel": 40.0},
+    },
+)
+TRUTH = {"k1": 0.4, "k2": 3.2, "b": 0.126}
+
+
+def tissue_record(name, seed, samples=1500, noise=0.3, offset=(3.0, -2.0), scale=(1.0, 1.0), step=0.01):
+    rng = np.random.default_rng([11, seed])
+    motion = np.convolve(rng.standard_normal(samples + 20), np.hanning(15))[20 : samples + 20]
+    force = discretise(kelvin_boltzmann(**TRUTH), 0.01).simulate(motion)
+    force = force + noise * force.std() * rng.standard_normal(samples)
+    return Record(
+        name,
+        step * np.arange(samples),
+        {
+            "input": Channel(scale[0] * motion + offset[0], "position", "mm"),
+            "output": Channel(scale[1] * force + offset[1], "force", "N"),
+        },
+    )
+
+
+@pytest.fixture(scope="module")
+def records():
+    return [tissue_record("long", 1, 3000), tissue_record("a", 2), tissue_record("b", 3)]
+
+
+@pytest.fixture(scope="module")
+def identified(records):
+    results = []
+    for training in records:
+        tests = [record for record in records if record is not training]
+        models, _ = identify(training, tests, SETTINGS, seed=1)
+        results.append([*models, given_model(training, tests, 0.5, 5.0, 40.0)])
+    return results
+
+
+def fit_of(result, name, estimator):
+    (fit,) = [fit for fit in result if (fit.name, fit.estimator) == (name, estimator)]
+    return fit
+
+
+def test_order_of_the_thesis(identified):
+    for result in identified:
+        vaf = {fit.name: fit.scores.vaf_percent for fit in result if fit.estimator == "arx"}
+        condition = {fit.name: fit.scores.condition_number for fit in result if fit.estimator == "arx"}
+        assert vaf["MW"] < vaf["Maxwell"] < vaf["KB"] <= vaf["HO"]
+        assert condition["MW"] < condition["KB"] < condition["HO"]
+
+
+def test_the_output_error_fit_never_simulates_worse_than_arx_and_contains_kb(identified):
+    for result in identified:
+        for name in ("LE", "MW", "Maxwell", "KB", "HO"):
+            arx, output_error = fit_of(result, name, "arx"), fit_of(result, name, "output_error")
+            assert output_error.scores.vaf_percent >= arx.scores.vaf_percent - 0.02
+        higher = fit_of(result, "HO", "output_error")
+        if all(higher.structure.numerator[:2]):
+            assert higher.scores.vaf_percent >= fit_of(result, "KB", "output_error").scores.vaf_percent - 1e-3
+
+
+def test_metrics_of_the_table_are_those_of_a_simulation_written_out(records, identified):
+    fit = fit_of(identified[0], "KB", "arx")
+    training, test = records[0], records[1]
+    (b0, b1), (_, a1) = fit.structure.numerator, fit.structure.denominator
+    u, y = training["input"] - training["input"].mean(), training["output"] - training["output"].mean()
+    modelled = [(b0 + b1) / (1 + a1) * u[0]]
+    for k in range(1, len(u)):
+        modelled.append(b0 * u[k] + b1 * u[k - 1] - a1 * modelled[-1])
+    error = (np.array(modelled) - y)[50:]
+    assert fit.scores.vaf_percent == pytest.approx(100 * (1 - error.var() / y[50:].var()), rel=1e-9)
+    assert fit.scores.fit_percent == pytest.approx(
+        100 * (1 - np.sqrt(np.mean(error**2)) / y[50:].std()), rel=1e-9
+    )
+    assert fit.scores.mean_residual == pytest.approx(np.abs(error).mean(), rel=1e-9)
+    u, y = test["input"] - test["input"].mean(), test["output"] - test["output"].mean()
+    one_step = y[1:] - (b0 * u[1:] + b1 * u[:-1] - a1 * y[:-1])
+    assert fit.scores.nmse_tests[0] == pytest.approx(np.sum(one_step**2) / np.sum(y[1:] ** 2), rel=1e-9)
+
+
+def test_the_published_identity_of_vaf_and_fit_holds(identified):
+    for result in identified:
+        for fit in result:
+            if fit.estimator != "given":
+                expected = 100 * (1 - np.sqrt(1 - fit.scores.vaf_percent / 100))
+                assert fit.scores.fit_percent == pytest.approx(expected, abs=0.05)
+
+
+def test_physical_parameters_of_the_output_error_fit_hold_the_truth(identified):
+    model = fit_of(identified[0], "KB", "output_error")
+    for name, truth in TRUTH.items():
+        assert model[name].low < model[name].value < model[name].high
+        assert model[name].value == pytest.approx(truth, rel=0.1)
+    assert model["b"].unit == "N·s/mm"
+    assert fit_of(identified[0], "MW", "arx").parameters == ()
+    assert "Eq. 3.3" in fit_of(identified[0], "MW", "arx").no_parameters_because
+
+
+def test_bootstrap_and_covariance_agree_on_the_scale_of_uncertainty(identified):
+    """Both estimate the same spread where the noise is white; a factor of 2 is wide."""
+    for result in identified:
+        for estimator in ("arx", "output_error"):
+            fit = fit_of(result, "KB", estimator)
+            assert 0.5 < fit.scores.mru_bootstrap_percent / fit.scores.mru_percent < 2.0
+            for parameter in fit.parameters:
+                assert parameter.low < parameter.value < parameter.high
+
+
+def test_same_seed_same_result_and_another_seed_moves_only_the_bootstrap(records):
+    first, grid = identify(records[1], records[2:], SETTINGS, seed=1)
+    assert (first, grid) == identify(records[1], records[2:], SETTINGS, seed=1)
+    other, _ = identify(records[1], records[2:], SETTINGS, seed=2)
+    for one, two in zip(first, other, strict=True):
+        assert one.structure.numerator == two.structure.numerator
+        if one.name != HO.name:
+            assert one.scores.mru_bootstrap_percent == pytest.approx(
+                two.scores.mru_bootstrap_percent, rel=0.5
+            )
+        assert one.scores.mru_bootstrap_percent != two.scores.mru_bootstrap_percent
+
+
+def test_units_and_offsets_do_not_matter(records):
+    reference, _ = identify(records[1], [], SETTINGS, seed=1)
+    moved, _ = identify(tissue_record("a", 2, offset=(1e3, 50.0), scale=(1e-3, 1e2)), [], SETTINGS, seed=1)
+    for one, two in zip(reference, moved, strict=True):
+        assert one.alpha == two.alpha
+        assert one.scores.vaf_percent == pytest.approx(two.scores.vaf_percent, abs=1e-4)
+        if one.name != HO.name:
+            assert one.scores.condition_number == pytest.approx(two.scores.condition_number, rel=1e-4)
+        np.testing.assert_allclose(
+            two.structure.numerator, np.multiply(one.structure.numerator, 1e5), rtol=0.02, atol=10
+        )
+
+
+def test_selection_on_test_records_picks_the_best_on_them(records):
+    settings = changed(SETTINGS, search={"selection": "test"})
+    _, grid = identify(records[1], records[2:], settings, seed=1)
+    higher = [row for row in grid if row["model"] == "HO" and row["stable"]]
+    (chosen,) = [row for row in higher if row["selected"]]
+    allowed = [row for row in higher if row["condition_number"] <= settings.search.condition_max]
+    assert chosen["test_vaf_percent"] == max(row["test_vaf_percent"] for row in allowed)
+
+
+def test_conditioning_cap_holds_and_a_cap_that_nothing_meets_is_said(records):
+    chosen = [row for row in identify(records[1], [], SETTINGS, 1)[1] if row["selected"]]
+    assert all(row["condition_number"] <= SETTINGS.search.condition_max for row in chosen)
+    result, grid = identify(records[1], [], changed(SETTINGS, search={"condition_max": 1.0}), 1)
+    fit = fit_of(result, "HO", "arx")
+    assert "every structure exceeds condition_max 1" in fit.remark
+    assert fit.scores.condition_number == min(row["condition_number"] for row in grid if row["model"] == "HO")
+
+
+def test_an_unstable_model_has_no_free_run_in_any_table():
+    """An output that grows by itself: every ridge solution of MW keeps its pole outside the unit circle."""
+    rng = np.random.default_rng(0)
+    inputs = rng.standard_normal(400)
+    outputs = np.zeros(400)
+    for k in range(1, 400):
+        outputs[k] = 1.04 * outputs[k - 1] + 0.1 * inputs[k - 1]
+    record = Record(
+        "growing",
+        0.01 * np.arange(400),
+        {"input": Channel(inputs, "position", "mm"), "output": Channel(outputs, "force", "N")},
+    )
+    data = IdentificationData.from_record(record, 0.5)
+    data = dataclasses.replace(data, outputs=outputs)
+    regression = ReducedRegression(inputs, outputs, 2)
+    candidates = search("MW", [ArxStructure(1, (1,))], np.array([0.0, 0.01]), regression, data, [data])
+    chosen, remark = select(candidates, "training", None)
+    assert not chosen.stable
+    assert chosen.training is None
+    assert chosen.test_vaf_percent is None
+    assert remark == "unstable for every alpha"
+
+
+def test_a_pure_sine_is_said_to_determine_two_coefficients_only():
+    time = 0.01 * np.arange(2000)
+    channels = {
+        "input": Channel(np.sin(2 * np.pi * time), "position", "mm"),
+        "output": Channel(np.cos(2 * np.pi * time), "force", "N"),
+    }
+    result, _ = identify(Record("sine", time, channels), [], SETTINGS, 1)
+    fit = fit_of(result, "KB", "arx")
+    assert (fit.scores.rank, fit.scores.free_parameters) == (2, 3)
+    assert fit.scores.condition_number is None
+    assert fit.scores.mru_percent is None
+    assert fit.parameters == ()
+    higher = fit_of(result, "HO", "arx")
+    assert higher.scores.rank == 2
+    assert "every structure exceeds condition_max" in higher.remark
+    frame = table_3_1(result, SETTINGS, "x").frame
+    assert frame[(frame.model == "KB") & (frame.estimator == "arx")].condition_number.isna().all()
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (tissue_record("b", 3, step=0.02), "b is sampled at 50 Hz, long at 100 Hz.*rate_Hz"),
+        (
+            Record(
+                "b",
+                0.01 * np.arange(100),
+                {
+                    "input": Channel(np.arange(100.0), "position", "mm"),
+                    "output": Channel(np.arange(100.0), "force", "lbf"),
+                },
+            ),
+            "force in lbf, but force in N in long",
+        ),
+        (tissue_record("b", 3, samples=40), r"the first 0\.5 s"),
+    ],
+)
+def test_records_that_do_not_go_together_are_refused(records, other, message):
+    with pytest.raises(InputError, match=message):
+        identify(records[0], [other], SETTINGS, 1)
+
+
+def test_a_record_that_moves_only_while_settling_is_refused(records):
+    still = tissue_record("b", 3)
+    still["output"][50:] = 1.0
+    with pytest.raises(InputError, match=r"the output does not move after the first 0\.5 s"):
+        identify(still, [], SETTINGS, 1)
+
+
+def test_too_short_a_training_record_and_selection_without_tests_are_refused(records):
+    settings = changed(SETTINGS, settling_s=0.0)
+    with pytest.raises(InputError, match="too few for order 3"):
+        identify(tissue_record("b", 3, samples=15), [], settings, 1)
+    with pytest.raises(InputError, match="single record"):
+        identify(records[0], [], changed(SETTINGS, search={"selection": "test"}), 1)
+
+
+def test_table_3_1_holds_the_columns_of_the_thesis_and_its_rows(identified, tmp_path, project):
+    table_3_1([*chain(*identified)], SETTINGS, "synthetic twin").write(tmp_path / "table_3_1")
+    with (tmp_path / "table_3_1.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    with (project / "resources" / "thesis" / "table_3_1.csv").open(newline="") as stream:
+        published = next(csv.reader(stream))
+    assert list(rows[0])[: len(published)] == published
+    thesis = [row for row in rows if row["estimator"] == "arx" and row["model"] in ("MW", "KB", "HO")]
+    assert [(row["trained_on"], row["model"]) for row in thesis] == [
+        (name, model) for name in ("long", "a", "b") for model in ("MW", "KB", "HO")
+    ]
+    assert {row["data"] for row in rows} == {"synthetic twin"}
+    assert rows[0]["test_records"] == "a; b"
+
+
+def test_table_3_1_of_one_record_and_of_another_unit(records):
+    models, _ = identify(records[1], [], SETTINGS, 1)
+    result = [dataclasses.replace(model, output=Port("moment", "N·m")) for model in models]
+    frame = table_3_1(result, SETTINGS, "x").frame
+    assert "mean_residual_N_m" in frame.columns
+    assert not any(column.startswith("nmse_test") for column in frame.columns)
+    assert unit_slug("N/mm²") == "N_mm"
+
+
+def test_models_file_keeps_its_contract_and_simulates_the_same(identified, records):
+    models = distinct([*chain(*identified)])
+    content = json.loads(json.dumps(models_document(models, "synthetic twin")))
+    assert content["schema"] == "lumbar.models/2"
+    assert content["data"] == "synthetic twin"
+    assert read_models(content, {}) == models
+    assert len(models) == 3 * 5 * 2 + 1
+    given = models[-1]
+    assert (given.name, given.trained_on, given.scores.vaf_percent) == ("IL", None, None)
+    assert given.structure.numerator == (-0.125,)
+    measured = records[0]["output"]
+    kb = fit_of(identified[0], "KB", "arx")
+    error = (kb.simulate(records[0]) - measured)[50:]
+    assert abs(error.mean()) < 0.05  # with the offsets of position (3 mm) and force (−2 N) in place
+    assert 100 * (1 - error.var() / measured[50:].var()) == pytest.approx(kb.scores.vaf_percent, rel=1e-9)
+
+
+def test_table_2_1_and_physical_parameters_are_written(identified, tmp_path):
+    table_2_1("definitions").write(tmp_path / "table_2_1")
+    with (tmp_path / "table_2_1.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["name"] for row in rows] == ["Linear elastic", "Maxwell", "Kelvin–Voigt", "Kelvin–Boltzmann"]
+    assert [row["proper"] for row in rows] == ["yes", "yes", "no", "yes"]
+    frame = physical_parameters_table([*chain(*identified)], 0.95, "synthetic twin").frame
+    kept = frame[
+        (frame.model == KB.name) & (frame.estimator == "output_error") & (frame.trained_on == "long")
+    ]
+    fitted = [item.name for item in (*KB.base.linear, *KB.base.nonlinear)]
+    assert list(kept.parameter) == [*fitted, *(element.name for element in KB.elements)]
+    assert list(kept.derived) == [False] * 3 + [True] * 6

@@ -1,0 +1,232 @@
+"""Models that a force drives: against linear systems, an adaptive solver, and the forces of the same motions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import lsim
+
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.driven_motion import POINTS, ForceDrive
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.force_balance import ForceBalance, can_be_simulated
+from lumbar.tissue.models.form import Place
+from lumbar.tissue.models.forward_structure import ForwardStructure
+from lumbar.tissue.models.measured_motion import MEASURED
+from lumbar.tissue.models.model_data import FittedParameter, Port
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
+
+FORMS = {form.key: form for effect in TISSUE.values() for form in effect.forms if can_be_simulated(form)}
+STEP = 0.01
+TIME = STEP * np.arange(1001)
+MASS, STIFFNESS, VISCOSITY = 0.02, 1.0, 0.05
+
+
+def force(time):
+    return np.sin(2 * np.pi * 0.7 * time) + 0.8 * np.sin(2 * np.pi * 2.3 * time + 1)
+
+
+def driven(*keys, values):
+    """Drive of the second-order base with forms, and its parameters."""
+    balance = ForceBalance((BASES["KV-mass"].form, *(FORMS[key] for key in keys)))
+    at_points = force(TIME[:-1, None] + STEP * POINTS)
+    parameters = dict(
+        zip((*balance.linear, *balance.nonlinear), (MASS, STIFFNESS, VISCOSITY, *values), strict=True)
+    )
+    return ForceDrive(balance, at_points, STEP, 1.0), parameters
+
+
+def reference(rates, states=2):
+    return solve_ivp(
+        rates,
+        (0, TIME[-1]),
+        np.zeros(states),
+        t_eval=TIME,
+        rtol=1e-9,
+        atol=1e-11,
+        max_step=STEP,
+        method="LSODA",
+    ).y[0]
+
+
+def left(time, position, speed):
+    return force(time) - STIFFNESS * position - VISCOSITY * speed
+
+
+REFERENCES = {
+    "hardening_stiffness/cubic": (
+        (0.5,),
+        lambda t, y: [y[1], (left(t, *y) - 0.5 * y[0] ** 3) / MASS],
+        2,
+        1e-7,
+    ),
+    "quadratic_damping/quadratic": (
+        (0.1,),
+        lambda t, y: [y[1], (left(t, *y) - 0.1 * y[1] * abs(y[1])) / MASS],
+        2,
+        1e-5,
+    ),
+    "coulomb_friction/coulomb": (
+        (0.5, 1.0),
+        lambda t, y: [y[1], (left(t, *y) - 0.5 * np.tanh(y[1])) / MASS],
+        2,
+        1e-5,
+    ),
+    "hysteresis/bouc_wen": (
+        (0.8, 0.3),
+        lambda t, y: [
+            y[1],
+            (left(t, *y[:2]) - 0.8 * y[2]) / MASS,
+            y[1] / 0.3 * (1 - max(y[2] * np.sign(y[1]), 0) ** 2),
+        ],
+        3,
+        1e-3,
+    ),
+}
+"""Parameters, rates, number of states, and error allowed: where a force has a kink the step tells."""
+
+
+@pytest.mark.parametrize("key", REFERENCES)
+def test_motions_are_those_of_an_adaptive_solver(key):
+    values, rates, states, allowed = REFERENCES[key]
+    drive, parameters = driven(key, values=values)
+    found = drive.motion(parameters, np.zeros(states))
+    np.testing.assert_allclose(found.position, reference(rates, states), atol=allowed)
+
+
+def test_friction_that_sticks_is_followed():
+    """A slope of 50 N s/mm against a dashpot of 0.05: Newton's method goes to and fro, and must not give up."""
+    drive, parameters = driven("coulomb_friction/coulomb", values=(0.5, 0.01))
+    found = drive.motion(parameters, np.zeros(2))
+    rates = REFERENCES["coulomb_friction/coulomb"][1]
+    sticking = reference(lambda t, y: [y[1], (left(t, *y) - 0.5 * np.tanh(y[1] / 0.01)) / MASS])
+    np.testing.assert_allclose(found.position, sticking, atol=0.02)
+    assert np.abs(sticking - reference(rates)).max() > 0.1, "or smooth friction would pass as well"
+
+
+@pytest.mark.parametrize("key", ["hardening_stiffness/exponential", "hysteresis/bouc_wen"])
+def test_sensitivities_are_differences_of_motions(key):
+    drive, parameters = driven(key, values=(0.5, 0.4))
+    start = np.zeros(2 + len(drive.balance.states))
+    found = drive.motion(parameters, start)
+    slopes = drive.sensitivities(
+        parameters, found, [(name, 1e-6 * value) for name, value in parameters.items()], True
+    )
+    for column, (name, value) in enumerate(parameters.items()):
+        ends = [
+            drive.motion({**parameters, name: value * (1 + way * 1e-5)}, start, found.points).position
+            for way in (1, -1)
+        ]
+        difference = (ends[0] - ends[1]) / (2e-5 * value)
+        np.testing.assert_allclose(slopes[:, column], difference, atol=1e-4 * np.abs(difference).max())
+    moved = drive.motion(parameters, start + 1e-5 * np.eye(len(start))[0], found.points).position
+    np.testing.assert_allclose(
+        slopes[:, len(parameters)],
+        (moved - found.position) / 1e-5,
+        atol=1e-3 * np.abs(slopes[:, len(parameters)]).max(),
+    )
+
+
+COMPLIANCES = {
+    "LE": ([2.0], [], ([1.0], [2.0])),
+    "KV": ([2.0, 0.3], [], ([1.0], [0.3, 2.0])),
+    "KV-mass": ([0.02, 2.0, 0.3], [], ([1.0], [0.02, 0.3, 2.0])),
+    "KB": ([2.0, 3.0], [0.1], ([0.1, 1.0], [0.5, 2.0])),
+    "Maxwell": ([3.0], [0.1], ([0.1, 1.0], [0.3, 0.0])),
+    "KB-mass": ([0.02, 2.0, 3.0], [0.1], ([0.1, 1.0], [0.002, 0.02, 0.5, 2.0])),
+}
+"""Linear and nonlinear parameters, and position over force in s."""
+
+
+@pytest.mark.parametrize("name", COMPLIANCES)
+def test_bases_with_and_without_mass_are_linear_systems(name):
+    linear, nonlinear, system = COMPLIANCES[name]
+    drive = np.sin(2 * np.pi * 0.7 * TIME) ** 3
+    if name == "LE":
+        expected = drive / 2
+    else:
+        fine = np.arange(0, TIME[-1] + 1e-9, STEP / 20)
+        expected = lsim(system, np.sin(2 * np.pi * 0.7 * fine) ** 3, fine)[1][::20]
+    found = ForwardStructure(BASES[name]).simulate(
+        Motion(TIME, drive, STEP), np.array(linear), np.array(nonlinear)
+    )
+    np.testing.assert_allclose(found, expected, atol=2e-4 * np.abs(expected).max())
+
+
+def smooth_motion():
+    """A motion that begins at rest, with its force to come."""
+    rise = 1 - np.exp(-((TIME / 0.4) ** 4))
+    return Motion(
+        TIME, rise * (0.8 * np.sin(2 * np.pi * 0.9 * TIME) + 0.3 * np.sin(2 * np.pi * 2.1 * TIME + 1)), STEP
+    )
+
+
+@pytest.mark.parametrize("key", FORMS)
+def test_the_force_of_a_motion_gives_the_motion_back(key):
+    """From motion to force by the closed forms, from force to motion by simulation: the same equation both ways."""
+    form, motion = FORMS[key], smooth_motion()
+    scale = {"force": 1.0}
+    nonlinear = np.array(
+        [
+            np.sqrt(item.low * item.high) * scale.get(item.scale, 0)
+            or np.sqrt(item.low * item.high) * motion.scale(item.scale)
+            for item in form.nonlinear
+        ]
+    )
+    columns = np.stack(form.columns(motion, nonlinear), axis=1)
+    linear = 0.2 / np.maximum(np.abs(columns).max(axis=0), 1e-9) / len(form.linear)
+    base = [MASS, STIFFNESS, VISCOSITY]
+    structure = Structure(BASES["KV-mass"], (form,))
+    force = structure.simulate(motion, np.array([*base, *linear]), nonlinear)
+    found = ForwardStructure(BASES["KV-mass"], (form,)).simulate(
+        Motion(TIME, force, STEP), np.array([*base, *linear]), nonlinear
+    )
+    np.testing.assert_allclose(found, motion.position, atol=0.01 * np.abs(motion.position).max())
+
+
+def test_the_beginning_is_taken_from_the_measured_motion():
+    """A record that begins in the middle of a motion: without its state the simulation begins at rest."""
+    drive, parameters = driven("hardening_stiffness/cubic", values=(0.5,))
+    whole = drive.motion(parameters, np.zeros(2)).position
+    late = 137
+    motion = Motion(TIME[: len(TIME) - late], force(TIME[late:]), STEP)
+    seen = Motion(motion.time, motion.position, STEP, channels={MEASURED: whole[late:] + 0.3})
+    structure = ForwardStructure(BASES["KV-mass"], (FORMS["hardening_stiffness/cubic"],))
+    linear = np.array([MASS, STIFFNESS, VISCOSITY, 0.5])
+    error = structure.simulate(seen, linear, np.zeros(0), zero=0.3) - whole[late:]
+    assert np.abs(error).max() < 0.003
+    assert np.abs(structure.simulate(motion, linear, np.zeros(0)) - whole[late:]).max() > 0.1
+
+
+def test_what_cannot_be_simulated_is_said():
+    kept = {form.key for effect in TISSUE.values() for form in effect.forms} - FORMS.keys()
+    assert {"backlash/play", "delay/pure", "saturation/sharp", "hysteresis/elastoplastic"} <= kept
+    assert all(form.place is Place.PARALLEL for form in FORMS.values())
+
+
+def test_a_delay_is_one_of_the_force():
+    """The motion of a delayed force is the delayed motion."""
+    delay = TISSUE["delay"].forms[0]
+    motion = Motion(TIME, np.sin(2 * np.pi * 0.7 * TIME) ** 3, STEP)
+    linear, late = np.array([MASS, STIFFNESS, VISCOSITY]), 7 * STEP
+    plain = ForwardStructure(BASES["KV-mass"]).simulate(motion, linear, np.zeros(0))
+    found = ForwardStructure(BASES["KV-mass"], (delay,)).simulate(motion, linear, np.array([late]))
+    np.testing.assert_allclose(found[7:], plain[:-7], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["KV-mass", "KB-mass"])
+def test_bases_with_a_mass_as_transfer_functions(name):
+    linear, nonlinear, (above, below) = COMPLIANCES[name]
+    base = BASES[name]
+    values = [*zip(base.linear, linear, strict=True), *zip(base.nonlinear, nonlinear, strict=True)]
+    parameters = tuple(FittedParameter(item.name, "", "", value) for item, value in values)
+    model = FittedModel(
+        name, Structure(base), STEP, Port("position", "mm"), Port("force", "N"), name, parameters=parameters
+    )
+    s = 2j * np.pi * 1.3
+    assert complex(model.to_control()(s)) == pytest.approx(
+        np.polyval(below, s) / np.polyval(above, s), rel=1e-9
+    )

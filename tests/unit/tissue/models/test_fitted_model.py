@@ -1,0 +1,309 @@
+"""A fitted model: what it converts to, what it prints, and that its file says the same again or what is wrong."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+from effect_entries import BASE_NUMBERS, COMBINATIONS, effect_entry
+from scipy.integrate import solve_ivp
+from viscoelastic import discretise
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.records.record import Channel, Record
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.uncertainty import derived_estimates, estimates
+from lumbar.tissue.diagnosis.selection.refine import refine, refined_fit
+from lumbar.tissue.effects.catalogue import CATALOGUES
+from lumbar.tissue.effects.signature import standard_motion
+from lumbar.tissue.models.first_order import FirstOrder
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.model_data import FittedParameter, Port, Scores
+from lumbar.tissue.models.models_file import models_document, read_models
+from lumbar.tissue.models.tissue_models import KB
+from lumbar.tissue.models.transfer_function import TransferFunction
+
+T = 0.01
+PORTS = Port("position", "mm", 3.0), Port("force", "N", -2.0)
+DISCRETE = FittedModel(
+    "KB",
+    TransferFunction((1.9, -1.2), (1.0, -0.45)),
+    T,
+    *PORTS,
+    base="KB",
+    estimator="arx",
+    trained_on="multisine",
+    alpha=0.27,
+    parameters=(
+        FittedParameter("spring_stiffness", "k_e", "N/mm", 1.27, 1.2, 1.3),
+        FittedParameter("k1", "k_1", "N/mm", 1.5, None, None, derived=True),
+    ),
+    scores=Scores(vaf_percent=81.2, tests=("noise", "tone"), nmse_tests=(0.2, None)),
+    remark="largest alpha of the grid",
+)
+
+
+def given(base: str, *keys: str) -> FittedModel:
+    return FittedModel.from_json(effect_entry(base, *keys), CATALOGUES)
+
+
+def record(position, step=T, unit="mm") -> Record:
+    time = step * np.arange(len(position))
+    channels = {"input": Channel(position, "position", unit), "output": Channel(0 * position, "force", "N")}
+    return Record("walk", time, channels)
+
+
+def walk(samples=400) -> np.ndarray:
+    motion = np.random.default_rng(5).standard_normal(samples + 30)
+    return np.convolve(motion, np.hanning(25))[25 : samples + 25]
+
+
+def tissue_records(spring=0.5, branch=3.0, relaxation=0.034) -> list[Record]:
+    """Two records of a Kelvin–Boltzmann tissue with white noise of 2 %."""
+    truth = discretise(FirstOrder.of_base(spring, branch, relaxation), T)
+    records = []
+    for name, seed in (("long", 1), ("other", 2)):
+        rng = np.random.default_rng(seed)
+        position = np.convolve(rng.standard_normal(2030), np.hanning(25))[25:2025]
+        force = truth.simulate(position)
+        force = force + 0.02 * force.std() * rng.standard_normal(len(force))
+        channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
+        records.append(Record(name, T * np.arange(len(position)), channels))
+    return records
+
+
+@pytest.mark.parametrize("base", ["LE", "Maxwell", "KB"])
+def test_a_base_without_effects_is_the_transfer_function_that_it_simulates(base):
+    """Against python-control's own simulation of the transfer function on a grid fifty times as fine."""
+    model, fine = given(base), T / 50 * np.arange(200 * 50 + 1)
+    position = np.sin(5 * fine) - 0.4 * np.sin(23 * fine)
+    expected = control.forced_response(model.to_control(), fine, position).outputs[::50]
+    found = model.simulate(record(position[::50]))
+    np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
+
+
+def test_kelvin_voigt_and_the_linearised_pendulum_are_improper_and_have_no_state_space():
+    (spring, viscosity), _ = BASE_NUMBERS["KV"]
+    s = 2j
+    assert given("KV").to_control()(s) == pytest.approx(spring + viscosity * s)
+    (inertia, damping, gravity), _ = BASE_NUMBERS["pendulum"]
+    assert given("pendulum").to_control()(s) == pytest.approx(inertia * s**2 + damping * s + gravity)
+    for base in ("KV", "pendulum"):
+        with pytest.raises(NumericalError, match="improper"):
+            given(base).to_state_space()
+
+
+def test_the_state_space_of_a_base_is_its_differential_equation():
+    """Kelvin–Boltzmann integrated by scipy: q' = x' − q/τ, F = k x + k_b q."""
+    model = given("KB")
+    (spring, branch), (relaxation,) = BASE_NUMBERS["KB"]
+    time = np.linspace(0, 2, 201)
+    found = control.forced_response(model.to_state_space(), time, np.sin(3 * time)).outputs
+    solved = solve_ivp(lambda t, q: 3 * np.cos(3 * t) - q / relaxation, (0, 2), [0.0], t_eval=time, rtol=1e-9)
+    np.testing.assert_allclose(found, spring * np.sin(3 * time) + branch * solved.y[0], atol=2e-3)
+
+
+def test_a_discrete_model_is_the_same_in_all_its_forms():
+    z = np.exp(1j * np.linspace(0.01, np.pi, 40))
+    expected = (1.9 - 1.2 / z) / (1 - 0.45 / z)
+    for system in (DISCRETE.to_control(), DISCRETE.to_state_space()):
+        assert system.dt == T
+        np.testing.assert_allclose(system(z), expected, rtol=1e-12)
+    late = replace(DISCRETE, structure=TransferFunction((0.0, 0.3), (1.0, -0.35)))
+    np.testing.assert_allclose(late.to_control()(z), 0.3 / z / (1 - 0.35 / z), rtol=1e-12)
+    gain = replace(DISCRETE, structure=TransferFunction((-0.125,)))
+    assert gain.to_state_space().nstates == 0
+    assert gain.to_control()(z[3]) == -0.125
+
+
+def test_a_model_with_effects_is_no_transfer_function():
+    with pytest.raises(NumericalError, match=r"no transfer function holds its effects \(coulomb_friction\)"):
+        given("KB", "coulomb_friction/coulomb").to_control()
+
+
+def test_a_discrete_model_is_simulated_about_its_rest_and_only_at_its_rate():
+    held = DISCRETE.simulate(record(np.full(50, 4.0)))
+    np.testing.assert_allclose(held, -2.0 + 0.7 / 0.55)
+    with pytest.raises(InputError, match="walk is sampled at 200 Hz, KB is a difference equation at 100 Hz"):
+        DISCRETE.simulate(record(walk(), step=0.005))
+    with pytest.raises(InputError, match="the input is in 'm', KB takes 'mm'"):
+        DISCRETE.simulate(record(walk(), unit="m"))
+
+
+@pytest.mark.parametrize(
+    "model",
+    [DISCRETE, given("pendulum"), *(given(*item) for item in COMBINATIONS)],
+    ids=lambda item: item.name,
+)
+def test_what_is_written_is_read_again(model):
+    content = json.loads(json.dumps(models_document([model], "synthetic twin", 0.1)))
+    assert read_models(content, CATALOGUES) == [model]
+    assert content["models"][0] == model.to_json()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            {"structure": {"numerator": ["a"], "denominator": [1.0]}},
+            r"structure\.numerator\.0: 'a'; .*valid number",
+        ),
+        (
+            {"structure": {"numerator": [1.0]}},
+            "structure: no coefficients; it needs numerator and denominator",
+        ),
+        ({"structure": {"numerator": [1.0], "denominator": [2.0]}}, r"denominator\.0: 2; 1 is needed"),
+        ({"structure": {"effects": {"a": 1}}}, r"structure\.effects: {'a': 1}; .*valid"),
+        ({"structure": {"effects": [{"effect": "drift"}]}}, r"effects\.0\.form: missing"),
+        ({"name": 3}, r"models\.3: name: 3; .*valid string"),
+        ({"input": {"quantity": "position"}}, r"models\.KB: input\.unit: missing"),
+        ({"sampling_time": 0.0}, "sampling_time: 0.0; seconds above 0"),
+        ({"amplitudes": [1.0]}, r"amplitudes: unknown key; known are name, structure, sampling_time"),
+        ({"scores": {"vaf": 81.0}}, r"scores\.vaf: unknown key; known are vaf_percent, fit_percent"),
+        ({"scores": {"vaf_percent": "high"}}, r"scores\.vaf_percent: 'high'; .*valid number"),
+        (
+            {"parameters": [{"name": "k9", "symbol": "", "unit": "", "value": 1.0}]},
+            "k9: unknown parameter.*k1, k2",
+        ),
+    ],
+)
+def test_the_place_of_what_is_wrong_is_named(change, words):
+    content = models_document([DISCRETE], "test")
+    content["models"][0] |= change
+    with pytest.raises(InputError, match=words):
+        read_models(json.loads(json.dumps(content)), CATALOGUES)
+
+
+def test_constants_that_were_given_go_with_the_model():
+    entry = effect_entry("LE", "hardening_stiffness/power")
+    model = FittedModel.from_json(entry, CATALOGUES)
+    assert "constants" not in model.to_json()["structure"]["effects"][0]
+    entry["structure"]["effects"][0]["constants"] = {"z_1": 2.0}
+    other = FittedModel.from_json(entry, CATALOGUES)
+    assert other.to_json()["structure"]["effects"][0]["constants"] == {"z_1": 2.0}
+    assert FittedModel.from_json(json.loads(json.dumps(other.to_json())), CATALOGUES) == other
+    # Fn·sign(z)·|z/z_1|^n on one motion, which remembers forces of both.
+    motion = standard_motion(1.0)
+    here, there = (item.structure.forms[0].columns(motion, np.array([3.0]))[0] for item in (model, other))
+    np.testing.assert_allclose(there, here / 2**3, atol=1e-12)
+    total = [item.structure.simulate(motion, np.ones(2), np.array([3.0])) for item in (model, other)]
+    np.testing.assert_allclose(total[0] - total[1], here - there, atol=1e-12)
+    entry["structure"]["effects"][0]["constants"] = {"g": 1.6}
+    with pytest.raises(
+        InputError, match="unknown constant 'g'; constants of hardening_stiffness/power are z_1"
+    ):
+        FittedModel.from_json(entry, CATALOGUES)
+
+
+def test_everything_that_is_wrong_with_a_file_is_said_at_once():
+    content = models_document([DISCRETE, given("KB"), given("LE")], "test")
+    content["models"][0]["alpha"] = "small"
+    del content["models"][1]["parameters"][0]
+    content["models"][2]["structure"]["effects"] = [{"effect": "ageing", "form": "log"}]
+    with pytest.raises(InputError) as caught:
+        read_models(content, CATALOGUES)
+    assert "3 problems" in str(caught.value)
+    for words in (
+        "models.KB: alpha: 'small'",
+        "parameters.spring_stiffness: missing",
+        "unknown effect 'ageing'",
+    ):
+        assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ([], "schema: list"),
+        (None, "schema: NoneType"),
+        ({"schema": "lumbar.models/1", "models": []}, "'lumbar.models/1'; 'lumbar.models/2' is needed"),
+        ({"schema": "lumbar.models/2"}, "models: None; a list"),
+        ({"schema": "lumbar.models/2", "models": []}, "models: .*a list"),
+        ({"schema": "lumbar.models/2", "models": [3]}, r"models\.0: entry: 3; "),
+    ],
+)
+def test_what_is_no_file_of_models_is_refused(content, words):
+    with pytest.raises(InputError, match=words):
+        read_models(content, CATALOGUES)
+
+
+def test_the_file_in_the_documentation_is_one(project):
+    text = (project / "docs" / "architecture.md").read_text(encoding="utf-8")
+    example = text[text.index('{"schema": "lumbar.models/2"') :].split("```")[0]
+    assert [model.name for model in read_models(json.loads(example), CATALOGUES)] == ["KB", "LE+drift"]
+
+
+def test_reading_the_class_loads_no_slow_library():
+    """What is slow to import is loaded by the method that needs it."""
+    script = (
+        "import sys, lumbar.tissue.models.fitted_model; print(*{name.split('.')[0] for name in sys.modules})"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert not {"control", "scipy", "pandas", "pydantic", "matplotlib"} & set(loaded.split())
+
+
+def test_parameters_are_reached_by_name():
+    model = given("KB", "coulomb_friction/coulomb")
+    assert model["relaxation_time"].value == BASE_NUMBERS["KB"][1][0]
+    assert model["coulomb_friction.coulomb_force"].effect == "coulomb_friction"
+    with pytest.raises(InputError, match=r"no parameter 'tau'; there are spring_stiffness.*coulomb_force"):
+        model["tau"]
+
+
+def test_printed_it_shows_equation_parameters_and_scores():
+    text = str(DISCRETE)
+    assert text.splitlines()[:2] == [
+        "KB, arx on multisine, VAF 81.20 %",
+        "H(z) = (1.9 - 1.2 z^-1)/(1 - 0.45 z^-1), 100 Hz, position in mm to force in N",
+    ]
+    assert "spring_stiffness  1.27 N/mm (1.2 to 1.3)" in text
+    assert repr(DISCRETE) == "<FittedModel KB, arx on multisine, VAF 81.20 %>"
+    page = replace(DISCRETE, remark="<b>")._repr_html_()
+    assert r"$$H(z) = \frac{1.9 - 1.2 z^{-1}}{1 - 0.45 z^{-1}}$$" in page
+    assert "&lt;b&gt;" in page
+    with_effect = given("KB", "coulomb_friction/coulomb")
+    for part in (with_effect.structure.base, *with_effect.structure.forms):
+        assert part.text in str(with_effect)
+        assert part.latex.replace("<", "&lt;") in with_effect._repr_html_()
+    assert "\\" not in str(with_effect)
+
+
+def test_elements_of_a_base_that_is_fitted_with_effects_have_their_formula_and_intervals_by_simulation():
+    """Intervals of k1 … against draws of the fitted parameters from their joint normal distribution."""
+    from lumbar.tissue.diagnosis.fitting.uncertainty import scaled_covariance
+
+    records = tissue_records()
+    experiment, (candidate,) = refine(records, [], DiagnosisSettings(base="KB", train="long"))
+    fit, training = candidate.fit, experiment.training
+    assert [item.name for item in estimates(fit, training, "mm", "N")] == [
+        item.name for item in (*KB.base.linear, *KB.base.nonlinear)
+    ]
+    found = derived_estimates(fit, training, "mm", "N")
+    scaled, size = scaled_covariance(fit, training)
+    centre = np.array([*fit.linear, *np.log(fit.nonlinear), fit.zero])
+    draws = np.random.default_rng(3).multivariate_normal(centre, scaled / np.outer(size, size), 4000)
+    elements = [KB.derive(spring, branch, np.exp(log)) for spring, branch, log, _ in draws]
+    for item in found:
+        low, high = np.quantile([element[item.name] for element in elements], [0.025, 0.975])
+        assert item.derived
+        assert item.high - item.low == pytest.approx(high - low, rel=0.1)
+        assert item.low == pytest.approx(low, rel=0.01)
+    assert {item.name: item.value for item in found} == pytest.approx(KB.derive(*fit.linear, *fit.nonlinear))
+
+
+def test_kelvin_boltzmann_has_the_same_parameters_with_and_without_effects():
+    model = refined_fit(tissue_records(), ["inertia"], DiagnosisSettings(base="KB", train="long"))
+    assert [item.key for item in model.parameters if not item.effect] == [
+        "spring_stiffness",
+        "branch_stiffness",
+        "relaxation_time",
+        *(element.name for element in KB.elements),
+    ]
+    assert model["k1"].unit == "N/mm"
+    assert model["spring_stiffness"].value == pytest.approx(0.5, rel=0.05)
+    assert read_models(json.loads(json.dumps(models_document([model], "test"))), CATALOGUES) == [model]

@@ -1,0 +1,288 @@
+"""States that follow differential equations, against an independent solver, closed forms and the C code."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from c_programs import CModel
+from runtime_models import SETTINGS
+from scipy.integrate import solve_ivp
+
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.fmu.build.export_model import export_models
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.expression import expanded
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
+from lumbar.tissue.models.model_data import FittedParameter, Port
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.parsing import parse
+from lumbar.tissue.models.state_equation import (
+    STEP_FUNCTIONS,
+    STEP_SYMBOL,
+    StateEquation,
+    _matrix_phi1,
+    _stretches,
+)
+from lumbar.tissue.models.structure import Structure
+from study_settings import changed
+
+STEP = 0.01
+SOLVED = {form.key: form for effect in TISSUE.values() for form in effect.forms if form.solution is not None}
+
+
+def walk(seed: int, samples: int = 400) -> np.ndarray:
+    """Positions with reversals and rests."""
+    generator = np.random.default_rng(seed)
+    steps = generator.standard_normal(samples) * 0.1
+    steps[generator.random(samples) < 0.1] = 0.0
+    return np.cumsum(steps) - steps[0]
+
+
+def straight(positions: np.ndarray, sampling_time: float = STEP) -> Motion:
+    """Motion in straight lines between samples."""
+    return Motion(np.arange(len(positions)) * sampling_time, positions, sampling_time, smooth=False)
+
+
+def equations(**slopes: str) -> StateEquation:
+    return StateEquation({name: expanded(parse(text)) for name, text in slopes.items()})
+
+
+def solved(state: StateEquation, motion: Motion, slope, values: dict) -> np.ndarray:
+    """States by Runge and Kutta between samples, where nothing has a kink; shape (states, samples)."""
+    found = [np.zeros(len(state.names))]
+    for k in range(len(motion) - 1):
+        velocity = motion.increments[k + 1] / motion.sampling_time
+
+        def rate(time, r, k=k, velocity=velocity):
+            position = motion.position[k] + velocity * time
+            path = motion.path[k] + abs(velocity) * time
+            return slope(r, position, velocity, motion.time[k] + time, path, **values)
+
+        found.append(
+            solve_ivp(rate, (0, motion.sampling_time), found[-1], "DOP853", rtol=1e-11, atol=1e-13).y[:, -1]
+        )
+    return np.array(found).T
+
+
+CASES = {
+    "maxwell": ({"q": "v - q/tau"}, lambda r, z, v, t, s, tau: [v - r[0] / tau], {"tau": 0.03}),
+    "dahl": (
+        {"r": "v/d*(1 - r*sign(v))"},
+        lambda r, z, v, t, s, d: [v / d * (1 - r[0] * np.sign(v))],
+        {"d": 0.2},
+    ),
+    "zener in positions": ({"q": "(k*z - q)/tau"}, lambda r, z, v, t, s, k, tau: [(k * z - r[0]) / tau], {"k": 2.0, "tau": 0.05}),
+    "two branches, coupled": (
+        {"p": "v - p/tau + q/T", "q": "p/T - q/tau + t - s"},
+        lambda r, z, v, t, s, tau, T: [v - r[0] / tau + r[1] / T, r[0] / T - r[1] / tau + t - s],
+        {"tau": 0.05, "T": 0.3},
+    ),
+    "an oscillator": (
+        {"x": "y", "y": "w**2*(z - x) - 2*w*c*y"},
+        lambda r, z, v, t, s, w, c: [r[1], w**2 * (z - r[0]) - 2 * w * c * r[1]],
+        {"w": 40.0, "c": 0.2},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_linear_equations_are_solved_exactly(case):
+    texts, slope, values = CASES[case]
+    state, motion = equations(**texts), straight(walk(1))
+    found = state.trajectory(motion, values)
+    expected = solved(state, motion, slope, values)
+    for name, wanted in zip(state.names, expected, strict=True):
+        assert np.abs(found[name] - wanted).max() < 1e-9 * np.abs(expected).max()
+
+
+NONLINEAR = {
+    "stiffening branch": (
+        {"q": "v - q/tau*(1 + (q/q_1)**2)"},
+        lambda r, z, v, t, s, tau, q_1: [v - r[0] / tau * (1 + (r[0] / q_1) ** 2)],
+        {"tau": 0.05, "q_1": 0.2},
+    ),
+    "two states": (
+        {"p": "v - sinh(p/c)/tau", "q": "(p*p - q)/tau + z"},
+        lambda r, z, v, t, s, tau, c: [v - np.sinh(r[0] / c) / tau, (r[0] * r[0] - r[1]) / tau + z],
+        {"tau": 0.05, "c": 0.3},
+    ),
+}
+
+
+@pytest.mark.parametrize("case", NONLINEAR)
+def test_other_equations_are_solved_to_the_second_order(case):
+    """Every halving of the step divides the error by four."""
+    texts, slope, values = NONLINEAR[case]
+    state = equations(**texts)
+    coarse = straight(walk(2, 200))
+    expected = solved(state, coarse, slope, values)
+    errors = []
+    for parts in (4, 8, 16):
+        time = np.arange((len(coarse) - 1) * parts + 1) / parts
+        fine = straight(np.interp(time, np.arange(len(coarse)), coarse.position), STEP / parts)
+        found = np.array(list(state.trajectory(fine, values).values()))[:, ::parts]
+        errors.append(np.abs(found - expected).max() / np.abs(expected).max())
+    assert errors[0] < 0.02
+    assert errors[0] / errors[1] == pytest.approx(4, abs=0.6)
+    assert errors[1] / errors[2] == pytest.approx(4, abs=0.4)
+
+
+@pytest.mark.parametrize("case", [*CASES, *NONLINEAR])
+def test_all_samples_at_once_are_one_after_the_other(case):
+    texts, _, values = {**CASES, **NONLINEAR}[case]
+    state, motion = equations(**texts), straight(walk(3))
+    known = {**values, **state._between(motion)}
+    at_once = state._newton(known, len(motion) - 1)
+    in_steps = state.in_steps(known, len(motion) - 1)
+    assert at_once is not None
+    assert np.abs(at_once - in_steps).max() < 1e-11 * np.abs(in_steps).max()
+
+
+def test_an_iteration_that_does_not_end_falls_back_to_steps():
+    """A state that jumps between two branches: Newton's linearisation sees no slope."""
+    state, motion = equations(r="v*c*where(r > 0, -1, 1) + where(r > 0.1, -c, 0)"), straight(walk(4))
+    known = {"c": 300.0, **state._between(motion)}
+    found = state.trajectory(motion, {"c": 300.0})["r"]
+    np.testing.assert_array_equal(found, state.in_steps(known, len(motion) - 1)[0])
+
+
+@pytest.mark.parametrize("form", SOLVED.values(), ids=lambda form: form.key)
+def test_closed_forms_are_what_their_equations_say(form):
+    """For the same straight lines: exact where the equation is linear, else to the step's second order."""
+    motion = straight(walk(5))
+    nonlinear = np.array([0.15, 0.7])[: len(form.nonlinear)]
+    values = {item.symbol: value for item, value in zip(form.nonlinear, nonlinear, strict=True)}
+    closed = form.solution(motion, nonlinear)[0]
+    state = form._equation.state
+    (found,) = state.trajectory(motion, values).values()
+    if state.is_linear:
+        assert np.abs(found - closed).max() < 1e-12 * np.abs(closed).max()
+        return
+    errors = [np.abs(found - closed).max()]
+    for parts in (10, 100):
+        time = np.arange((len(motion) - 1) * parts + 1) / parts
+        fine = straight(np.interp(time, np.arange(len(motion)), motion.position), STEP / parts)
+        (found,) = state.trajectory(fine, values).values()
+        errors.append(np.abs(found[::parts] - closed).max())
+    assert errors[1] < 0.1 * errors[0]
+    assert errors[2] < 0.02 * errors[1]
+
+
+def test_a_state_needs_no_motion():
+    """ṙ = (1 − r)/τ from 0."""
+    motion = straight(np.zeros(50))
+    found = equations(r="(1 - r)/tau").trajectory(motion, {"tau": 0.1})["r"]
+    np.testing.assert_allclose(found, -np.expm1(-motion.time / 0.1), rtol=1e-12)
+
+
+def effect_of(texts: dict, values: dict) -> Effect:
+    nonlinear = tuple(
+        NonlinearParameter(f"number_{name}", "1", "one", 0.1, 1.0, 2, symbol=name) for name in values
+    )
+    force = f"A*({' + '.join(texts)})"
+    linear = (LinearParameter("size", "{y}", symbol="A"),)
+    return Effect(
+        "own", "Own.", (Form("own", force, Place.PARALLEL, linear, nonlinear, tuple(texts.items())),), "own"
+    )
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux")
+@pytest.mark.parametrize("case", [*CASES, *NONLINEAR])
+def test_c_takes_the_same_steps(case, zig_cache, tmp_path):
+    texts, _, values = {**CASES, **NONLINEAR}[case]
+    effect = effect_of(texts, values)
+    form = effect.forms[0]
+    parts = [(item.name, 0.5, "") for item in BASES["LE"].linear]
+    parts += [(item.name, 0.7, "own") for item in form.linear]
+    parts += [(item.name, value, "own") for item, value in zip(form.nonlinear, values.values(), strict=True)]
+    fitted = FittedModel(
+        "LE+own",
+        Structure(BASES["LE"], (form,)),
+        0.01,
+        Port("position", "mm"),
+        Port("force", "N"),
+        "LE",
+        parameters=tuple(
+            FittedParameter(name, name, "", value, effect=owner) for name, value, owner in parts
+        ),
+    )
+    (model,) = export_models([fitted], changed(SETTINGS, moving_average_ms=0))
+    inputs = walk(6, 1000)
+    found = CModel(model, tmp_path, zig_cache).response(inputs)
+    expected = model.dynamics.response(inputs)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+def test_the_pole_of_a_relaxation_is_its_own():
+    form = SOLVED["second_relaxation/maxwell_branch"]
+    numbers = form.c_step.numbers({"branch_stiffness": 1.0, "relaxation_time": 0.5}, STEP)
+    assert numbers["pole"] == pytest.approx(np.exp(-STEP / 0.5))
+    assert "pole" not in SOLVED["hysteresis/dahl"].c_step.numbers(
+        {"friction_limit": 1.0, "presliding_distance": 0.5}, STEP
+    )
+
+
+def test_steps_know_the_functions_of_expressions():
+    assert STEP_SYMBOL == "sampling_time"
+    assert STEP_FUNCTIONS["phi1"](np.array([0.0, 1e-9, 1.0])) == pytest.approx([1.0, 1.0, np.e - 1])
+
+
+def test_equations_apart_are_solved_apart_and_alike():
+    state = equations(q="v - q/tau", r="(s - q*r)/tau", u="(z - u)/tau", p="v - p*abs(p)/tau")
+    assert [part.names for part in state.apart] == [("q", "r"), ("u",), ("p",)]
+    motion, values = straight(walk(3)), {"tau": 0.3}
+    found = state.trajectory(motion, values)
+    together = state.in_steps({**values, **state._between(motion)}, len(motion) - 1)
+    assert list(found) == list(state.names)
+    for path, reference in zip(found.values(), together, strict=True):
+        assert path == pytest.approx(reference, abs=1e-9 * np.abs(reference).max())
+
+
+def test_one_matrix_is_enough_where_the_equations_are_linear():
+    matrix = np.random.default_rng(1).normal(size=(5, 3, 3))
+    matrix[:, 2] = 0.0
+    matrix[:, :2, :2] = matrix[0, :2, :2]
+    assert _stretches(matrix, 2) == pytest.approx(_matrix_phi1(matrix), abs=1e-14)
+    matrix[3, 0, 0] += 1.0
+    assert _stretches(matrix, 2) == pytest.approx(_matrix_phi1(matrix), abs=1e-14)
+
+
+def test_a_state_that_snaps_between_two_places_against_an_ode_solver():
+    """Between its places of rest it runs away from any guess by e^4 in ten samples: no iteration over the record ends."""
+    time = np.arange(1200) * STEP / 10
+    position = 4 * np.sin(2 * np.pi * 1.3 * time) + 1.5 * np.cos(2 * np.pi * 3.1 * time + 0.4)
+    motion = straight(position - position[0], STEP / 10)
+    state = equations(u="(z + u*(1 - (u/w)**2))/tau")
+    values = {"w": 1.5, "tau": 0.025}
+
+    def slope(u, position, velocity, time, path, w, tau):
+        return (position + u * (1 - (u / w) ** 2)) / tau
+
+    found = state.trajectory(motion, values)["u"]
+    truth = solved(state, motion, slope, values)[0]
+    assert np.ptp(np.sign(truth)) == 2
+    assert np.abs(found - truth).max() < 2e-3 * np.abs(truth).max()
+
+
+@pytest.mark.parametrize(
+    "slope",
+    [
+        "max(abs(z) - r, 0)/0.02",
+        "where(z > 0.2, (1 - r)/0.05, -r/0.3)",
+        "sin(z)*exp(-(r**2)) + t/(1 + s) - 3*tanh(r)",
+    ],
+)
+def test_one_state_sample_by_sample_is_what_arrays_of_one_give(slope):
+    motion = straight(walk(5))
+    state = equations(r=slope)
+    found = state.trajectory(motion, {})["r"]
+    known = state._between(motion)
+    np.testing.assert_allclose(found, state.in_steps(known, len(motion) - 1)[0], rtol=1e-10, atol=1e-12)
+
+
+def test_a_state_without_bounds_ends_as_no_number_and_not_as_an_error():
+    found = equations(r="exp(r)*(1 + abs(z)) + sin(r)").trajectory(straight(walk(5)), {})["r"]
+    assert np.isfinite(found[:5]).all() and not np.isfinite(found[-1])

@@ -1,0 +1,148 @@
+"""Definitions of the tissue models against mechanics, scipy and python-control."""
+
+import numpy as np
+import pytest
+from scipy import signal
+from viscoelastic import discretise, dynamic_stiffness, kelvin_boltzmann, maxwell, polynomials
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.tissue.models import tissue_models as models
+from lumbar.tissue.models.first_order import FirstOrder
+from lumbar.tissue.models.network import in_words
+from lumbar.tissue.models.transfer_function import TransferFunction
+
+KB_ELEMENTS = {"k1": 0.4, "k2": 3.2, "b": 0.13}
+T = 0.01
+
+
+@pytest.mark.parametrize(
+    ("model", "system", "elements"),
+    [
+        (models.KB, kelvin_boltzmann(**KB_ELEMENTS), KB_ELEMENTS),
+        (models.MAXWELL, maxwell(3.2, 0.13), {"k": 3.2, "b": 0.13}),
+    ],
+)
+def test_equation_of_table_2_1_follows_from_the_mechanical_analogue(model, system, elements):
+    s = 1j * np.geomspace(1e-2, 1e4, 50)
+    numerator, denominator = polynomials(system)
+    expected = np.polyval(numerator, s) / np.polyval(denominator, s)
+    np.testing.assert_allclose(dynamic_stiffness(model.network, elements, s), expected, rtol=1e-12)
+    base = FirstOrder.of_base(**system.base_parameters())
+    assert (base.k, base.nu, base.gamma) == pytest.approx((system.k, system.nu, system.gamma))
+
+
+def test_kelvin_voigt_is_improper_and_not_identified():
+    s = np.array([1e6j])
+    assert dynamic_stiffness(models.KV.network, {"k": 1.0, "b": 0.1}, s) == pytest.approx(1.0 + 0.1 * s)
+    assert models.KV.derived({"spring_stiffness": 1.0, "viscosity": 0.1}) == {"k": 1.0, "b": 0.1}
+    with pytest.raises(NumericalError, match="improper"):
+        models.KV.physical_parameters(TransferFunction((1.0,)), T)
+
+
+def test_simulation_equals_the_continuous_system_on_a_fine_grid():
+    """Motion in ramps, integrated by scipy.signal.lsim with 200 steps per sample."""
+    rng = np.random.default_rng(3)
+    system = kelvin_boltzmann(**KB_ELEMENTS)
+    coarse = T * np.arange(60)
+    position = np.concatenate([[0.0], rng.standard_normal(59)])
+    fine = np.linspace(0, coarse[-1], 59 * 200 + 1)
+    _, force, _ = signal.lsim(polynomials(system), np.interp(fine, coarse, position), fine)
+    np.testing.assert_allclose(discretise(system, T).simulate(position), force[::200], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [1e-5, 1e-3, 0.3, 3.0, 20.0])
+def test_physical_parameters_come_back(ratio):
+    gamma = T / ratio
+    k1, k2 = 0.4, 3.2
+    discrete = discretise(kelvin_boltzmann(k1, k2, gamma * (k1 + k2)), T)
+    found = models.KB.physical_parameters(discrete, T)
+    k = k1 * k2 / (k1 + k2)
+    expected = {
+        "spring_stiffness": k,
+        "branch_stiffness": k2 - k,
+        "relaxation_time": gamma,
+        "k": k,
+        "nu": gamma * k2,
+        "gamma": gamma,
+        "k1": k1,
+        "k2": k2,
+        "b": gamma * (k1 + k2),
+    }
+    assert found == pytest.approx(expected, rel=1e-5)
+    discrete = discretise(maxwell(3.2, 3.2 * gamma), T)
+    assert models.MAXWELL.physical_parameters(discrete, T) == pytest.approx(
+        {
+            "branch_stiffness": 3.2,
+            "relaxation_time": gamma,
+            "k": 3.2,
+            "b": 3.2 * gamma,
+            "alpha": gamma,
+        },
+        rel=1e-5,
+    )
+
+
+def test_maxwell_has_no_static_force_and_eq_3_3_has_one():
+    assert discretise(maxwell(3.2, 0.13), T).static_gain == pytest.approx(0.0, abs=1e-12)
+    coefficients = np.array([0.9, 0.2])
+    assert models.MAXWELL.structure.transfer_function(coefficients).static_gain == 0.0
+    assert models.MW.structure.transfer_function(coefficients).static_gain == pytest.approx(2.0)
+    with pytest.raises(NumericalError, match=r"Eq\. 3\.3 has a static force"):
+        models.MW.physical_parameters(models.MW.structure.transfer_function(coefficients), T)
+
+
+@pytest.mark.parametrize(
+    ("model", "transfer_function", "reason"),
+    [
+        (models.KB, TransferFunction((3.0, -2.5), (1.0, 0.3)), r"pole is -0\.3"),
+        (models.KB, TransferFunction((3.0, -2.5), (1.0, -1.1)), r"pole is 1\.1"),
+        (models.KB, TransferFunction((0.5, 0.5), (1.0, -0.5)), "springs and dashpots need more than 0"),
+        (models.KB, TransferFunction((3.0, -3.2), (1.0, -0.5)), "spring_stiffness is -0.4; springs"),
+        (models.MAXWELL, TransferFunction((-3.0, 3.0), (1.0, -0.5)), "branch_stiffness is .*; springs"),
+        (models.LE, TransferFunction((-1.0,)), "spring_stiffness is -1; springs"),
+        (models.HO, TransferFunction((1.0, 0.2, 0.3), (1.0, 0.1, 0.1)), "black box"),
+    ],
+)
+def test_models_without_mechanical_counterpart_are_refused_with_the_reason(model, transfer_function, reason):
+    with pytest.raises(NumericalError, match=reason):
+        model.physical_parameters(transfer_function, T)
+
+
+def test_free_run_is_the_recursion_started_from_rest():
+    rng = np.random.default_rng(1)
+    model = TransferFunction((0.3, -0.2, 0.1), (1.0, -1.2, 0.5))
+    inputs = 2.0 + rng.standard_normal(50)
+    past_input, past_output = inputs[0], model.static_gain * inputs[0]
+    u = [past_input, past_input, *inputs]
+    y = [past_output, past_output]
+    for k in range(2, 52):
+        y.append(0.3 * u[k] - 0.2 * u[k - 1] + 0.1 * u[k - 2] + 1.2 * y[k - 1] - 0.5 * y[k - 2])
+    np.testing.assert_allclose(model.simulate(inputs), y[2:], rtol=1e-12)
+    held = np.full(30, 4.0)
+    np.testing.assert_allclose(model.simulate(held), model.static_gain * held)
+
+
+@pytest.mark.parametrize("denominator", [(1.0, -1.0), (1.0, -1.04), (1.0, 0.0, 1.2), (1.0, float("nan"))])
+def test_an_unstable_model_is_never_simulated(denominator):
+    model = TransferFunction((1.0, 0.5), denominator)
+    assert not model.stable
+    with pytest.raises(NumericalError, match="unstable"):
+        model.simulate(np.ones(10))
+
+
+def test_search_space_of_the_higher_order_model_is_proper_and_complete():
+    structures = models.higher_order_structures(5)
+    assert len(structures) == len(set(structures)) == sum(2 * order + 1 for order in range(2, 6))
+    assert all(0 <= item.input_lags[0] <= item.input_lags[-1] <= item.order for item in structures)
+    assert min(item.order for item in structures) == 2
+
+
+def test_inverted_linear_reaches_its_force_and_opposes_the_other_models():
+    model = models.inverted_linear(5.0, 40.0)
+    assert model.simulate(np.array([0.0, 20.0, 40.0])).tolist() == [0.0, -2.5, -5.0]
+    with pytest.raises(InputError, match="must be > 0"):
+        models.inverted_linear(5.0, 0.0)
+
+
+def test_words_of_the_analogue():
+    assert in_words(models.KB.network) == "(spring k1 parallel to dashpot b) in series with spring k2"

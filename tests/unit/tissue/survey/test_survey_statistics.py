@@ -1,0 +1,362 @@
+"""Survey statistics against published numbers, closed forms, enumeration and independent implementations."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from lumbar.base.errors import NumericalError
+from lumbar.records.ratings import Ratings, read_ratings
+from lumbar.settings.survey import SurveySettings
+from lumbar.tissue.survey.best_picks import equal_shares_test, pick_shares
+from lumbar.tissue.survey.paired_analysis import (
+    compare_pairs,
+    friedman,
+    resampled_counts,
+    superiority_interval,
+    vargha_delaney,
+)
+from lumbar.tissue.survey.signed_rank import EXACT_LIMIT, positive_rank_sum_distribution, signed_rank_test
+from lumbar.tissue.survey.survey_analysis import analyse_survey, describe_participants
+from lumbar.tissue.survey.table_3_2 import holm, kruskal_wallis, mann_whitney, modes, pairs, printed
+from study_settings import study_settings
+
+
+@pytest.fixture(scope="module")
+def settings(project) -> SurveySettings:
+    """The study's, with a thousand resamples: how well intervals cover is tested of the intervals themselves."""
+    return replace(study_settings().survey, resamples=1000)
+
+
+@pytest.fixture(scope="module")
+def ratings(project, settings) -> Ratings:
+    return read_ratings(project / "resources" / "survey" / "survey_reconstructed.csv", settings.layout)
+
+
+def made(scores, best=None, models=("A", "B", "C", "D")) -> Ratings:
+    scores = np.asarray(scores)
+    models = models[: scores.shape[1]]
+    return Ratings(
+        participants=tuple(map(str, range(len(scores)))),
+        models=models,
+        scores=scores,
+        scale_points=5,
+        best=tuple(best or models[:1] * len(scores)),
+        groups={},
+    )
+
+
+def test_table_3_2_has_the_published_numbers(ratings, settings, project):
+    table = analyse_survey(ratings, settings, 1, "test").tables["table_3_2"]
+    published = (project / "resources" / "thesis" / "table_3_2.csv").read_text(encoding="utf-8").splitlines()
+    header = published[0].split(",")
+    assert set(header) <= set(table.frame.columns)
+    for line, (_, row) in zip(published[1:], table.frame.iterrows(), strict=True):
+        wanted = dict(zip(header, line.split(","), strict=True))
+        assert row["model"] == wanted["model"]
+        assert row["median"] == float(wanted["median"])
+        assert row["mode"] == wanted["mode"]
+        assert row["mode_count"] == int(wanted["mode_count"])
+        assert abs(row["best_percent"] - float(wanted["best_percent"])) < 0.05
+        for other in ("MW", "KB", "HO"):
+            cell = row[f"printed_vs_{other}"]
+            assert ("" if cell is None or cell != cell else cell) == wanted[f"p_vs_{other}"]
+
+
+def test_tests_of_the_thesis_give_the_reference_values(ratings):
+    # H and p computed by R's kruskal.test and wilcox.test on the same answers.
+    overall = kruskal_wallis(ratings)
+    assert overall.statistic == pytest.approx(29.29, abs=0.005)
+    assert overall.dof == 3
+    assert overall.p_value == pytest.approx(stats.chi2.sf(overall.statistic, 3))
+    expected = ["1.7e-02", "7.2e-06", "1.6e-05", "6.3e-03", "1.1e-02", "7.9e-01"]
+    assert [f"{p_value:.1e}" for p_value in mann_whitney(ratings)] == expected
+    assert pairs(ratings) == [
+        ("IL", "MW"),
+        ("IL", "KB"),
+        ("IL", "HO"),
+        ("MW", "KB"),
+        ("MW", "HO"),
+        ("KB", "HO"),
+    ]
+
+
+def test_mann_whitney_is_the_textbook_formula_with_ties_and_continuity(ratings):
+    a, b = ratings.of("IL"), ratings.of("MW")
+    n, m = len(a), len(b)
+    u = sum((x > y) + 0.5 * (x == y) for x in a for y in b)
+    _, tied = np.unique(np.concatenate([a, b]), return_counts=True)
+    total = n + m
+    variance = n * m / 12 * (total + 1 - (tied**3 - tied).sum() / (total * (total - 1)))
+    deviate = (abs(u - n * m / 2) - 0.5) / math.sqrt(variance)
+    assert mann_whitney(ratings)[0] == pytest.approx(math.erfc(deviate / math.sqrt(2)), rel=1e-12)
+
+
+def test_holm_steps_down():
+    # Worked by hand: 6 * 0.001, 5 * 0.01, 4 * 0.02, 3 * 0.03 and then the running maximum.
+    p = np.array([0.5, 0.03, 0.001, 0.02, 0.01, 0.04])
+    assert holm(p) == pytest.approx([0.5, 0.09, 0.006, 0.08, 0.05, 0.09])
+
+
+@pytest.mark.parametrize(
+    ("p", "text"), [(1e-9, "<0.001"), (0.001, "<0.05"), (0.0499, "<0.05"), (0.051, "0.051"), (0.793, "0.8")]
+)
+def test_p_values_are_printed_as_in_the_thesis(p, text):
+    assert printed(p) == text
+
+
+def test_all_modes_are_named():
+    assert modes(np.array([1, 5, 0, 5, 2])) == "2/4"
+    assert modes(np.array([0, 0, 7, 1, 2])) == "3"
+
+
+def brute_force_signed_rank(differences, zeros):
+    """P-value by going through every assignment of signs, with exact rational ranks."""
+    values = [d for d in differences if d != 0] if zeros == "wilcox" else list(differences)
+    sizes = [abs(v) for v in values]
+    doubled = [sum(s < t for s in sizes) * 2 + sum(s == t for s in sizes) + 1 for t in sizes]
+    kept = [(rank, value) for rank, value in zip(doubled, values, strict=True) if value != 0]
+    observed = sum(rank for rank, value in kept if value > 0)
+    ranks = [rank for rank, _ in kept]
+    middle = sum(ranks)
+    hits = sum(
+        abs(2 * sum(itertools.compress(ranks, signs)) - middle) >= abs(2 * observed - middle)
+        for signs in itertools.product((0, 1), repeat=len(ranks))
+    )
+    return observed / 2, hits / 2 ** len(ranks)
+
+
+@pytest.mark.parametrize("zeros", ["pratt", "wilcox"])
+@pytest.mark.parametrize("seed", range(12))
+def test_signed_rank_p_is_the_enumerated_one(zeros, seed):
+    random = np.random.default_rng(seed)
+    differences = random.integers(-4, 5, size=random.integers(1, 12))
+    result = signed_rank_test(differences, zeros)
+    statistic, p_value = brute_force_signed_rank(differences.tolist(), zeros)
+    assert result.exact
+    assert result.statistic == statistic
+    assert result.p_value == pytest.approx(p_value, rel=1e-12)
+
+
+def test_signed_rank_without_ties_is_the_tabled_distribution():
+    # Number of subsets of {1..n} with sum <= t, tabled since Wilcoxon 1945: n = 8, two-sided 0.05 at t = 3.
+    differences = np.array([-1, -2, 3, 4, 5, 6, 7, 8])
+    assert signed_rank_test(differences).p_value == pytest.approx(2 * 5 / 256)
+    random = np.random.default_rng(3).normal(0.3, 1, 25)
+    scipy_exact = stats.wilcoxon(random, method="exact").pvalue
+    assert signed_rank_test(random).p_value == pytest.approx(scipy_exact, rel=1e-10)
+
+
+@pytest.mark.parametrize("zeros", ["pratt", "wilcox"])
+def test_signed_rank_agrees_with_random_signs_on_the_survey(ratings, zeros):
+    difference = ratings.of("MW") - ratings.of("HO")
+    flips = np.random.default_rng(5).choice([-1, 1], (20_000, len(difference)))
+    approximate = stats.wilcoxon(difference, zero_method=zeros, method="asymptotic").pvalue
+    if zeros == "wilcox":
+        difference, flips = difference[difference != 0], flips[:, difference != 0]
+    signed = stats.rankdata(np.abs(difference)) * np.sign(difference)
+    sampled = (np.abs(flips @ np.abs(signed)) >= abs(signed.sum())).mean()
+    assert signed_rank_test(difference, zeros).p_value == pytest.approx(
+        sampled, abs=4 * math.sqrt(sampled / 20_000)
+    )
+    assert approximate == pytest.approx(sampled, rel=0.2)
+
+
+@pytest.mark.parametrize("zeros", ["pratt", "wilcox"])
+def test_large_samples_use_the_normal_approximation(zeros):
+    differences = np.random.default_rng(1).integers(-4, 5, 3 * EXACT_LIMIT) + (
+        np.arange(3 * EXACT_LIMIT) % 9 == 0
+    )
+    result = signed_rank_test(differences, zeros)
+    assert not result.exact
+    reference = stats.wilcoxon(differences, zero_method=zeros, method="asymptotic", correction=False)
+    assert result.p_value == pytest.approx(reference.pvalue, rel=1e-9)
+
+
+def test_signed_rank_distribution_is_a_distribution_with_known_moments():
+    ranks = np.repeat([1.5, 4.0, 20.5], [30, 40, 30])
+    probability = positive_rank_sum_distribution(ranks)
+    sums = np.arange(len(probability)) / 2
+    assert probability.sum() == pytest.approx(1)
+    assert (probability * sums).sum() == pytest.approx(ranks.sum() / 2)
+    assert (probability * (sums - ranks.sum() / 2) ** 2).sum() == pytest.approx((ranks**2).sum() / 4)
+    assert probability[0] == pytest.approx(0.5**100)
+
+
+def test_no_difference_at_all_has_p_one():
+    assert signed_rank_test(np.zeros(20)).p_value == 1.0
+    assert signed_rank_test(np.array([])).p_value == 1.0
+    with pytest.raises(ValueError, match="pratt, wilcox"):
+        signed_rank_test(np.arange(5), "zsplit")
+
+
+def test_friedman_and_kendall_on_a_worked_example():
+    # Ranks of three judges, no ties: W = 12 S / (m² (n³ − n)) with S the squared deviations of the rank sums.
+    scores = np.array([[1, 2, 3, 4], [2, 1, 3, 4], [1, 3, 2, 4]])
+    sums = scores.sum(axis=0)
+    w = 12 * ((sums - sums.mean()) ** 2).sum() / (9 * (64 - 4))
+    overall, concordance = friedman(made(scores))
+    assert concordance == pytest.approx(w)
+    assert overall.statistic == pytest.approx(3 * 3 * w)
+
+
+def test_friedman_p_agrees_with_permutation_within_participants(ratings):
+    overall, _ = friedman(ratings)
+    random = np.random.default_rng(8)
+    ranks = stats.rankdata(ratings.scores, axis=1)
+    observed = ((ranks.sum(axis=0) - ranks.sum() / 4) ** 2).sum()
+    shuffled = random.permuted(np.broadcast_to(ranks, (4000, *ranks.shape)), axis=2).sum(axis=1)
+    spread = ((shuffled - ranks.sum() / 4) ** 2).sum(axis=1)
+    assert overall.p_value < 1e-4
+    assert (spread >= observed).mean() < 0.002
+    # At a weaker statistic the approximation can be compared with the permuted share.
+    quantile = np.quantile(spread, 0.9)
+    assert stats.chi2.sf(overall.statistic * quantile / observed, 3) == pytest.approx(0.1, abs=0.02)
+
+
+def test_superiority_counts_all_pairs_of_ratings(ratings):
+    a, b = ratings.of("IL"), ratings.of("KB")
+    brute = np.mean([(x > y) + 0.5 * (x == y) for x in a for y in b])
+    counts = dict(zip(ratings.models, ratings.counts(), strict=True))
+    assert vargha_delaney(counts["IL"], counts["KB"]) == pytest.approx(brute, rel=1e-12)
+    u = stats.mannwhitneyu(a, b).statistic
+    assert vargha_delaney(counts["IL"], counts["KB"]) == pytest.approx(u / len(a) / len(b), rel=1e-12)
+
+
+def test_bootstrap_interval_agrees_with_resampling_rows_one_by_one(ratings):
+    result = compare_pairs(ratings, "pratt", 0.95, 20_000, 1)[-1]
+    random = np.random.default_rng(99)
+    values = []
+    for _ in range(3000):
+        rows = ratings.scores[random.integers(0, len(ratings), len(ratings))]
+        values.append(np.mean(np.sign(rows[:, 2][:, None] - rows[:, 3])) / 2 + 0.5)
+    assert [result.low, result.high] == pytest.approx(np.quantile(values, [0.025, 0.975]), abs=0.012)
+    assert result.low < result.narrow_low < result.narrow_high < result.high
+
+
+def test_bootstrap_keeps_every_participants_answers_together():
+    # Two kinds of participants with opposite answers: the counts of the two models must move together.
+    counts = resampled_counts(made([[1, 5]] * 10 + [[5, 1]] * 10), 500, [1])
+    assert (counts[:, 0, 0] == counts[:, 1, 4]).all()
+    assert (counts.sum(axis=2) == 20).all()
+    assert counts[:, 0, 0].std() == pytest.approx(math.sqrt(20 / 4), rel=0.1)
+
+
+def test_equal_models_are_shown_equivalent_only_with_enough_participants():
+    random = np.random.default_rng(4)
+    for number, equivalent in ((20, False), (6000, True)):
+        scores = random.integers(1, 6, (number, 3))
+        assert compare_pairs(made(scores), "pratt", 0.95, 2000, 1)[0].equivalent(0.06) is equivalent
+
+
+def test_equivalence_is_two_one_sided_tests():
+    # Both tests at 0.05 pass where the interval of 90 % lies inside; that of 95 % may reach out.
+    result = compare_pairs(made([[1, 2, 3], [3, 2, 1]]), "pratt", 0.95, 1000, 1)[0]
+    inside = replace(result, low=0.43, narrow_low=0.45, narrow_high=0.55, high=0.57)
+    assert inside.equivalent(0.06)
+    assert not replace(inside, narrow_high=0.57).equivalent(0.06)
+    assert not replace(inside, narrow_low=0.43).equivalent(0.06)
+
+
+def test_confidence_interval_covers_the_true_superiority():
+    # Independent uniform ratings: A = 1/2. The bootstrap interval of 95 % should cover it about as often.
+    random = np.random.default_rng(12)
+    inside = 0
+    for trial in range(400):
+        drawn = resampled_counts(made(random.integers(1, 6, (45, 2))), 500, [trial])
+        low, _, _, high = superiority_interval(drawn[:, 0], drawn[:, 1], 0.95)
+        inside += low <= 0.5 <= high
+    assert 0.90 <= inside / 400 <= 0.98
+
+
+def test_intervals_of_the_picks_are_the_closed_forms(ratings):
+    shares = pick_shares(ratings, 0.95)
+    assert shares.picks.tolist() == [2, 14, 12, 17]
+    n = len(ratings)
+    z = stats.norm.ppf(0.975)
+    chi2 = stats.chi2.ppf(1 - 0.05 / 4, 1)
+    for row, x in enumerate(shares.picks):
+        centre, half = (x + z**2 / 2) / (n + z**2), z / (n + z**2) * math.sqrt(x * (n - x) / n + z**2 / 4)
+        assert shares.wilson[row] == pytest.approx([centre - half, centre + half])
+        root = math.sqrt(chi2 * (chi2 + 4 * x * (n - x) / n))
+        goodman = [(chi2 + 2 * x - root) / (2 * (n + chi2)), (chi2 + 2 * x + root) / (2 * (n + chi2))]
+        assert shares.goodman[row] == pytest.approx(goodman)
+    assert (shares.goodman[:, 0] < shares.wilson[:, 0]).all()
+
+
+def test_chi_square_of_the_picks():
+    assert equal_shares_test(np.array([2, 14, 12, 17])).p_value == pytest.approx(0.010, abs=5e-4)
+    rest = equal_shares_test(np.array([14, 12, 17]))
+    expected = sum((x - 43 / 3) ** 2 / (43 / 3) for x in (14, 12, 17))
+    assert rest.statistic == pytest.approx(expected)
+    assert rest.p_value == pytest.approx(math.exp(-expected / 2))  # chi-square with 2 degrees of freedom
+    assert rest.p_value == pytest.approx(0.64, abs=0.01)
+    with pytest.raises(NumericalError, match="nothing to compare"):
+        equal_shares_test(np.array([0, 0, 0]))
+
+
+def test_participants_are_described_as_in_the_thesis(ratings):
+    described = describe_participants(ratings)
+    assert described["number"] == 45
+    assert described["groups"]["clinician"]["count"] == 34
+    percents = {name: round(group["percent"], 1) for name, group in described["groups"].items()}
+    assert percents == {"clinician": 75.6, "dry_needling": 15.6, "acupuncture": 13.3, "palpation": 93.3}
+    experience = {level: round(group["percent"], 1) for level, group in described["experience"].items()}
+    assert experience["<5"] == 11.1
+    assert experience[">20"] == 35.6
+
+
+def test_analysis_is_the_same_at_every_run_and_says_what_the_answers_are(ratings, settings):
+    first, second = (analyse_survey(ratings, settings, 7, "synthetic twin") for _ in range(2))
+    for name, table in first.tables.items():
+        assert table.to_html() == second.tables[name].to_html()
+        assert table.data == "reconstructed survey (not real answers), synthetic twin"
+        assert any("a demonstration here, not evidence" in note for note in table.notes)
+    other = analyse_survey(ratings, settings, 8, "synthetic twin")
+    assert other.tables["survey_paired"].to_html() != first.tables["survey_paired"].to_html()
+
+
+def test_only_reconstructed_answers_are_called_so(ratings, settings):
+    real = replace(ratings, sources=("laboratory X",))
+    for table in analyse_survey(real, settings, 1, "laboratory X").tables.values():
+        assert table.data == "laboratory X"
+        assert "reconstructed" not in table.to_html()
+
+
+def test_equivalence_is_not_claimed_from_a_large_p(ratings, settings):
+    table = analyse_survey(ratings, settings, 1, "test").tables["survey_paired"]
+    kb_ho = table.frame.iloc[-1]
+    assert kb_ho["p_wilcoxon"] > 0.5
+    assert kb_ho["equivalent"] == "not shown"
+    assert any(note.startswith("KB and HO") and "is not equivalence" in note for note in table.notes)
+
+
+def test_answers_that_do_not_differ_are_refused():
+    same = made([[3, 3, 3]] * 10)
+    with pytest.raises(NumericalError, match="nothing to rank"):
+        friedman(same)
+    with pytest.raises(NumericalError, match="all ratings are equal"):
+        kruskal_wallis(same)
+    with pytest.raises(NumericalError, match="at least 3"):
+        friedman(made([[1, 2], [2, 3]]))
+
+
+def test_two_constant_models_among_others_do_not_break_the_tests():
+    ratings = made(np.column_stack([np.full(9, 3), np.full(9, 3), np.tile([1, 2, 5], 3)]))
+    assert mann_whitney(ratings)[0] == 1.0
+    assert compare_pairs(ratings, "pratt", 0.95, 1000, 1)[0].test.p_value == 1.0
+
+
+@pytest.mark.parametrize("participants", [2, 4500])
+def test_tiny_and_large_surveys(participants, settings):
+    random = np.random.default_rng(2)
+    models = ("IL", "MW", "KB", "HO")
+    scores = random.integers(1, 6, (participants, 4))
+    ratings = made(scores, best=random.choice(models, participants).tolist(), models=models)
+    analysis = analyse_survey(ratings, settings, 1, "test")
+    assert len(analysis.tables["survey_paired"].frame) == 6

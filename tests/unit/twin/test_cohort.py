@@ -1,0 +1,136 @@
+"""Cohorts of synthetic lifters: drawn as declared, each by itself, within what the twin can move."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from lumbar.base.errors import InputError, Problems
+from lumbar.settings.plain import plain
+from lumbar.settings.twin import SyntheticLift
+from lumbar.study.load_study import load_study, name_lifts
+from lumbar.study.validation import Origins, laid_over, validated
+from lumbar.twin.cohort import (
+    FARTHEST_SD,
+    cohort_subjects,
+    draw_lift,
+    draw_person,
+    lift_name,
+    lifts_of,
+    own_part,
+    person_names,
+    write_person,
+)
+from lumbar.twin.lifting_recordings import true_movement
+from study_settings import study_config, study_settings
+
+SEED = 45
+
+
+@pytest.fixture(scope="module")
+def settings():
+    return study_settings("studies/cohort.yaml").twin.lifting
+
+
+@pytest.fixture(scope="module")
+def cohort(settings):
+    return settings.cohort
+
+
+def with_persons(cohort, count, **changes):
+    """The cohort with as many persons in every group."""
+    groups = {name: replace(group, persons=count) for name, group in cohort.groups.items()}
+    return replace(cohort, groups=groups, **changes)
+
+
+def test_who_is_added_changes_nobody(cohort):
+    few, many = (cohort_subjects(with_persons(cohort, count), SEED) for count in (2, 3))
+    assert set(many) - set(few) == {"expert_0003", "novice_0003"}
+    assert all(many[name] == subject for name, subject in few.items())
+    person = draw_person(cohort, "novice_0002", "novice", SEED)
+    assert person == draw_person(own_part(cohort, "novice"), "novice_0002", "novice", SEED)
+    more = with_persons(cohort, 2, trials=9)
+    assert draw_lift(cohort, person, 23.0, 2, SEED) == draw_lift(more, person, 23.0, 2, SEED)
+
+
+def test_lifts_are_named_as_a_study_names_them(cohort):
+    subjects = cohort_subjects(with_persons(cohort, 1), SEED)
+    named = {name: lift.trial.markers for name, lift in name_lifts(subjects).items()}
+    expected = [lift_name(person, *lift) for person in subjects for lift in lifts_of(cohort)]
+    assert list(named) == expected
+    assert named["expert_0001_15kg_2"] == "lifting/expert_0001/expert_0001_15kg_2.c3d"
+
+
+def test_a_cohort_is_a_study_of_its_people(project):
+    config = study_config("studies/cohort.yaml")
+    study = load_study(config, project)
+    assert (len(study.subjects), len(study.lifts)) == (20, 120)
+    assert sorted(set(study.labels.values())) == ["expert", "novice"]
+    assert len(study.lifts_by_person["novice_0010"]) == 6
+    renamed = laid_over(config, {"stability": {"compare": {"groups": ["trained", "novice"]}}})
+    with pytest.raises(InputError, match=r"nobody is labelled 'trained'.*expert, novice"):
+        load_study(renamed, project)
+    alone = {**config, "twin": {"lifting": {"cohort": {"groups": {"expert": {"persons": 4}}}}}}
+    with pytest.raises(InputError, match="nobody is labelled 'novice'"):
+        load_study(alone, project)
+
+
+def test_people_are_drawn_as_declared(cohort):
+    """Of a normal distribution without what lies beyond 2.5 standard deviations, 0.955 of the standard deviation is left."""
+    large = with_persons(cohort, 600)
+    people = [draw_person(large, name, group, SEED) for name, group in person_names(large)]
+    left = stats.truncnorm(-FARTHEST_SD, FARTHEST_SD).std()
+    for sex in ("female", "male"):
+        truth = np.array([(item.truth.height_m, item.truth.mass_kg) for item in people if item.sex == sex])
+        declared = np.array(
+            [(item.declared.height_m, item.declared.mass_kg) for item in people if item.sex == sex]
+        )
+        assert len(truth) == 600
+        for column, (mean, sd) in zip(truth.T, (cohort.stature_m[sex], cohort.mass_kg[sex]), strict=True):
+            assert column.mean() == pytest.approx(mean, abs=3.5 * sd / np.sqrt(600))
+            assert column.std() == pytest.approx(left * sd, rel=0.08)
+        assert np.corrcoef(truth.T)[0, 1] == pytest.approx(cohort.stature_mass_correlation, abs=0.1)
+        assert (declared - truth).std(axis=0) == pytest.approx([left * 0.005, left * 0.5], rel=0.1)
+    exact = with_persons(cohort, 1, mass_error_kg=0.0, stature_error_m=0.0)
+    person = draw_person(exact, "expert_0001", "expert", SEED)
+    assert person.declared.mass_kg == pytest.approx(person.truth.mass_kg, abs=0.05)
+
+
+def test_lifts_scatter_as_declared_about_their_person(cohort):
+    person = draw_person(cohort, "novice_0001", "novice", SEED)
+    mean, between, within = cohort.groups["novice"].lift_flexion_deg
+    drawn = [draw_lift(cohort, person, 15.0, trial, SEED).lift_flexion_deg for trial in range(1, 401)]
+    left = stats.truncnorm(-FARTHEST_SD, FARTHEST_SD).std()
+    assert np.std(drawn) == pytest.approx(left * within, rel=0.12)
+    assert np.mean(drawn) == pytest.approx(person.habits["lift_flexion_deg"], abs=3.5 * within / 20)
+    assert abs(person.habits["lift_flexion_deg"] - mean) <= FARTHEST_SD * between
+    light, heavy = (
+        draw_lift(replace(cohort, slower_per_kg=share), person, 23.0, 1, SEED).events_s for share in (0, 0.01)
+    )
+    assert heavy.release == pytest.approx(1.08 * light.release, abs=0.002)
+
+
+def test_every_lift_can_be_moved(settings, cohort, tmp_path):
+    """Numbers within the limits of a lift that is named by hand, events in order, a marker file of the right length."""
+    problems = Problems("lifts")
+    large = with_persons(cohort, 40)
+    for name, group in person_names(large):
+        person = draw_person(large, name, group, SEED)
+        for mass, trial in lifts_of(large):
+            lift = draw_lift(large, person, mass, trial, SEED)
+            validated(plain(lift), SyntheticLift, problems, Origins())
+            assert np.all(np.diff([1.2, *vars(lift.events_s).values()]) >= 0.2)
+    problems.raise_if_any()
+    write_person(settings, cohort, "novice_0001", "novice", SEED, {(23.0, 2): tmp_path / "lift.c3d"})
+    lift = draw_lift(cohort, draw_person(cohort, "novice_0001", "novice", SEED), 23.0, 2, SEED)
+    size = (tmp_path / "lift.c3d").stat().st_size
+    one = {
+        "people": {lift.person: draw_person(cohort, "novice_0001", "novice", SEED).truth},
+        "lifts": {"a": lift},
+    }
+    markers = len(true_movement(replace(settings, **one, duration_s=12.0), "a").markers)
+    frames = 100 * np.ceil(lift.events_s.release + 2)
+    assert size == pytest.approx(frames * markers * 16, rel=0.02)

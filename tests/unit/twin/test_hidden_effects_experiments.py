@@ -1,0 +1,183 @@
+"""Experiments as wholes: strengths as wanted, independent of order, files in the agreed format."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hidden_effects_cases import settings
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.tissue.diagnosis.selection.batch import diagnose_folders, read_folder
+from lumbar.twin.hidden_effects.experiment import KINDS, make_experiment, plan_batch
+from lumbar.twin.hidden_effects.experiment_folder import write_experiments
+from lumbar.twin.hidden_effects.hidden_catalogue import OUTSIDE_FORMS, PAIRS, SINGLE
+from study_settings import changed
+
+SHORT = settings(periods=2, slices=1)
+
+
+def ramp_invariant_kelvin_boltzmann(position: np.ndarray, parameters: np.ndarray, step: float) -> np.ndarray:
+    """Kelvin–Boltzmann force for a motion in ramps: another discretisation than the generator's."""
+    elastic, relaxing, log_relaxation = parameters
+    relaxation = np.exp(log_relaxation)
+    decay = np.exp(-step / relaxation)
+    gain = relaxing * relaxation / step * (1 - decay)
+    return elastic * position + lfilter([gain], [1.0, -decay], np.diff(position, prepend=position[0]))
+
+
+def left_by_best_model(record: np.ndarray) -> float:
+    """RMS error of the best Kelvin–Boltzmann model, fitted to a band-limited position resampled to 1 kHz."""
+    position, force = record[:, 1], record[:, 2]
+    fine = np.fft.irfft(np.fft.rfft(position) * 10, 10 * len(position))
+
+    def error(parameters):
+        return (ramp_invariant_kelvin_boltzmann(fine, parameters, 0.001)[::10] - force)[50:]
+
+    found = least_squares(error, [0.5, 1.0, np.log(0.15)], x_scale=[0.1, 0.1, 0.3])
+    return float(np.sqrt(np.mean(found.fun**2)))
+
+
+@pytest.mark.parametrize("number", [0, 5, 13, 17, 26, 33])
+def test_the_residual_is_as_wanted_by_another_fit(number):
+    (plan,) = [plan for plan in plan_batch("single", 0, SHORT) if plan.number == number]
+    experiment = make_experiment(plan, changed(SHORT, residual_over_noise=[7.99, 8.01]))
+    noise = experiment.label["noise_rms_N"]
+    assert experiment.label["residual_over_noise"] == pytest.approx([8.0], rel=0.02)
+    # The noise adds its own square: √(8² + 1).
+    assert left_by_best_model(experiment.records["multisine"]) / noise == pytest.approx(np.sqrt(65), rel=0.03)
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_nothing_but_noise_is_left_of_a_null_experiment(number):
+    experiment = make_experiment(plan_batch("null", 0, settings(nulls=3))[number], settings())
+    left = left_by_best_model(experiment.records["multisine"])
+    assert left / experiment.label["noise_rms_N"] == pytest.approx(1.0, abs=0.04)
+    assert experiment.label["effects"] == []
+    assert experiment.label["severity"] == 0.0
+
+
+def test_both_effects_of_a_pair_are_as_strong_as_wanted():
+    plan = plan_batch("pair", 0, SHORT)[2]
+    label = make_experiment(plan, changed(SHORT, residual_over_noise=[5.99, 6.01])).label
+    assert label["effects"] == list(plan.forms)
+    assert label["residual_over_noise"] == pytest.approx([6.0, 6.0], rel=0.02)
+
+
+def test_an_experiment_depends_on_seed_kind_and_number_alone():
+    plan = plan_batch("single", 0, SHORT)[7]
+    first = make_experiment(plan, SHORT)
+    make_experiment(plan_batch("single", 0, SHORT)[8], SHORT)
+    again = make_experiment(
+        plan_batch("single", 0, changed(SHORT, experiments_per_form=9, nulls=0))[7], SHORT
+    )
+    assert first.label == again.label
+    for name, values in first.records.items():
+        assert np.array_equal(values, again.records[name])
+    other = make_experiment(plan, changed(SHORT, seed=1))
+    assert not np.allclose(first.records["multisine"], other.records["multisine"])
+
+
+def test_drawn_values_stay_in_the_configured_ranges():
+    plans = plan_batch("null", 0, changed(SHORT, nulls=40, nulls_per_batch=40))
+    labels = [make_experiment(plan, SHORT).label for plan in plans]
+    for key, wanted in (("ke", "elastic_N_per_mm"), ("k2", "relaxing_N_per_mm"), ("tau_s", "relaxation_s")):
+        low, high = getattr(SHORT, wanted)
+        values = [label[key] for label in labels]
+        assert low <= min(values) < max(values) <= high
+        assert max(values) - min(values) > 0.5 * (high - low)
+    assert {label["noise_colour"] for label in labels} == {"white", "autoregressive", "flicker"}
+
+
+def test_batches_hold_every_form_once_and_all_nulls_without_a_gap():
+    wanted = settings(nulls=23, nulls_per_batch=10)
+    slices = wanted.slices
+    for kind, size in (("single", len(SINGLE)), ("pair", len(PAIRS)), ("outside", len(OUTSIDE_FORMS))):
+        plans = [plan for part in range(slices, 2 * slices) for plan in plan_batch(kind, part, wanted)]
+        assert sorted(plan.number for plan in plans) == list(range(size, 2 * size))
+        whole = plan_batch(kind, 1, changed(wanted, slices=1))
+        assert sorted(plans, key=lambda plan: plan.number) == whole
+    nulls = [plan.number for part in range(3) for plan in plan_batch("null", part, wanted)]
+    assert nulls == list(range(23))
+    names = [plan.name for kind in KINDS for part in range(2) for plan in plan_batch(kind, part, wanted)]
+    assert len(set(names)) == len(names)
+
+
+def test_levels_cover_the_range_of_strengths_for_every_form():
+    levels = np.array([[plan.level for plan in plan_batch("single", part, SHORT)] for part in range(12)])
+    largest_gap = np.diff(
+        np.sort(np.vstack([np.zeros_like(levels[:1]), levels, np.ones_like(levels[:1])]), axis=0), axis=0
+    )
+    assert largest_gap.max() < 0.35
+
+
+def test_files_have_the_agreed_format_and_read_back(tmp_path):
+    plans = plan_batch("single", 0, settings(slices=1))[9:10]
+    write_experiments(tmp_path / "made", tmp_path / "labels.json", plans, settings())
+    folder = tmp_path / "made" / "single_0009"
+    assert sorted(file.name for file in folder.iterdir()) == ["chirp.csv", "multisine.csv", "noise.csv"]
+    lines = (folder / "multisine.csv").read_text().splitlines()
+    assert lines[0] == "time_s,position_mm,force_N"
+    assert len(lines) == 10001
+    assert len((folder / "chirp.csv").read_text().splitlines()) == 1001
+    assert lines[-1].startswith("99.99,")
+    label = json.loads((tmp_path / "labels.json").read_text())["single_0009"]
+    records = {record.name: record for record in read_folder(folder)}
+    # Branches are relaxed at the first position, and clock and path begin anew in every file.
+    for record in records.values():
+        begin = label["ke"] * record["input"][0]
+        assert record.time[0] == 0.0
+        assert record["output"][0] == pytest.approx(begin, abs=5 * label["noise_rms_N"])
+
+
+def test_labels_have_the_keys_of_the_recorded_sets(shared):
+    theirs = json.loads((shared / "hidden_effects" / "labels.json").read_text())["case_00"]
+    ours = make_experiment(plan_batch("single", 0, SHORT)[0], SHORT).label
+    assert theirs.keys() <= ours.keys()
+
+
+def test_blind_reading_sees_recordings_only(tmp_path):
+    plans = plan_batch("null", 0, settings(nulls=2))
+    write_experiments(tmp_path / "made", tmp_path / "labels.json", plans, settings())
+    (tmp_path / "made" / "null_0000" / "labels.json").write_text("{}")
+    seen = []
+
+    def diagnose(records):
+        seen.append([record.name for record in records])
+        if len(seen) == 2:
+            raise NumericalError("did not converge")
+        return {"verdict": "adequate"}
+
+    found = diagnose_folders(tmp_path / "made", diagnose)
+    assert seen == [["chirp", "multisine", "noise"]] * 2
+    assert found == {"null_0000": {"verdict": "adequate"}, "null_0001": {"error": "did not converge"}}
+
+
+def test_empty_folders_are_named(tmp_path):
+    with pytest.raises(InputError, match="holds no folder of an experiment"):
+        diagnose_folders(tmp_path, lambda records: {})
+    with pytest.raises(InputError, match="holds no CSV file"):
+        read_folder(tmp_path)
+
+
+def test_contradictory_settings_are_refused_before_anything_is_written(tmp_path):
+    colours = dict.fromkeys(("white", "autoregressive", "flicker"), 0)
+    wrong = settings(slices=1, relaxation_s=[0.3, 0.1], noise_colours=colours)
+    with pytest.raises(InputError, match="2 problems") as caught:
+        write_experiments(tmp_path / "made", tmp_path / "labels.json", plan_batch("single", 0, wrong), wrong)
+    assert "relaxation_s: [0.3, 0.1]" in str(caught.value)
+    assert "noise_colours: all weights are 0" in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ratio", [0.3, 400.0])
+def test_strengths_out_of_reach_are_labelled_as_they_are(ratio):
+    wanted = changed(SHORT, residual_over_noise=[ratio, ratio])
+    for number in (9, 22, 34, 36):
+        experiment = make_experiment(plan_batch("single", 0, wanted)[number], wanted)
+        found = experiment.label["residual_over_noise"][0]
+        assert np.isfinite(experiment.records["multisine"]).all()
+        assert found == pytest.approx(ratio, rel=0.05) if ratio < 1 else found < ratio

@@ -1,0 +1,328 @@
+"""Every building block of the generator against a closed form or an ODE solver."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from math import gamma
+
+import numpy as np
+import pytest
+from hidden_effects_cases import PROJECT
+from scipy.integrate import solve_ivp
+
+from lumbar.base.errors import InputError
+from lumbar.twin.hidden_effects import hidden_channel as channel
+from lumbar.twin.hidden_effects import hidden_damping as damping
+from lumbar.twin.hidden_effects import hidden_friction as friction
+from lumbar.twin.hidden_effects import hidden_stiffness as stiffness
+from lumbar.twin.hidden_effects import outside
+from lumbar.twin.hidden_effects.force_simulation import HiddenEffect, simulate
+from lumbar.twin.hidden_effects.hidden_catalogue import (
+    MECHANISMS,
+    OUTSIDE_FORMS,
+    PAIRS,
+    SINGLE,
+    form_named,
+)
+from lumbar.twin.hidden_effects.hidden_form import Scales
+from lumbar.twin.hidden_effects.hidden_tissue import Tissue, kelvin_boltzmann_residual, maxwell_force
+from lumbar.twin.hidden_effects.load_cell_noise import COLOURS, draw_noise
+from lumbar.twin.hidden_effects.rate_independent import bouc_wen, dahl, play, rounded_play, stop
+from lumbar.twin.hidden_effects.tool_motion import (
+    ToolMotion,
+    chirp_motion,
+    draw_motions,
+    line_spectrum_motion,
+)
+
+TISSUE = Tissue(0.5, 1.0, 0.15)
+
+
+def smooth_motion(duration: float = 4.0, step: float = 0.0005) -> ToolMotion:
+    """Two sines whose reversals are of many sizes."""
+    time = step * np.arange(round(duration / step) + 1)
+    waves = ((3.0, 2 * np.pi * 0.7, 0.3), (1.5, 2 * np.pi * 2.3, 1.1))
+    position = sum(a * np.sin(w * time + p) for a, w, p in waves)
+    velocity = sum(a * w * np.cos(w * time + p) for a, w, p in waves)
+    acceleration = sum(-a * w**2 * np.sin(w * time + p) for a, w, p in waves)
+    return ToolMotion("multisine", step, position, velocity, acceleration)
+
+
+def integrate(motion: ToolMotion, slope, start: float = 0.0) -> np.ndarray:
+    """Solution of ds/dt = slope(s, z, v), by an adaptive solver kept from stepping over reversals."""
+    time = motion.time
+    found = solve_ivp(
+        lambda t, s: slope(s, np.interp(t, time, motion.position), np.interp(t, time, motion.velocity)),
+        (0.0, time[-1]),
+        [start],
+        t_eval=time,
+        max_step=0.002,
+        rtol=1e-7,
+        atol=1e-9,
+    )
+    return found.y[0]
+
+
+def test_imports_nothing_that_later_looks_for_the_effect():
+    folder = PROJECT / "workflow" / "lumbar" / "twin" / "hidden_effects"
+    own = ("lumbar.twin.hidden_effects", "lumbar.settings", "lumbar.base.files", "lumbar.base.errors")
+    for file in folder.glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                root = name.split(".")[0]
+                allowed = (
+                    root in ("numpy", "scipy") or root in sys.stdlib_module_names or name.startswith(own)
+                )
+                assert allowed, f"{file.name} imports {name}"
+
+
+def test_catalogue_covers_the_fifteen_mechanisms_with_distinct_forms():
+    assert len(MECHANISMS) == 15
+    labels = [form.label for form in (*SINGLE, *OUTSIDE_FORMS)]
+    assert len(set(labels)) == len(labels)
+    assert {mechanism for pair in PAIRS for mechanism in pair} <= set(MECHANISMS)
+    with pytest.raises(InputError, match="there are: hardening_stiffness:cubic"):
+        form_named("hardening_stiffness:quartic")
+
+
+@pytest.mark.parametrize("kind", ["multisine", "chirp", "noise"])
+def test_velocity_and_acceleration_are_the_derivatives_of_position(kind):
+    motion = draw_motions(np.random.default_rng(1), 5.0, -0.5, schroeder=False, periods=2)[kind]
+    for values, derivative in (
+        (motion.position, motion.velocity),
+        (motion.velocity, motion.acceleration),
+    ):
+        central = (values[2:] - values[:-2]) / (2 * motion.step)
+        assert np.allclose(central, derivative[1:-1], atol=1e-3 * np.abs(derivative).max())
+    assert np.abs(motion.sampled(motion.position)).max() == pytest.approx(5.0, rel=2e-3)
+
+
+def test_multisine_has_its_fifty_lines_repeats_and_schroeder_keeps_the_crest_low():
+    motions = draw_motions(np.random.default_rng(1), 5.0, 0.0, schroeder=True, periods=3)
+    position = motions["multisine"].sampled(motions["multisine"].position)
+    assert len(position) == 3000
+    assert np.allclose(position[:1000], position[1000:2000])
+    spectrum = np.abs(np.fft.rfft(position[:1000]))
+    assert np.allclose(spectrum[1:51], spectrum[1])
+    assert spectrum[51:].max() < 1e-9 * spectrum[1]
+    # 1.72 for 50 flat lines is the published crest factor of Schroeder's phases.
+    assert np.abs(position).max() / position.std() == pytest.approx(1.72, abs=0.02)
+    noise = motions["noise"].sampled(motions["noise"].position)
+    assert not np.isclose(noise[0], noise[-1], atol=1e-3)
+
+
+def test_chirp_sweeps_from_0_1_to_5_hz():
+    motion = chirp_motion("chirp", 10.0, 1.0)
+    # ∫f dt = 10 (0.1 + 5)/2 = 25.5 turns, so 51 half turns less the one at the very end.
+    assert np.count_nonzero(np.diff(np.sign(motion.position[1:]))) == 50
+
+
+def test_line_spectrum_is_a_sum_of_cosines():
+    amplitudes, phases = np.array([1.0, 0.5, 0.0, 0.2]), np.array([0.3, -1.0, 0.0, 2.0])
+    motion = line_spectrum_motion("noise", amplitudes, phases, 0.5, 3.0, 2.0)
+    frequencies = 2 * np.pi * 0.5 * np.arange(1, 5)
+    expected = np.cos(np.outer(motion.time, frequencies) + phases) @ amplitudes
+    expected *= 2.0 / np.abs(expected[:: motion.stride]).max()
+    assert np.allclose(motion.position, expected)
+
+
+def test_maxwell_branch_answers_a_ramp_as_the_textbook_says():
+    step, stiffness, relaxation, speed = 0.0005, 1.3, 0.12, 7.0
+    time = step * np.arange(2001)
+    force = maxwell_force(speed * time, step, stiffness, relaxation)
+    assert np.allclose(
+        force, stiffness * speed * relaxation * -np.expm1(-time / relaxation), rtol=3e-3, atol=1e-3
+    )
+
+
+def test_maxwell_branch_has_the_complex_stiffness_of_spring_and_dashpot():
+    step, frequency = 0.0005, 5.0
+    time = step * np.arange(40000)
+    force = maxwell_force(np.sin(2 * np.pi * frequency * time), step, 2.0, 0.05)[20000:]
+    found = 2 * np.mean(force * np.exp(-2j * np.pi * frequency * time[20000:])) * 1j
+    s = 2j * np.pi * frequency * 0.05
+    assert found == pytest.approx(2.0 * s / (1 + s), rel=1e-3)
+
+
+def test_kelvin_boltzmann_residual_vanishes_for_such_a_tissue_and_is_orthogonal_otherwise():
+    motion = draw_motions(np.random.default_rng(3), 5.0, 0.0, schroeder=True, periods=2)["multisine"]
+    force = motion.sampled(TISSUE.force(motion))
+    clean = kelvin_boltzmann_residual(motion, force)
+    assert np.sqrt(np.mean(clean**2)) < 3e-4 * force.std()
+    extra = np.sin(7.31 * motion.sampled(motion.time))
+    left = kelvin_boltzmann_residual(motion, force + extra)
+    assert left @ motion.sampled(motion.position)[50:] == pytest.approx(0.0, abs=1e-6)
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(np.sqrt(0.5), rel=0.02)
+
+
+def brute_force_play(position, half_gap):
+    follower, result = position[0], []
+    for value in position:
+        follower = min(max(follower, value - half_gap), value + half_gap)
+        result.append(follower)
+    return np.array(result)
+
+
+@pytest.mark.parametrize("half_gap", [0.2, 1.0, 20.0])
+def test_play_and_stop_equal_their_sample_by_sample_definition(half_gap):
+    position = np.cumsum(np.random.default_rng(5).standard_normal(3000)) * 0.1
+    expected = brute_force_play(position, half_gap)
+    assert np.allclose(play(position, half_gap), expected)
+    assert np.allclose(stop(position, half_gap), position - expected)
+
+
+def test_rate_independent_operators_stand_still_with_the_motion():
+    still = np.array([1.0, 1.0, 1.0])
+    assert np.array_equal(stop(still, 0.5), np.zeros(3))
+    paused = np.array([0.0, 1.0, 1.0, 1.0, 0.5, 0.5])
+    assert np.allclose(play(paused, 0.25), brute_force_play(paused, 0.25))
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.6])
+def test_dahl_solves_its_differential_equation(exponent):
+    motion = smooth_motion()
+
+    def slope(s, z, v):
+        return v * np.maximum(1 - np.sign(v) * s, 0.0) ** exponent / 0.8
+
+    assert np.allclose(dahl(motion.position, 0.8, exponent), integrate(motion, slope), atol=3e-3)
+
+
+@pytest.mark.parametrize(("sharpness", "loading"), [(1.0, 0.5), (1.5, 0.8), (3.0, 0.4)])
+def test_bouc_wen_solves_its_differential_equation(sharpness, loading):
+    motion = smooth_motion()
+
+    def slope(s, z, v):
+        return v * (1 - np.abs(s) ** sharpness * (loading * np.sign(v * s) + 1 - loading)) / 0.8
+
+    found = bouc_wen(motion.position, 0.8, sharpness, loading)
+    assert np.allclose(found, integrate(motion, slope), atol=3e-3)
+
+
+def test_bouc_wen_with_n_1_and_equal_halves_is_dahl_while_loading():
+    ramp = np.linspace(0.0, 5.0, 2001)
+    assert np.allclose(bouc_wen(ramp, 0.8, 1.0, 0.5), dahl(ramp, 0.8, 1.0), atol=1e-4)
+
+
+def test_rounded_play_solves_its_differential_equation_and_tends_to_play():
+    motion = smooth_motion()
+
+    def slope(follower, z, v):
+        return v / (1 + np.exp(-(np.sign(v) * (z - follower) - 0.6) / 0.05))
+
+    expected = integrate(motion, slope, start=motion.position[0])
+    assert np.allclose(rounded_play(motion.position, 0.6, 0.05), expected, atol=3e-3)
+    sharp = play(motion.position, 0.6)
+    assert np.abs(rounded_play(motion.position, 0.6, 1e-4) - sharp).max() < 2e-3
+
+
+def test_relaxation_with_depth_solves_its_differential_equation():
+    motion = smooth_motion()
+
+    def slope(f, z, v):
+        return TISSUE.relaxing * v - f * np.exp(1.2 * np.tanh(z / 2.0)) / TISSUE.relaxation_s
+
+    expected = integrate(motion, slope) - maxwell_force(motion.position, motion.step, 1.0, 0.15)
+    assert np.allclose(outside.relaxation_with_depth(motion, TISSUE, 1.2, 2.0), expected, atol=3e-3)
+
+
+def test_power_law_branch_solves_its_differential_equation_and_is_linear_for_exponent_1():
+    motion = smooth_motion()
+    reference = 0.7 * np.abs(motion.position).max() / 4
+
+    def slope(f, z, v):
+        return 0.7 * v - f * (np.abs(f) / reference) ** 1.4 / TISSUE.relaxation_s
+
+    scale = np.abs(integrate(motion, slope)).max()
+    found = outside.power_law_branch(motion, TISSUE, 0.7, 2.4)
+    assert np.abs(found - integrate(motion, slope)).max() < 0.02 * scale
+    linear = outside.power_law_branch(motion, TISSUE, 0.7, 1.0)
+    assert np.allclose(linear, maxwell_force(motion.position, motion.step, 0.7, 0.15), atol=0.02 * scale)
+
+
+def test_spring_pot_gives_the_fractional_derivative_of_a_ramp():
+    step = 0.0005
+    time = step * np.arange(4001)
+    ramp = ToolMotion("chirp", step, time, np.ones_like(time), np.zeros_like(time))
+    found = outside.spring_pot(ramp, TISSUE, 2.0, 0.4)
+    assert np.allclose(found[200:], 2.0 * time[200:] ** 0.6 / gamma(1.6), rtol=2e-3)
+
+
+def test_all_pass_delays_a_sine_by_its_phase_and_keeps_its_size():
+    motion = smooth_motion(duration=20.0)
+    omega = 2 * np.pi * 3.0
+    found = channel.all_pass(motion, np.sin(omega * motion.time), 0.012)
+    expected = np.sin(omega * motion.time - 2 * np.arctan(omega * 0.012 / 2))
+    assert np.allclose(found[2000:], expected[2000:], atol=1e-3)
+
+
+def test_transport_delay_is_exact_between_samples():
+    motion = smooth_motion()
+    found = channel.transport(motion, np.sin(20 * motion.time), 0.01234)
+    assert np.allclose(found[100:], np.sin(20 * (motion.time[100:] - 0.01234)), atol=1e-7)
+    assert np.allclose(found[:20], 0.0)
+
+
+def test_limits_hold_and_vanish_when_they_are_wide():
+    motion = smooth_motion()
+    force = TISSUE.force(motion)
+    assert channel.clipped(motion, force, 1.0).max() == 1.0
+    assert channel.rounded_clip(motion, force, 1.0, 6.0).max() <= 1.0
+    assert np.allclose(channel.tanh_clip(motion, force, 1e4), force)
+    assert stiffness.contact_lost(motion, force, 0.5).min() == -0.5
+    assert np.allclose(
+        stiffness.contact_lost_gradually(motion, force, 0.5, 1e-4), np.maximum(force, -0.5), atol=1e-4
+    )
+
+
+def test_forms_of_a_mechanism_agree_where_they_must():
+    motion = smooth_motion()
+    assert np.allclose(
+        friction.stribeck(motion, TISSUE, 1.0, 0.5, 1.0, 3.0), friction.coulomb_tanh(motion, TISSUE, 1.0, 0.5)
+    )
+    assert np.allclose(damping.power(motion, TISSUE, 1.0, 2.0), damping.quadratic(motion, TISSUE, 1.0))
+    assert np.allclose(
+        stiffness.rounded_one_sided(motion, TISSUE, 1.0, 1e-9), stiffness.one_sided(motion, TISSUE, 1.0)
+    )
+    # e^d − 1 − d = d²/2 + d³/6 + …
+    assert np.allclose(
+        stiffness.exponential(motion, TISSUE, 1.0, 1e3),
+        np.sign(motion.position) * (motion.position / 1e3) ** 2 / 2,
+        rtol=2e-3,
+    )
+
+
+@pytest.mark.parametrize("form", [*SINGLE, *OUTSIDE_FORMS], ids=lambda form: form.label)
+def test_every_form_is_weak_at_its_weakest_and_deterministic(form):
+    motion = draw_motions(np.random.default_rng(2), 5.0, 0.0, schroeder=True, periods=2)["multisine"]
+    scales = Scales.of(motion, TISSUE)
+    shape = form.draw(np.random.default_rng(7), scales)
+    assert shape == form.draw(np.random.default_rng(7), scales)
+    weak = simulate(motion, TISSUE, [HiddenEffect(form, form.strength(scales, shape, 0.0), shape)])
+    strong = [
+        simulate(motion, TISSUE, [HiddenEffect(form, form.strength(scales, shape, 1.0), shape)]) for _ in "ab"
+    ]
+    base = TISSUE.force(motion)
+    assert np.array_equal(*strong)
+    assert np.std(weak - base) < 0.01 * base.std() < np.std(strong[0] - base)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("colour", COLOURS)
+def test_noise_has_its_rms_and_its_spectrum(colour):
+    rng = np.random.default_rng(11)
+    draws = np.array([draw_noise(rng, 1000, 0.3, colour, 0.6, 100) for _ in range(400)])
+    assert np.sqrt(np.mean(draws**2)) == pytest.approx(0.3, rel=0.02)
+    assert np.mean(draws[:, 0] ** 2) == pytest.approx(np.mean(draws[:, 500] ** 2), rel=0.3)
+    power = np.mean(np.abs(np.fft.rfft(draws)) ** 2, axis=0)
+    slope = np.polyfit(np.log(np.arange(2, 200)), np.log(power[2:200]), 1)[0]
+    if colour == "flicker":
+        assert slope == pytest.approx(-1.0, abs=0.05)
+    elif colour == "white":
+        assert slope == pytest.approx(0.0, abs=0.05)
+    else:
+        neighbours = np.mean(draws[:, 1:] * draws[:, :-1]) / np.mean(draws**2)
+        assert neighbours == pytest.approx(0.6, abs=0.02)

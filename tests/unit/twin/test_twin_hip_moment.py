@@ -1,0 +1,161 @@
+"""The synthetic hip moments: the pendulum of head, arms and trunk, and what is hidden in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import lumbar
+from lumbar.base.errors import InputError
+from lumbar.twin.hip_moment_recordings import write_trials
+from lumbar.twin.lifting_recordings import write_lift
+from study_settings import changed, study_settings
+
+LIFTS = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")
+
+
+@pytest.fixture(scope="module")
+def twin(project):
+    return study_settings().twin.lifting
+
+
+def regressed(record, more):
+    """Least squares on finite differences: inertia, damping, gravity and what more is given."""
+    angle, step = record["angle_rad"].to_numpy(), record["time_s"].iloc[1]
+    rate = np.gradient(angle, step)
+    acceleration = np.gradient(rate, step)
+    columns = np.stack([acceleration, rate, np.sin(angle), *more(acceleration, angle)], axis=1)[5:-5]
+    return np.linalg.lstsq(columns, record["moment_Nm"].to_numpy()[5:-5], rcond=None)[0]
+
+
+def trunk_of(person):
+    """Inertia about the hip and gravity's moment of head, arms and trunk: Winter (2009), Table 4.1."""
+    mass, segment = 0.678 * person.mass_kg, 0.288 * person.height_m
+    return mass * segment**2 * (0.626**2 + 0.496**2), 9.81 * mass * 0.626 * segment
+
+
+@pytest.mark.parametrize("lift", LIFTS)
+def test_a_lift_has_the_trunk_and_the_box_while_it_is_held(twin, lift, tmp_path):
+    settings = replace(twin, rate_Hz=500.0)
+    write_lift(settings, lift, [4], tmp_path / "lift.c3d", tmp_path / "moment.csv")
+    record = pd.read_csv(tmp_path / "moment.csv")
+    assert list(record.columns) == ["time_s", "angle_rad", "moment_Nm", "box_held"]
+    held = record["box_held"].to_numpy()
+    events = settings.lifts[lift].events_s
+    inside = (record["time_s"] > events.lift_off + 0.11) & (record["time_s"] < events.release)
+    assert (held[inside] == 1).all()
+    assert (held[record["time_s"] < events.lift_off] == 0).all()
+    found = regressed(record, lambda acceleration, angle: [held * acceleration, held * np.sin(angle)])
+    inertia, gravity = trunk_of(settings.people[settings.lifts[lift].person])
+    box, distance = (
+        settings.lifts[lift].box_mass_kg,
+        settings.hip_moment.hidden.hand_distance_m,
+    )
+    assert found[0] == pytest.approx(inertia, rel=0.05)
+    assert found[1] == pytest.approx(settings.hip_moment.damping_N_m_s, rel=0.1)
+    assert found[2] == pytest.approx(-gravity, rel=0.02)
+    assert found[3] == pytest.approx(box * distance**2, rel=0.3)
+    assert found[4] == pytest.approx(-9.81 * box * distance, rel=0.03)
+
+
+def test_trials_repeat_the_lift_at_their_pace(twin, tmp_path):
+    names = list(twin.hip_moment.trials)
+    paths = [tmp_path / f"{name}.csv" for name in names]
+    write_trials(twin, names, paths, [1])
+    for name, path in zip(names, paths, strict=True):
+        record, trial = pd.read_csv(path), twin.hip_moment.trials[name]
+        cycle = twin.duration_s / trial.pace
+        assert len(record) == round(cycle * trial.repetitions * twin.rate_Hz)
+        assert record["box_held"].max() == float(trial.with_box)
+        peaks = record["angle_rad"].groupby((record["time_s"] // cycle).astype(int)).max()
+        assert (peaks.std() > 1e-9) == (trial.variation > 0)
+    write_trials(twin, names[1:2], [tmp_path / "again.csv"], [1])
+    assert (tmp_path / "again.csv").read_bytes() == paths[1].read_bytes()
+    write_trials(twin, names[1:2], [tmp_path / "other.csv"], [2])
+    assert (tmp_path / "other.csv").read_bytes() != paths[1].read_bytes()
+
+
+def test_other_effects_can_be_hidden(twin, tmp_path):
+    hidden = {"hand_distance_m": 0.0, "stiffening_N_m": 5.0, "stiffening_angle_rad": 0.4}
+    settings = changed(twin, hip_moment={"hidden": hidden, "noise_N_m": 0.0})
+    write_trials(settings, ["slow"], [tmp_path / "slow.csv"], [1])
+    record = pd.read_csv(tmp_path / "slow.csv")
+    found = regressed(record, lambda acceleration, angle: [np.expm1(angle / 0.4)])
+    inertia, gravity = trunk_of(settings.people["expert"])
+    assert found == pytest.approx([inertia, 8.0, -gravity, 5.0], rel=0.02)
+
+
+def test_a_trial_the_twin_does_not_know_is_refused(twin, tmp_path):
+    with pytest.raises(InputError, match=r"no trial 'jump'; the twin has paced, fast"):
+        write_trials(twin, ["jump"], [tmp_path / "jump.csv"], [1])
+
+
+def test_the_default_study_weighs_the_box(twin, tmp_path):
+    """Diagnosed as a study would: the twin's truth is read by the assertions only."""
+    from pendulum_records import records_of
+
+    from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+    from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+
+    trials = {}
+    for name in twin.hip_moment.trials:
+        write_trials(twin, [name], [tmp_path / f"{name}.csv"], [45, 3])
+        table = pd.read_csv(tmp_path / f"{name}.csv")
+        trials[name] = {key: table[key].to_numpy() for key in table}
+    diagnosis = diagnose(records_of(trials), DiagnosisSettings(base="pendulum"))
+    assert (diagnosis.verdict, diagnosis.selected) == ("named", ("hand_load",))
+    assert diagnosis.complete
+    assert diagnosis.experiment.training.name == "paced"
+    assert diagnosis.experiment.floor.rms == pytest.approx(twin.hip_moment.noise_N_m, rel=0.1)
+    found = {item.name: item for item in diagnosis.ranking[0].estimates}
+    inertia, gravity = trunk_of(twin.people["expert"])
+    truth = {
+        "inertia": inertia,
+        "damping": twin.hip_moment.damping_N_m_s,
+        "gravity_moment": -gravity,
+        "box_mass": 23.0,
+        "hand_distance": twin.hip_moment.hidden.hand_distance_m,
+    }
+    for name, value in truth.items():
+        spread = (found[name].high - found[name].low) / 2
+        assert abs(found[name].value - value) < 2 * spread, name
+        assert spread < 0.1 * abs(value), name
+
+
+def test_a_study_elsewhere_weighs_the_box_by_its_own_gravity(twin, tmp_path):
+    """On Mars: the effects, the file of the model and what is read from it have the study's gravity."""
+    from pendulum_records import records_of
+
+    names, mars = ["paced", "fast"], 3.71
+    trials = {}
+    for name in names:
+        write_trials(twin, [name], [tmp_path / f"{name}.csv"], [45, 3], mars)
+        table = pd.read_csv(tmp_path / f"{name}.csv")
+        trials[name] = {key: table[key].to_numpy() for key in table}
+    records = records_of(trials)
+    refined = lumbar.refine(records, ["hand_load"], base="pendulum", train="paced", gravity_m_s2=mars)
+    box = refined.model["hand_load.box_mass"]
+    assert box.low < 23.0 < box.high
+    assert box.high - box.low < 23.0 / 2
+    _, gravity = trunk_of(twin.people["expert"])
+    assert refined.model["gravity_moment"].value == pytest.approx(-gravity * mars / 9.81, rel=0.02)
+    refined.save(tmp_path)
+    read = lumbar.load_models(tmp_path / "refined.json")[-1]
+    assert read == refined.model
+    np.testing.assert_array_equal(read.simulate(records[1]), refined.model.simulate(records[1]))
+    here = lumbar.refine(records, ["hand_load"], base="pendulum", train="paced").model["hand_load.box_mass"]
+    assert here.high < 23.0
+
+
+def test_a_person_at_rest_is_recorded_at_rest_with_an_instruments_digits(twin, tmp_path):
+    """What rounding leaves of the spline (1e-40 rad, other on every processor) is no motion."""
+    write_lift(twin, "expert_23kg", [4], tmp_path / "lift.c3d", tmp_path / "moment.csv")
+    record = pd.read_csv(tmp_path / "moment.csv")
+    for name, decimals in (("angle_rad", 9), ("moment_Nm", 3)):
+        np.testing.assert_array_equal(record[name], np.round(record[name], decimals))
+    angle = record["angle_rad"].to_numpy()
+    start = int(np.argmax(np.abs(angle) > 1e-6))
+    assert start > 10 and (angle[: start - 5] == 0).all() and not np.signbit(angle[: start - 5]).any()

@@ -1,0 +1,157 @@
+"""The synthetic lifts: people as declared, bodies that hold together, files as laboratories write them."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from marker_gaps import missing_share
+
+from lumbar.base.errors import InputError
+from lumbar.twin.lifter import ARM_LENGTH
+from lumbar.twin.lifting_recordings import true_movement, write_lift
+from study_settings import changed, study_settings, subject_settings
+
+LIFTS = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")
+
+
+@pytest.fixture(scope="module")
+def twin(project):
+    return study_settings().twin.lifting
+
+
+@pytest.fixture(scope="module")
+def layout(project):
+    return study_settings().lifting.markers
+
+
+@pytest.fixture(scope="module")
+def movements(twin):
+    return {lift: true_movement(twin, lift) for lift in LIFTS}
+
+
+def test_the_study_declares_the_people_and_lifts_of_the_twin(project, twin):
+    declared = {}
+    for name, person in twin.people.items():
+        subject = subject_settings(name)
+        assert (subject.mass_kg, subject.height_m) == (person.mass_kg, person.height_m)
+        declared |= {f"{name}_{trial.box_mass_kg:g}kg": trial.box_mass_kg for trial in subject.trials}
+    assert declared == {name: lift.box_mass_kg for name, lift in twin.lifts.items()}
+
+
+@pytest.mark.parametrize(
+    "module", ["lifting_recordings", "lifter", "hip_moment", "hip_moment_recordings", "swinging_body"]
+)
+def test_the_twin_does_not_use_the_code_that_analyses_it(project, module):
+    tree = ast.parse((project / "workflow" / "lumbar" / "twin" / f"{module}.py").read_text(encoding="utf-8"))
+    imported = {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert not any(
+        name.startswith(("lumbar.lifting.movement", "lumbar.tissue.effects", "lumbar.lifting.stability"))
+        for name in imported
+    )
+
+
+@pytest.mark.parametrize("lift", LIFTS)
+def test_the_body_holds_together(twin, movements, lift):
+    markers, time = movements[lift].markers, movements[lift].time
+    for start, stop in (
+        ("L_SHOULDER", "R_SHOULDER"),
+        ("L_HIP", "R_HIP"),
+        ("C7", "MANUBRIUM"),
+        ("L_HEEL", "L_TOE"),
+    ):
+        length = np.linalg.norm(markers[start] - markers[stop], axis=1)
+        assert np.ptp(length) < 1e-9
+    height = twin.people[twin.lifts[lift].person].height_m
+    events = twin.lifts[lift].events_s
+    held = (time >= events.lift_off) & (time <= events.release)
+    for side in "LR":
+        arm = np.linalg.norm(markers[f"{side}_SHOULDER"] - markers[f"{side}_WRIST"], axis=1) / (
+            ARM_LENGTH * height
+        )
+        # Shoulders give way by a few centimetres when the hands reach out.
+        assert arm.max() < 1.10
+        assert arm[held].max() < 1.02
+        grip = markers[f"{side}_WRIST"] - markers["BOX_1"]
+        assert np.ptp(grip[held], axis=0).max() < 1e-9
+    assert min(points[:, 2].min() for points in markers.values()) > 0
+    assert np.ptp(markers["BOX_1"][time < events.lift_off], axis=0).max() == 0
+    assert np.ptp(markers["BOX_1"][time > events.release], axis=0).max() == 0
+
+
+def test_expert_and_novice_differ_as_described(movements, twin):
+    """Novices bend the trunk further (Plamondon et al. 2010) and move less evenly."""
+
+    def deposit(lift):
+        events, movement = twin.lifts[lift].events_s, movements[lift]
+        return movement, (movement.time >= events.deposit_start) & (movement.time <= events.release)
+
+    for mass in (23, 15):
+        expert, novice = movements[f"expert_{mass}kg"], movements[f"novice_{mass}kg"]
+        assert novice.hip_angle.max() > expert.hip_angle.max() + np.deg2rad(5)
+
+        def jerk(lift):
+            movement, during = deposit(lift)
+            return np.sqrt(np.mean(np.diff(movement.hip_angle[during], 3) ** 2))
+
+        assert jerk(f"novice_{mass}kg") > 1.5 * jerk(f"expert_{mass}kg")
+
+
+@pytest.mark.parametrize("lift", ["expert_23kg", "novice_15kg"])
+def test_the_file_holds_the_movement_with_noise_and_short_gaps(twin, layout, movements, lift, tmp_path):
+    from lumbar.lifting.movement.gaps import fill_gaps
+    from lumbar.records.markers import read_markers
+
+    write_lift(twin, lift, [1], tmp_path / "lift.c3d", tmp_path / "moment.csv")
+    recording = read_markers(tmp_path / "lift.c3d", layout)
+    assert recording.rate == 100
+    assert recording.time == pytest.approx(movements[lift].time)
+    errors = np.concatenate([recording[name] - true for name, true in movements[lift].markers.items()])
+    assert np.nanstd(errors) == pytest.approx(5e-4, rel=0.02)
+    filled, gaps = fill_gaps(recording, 0.2)
+    assert len(gaps) == twin.gaps.count
+    assert max(gap.length_s for gap in gaps) <= twin.gaps.longest_s + 1e-9
+    assert missing_share(filled) == 0
+    assert not recording.derived
+    # Joints that the lifter does not mark: they serve the comparison with force plates alone.
+    assert set(recording.absent) == {f"{side}_{joint}" for side in "LR" for joint in ("ELBOW", "KNEE")}
+
+
+def test_the_same_seed_writes_the_same_bytes_and_another_seed_others(twin, tmp_path):
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        write_lift(twin, "expert_15kg", [seed], tmp_path / f"{name}.c3d", tmp_path / f"{name}.csv")
+    for ending in ("c3d", "csv"):
+        first, again, other = ((tmp_path / f"{name}.{ending}").read_bytes() for name in "abc")
+        assert first == again
+        assert first != other
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("person", "robot", "people: expert, novice"),
+        ("events_s", {"lift_off": 2.3, "toe_off": 2.2, "deposit_start": 5.8, "release": 7.1}, "must follow"),
+        (
+            "events_s",
+            {"lift_off": 2.3, "toe_off": 3.9, "deposit_start": 5.8, "release": 9.4},
+            "before duration_s",
+        ),
+    ],
+)
+def test_a_movement_that_cannot_be_is_refused(twin, key, value, words):
+    settings = changed(twin, lifts={"expert_23kg": {key: value}})
+    with pytest.raises(InputError, match=words):
+        true_movement(settings, "expert_23kg")
+
+
+def test_a_recording_too_long_for_a_c3d_file_is_refused(twin):
+    settings = replace(twin, duration_s=95.0, rate_Hz=1000.0)
+    with pytest.raises(InputError, match="95000 frames"):
+        true_movement(settings, "expert_23kg")
+
+
+def test_a_lift_the_twin_does_not_know_is_refused(twin):
+    with pytest.raises(InputError, match=r"no lift 'third_23kg'; the twin has expert_23kg"):
+        true_movement(twin, "third_23kg")

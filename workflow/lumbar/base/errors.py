@@ -1,0 +1,119 @@
+"""Errors that say where, what was found, what is allowed and what to do."""
+
+from __future__ import annotations
+
+import errno
+import shutil
+import traceback
+from pathlib import Path
+
+
+class LumbarError(Exception):
+    """An error whose message is written for the user: it is shown without a traceback."""
+
+
+class InputError(LumbarError):
+    """Configuration or data that cannot be used as they are."""
+
+
+class NumericalError(LumbarError):
+    """A computation that did not reach a result that may be published."""
+
+
+def explained(error: BaseException) -> str | None:
+    """Return what went wrong in words for the user; None for a programming error, whose traceback is needed.
+
+    Parameters
+    ----------
+    error : BaseException
+        A `LumbarError`; an `OSError`, told with its path and, where no space is left, with the space that is free; or
+        arithmetic that left the range of numbers, told with the place in the library.
+
+    Examples
+    --------
+    >>> explained(InputError("trial.csv: no such file"))
+    'trial.csv: no such file'
+    >>> explained(KeyError("input")) is None
+    True
+    """
+    if isinstance(error, LumbarError):
+        return str(error)
+    if isinstance(error, OSError) and error.errno is not None:
+        return _system_error(error)
+    if _is_out_of_range(error):
+        last = traceback.extract_tb(error.__traceback__)
+        place = next((item for item in reversed(last) if "lumbar" in Path(item.filename).parts), None)
+        where = f" in {Path(place.filename).name}, line {place.lineno}" if place else ""
+        return (
+            f"numbers left the range that can be computed with{where} ({error}): look for values that are far too "
+            "large or too small in the records and settings"
+        )
+    return None
+
+
+_NOT_FINITE = ("infs or NaNs", "not finite")
+"""Words with which SciPy's solvers refuse what is not finite."""
+
+
+def _is_out_of_range(error: BaseException) -> bool:
+    if isinstance(error, ArithmeticError) or type(error).__name__ == "LinAlgError":
+        return True
+    return isinstance(error, ValueError) and any(words in str(error) for words in _NOT_FINITE)
+
+
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
+
+
+def _system_error(error: OSError) -> str:
+    path = Path(str(error.filename)) if error.filename is not None else None
+    text = f"{path}: {error.strerror}" if path else f"{error.strerror} (on {Path.cwd()})"
+    if error.errno not in _NO_SPACE:
+        return text
+    folder = next(item for item in (path or Path.cwd()).absolute().parents if item.is_dir())
+    free = shutil.disk_usage(folder).free / 1e6
+    return f"{text}; {free:.1f} MB are free in {folder}: make room, then run it again"
+
+
+class Problems:
+    """Collects every problem of one input, so that a user mends them all at once.
+
+    Examples
+    --------
+    >>> problems = Problems("trial.csv")
+    >>> problems.add("line 4", "force_N is 'abc'", "a number is needed")
+    >>> problems.raise_if_any()
+    Traceback (most recent call last):
+        ...
+    lumbar.base.errors.InputError: trial.csv: 1 problem
+      - line 4: force_N is 'abc'; a number is needed
+    """
+
+    def __init__(self, subject: str):
+        self.subject = subject
+        self.entries: list[str] = []
+
+    def add(self, place: str, found: str, allowed: str = "") -> None:
+        """Note one problem.
+
+        Parameters
+        ----------
+        place : str
+            File line, column or configuration key.
+        found : str
+            What stands there.
+        allowed : str, optional
+            What may stand there, or what to do about it.
+        """
+        text = f"{place}: {found}" if place else found
+        self.entries.append(f"{text}; {allowed}" if allowed else text)
+
+    def extend(self, other: Problems) -> None:
+        """Take over the problems of another collection, naming its subject."""
+        self.entries.extend(f"{other.subject}: {entry}" for entry in other.entries)
+
+    def raise_if_any(self) -> None:
+        """Raise one `InputError` that lists all problems, if there are any."""
+        if self.entries:
+            count = len(self.entries)
+            lines = "\n".join(f"  - {entry}" for entry in self.entries)
+            raise InputError(f"{self.subject}: {count} problem{'s' if count > 1 else ''}\n{lines}")

@@ -1,0 +1,109 @@
+"""Writing files whole or not at all, and reading JSON strictly."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from lumbar.base.errors import InputError, NumericalError
+
+_TEMPORARY = re.compile(r"\.(?P<file>.+)\.[a-z0-9_]{8}")
+"""Folders of `replacing`: the file's name, and eight characters of `tempfile`."""
+
+
+@contextlib.contextmanager
+def replacing(path: str | os.PathLike) -> Iterator[Path]:
+    """Give a temporary path beside `path` that takes its place when the block ends well.
+
+    Nothing is left behind when the block raises, so a reader never sees half a file; see `half_written` for a killed process.
+
+    Raises
+    ------
+    OSError
+        Naming `path`, where the system's own error names no file (a full disk) or the temporary one.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    prefix = f".{path.name}."
+    try:
+        with tempfile.TemporaryDirectory(prefix=prefix, dir=path.parent) as folder:
+            temporary = Path(folder) / path.name
+            yield temporary
+            temporary.replace(path)
+    except OSError as error:
+        if error.filename is None or str(path.parent / prefix) in str(error.filename):
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise
+
+
+def half_written(folder: str | os.PathLike) -> list[tuple[str, Path]]:
+    """Return what `replacing` left in a folder as its process was killed: names of the files, and what lies there for them."""
+    folder = Path(folder)
+    found = [(_TEMPORARY.fullmatch(path.name), path) for path in folder.iterdir()] if folder.is_dir() else []
+    return [(name["file"], path) for name, path in found if name and path.is_dir()]
+
+
+def write_text(path: str | os.PathLike, text: str) -> None:
+    """Write UTF-8 text with Unix line ends, whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_csv(path: str | os.PathLike, frame) -> None:
+    """Write a data frame as CSV: no index, full precision, Unix line ends."""
+    with replacing(path) as temporary:
+        frame.to_csv(temporary, index=False, lineterminator="\n")
+
+
+def _plain(value, place: str):
+    """Turn numpy scalars and arrays into JSON's own types; refuse NaN and infinity."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item, f"{place}.{key}") for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item, f"{place}[{index}]") for index, item in enumerate(value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        raise NumericalError(f"{place} is {value}: a result that is not finite is never written")
+    return value
+
+
+def write_json(path: str | os.PathLike, value) -> None:
+    """Write JSON, numpy values included; `None` stands for "not known".
+
+    Raises
+    ------
+    NumericalError
+        If any number is NaN or infinite.
+    """
+    text = json.dumps(_plain(value, Path(path).name), indent=1, ensure_ascii=False, allow_nan=False)
+    write_text(path, text + "\n")
+
+
+def read_json(path: str | os.PathLike):
+    """Read a JSON file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is not valid JSON (with the line) or not UTF-8. NaN and Infinity are
+        not JSON.
+    """
+
+    def refuse(constant: str):
+        raise InputError(f"{path}: holds {constant}, which is not valid JSON")
+
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=refuse)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text ({error})") from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}, line {error.lineno}: not valid JSON ({error.msg})") from error

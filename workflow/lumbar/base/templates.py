@@ -1,0 +1,28 @@
+"""Pages from the templates (``*.html.jinja``) that lie beside the modules they belong to."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+
+@cache
+def template(name: str):
+    """Return a `jinja2.Template` that escapes what it is given and refuses names it does not know.
+
+    Parameters
+    ----------
+    name : str
+        Path below the library, e.g. ``"tissue/fmu/build/documentation.html.jinja"``.
+    """
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parents[1]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(name)

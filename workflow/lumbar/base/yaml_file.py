@@ -1,0 +1,210 @@
+"""A YAML file read with the line of every key, and with every fault of it told by file and line."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from lumbar.base.errors import InputError, Problems
+
+LARGEST_SIZE, MOST_ENTRIES, DEEPEST = 1_000_000, 100_000, 40
+"""Bytes, entries with every alias written out, and levels of nesting of a configuration file."""
+_MOST_DIGITS = 100
+"""Digits of a whole number; any more cannot be computed with."""
+_PLAIN = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+_INTEGER = "tag:yaml.org,2002:int"
+
+
+@dataclass(frozen=True)
+class YamlFile:
+    """Content of one file; empty where it could not be read.
+
+    Attributes
+    ----------
+    path : str
+        As messages name it.
+    content : dict
+    lines : dict of tuple to int
+        Line of every key and every entry of a list, by the way to it: ``("tissue", "records", 0, "file")``.
+    """
+
+    path: str
+    content: dict[str, Any] = field(default_factory=dict)
+    lines: dict[tuple, int] = field(default_factory=dict)
+
+    def line(self, way: tuple) -> int | None:
+        """Line of a key, or of the nearest one above it that stands in the file."""
+        return next(
+            (self.lines[way[:end]] for end in range(len(way), 0, -1) if way[:end] in self.lines), None
+        )
+
+    def place(self, way: tuple) -> str:
+        """Name file, line and key as messages do, e.g. ``study.yaml, line 3: tissue.records.0.file``."""
+        line = self.line(way)
+        return f"{self.path}, line {line}: {dotted(way)}" if line else f"{self.path}: {dotted(way)}"
+
+
+def dotted(way: tuple) -> str:
+    """Name the way to a key, e.g. ``tissue.records.0.file``."""
+    return ".".join(map(str, way))
+
+
+def way_of(key: str) -> tuple:
+    """Way to a key that is named as by `dotted`."""
+    return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+
+
+class _TooMuch(Exception):
+    """The file is nested too deep, or its aliases stand for too much."""
+
+
+class _YamlReader:
+    """Builds content and lines from the nodes of one file."""
+
+    def __init__(self, loader, path: str, problems: Problems, anchors: bool):
+        self.loader, self.problems, self.anchors = loader, problems, anchors
+        self.file = YamlFile(path)
+        self.seen: set[int] = set()
+        self.entries = 0
+
+    def read(self, node, way: tuple = ()) -> Any:
+        from yaml import MappingNode, ScalarNode
+        from yaml.constructor import ConstructorError
+
+        self.entries += 1
+        if self.entries > MOST_ENTRIES or len(way) > DEEPEST:
+            raise _TooMuch
+        if id(node) in self.seen and not self.anchors:
+            self._problem(way, "an alias", "anchors are not read here; write it out")
+            return None
+        self.seen.add(id(node))
+        if isinstance(node, ScalarNode):
+            try:
+                value = self.loader.construct_object(node)
+            except ConstructorError as error:
+                self._problem(way, str(error.problem))
+                return None
+            except ValueError:
+                if node.tag != _INTEGER:
+                    raise
+                value = 10**_MOST_DIGITS  # more digits than Python reads
+            if isinstance(value, int) and abs(value) >= 10**_MOST_DIGITS:
+                found = f"a number of {len(node.value)} digits"
+                self._problem(way, found, f"numbers have at most {_MOST_DIGITS} digits")
+                return None
+            return value
+        if node.tag not in _PLAIN:
+            self._problem(way, f"tag {node.tag!r}", "tags are not read here")
+            return None
+        if isinstance(node, MappingNode):
+            return self._mapping(node, way)
+        return [self._entry(item, (*way, number)) for number, item in enumerate(node.value)]
+
+    def _problem(self, way: tuple, found: str, allowed: str = "") -> None:
+        self.problems.add(self.file.place(way), found, allowed)
+
+    def _entry(self, node, way: tuple) -> Any:
+        self.file.lines[way] = node.start_mark.line + 1
+        return self.read(node, way)
+
+    def _mapping(self, node, way: tuple) -> dict:
+        first: dict[Any, int] = {}
+        for name, _ in node.value:
+            key, line = getattr(name, "value", None), name.start_mark.line + 1
+            if isinstance(key, str) and key in first:
+                words = f"key {dotted((*way, key))!r} stands twice"
+                self.problems.add(
+                    f"{self.file.path}, lines {first[key]} and {line}", words, "keep one of them"
+                )
+            elif isinstance(key, str):
+                first[key] = line
+        self.loader.flatten_mapping(node)  # merge keys
+        content = {}
+        for name, value in node.value:
+            key = str(self.read(name, way))
+            self.file.lines[(*way, key)] = name.start_mark.line + 1
+            content[key] = self.read(value, (*way, key))
+        return content
+
+
+def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: bool = True) -> YamlFile:
+    """Read a mapping from a YAML file.
+
+    Parameters
+    ----------
+    path : Path
+    problems : Problems
+        Takes what is wrong: no file, no UTF-8, no YAML, a tag, a key that stands twice, no mapping, too much nesting.
+    name : str, optional
+        How messages call the file; default its path.
+    anchors : bool
+        Whether an anchor may be used again.
+
+    Returns
+    -------
+    YamlFile
+        Empty where the file cannot be read.
+    """
+    import yaml
+
+    name = name or str(path)
+    try:
+        raw = path.read_bytes()
+        text = raw.decode("utf-8-sig")
+    except OSError as error:
+        problems.add(name, "no such file" if isinstance(error, FileNotFoundError) else str(error.strerror))
+        return YamlFile(name)
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        found = f"byte 0x{raw[error.start]:02x} is not UTF-8"
+        problems.add(f"{name}, line {line}", found, "save the file in the encoding UTF-8")
+        return YamlFile(name)
+    if len(raw) > LARGEST_SIZE:
+        problems.add(name, f"{len(raw)} bytes", f"at most {LARGEST_SIZE} are read")
+        return YamlFile(name)
+    try:
+        loader = yaml.SafeLoader(text)
+        reader = _YamlReader(loader, name, problems, anchors)
+        node = loader.get_single_node()
+        content = reader.read(node) if node is not None else {}
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        said = " ".join(filter(None, (error.context, error.problem)))
+        problems.add(f"{name}, line {mark.line + 1}" if mark else name, f"not valid YAML: {said}")
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        problems.add(f"{name}, line {line}", f"character #x{error.character:02x}", "files of text have none")
+    except (yaml.YAMLError, ValueError) as error:
+        problems.add(name, f"not valid YAML: {error}")
+    except (_TooMuch, RecursionError):
+        allowed = f"at most {DEEPEST} levels and {MOST_ENTRIES} entries, aliases written out"
+        problems.add(name, "nested too deep, or aliases of aliases", allowed)
+    else:
+        if isinstance(content, dict):
+            return replace(reader.file, content=content)
+        problems.add(name, "no mapping", "'key: value' lines are needed")
+    return YamlFile(name)
+
+
+def check_readable(root: Path, names: Iterable[str]) -> None:
+    """Refuse files that are no YAML, before Snakemake does: it names neither the file nor the line.
+
+    Raises
+    ------
+    InputError
+        With the faults of all files, if one of them cannot be read.
+    """
+    problems = Problems("configuration")
+    read = [read_yaml(root / name, problems, name) for name in names]
+    if not all(file.lines for file in read):
+        problems.raise_if_any()
+
+
+if __name__ == "__main__":
+    try:
+        check_readable(Path(), sys.argv[1:])
+    except InputError as error:
+        sys.exit(str(error))

@@ -1,0 +1,134 @@
+"""Information of all measurements about states and constants: normal equations, gathered measurement by measurement.
+
+A residual may be correlated in time as skin that stays displaced: a first-order Gauss-Markov process, whose
+innovations e(t) - φ e(t-1) are independent, so that each frame is coupled to the one before alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.lifting.body_model.block_tridiagonal import ArrowFactor, factored
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation of a residual per axis, metres, and its correlation from one instant to the next."""
+
+    sd: float
+    phi: float = 0.0
+
+    def whitening(self, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Factors of e(t), shape (n,), and of e(t - 1), shape (n - 1,), that make innovations of unit variance.
+
+        After a frame without a measurement the process starts anew with all its variance.
+        """
+        seen = weight > 0
+        chained = np.concatenate([[False], seen[1:] & seen[:-1]]) & (self.phi > 0)
+        scale = np.sqrt(weight) / (self.sd * np.where(chained, np.sqrt(1 - self.phi**2), 1.0))
+        return scale, (self.phi * scale * chained)[1:]
+
+
+def _joined(slopes: list[tuple[slice, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Columns, shape (k,), and derivatives by them, shape (n, m, k), in one."""
+    columns = np.concatenate([np.arange(where.start, where.stop) for where, _ in slopes])
+    return columns, np.concatenate([values for _, values in slopes], axis=2)
+
+
+class Information:
+    """Normal equations of states, shape (n, size), and constants."""
+
+    def __init__(self, n: int, size: int, constants: int):
+        self.same = np.zeros((n, size, size))
+        self.next = np.zeros((n - 1, size, size))
+        self.second = np.zeros((n - 2, size))
+        self.border = np.zeros((n, size, constants))
+        self.corner = np.zeros((constants, constants))
+        self.states, self.constants = np.zeros((n, size)), np.zeros(constants)
+
+    def add(
+        self,
+        residual: np.ndarray,
+        states: list[tuple[slice, np.ndarray]],
+        constants: list[tuple[slice, np.ndarray]],
+        noise: Noise,
+        weight: np.ndarray,
+    ) -> None:
+        """Add a measurement made at every instant.
+
+        Parameters
+        ----------
+        residual : ndarray, shape (n, m)
+            Measured less predicted; any number where the weight is zero.
+        states, constants : list of (slice, ndarray)
+            Derivatives of the prediction, as of `lumbar.lifting.body_model.structure.Position`.
+        noise : Noise
+        weight : ndarray, shape (n,)
+            0 where there is no measurement; between 0 and 1 where it counts less.
+        """
+        columns, slope = _joined(states)
+        scale, back = noise.whitening(weight)
+        clean = np.where(weight[:, None] > 0, residual, 0.0)
+        white = scale[:, None] * clean
+        white[1:] -= back[:, None] * clean[:-1]
+        own, earlier = scale[:, None, None] * slope, -back[:, None, None] * slope[:-1]
+        rows, across = columns[:, None], columns[None]
+        square = np.einsum("nmi,nmj->nij", own, own)
+        square[:-1] += np.einsum("nmi,nmj->nij", earlier, earlier)
+        self.same[:, rows, across] += square
+        self.next[:, rows, across] += np.einsum("nmi,nmj->nij", own[1:], earlier)
+        self.states[:, columns] += np.einsum("nmi,nm->ni", own, white)
+        self.states[:-1, columns] += np.einsum("nmi,nm->ni", earlier, white[1:])
+        if constants:
+            there, fixed = _joined(constants)
+            shared = scale[:, None, None] * fixed
+            shared[1:] -= back[:, None, None] * fixed[:-1]
+            cross = np.einsum("nmi,nmj->nij", own, shared)
+            cross[:-1] += np.einsum("nmi,nmj->nij", earlier, shared[1:])
+            self.border[:, rows, there[None]] += cross
+            self.corner[np.ix_(there, there)] += np.einsum("nmi,nmj->ij", shared, shared)
+            self.constants[there] += np.einsum("nmi,nm->i", shared, white)
+
+    def add_smoothness(self, columns: slice, bend: np.ndarray, precision: float) -> None:
+        """Add that second differences are small: integrated white acceleration.
+
+        Parameters
+        ----------
+        columns : slice
+            Of the state.
+        bend : ndarray, shape (n - 2, k)
+            Present second differences.
+        precision : float
+            One over the variance of a second difference.
+        """
+        coefficient = (1.0, -2.0, 1.0)
+        where = np.arange(columns.start, columns.stop)
+        n = len(self.states)
+        for first in range(3):
+            self.states[first : n - 2 + first, columns] -= precision * coefficient[first] * bend
+            self.same[first : n - 2 + first, where, where] += precision * coefficient[first] ** 2
+        self.next[:-1, where, where] += precision * coefficient[0] * coefficient[1]
+        self.next[1:, where, where] += precision * coefficient[1] * coefficient[2]
+        self.second[:, columns] += precision
+
+    def add_prior(self, columns: np.ndarray, root: np.ndarray, residual: np.ndarray) -> None:
+        """Add what is known of constants: `root` @ (true - present) = `residual`, with unit variance."""
+        self.corner[np.ix_(columns, columns)] += root.T @ root
+        self.constants[columns] += root.T @ residual
+
+    def factor(self) -> ArrowFactor:
+        """Factor it, two instants to a block."""
+        n, size, _ = self.same.shape
+        half, block = n // 2, 2 * size
+        diagonal = np.zeros((half, block, block))
+        below = np.zeros((half - 1, block, block))
+        axis = np.arange(size)
+        diagonal[:, :size, :size], diagonal[:, size:, size:] = self.same[0::2], self.same[1::2]
+        diagonal[:, size:, :size] = self.next[0::2]
+        diagonal[:, :size, size:] = np.swapaxes(self.next[0::2], 1, 2)
+        below[:, :size, size:] = self.next[1::2]
+        below[:, axis, axis] = self.second[0::2]
+        below[:, size + axis, size + axis] = self.second[1::2]
+        return factored(diagonal, below, self.border.reshape(n * size, -1), self.corner)

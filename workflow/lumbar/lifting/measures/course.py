@@ -1,0 +1,360 @@
+"""The course of all measures over a lift, instant by instant, from the body's trajectories."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.lifting.measures.base_of_support import (
+    FOOT_BREADTH,
+    FOOT_LENGTH,
+    BaseOfSupport,
+    footprint,
+    grounded,
+    joined,
+)
+from lumbar.lifting.measures.capturability import (
+    capture_margin,
+    middle_of_standing,
+    pressure_limits,
+    viability_margin,
+)
+from lumbar.lifting.measures.extrapolated_centre import extrapolated_centre, pendulum_rate, smallest_impulse
+from lumbar.lifting.measures.inverse_dynamics import Link, net_moment
+from lumbar.lifting.measures.posture import horizontal_axes, inclination, lumbar_flexion
+from lumbar.lifting.measures.strength import ankle_torques, trunk_extension_strength
+from lumbar.lifting.movement.body import HEAD, LOAD, WHOLE_BODY, com_of, points_of
+from lumbar.lifting.movement.filtering import derivative
+from lumbar.lifting.movement.joint_centres import typical_distance
+from lumbar.lifting.movement.pendulum_states import PLANES
+from lumbar.lifting.movement.trunk_points import MID_HIP
+from lumbar.lifting.movement.whole_body import ARM, HEAD_SHARE, STRAIGHT_ARM
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.settings.stability import MeasureSettings
+
+CORNERS = 8
+"""Of the base: four of each foot."""
+DIRECTIONS = ("forward", "right", "backward", "left")
+_GYRATION = {"HEAD": 0.495, "ELBOW": 0.322, "WRIST": 0.468, "STRAIGHT": 0.368}
+"""Radii of gyration across the segment about its centre, shares of its length (Winter 2009, Table 4.1), by the lower end."""
+_TRUNK_GYRATION = {
+    "thorax": {"male": 0.320, "female": 0.314},
+    "abdomen": {"male": 0.383, "female": 0.354},
+}
+"""The same of upper (cervicale-xiphion) and middle trunk about the transverse axis (de Leva 1996, Table 4): Winter has none."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a lift was at every instant.
+
+    Attributes
+    ----------
+    frame : pandas.DataFrame
+        Of shape (n, …); `lumbar.lifting.measures.registry` names the columns of the measures. Those of `missing` are not there.
+    missing : dict of str to str
+        Columns that the recording does not allow, with the reason.
+    unseen : dict of str to tuple of str
+        By column: the points that it needs, for the reason where an instant lacks it.
+    notes : tuple of str
+        What was assumed where a marker lacks.
+    """
+
+    frame: pd.DataFrame
+    missing: dict[str, str] = field(default_factory=dict)
+    unseen: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Lifter:
+    """A body's trajectories with what they are measured by.
+
+    Attributes
+    ----------
+    body : pandas.DataFrame
+        As of `lumbar.lifting.movement.body.body_frame`.
+    facts : mapping
+        ``body_mass_kg, box_mass_kg, height_m, sex, mass_kg`` (trunk segments), ``missing_points``.
+    settings : MeasureSettings
+    gravity : float
+        m/s².
+    """
+
+    body: pd.DataFrame
+    facts: Mapping
+    settings: MeasureSettings
+    gravity: float
+
+    @cached_property
+    def time(self) -> np.ndarray:
+        """Seconds, shape (n,)."""
+        return self.body["time_s"].to_numpy(dtype=float)
+
+    @cached_property
+    def rate(self) -> float:
+        """Frames per second."""
+        return float((len(self.time) - 1) / (self.time[-1] - self.time[0]))
+
+    @cached_property
+    def points(self) -> dict[str, np.ndarray]:
+        """Points by name, each of shape (n, 3)."""
+        return points_of(self.body)
+
+    def need(self, names: Iterable[str]) -> None:
+        """Raise InputError naming those points that the recording lacks, each with its reason."""
+        lacking = [name for name in names if name not in self.points]
+        reasons = [self.facts["missing_points"].get(name, f"no {name}") for name in lacking]
+        if lacking:
+            raise InputError("; ".join(dict.fromkeys(reasons)))
+
+    @cached_property
+    def load(self) -> np.ndarray:
+        """Mass in the hands, kilograms, shape (n,)."""
+        return self.facts["box_mass_kg"] * self.body["load_held"].to_numpy(dtype=float)
+
+    @cached_property
+    def axes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Horizontal unit vectors to the person's right and forward, each of shape (n, 3)."""
+        return horizontal_axes(self.body[["RIGHT_x", "RIGHT_y", "RIGHT_z"]].to_numpy(dtype=float))
+
+    @property
+    def load_points(self) -> tuple[str, ...]:
+        """The load, where there is any to carry."""
+        return (LOAD,) if self.load.any() else ()
+
+
+def course_of_lift(lifter: Lifter) -> Course:
+    """Compute all measures at every instant; what the recording does not allow is left out with its reason."""
+    import pandas as pd
+
+    columns: dict[str, np.ndarray] = {
+        "time_s": lifter.time,
+        **{name: lifter.body[name].to_numpy() for name in ("phase", "load_held")},
+    }
+    missing: dict[str, str] = {}
+    unseen: dict[str, tuple[str, ...]] = {}
+    for part, points, names in (
+        (_balance, _balance_points(lifter), BALANCE_COLUMNS),
+        (_inclination, ("L5S1", "C7T1"), ("trunk_inclination_deg",)),
+        (_lumbar_flexion, ("L5S1", "C7T1", "T12L1", MID_HIP), ("lumbar_flexion_deg",)),
+        (_moment, _moment_points(lifter), MOMENT_COLUMNS),
+    ):
+        unseen.update(dict.fromkeys(names, tuple(points)))
+        try:
+            lifter.need(points)
+            columns.update(part(lifter))
+        except InputError as error:
+            missing.update(dict.fromkeys(names, str(error)))
+    notes = () if BALANCE_COLUMNS[0] in missing else tuple(_guessed_ends(lifter))
+    return Course(pd.DataFrame(columns), missing, unseen, notes)
+
+
+BALANCE_COLUMNS = (
+    "margin_of_stability_m",
+    "smallest_impulse_N_s",
+    *(f"{stem}_{plane}_{unit}" for plane in PLANES for stem, unit in (
+        ("margin_of_stability", "m"), ("smallest_impulse", "N_s"), ("capture_margin", "m"), ("viability_margin", "N_s")
+    )),
+)  # fmt: skip
+MOMENT_COLUMNS = (
+    "l5s1_moment_N_m",
+    "l5s1_extension_N_m",
+    "l5s1_lateral_N_m",
+    "l5s1_moment_per_kg_N_m_kg",
+    "l5s1_strength_share",
+)
+
+
+def _balance_points(lifter: Lifter) -> tuple[str, ...]:
+    """Whole body, ankles, and of each foot the ends that are marked: one of both is enough."""
+    ends = [[f"{side}_{name}" for name in ("HEEL", "TOE")] for side in "LR"]
+    feet = [[name for name in pair if name in lifter.points] or pair for pair in ends]
+    return (WHOLE_BODY, "L_ANKLE", "R_ANKLE", *feet[0], *feet[1], *lifter.load_points)
+
+
+def _guessed_ends(lifter: Lifter) -> list[str]:
+    """Say which ends of feet have no marker, and where they are put."""
+    return [
+        f"{side}_{name} has no marker: it is put {FOOT_LENGTH:g} of the stature from the other end of the foot, the way the "
+        "person faces"
+        for side in "LR"
+        for name in ("HEEL", "TOE")
+        if f"{side}_{name}" not in lifter.points
+    ]
+
+
+def base_of_support(lifter: Lifter) -> tuple[BaseOfSupport, np.ndarray]:
+    """The base of both feet, and which foot stands, shape (n, 2): left, right."""
+    stature, settings = lifter.facts["height_m"], lifter.settings
+    feet = []
+    for side in "LR":
+        heel, toe = _ends_of_foot(lifter, side)
+        on_ground = [
+            grounded(marker, lifter.rate, settings.contact_height_m, settings.contact_speed_m_s)
+            for marker in (heel, toe)
+        ]
+        feet.append(footprint(heel, toe, *on_ground, FOOT_LENGTH * stature, FOOT_BREADTH * stature))
+    return joined(*feet), np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
+
+
+def _ends_of_foot(lifter: Lifter, side: str) -> tuple[np.ndarray, np.ndarray]:
+    """Heel and toe, shape (n, 3); one that has no marker lies a foot's length from the other."""
+    heel, toe = (lifter.points.get(f"{side}_{name}") for name in ("HEEL", "TOE"))
+    foot = FOOT_LENGTH * lifter.facts["height_m"] * lifter.axes[1]
+    return toe - foot if heel is None else heel, heel + foot if toe is None else toe
+
+
+def _centre_with_load(lifter: Lifter) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centre of mass of body and load, its velocity, and their mass: the load's part comes and goes with it."""
+    body, mass = lifter.points[WHOLE_BODY], lifter.facts["body_mass_kg"]
+    centre, velocity = mass * body, mass * derivative(body, lifter.rate)
+    if lifter.load_points:
+        held = lifter.load[:, None]
+        load = lifter.points[LOAD]
+        centre = centre + np.where(held > 0, held * load, 0.0)
+        velocity = velocity + np.where(held > 0, held * derivative(load, lifter.rate), 0.0)
+    total = mass + lifter.load
+    return centre / total[:, None], velocity / total[:, None], total
+
+
+def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
+    base, standing = base_of_support(lifter)
+    functional = base.functional(lifter.settings.functional_share)
+    ankles = np.stack([lifter.points["L_ANKLE"], lifter.points["R_ANKLE"]], axis=1)
+    centre, velocity, mass = _centre_with_load(lifter)
+    relative = centre - middle_of_standing(ankles, standing)
+    omega = pendulum_rate(np.linalg.norm(relative, axis=1), lifter.gravity)
+    point = extrapolated_centre(centre[:, :2], velocity[:, :2], omega)
+    margin, direction = functional.margin(point)
+    right, forward = (axis[:, :2] for axis in lifter.axes)
+    reaches = {
+        name: functional.reach(point, axis)
+        for name, axis in zip(DIRECTIONS, (forward, right, -forward, -right), strict=True)
+    }
+    columns = {
+        "com_x_m": centre[:, 0],
+        "com_y_m": centre[:, 1],
+        "xcom_x_m": point[:, 0],
+        "xcom_y_m": point[:, 1],
+        **{f"margin_{name}_m": values for name, values in reaches.items()},
+        "margin_of_stability_m": margin,
+        "margin_direction": _words(direction, right, forward),
+        "smallest_impulse_N_s": smallest_impulse(mass, omega, margin),
+    }
+    limits = pressure_limits(
+        base, ankles[..., :2], standing, right, mass * lifter.gravity, ankle_torques(lifter.facts["sex"])
+    )
+    for plane, axis, pair in (
+        ("flexion_extension", forward, ("forward", "backward")),
+        ("lateral_bending", right, ("right", "left")),
+    ):
+        smaller = np.minimum(reaches[pair[0]], reaches[pair[1]])
+        columns[f"margin_of_stability_{plane}_m"] = smaller
+        columns[f"smallest_impulse_{plane}_N_s"] = smallest_impulse(mass, omega, smaller)
+        columns.update(_capturable(relative, velocity, axis, mass, limits[plane], lifter.gravity, plane))
+    drawn = np.where(base.grounded[..., None], base.corners, np.nan)
+    for corner in range(CORNERS):
+        columns[f"base_{corner + 1}_x_m"], columns[f"base_{corner + 1}_y_m"] = drawn[:, corner].T
+    return columns
+
+
+def _capturable(relative, velocity, axis, mass, limits, gravity, plane) -> dict[str, np.ndarray]:
+    """Margins of capture and viability in one plane, about the middle of the standing ankles."""
+    offset, height = np.einsum("nj,nj->n", relative[:, :2], axis), relative[:, 2]
+    speed, rise = np.einsum("nj,nj->n", velocity[:, :2], axis), velocity[:, 2]
+    length = np.hypot(offset, height)
+    turning = (speed * height - offset * rise) / length**2
+    return {
+        f"capture_margin_{plane}_m": capture_margin(offset, speed, height, *limits, gravity),
+        f"viability_margin_{plane}_N_s": viability_margin(
+            np.arctan2(offset, height), turning, length, mass, *limits, gravity
+        ),
+    }
+
+
+def _words(direction: np.ndarray, right: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """Nearest of the four directions of the person, shape (n,); empty where none is known."""
+    along = np.einsum("nj,nj->n", direction, forward), np.einsum("nj,nj->n", direction, right)
+    parts = np.nan_to_num(np.stack([along[0], along[1], -along[0], -along[1]]))
+    return np.where(np.isfinite(along[0]), np.array(DIRECTIONS)[parts.argmax(axis=0)], "")
+
+
+def _inclination(lifter: Lifter) -> dict[str, np.ndarray]:
+    trunk = lifter.points["C7T1"] - lifter.points["L5S1"]
+    return {"trunk_inclination_deg": inclination(trunk, lifter.axes[1])}
+
+
+def _lumbar_flexion(lifter: Lifter) -> dict[str, np.ndarray]:
+    points = lifter.points
+    thorax, pelvis = points["C7T1"] - points["T12L1"], points["L5S1"] - points[MID_HIP]
+    return {
+        "lumbar_flexion_deg": lumbar_flexion(thorax, pelvis, points["C7T1"] - points["L5S1"], lifter.axes[1])
+    }
+
+
+def _moment_points(lifter: Lifter) -> tuple[str, ...]:
+    arms = tuple(f"{side}_{name}" for side in "LR" for name in ("SHOULDER", "WRIST"))
+    trunk = (com_of("thorax"), com_of("abdomen"), "C7T1", "T12L1", "L4L5", "L5S1")
+    return (*trunk, HEAD, *arms, *lifter.load_points)
+
+
+def links_above_l5s1(lifter: Lifter) -> list[Link]:
+    """Thorax, abdomen, head, arms and load: what L5/S1 carries. The box is a point mass at its centre."""
+    points, mass, sex = lifter.points, lifter.facts["body_mass_kg"], lifter.facts["sex"]
+    links = []
+    for segment, top, bottom in (("thorax", "C7T1", "T12L1"), ("abdomen", "T12L1", "L4L5")):
+        shares = _TRUNK_GYRATION[segment]
+        share = shares.get(sex, float(np.mean(list(shares.values()))))
+        links.append(
+            Link(
+                lifter.facts["mass_kg"][segment]["without_box"],
+                points[com_of(segment)],
+                points[top] - points[bottom],
+                share * typical_distance(points[top], points[bottom]),
+            )
+        )
+    neck = points[HEAD] - points["C7T1"]
+    links.append(
+        Link(
+            HEAD_SHARE * mass,
+            points[HEAD],
+            neck,
+            _GYRATION["HEAD"] * typical_distance(points[HEAD], points["C7T1"]),
+        )
+    )
+    for side in "LR":
+        bent = f"{side}_ELBOW" in points
+        for start, end, part, along in ARM if bent else (STRAIGHT_ARM,):
+            first, last = points[f"{side}_{start}"], points[f"{side}_{end}"]
+            gyration = _GYRATION[end if bent else "STRAIGHT"] * typical_distance(first, last)
+            links.append(Link(part * mass, first + along * (last - first), last - first, gyration))
+    if lifter.load_points:
+        links.append(Link(lifter.load, points[LOAD]))
+    return links
+
+
+def _moment(lifter: Lifter) -> dict[str, np.ndarray]:
+    joint, mass = lifter.points["L5S1"], lifter.facts["body_mass_kg"]
+    moment = net_moment(joint, links_above_l5s1(lifter), lifter.rate, lifter.gravity)
+    right, forward = lifter.axes
+    resultant = np.linalg.norm(moment, axis=1)
+    extension = np.einsum("nj,nj->n", moment, right)
+    lean = inclination(lifter.points["C7T1"] - joint, forward)
+    strength = trunk_extension_strength(lean, lifter.facts["sex"])
+    return {
+        "l5s1_moment_N_m": resultant,
+        "l5s1_extension_N_m": extension,
+        "l5s1_lateral_N_m": np.einsum("nj,nj->n", moment, forward),
+        "l5s1_twist_N_m": moment[:, 2],
+        "l5s1_moment_per_kg_N_m_kg": resultant / mass,
+        "l5s1_strength_share": extension / strength,
+    }

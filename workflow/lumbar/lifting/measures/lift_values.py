@@ -1,0 +1,125 @@
+"""One number per measure and plane of a lift: the long table that statistics and comparisons read."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.lifting.measures.registry import (
+    AT_RELEASE,
+    CARRIED,
+    FARTHEST,
+    INTEGRAL,
+    LARGEST,
+    MEASURES,
+    SMALLEST,
+    Measure,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.lifting.measures.course import Course
+
+COLUMNS = (
+    *("lift", "person", "group", "box_mass_kg", "trial"),
+    *("measure", "plane", "value", "unit", "safer", "source", "reason"),
+)
+"""The contract of the long table: one row per lift, measure and plane. `value` is empty where it is absent, and `reason` says
+why; `trial` counts the lifts of one person with one box."""
+
+
+def values_of_lift(course: Course, facts: Mapping) -> pd.DataFrame:
+    """Reduce the course of a lift to its measures.
+
+    Parameters
+    ----------
+    course : Course
+    facts : mapping
+        As of `lumbar.lifting.measures.course.Lifter`, with ``start_s, stop_s`` of the deposit and ``no_deposit``, why it
+        has none.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``measure, plane, value, unit, safer, source, reason``.
+    """
+    import pandas as pd
+
+    rows = []
+    for measure in MEASURES.values():
+        for plane, column in measure.columns.items():
+            value, reason = _value(course, facts, measure, column)
+            rows.append((measure.name, plane, value, measure.unit, measure.safer, measure.source, reason))
+    return pd.DataFrame(rows, columns=list(COLUMNS[5:]))
+
+
+def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tuple[float, str]:
+    """The number and no reason, or none and why."""
+    if column in course.missing:
+        return np.nan, course.missing[column]
+    within = _within(course, facts, measure.phase)
+    if not within.any():
+        return np.nan, facts["no_deposit"] or "the box is never held"
+    time, values = (course.frame.loc[within, name].to_numpy(dtype=float) for name in ("time_s", column))
+    if not np.isfinite(values).all():
+        return np.nan, _gap(course, column, within)
+    if measure.how == INTEGRAL:
+        from scipy.integrate import trapezoid
+
+        return float(trapezoid(values, time)), ""
+    reduce = {
+        SMALLEST: np.min,
+        LARGEST: np.max,
+        FARTHEST: lambda part: np.abs(part).max(),
+        AT_RELEASE: lambda part: part[-1],
+    }
+    return float(reduce[measure.how](values)), ""
+
+
+def _within(course: Course, facts: Mapping, phase: str) -> np.ndarray:
+    """Which instants belong to a phase of the lift, shape (n,)."""
+    if facts["no_deposit"]:
+        return np.zeros(len(course.frame), dtype=bool)
+    carried = course.frame["load_held"] == 1
+    return (carried if phase == CARRIED else course.frame["phase"] == "deposit").to_numpy()
+
+
+def _gap(course: Course, column: str, within: np.ndarray) -> str:
+    gone = within & ~np.isfinite(course.frame[column].to_numpy(dtype=float))
+    first = float(course.frame["time_s"].to_numpy()[gone][0])
+    return (
+        f"not known at {gone.sum()} of {within.sum()} instants, the first at {first:.2f} s: a marker behind one of "
+        f"{', '.join(course.unseen[column])} is not seen there, or no foot stands"
+    )
+
+
+def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[str, str]) -> pd.DataFrame:
+    """Join the measures of many lifts under the columns of `COLUMNS`.
+
+    Parameters
+    ----------
+    lifts : iterable of (pandas.DataFrame, mapping)
+        As of `values_of_lift`, with the facts of the lift (``lift, subject, box_mass_kg``).
+    labels : mapping of str to str
+        Group by person.
+    """
+    import pandas as pd
+
+    trials: Counter = Counter()
+    frames = []
+    for values, facts in lifts:
+        key = facts["subject"], facts["box_mass_kg"]
+        trials[key] += 1
+        named = {
+            "lift": facts["lift"],
+            "person": facts["subject"],
+            "group": labels.get(facts["subject"], ""),
+            "box_mass_kg": float(facts["box_mass_kg"]),
+            "trial": trials[key],
+        }
+        frames.append(values.assign(**named)[list(COLUMNS)])
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=list(COLUMNS))

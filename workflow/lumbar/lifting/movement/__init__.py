@@ -1,0 +1,1 @@
+"""From markers to pendulum states: gaps, filter, events, centres of mass, planes."""

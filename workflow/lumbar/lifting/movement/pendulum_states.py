@@ -1,0 +1,221 @@
+"""From a centre of mass to the states of a planar pendulum (thesis, section 4.2.3.1 and Eq. 4.1).
+
+The angle is zero where the centre of mass is straight above the pivot and grows to the right (lateral
+bending, xz plane) or forward (flexion/extension, yz plane): θ = atan2(r, z) with r the horizontal coordinate
+relative to the pivot. Its rate is θ̇ = (ṙ z − r ż)/L² with L² = r² + z², never the derivative of an
+interpolated angle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.base.errors import InputError, NumericalError, Problems
+from lumbar.lifting.movement.trunk_points import MID_HIP, TrunkPoints
+from lumbar.records.markers import MarkerRecording
+
+PLANES = {"lateral_bending": 0, "flexion_extension": 1}
+"""Horizontal axis of each plane: x (to the right) or y (forward)."""
+PIVOTS = {
+    "mid_ankle": ("L_ANKLE", "R_ANKLE"),
+    "hip": (MID_HIP,),
+    "L5": ("L5S1",),
+}
+"""Markers, or ends of the trunk's segments, whose mean is the pivot; it moves with them."""
+SHORTEST = 0.01
+"""A centre of mass nearer to its pivot than this (metres) has no angle worth the name."""
+
+
+class SamplesMissing(InputError):
+    """A centre of mass is not known at all instants of the deposit.
+
+    Attributes
+    ----------
+    frames : ndarray of int
+        The missing ones.
+    """
+
+    def __init__(self, text: str, frames: np.ndarray):
+        super().__init__(text)
+        self.frames = frames
+
+
+@dataclass(frozen=True)
+class PendulumStates:
+    """States of one pendulum during the deposit; every array has shape (points,).
+
+    Attributes
+    ----------
+    time : ndarray
+        Seconds on the recording's clock.
+    angle : ndarray
+        Radians from straight up, unwrapped.
+    angular_velocity : ndarray
+        rad/s.
+    angular_acceleration : ndarray
+        rad/s².
+    length : ndarray
+        Distance from the pivot in the plane, metres.
+    length_rate : ndarray
+        m/s.
+    """
+
+    time: np.ndarray
+    angle: np.ndarray
+    angular_velocity: np.ndarray
+    angular_acceleration: np.ndarray
+    length: np.ndarray
+    length_rate: np.ndarray
+
+
+def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str) -> np.ndarray:
+    """Trajectory of the pivot, shape (n, 3) in metres.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered.
+    points : TrunkPoints
+        Ends of the trunk's segments: hips and L5 are taken from them.
+    pivot : {"mid_ankle", "hip", "L5"}
+
+    Raises
+    ------
+    InputError
+        For an unknown pivot or a marker that the recording lacks.
+    """
+    if pivot not in PIVOTS:
+        raise InputError(f"lifting.pivot is {pivot!r}; allowed: {', '.join(PIVOTS)}")
+
+    def there(name: str) -> bool:
+        return name in points or name in recording
+
+    problems = Problems(recording.source or recording.name)
+    for name in PIVOTS[pivot]:
+        if not there(name):
+            others = ", ".join(other for other, parts in PIVOTS.items() if all(map(there, parts)))
+            problems.add(
+                f"marker {name}",
+                points.missing.get(name, recording.absent.get(name, "not in the recording")),
+                f"lifting.pivot {pivot} needs it; pivots possible with this recording: {others or 'none'}",
+            )
+    problems.raise_if_any()
+    return np.mean([points[name] if name in points else recording[name] for name in PIVOTS[pivot]], axis=0)
+
+
+def heading(recording: MarkerRecording, time: float) -> float:
+    """Angle by which the line of the hips is turned from the x axis, radians counterclockwise from above.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        With `L_HIP` and `R_HIP`, or both ASIS in their place.
+    time : float
+        Seconds.
+    """
+    at = int(np.abs(recording.time - time).argmin())
+    part = "ASIS" if "L_ASIS" in recording and "L_HIP" not in recording else "HIP"
+    across = recording[f"R_{part}"][at] - recording[f"L_{part}"][at]
+    if not np.isfinite(across).all():
+        raise InputError(
+            f"{recording.source}: a hip is not seen at {time:.2f} s, so lifting.frame pelvis is unknown"
+        )
+    return float(np.arctan2(across[1], across[0]))
+
+
+def turn(points: np.ndarray, angle: float) -> np.ndarray:
+    """Return points, shape (n, 3), in axes turned by `angle` about the vertical."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return points @ np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def pendulum_states(
+    time: np.ndarray, relative: np.ndarray, start: float, stop: float, points: int, what: str
+) -> dict[str, PendulumStates]:
+    """States in both planes on an even grid of `points` instants from `start` to `stop`.
+
+    A cubic spline through the filtered samples of the *whole* recording gives position, velocity and
+    acceleration at the same instants on the real clock, so that the ends of the deposit are no ends of the
+    spline.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Seconds.
+    relative : ndarray, shape (n, 3)
+        Centre of mass relative to the pivot, metres.
+    start, stop : float
+        Deposit, seconds.
+    points : int
+        Length of the result.
+    what : str
+        File and centre of mass, for messages.
+
+    Returns
+    -------
+    dict of str to PendulumStates
+        By plane.
+
+    Raises
+    ------
+    SamplesMissing
+        Samples missing within the deposit.
+    InputError
+        Fewer than 4 of them.
+    NumericalError
+        The centre of mass passes the pivot so closely that its angle means nothing.
+    """
+    from scipy.interpolate import CubicSpline
+
+    samples = _unbroken(time, relative, start, stop, what)
+    spline = CubicSpline(time[samples], relative[samples])
+    grid = np.linspace(start, stop, points)
+    position, velocity, acceleration = spline(grid), spline(grid, 1), spline(grid, 2)
+    return {
+        plane: _planar_states(
+            grid, *(values[:, [axis, 2]] for values in (position, velocity, acceleration)), what
+        )
+        for plane, axis in PLANES.items()
+    }
+
+
+def _unbroken(time: np.ndarray, relative: np.ndarray, start: float, stop: float, what: str) -> slice:
+    """Longest stretch without a missing sample that holds the deposit."""
+    seen = np.isfinite(relative).all(axis=1)
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    within = (time >= start - step) & (time <= stop + step)
+    if not seen[within].all():
+        gone = np.flatnonzero(within & ~seen)
+        first = time[gone[0]]
+        raise SamplesMissing(
+            f"{what}: {len(gone)} samples missing within the deposit, the first at {first:.2f} s", gone
+        )
+    if within.sum() < 4:
+        raise InputError(
+            f"{what}: the deposit from {start:g} to {stop:g} s has {within.sum()} samples; 4 are needed"
+        )
+    inside = np.flatnonzero(within)
+    before, after = np.flatnonzero(~seen[: inside[0]]), np.flatnonzero(~seen[inside[-1] :])
+    first = int(before[-1]) + 1 if before.size else 0
+    last = int(inside[-1] + after[0]) if after.size else len(time)
+    return slice(first, last)
+
+
+def _planar_states(time, position, velocity, acceleration, what: str) -> PendulumStates:
+    """States from planar motion; arguments of shape (points, 2): horizontal and vertical part."""
+    (r, z), (r1, z1), (r2, z2) = position.T, velocity.T, acceleration.T
+    length = np.hypot(r, z)
+    if length.min() < SHORTEST:
+        raise NumericalError(
+            f"{what}: comes within {length.min() * 1e3:.1f} mm of the pivot, where the angle is not "
+            "defined; use "
+            "another lifting.pivot"
+        )
+    length_rate = (r * r1 + z * z1) / length
+    angular_velocity = (r1 * z - r * z1) / length**2
+    angular_acceleration = (r2 * z - r * z2) / length**2 - 2 * length_rate * angular_velocity / length
+    return PendulumStates(
+        time, np.unwrap(np.arctan2(r, z)), angular_velocity, angular_acceleration, length, length_rate
+    )

@@ -1,0 +1,206 @@
+"""Difference and percent difference of two means over persons, with t intervals of few degrees of freedom.
+
+The fixed effect of a mixed model with person as the random effect is the difference of the groups' weighted person means,
+weights 1/(σ_person² + σ_trial²/trials). Its variance is taken from the scatter of the weighted person means themselves, as
+Hartung & Knapp (Statistics in Medicine 20 (2001) 3875–3889) do: with the true ratio of variances t is then
+Student's, with equal numbers of trials it is so with any ratio, and a ratio that is estimated badly costs little.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.lifting.population.person_means import PersonMeans, too_few
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A 95 % interval, or why there is none.
+
+    Attributes
+    ----------
+    low, high : float or None
+    remark : str
+        Empty where there is an interval.
+    """
+
+    low: float | None = None
+    high: float | None = None
+    remark: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether there is an interval."""
+        return self.low is not None
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """Two means over persons and how well they are known.
+
+    Attributes
+    ----------
+    first, second : float
+        Weighted means over persons.
+    variances : tuple of float
+        Squared standard errors of first and second, and their covariance; NaN with one person.
+    freedom : float
+        Degrees of freedom.
+    person_mean_sd : float
+        Standard deviation of the persons' means within the groups or, where persons are paired, of their differences.
+    remark : str
+        Why there is no interval and no test; empty otherwise.
+    """
+
+    first: float
+    second: float
+    variances: tuple[float, float, float]
+    freedom: float
+    person_mean_sd: float
+    remark: str = ""
+
+    @property
+    def difference(self) -> float:
+        """First less second."""
+        return self.first - self.second
+
+    @property
+    def standard_error(self) -> float:
+        """Of the difference."""
+        first, second, both = self.variances
+        return float(np.sqrt(max(first + second - 2 * both, 0.0)))
+
+    @property
+    def _quantile(self) -> float:
+        from scipy.stats import t
+
+        return float(t.ppf((1 + CONFIDENCE) / 2, self.freedom))
+
+    @property
+    def interval(self) -> Interval:
+        """Of the difference."""
+        if self.remark:
+            return Interval(remark=self.remark)
+        reach = self._quantile * self.standard_error
+        return Interval(self.difference - reach, self.difference + reach)
+
+    @property
+    def p_value(self) -> float | None:
+        """Two-sided, of no difference."""
+        from scipy.stats import t
+
+        if self.remark:
+            return None
+        return float(2 * t.sf(abs(self.difference) / self.standard_error, self.freedom))
+
+    @property
+    def percent(self) -> float | None:
+        """100(first − second)/second; None of a mean that is not positive, as of a signed measure."""
+        return 100 * self.difference / self.second if self.second > 0 else None
+
+    @property
+    def percent_interval(self) -> Interval:
+        """Of the percent difference: Fieller's of a ratio of means (J. R. Stat. Soc. B 16 (1954) 175–185)."""
+        if self.remark:
+            return Interval(remark=self.remark)
+        if self.second <= 0:
+            return Interval(remark="no percentage: the second mean is not positive")
+        first, second, both = (self._quantile**2 * value for value in self.variances)
+        square = self.second**2 - second
+        if square <= 0:
+            return Interval(remark="no interval of the percentage: the second mean may be 0")
+        middle = self.first * self.second - both
+        root = np.sqrt(middle**2 - square * (self.first**2 - first))
+        low, high = (100 * ((middle + sign * root) / square - 1) for sign in (-1, 1))
+        return Interval(float(low), float(high))
+
+
+def between_groups(
+    first: PersonMeans,
+    second: PersonMeans,
+    variance_ratio: float | None = None,
+    equal_variances: bool | None = None,
+    names: tuple[str, str] = ("first", "second"),
+) -> Contrast:
+    """Compare two groups of different persons.
+
+    Parameters
+    ----------
+    first, second : PersonMeans
+        One person at least in each.
+    variance_ratio : float, optional
+        σ_trial²/σ_person² of the mixed model, for the weights; None weighs all persons alike.
+    equal_variances : bool, optional
+        One scatter between people for both groups (N − 2 degrees of freedom), or one for each (Satterthwaite's). Default:
+        one where the groups are of equal size, in which case the test bears unequal ones.
+    names : tuple of str
+        Of the groups, for messages.
+    """
+    groups = (first, second)
+    weights = [group.weights(variance_ratio) for group in groups]
+    means = [float(weight @ group.mean / weight.sum()) for weight, group in zip(weights, groups, strict=True)]
+    remark = too_few(**{name: len(group) for name, group in zip(names, groups, strict=True)})
+    freedoms = np.array([len(group) - 1 for group in groups])
+    squares, plain = (
+        np.array([_squares(group.mean, weight) for group, weight in zip(groups, chosen, strict=True)])
+        for chosen in (weights, [np.ones(len(group)) for group in groups])
+    )
+    person_mean_sd = float(np.sqrt(plain.sum() / freedoms.sum())) if freedoms.sum() else np.nan
+    totals = np.array([weight.sum() for weight in weights])
+    if equal_variances or (equal_variances is None and len(first) == len(second)):
+        freedom = float(freedoms.sum())
+        variances = squares.sum() / freedom / totals if freedom else np.full(2, np.nan)
+    elif freedoms.all():
+        variances = squares / freedoms / totals
+        spread = (np.square(variances) / freedoms).sum()
+        freedom = float(variances.sum() ** 2 / spread) if spread else np.nan
+    else:
+        freedom, variances = np.nan, np.full(2, np.nan)
+    if not remark and not variances.sum() > 0:
+        remark = "no interval: nobody differs from the others of the group"
+    return Contrast(*means, (float(variances[0]), float(variances[1]), 0.0), freedom, person_mean_sd, remark)
+
+
+def _squares(mean: np.ndarray, weight: np.ndarray) -> float:
+    return float((weight * np.square(mean - weight @ mean / weight.sum())).sum())
+
+
+def within_persons(first: PersonMeans, second: PersonMeans, name: str = "both") -> Contrast:
+    """Compare two conditions that the same persons went through, every person counted alike.
+
+    With equal numbers of trials this is the fixed effect of a mixed model with a random intercept and a random effect of
+    the condition for each person, with persons − 1 degrees of freedom.
+
+    Parameters
+    ----------
+    first, second : PersonMeans
+        Only persons found in both count.
+    name : str
+        Of the group, for messages.
+
+    Raises
+    ------
+    ValueError
+        Nobody went through both.
+    """
+    shared = [person for person in first.persons if person in second.persons]
+    if not shared:
+        raise ValueError("nobody went through both conditions")
+    values = np.array(
+        [[group.mean[group.persons.index(person)] for person in shared] for group in (first, second)]
+    )
+    count = len(shared)
+    remark = too_few(**{name: count})
+    if count > 1:
+        covariance = np.cov(values) / count
+        variances = float(covariance[0, 0]), float(covariance[1, 1]), float(covariance[0, 1])
+        sd = float(np.std(values[0] - values[1], ddof=1))
+    else:
+        variances, sd = (np.nan, np.nan, np.nan), np.nan
+    if not remark and not sd > 0:
+        remark = "no interval: the difference is the same in everybody"
+    return Contrast(*map(float, values.mean(axis=1)), variances, count - 1.0, sd, remark)

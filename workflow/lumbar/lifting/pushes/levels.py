@@ -1,0 +1,277 @@
+"""What each measure says of a posture before a push: one level per instant and direction, higher meaning safer.
+
+The measures are those of the chapter on stability, each with its own model of the person; none is told how the simulated body
+is built or controlled. Where a measure says which push a person can take, its level with a push is what that push leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.lifting.measures.capturability import braking_speed, middle_of_standing, pressure_limits
+from lumbar.lifting.measures.course import Lifter, base_of_support, course_of_lift
+from lumbar.lifting.measures.extrapolated_centre import pendulum_rate
+from lumbar.lifting.measures.strength import ankle_torques
+from lumbar.lifting.movement.body import LOAD, WHOLE_BODY
+from lumbar.lifting.movement.filtering import derivative
+from lumbar.lifting.pushes.motion import DepositMotion
+from lumbar.lifting.stability.basins import close_loops
+from lumbar.lifting.stability.funnel.funnel import exact_funnels
+from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.pendulum_loop import SIGNS
+from lumbar.lifting.stability.model.trajectory import Trajectory, find_problems
+
+if TYPE_CHECKING:
+    from lumbar.settings.stability import StabilitySettings
+
+FORWARD, BACKWARD = "forward", "backward"
+DIRECTIONS = {FORWARD: 1.0, BACKWARD: -1.0}
+BASIN_COMS = {"abdomen": "the abdomen with its share of the box", "whole_body": "the whole body with the box"}
+KNOTS = 200
+"""Of basins here: with 1000 the levels change in the fourth digit."""
+NOTHING, EXCESS, RATIO, SHIFT = "nothing", "excess", "ratio", "shift"
+"""How a push J enters: not at all; J less the level in N·s; J over the level; J/(m·ω0) less the level in m."""
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """One measure in the contest.
+
+    Attributes
+    ----------
+    meaning : str
+        What its level is, with the unit.
+    push : str
+        How the size of a push enters: one of the words above.
+    """
+
+    meaning: str
+    push: str
+
+
+def _basins() -> dict[str, Predictor]:
+    found = {}
+    for com, what in BASIN_COMS.items():
+        for sign in SIGNS:
+            found[f"basin_{com}_{sign}"] = Predictor(
+                f"largest impulse in N·s after which the pendulum of {what} ({sign}) lies in its exact basin: with a push V/ρ = "
+                "(J/level)²",
+                RATIO,
+            )
+            found[f"basin_area_{com}_{sign}"] = Predictor(
+                f"average area in rad²/s of that basin, one number per lift ({com}, {sign})", NOTHING
+            )
+    return found
+
+
+PREDICTORS = {
+    "push_alone": Predictor("the push alone, in N·s: knows nothing of the person", EXCESS),
+    "push_over_mass": Predictor("the push over the mass of body and box, in m/s: knows nothing of the posture", RATIO),
+    "margin_of_stability": Predictor(
+        "distance in m of the extrapolated centre of mass to the functional base in the direction of the push (Hof 2005)", SHIFT
+    ),
+    "smallest_impulse": Predictor("m·ω0 times that distance, in N·s (Hof 2005)", EXCESS),
+    "static_margin": Predictor("distance in m of the centre of mass itself to the functional base in that direction", NOTHING),
+    "capture_margin": Predictor(
+        "distance in m of the capture point to where feet and ankle strength can bring the centre of pressure (Koolen 2012)",
+        SHIFT,
+    ),
+    "viability_margin": Predictor(
+        "impulse in N·s that the nonlinear pendulum with those limits of torque can still stop, in that direction", EXCESS
+    ),
+    "trunk_inclination": Predictor("inclination of the trunk in °, less is safer", NOTHING),
+    "trunk_inclination_towards_push": Predictor("the same, counted against the direction of the push", NOTHING),
+    "l5s1_moment": Predictor("net moment about L5/S1 in N·m, less is safer", NOTHING),
+    **_basins(),
+}  # fmt: skip
+"""All measures, in the order of the tables."""
+BASELINES = ("push_alone", "push_over_mass")
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Levels of one lift during its deposit.
+
+    Attributes
+    ----------
+    time : numpy.ndarray, shape (n,)
+        s.
+    values : dict of (str, str) to numpy.ndarray, shape (n,)
+        By predictor and direction; NaN where there is none.
+    shift : numpy.ndarray, shape (n,)
+        1/(m·ω0) in m/(N·s): how far a push moves the extrapolated centre.
+    missing : dict of str to str
+        Predictors without a level, with the reason.
+    """
+
+    time: np.ndarray
+    values: dict[tuple[str, str], np.ndarray]
+    shift: np.ndarray
+    missing: dict[str, str]
+
+
+def score(predictor: str, level: np.ndarray, impulse: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """Return what a measure makes of a push, higher meaning that a step is more likely.
+
+    Parameters
+    ----------
+    predictor : str
+        One of `PREDICTORS`.
+    level, impulse, shift : numpy.ndarray, shape (n,)
+        As of `Levels`; the impulse without its sign, in N·s.
+    """
+    rules = {
+        NOTHING: lambda: -level,
+        EXCESS: lambda: impulse - level,
+        # A person beyond the level already steps at any push: the ratio would change its sign.
+        RATIO: lambda: impulse / np.maximum(level, 1e-9),
+        SHIFT: lambda: impulse * shift - level,
+    }
+    return rules[PREDICTORS[predictor].push]()
+
+
+def levels_of(
+    lifters: list[Lifter],
+    motions: list[DepositMotion],
+    trajectories: list[Trajectory | None],
+    settings: StabilitySettings,
+    push_share: float,
+) -> list[Levels]:
+    """Return the levels of several lifts.
+
+    Parameters
+    ----------
+    lifters : list of Lifter
+    motions : list of DepositMotion
+    trajectories : list of Trajectory or None
+        Of the abdomen in the sagittal plane, with the box; None where there is none.
+    settings : StabilitySettings
+    push_share : float
+        Where the trunk is pushed, between hips and shoulders.
+    """
+    found = [_balance(lifter, motion) for lifter, motion in zip(lifters, motions, strict=True)]
+    whole = [_whole_body(lifter, motion) for lifter, motion in zip(lifters, motions, strict=True)]
+    for com, items in (("abdomen", trajectories), ("whole_body", whole)):
+        for sign in SIGNS:
+            _add_basins(found, com, sign, items, motions, settings, push_share)
+    return found
+
+
+def _balance(lifter: Lifter, motion: DepositMotion) -> Levels:
+    """Levels from the movement's measures at the instants of a deposit."""
+    here = np.isin(lifter.time, motion.time)
+    course, points = course_of_lift(lifter), lifter.points
+    body, box = lifter.facts["body_mass_kg"], lifter.facts["box_mass_kg"]
+    mass = body + box
+    ankles = np.stack([points["L_ANKLE"], points["R_ANKLE"]], axis=1)
+    base, standing = base_of_support(lifter)
+    centre = (body * points[WHOLE_BODY] + box * points[LOAD]) / mass
+    relative = centre - middle_of_standing(ankles, standing)
+    speed = derivative(centre, lifter.rate)
+    omega = pendulum_rate(np.linalg.norm(relative, axis=1), lifter.gravity)
+    right, forward = (axis[:, :2] for axis in lifter.axes)
+    limits = pressure_limits(
+        base, ankles[..., :2], standing, right, mass * lifter.gravity, ankle_torques(lifter.facts["sex"])
+    )["flexion_extension"]
+    functional = base.functional(lifter.settings.functional_share)
+    offset, rise = np.einsum("nj,nj->n", relative[:, :2], forward), relative[:, 2]
+    along = np.einsum("nj,nj->n", speed[:, :2], forward)
+    length = np.hypot(offset, rise)
+    angle, turning = np.arctan2(offset, rise), (along * rise - offset * speed[:, 2]) / length**2
+    values: dict[tuple[str, str], np.ndarray] = {}
+    for (name, sign), limit in zip(DIRECTIONS.items(), limits, strict=True):
+        margin = course.frame[f"margin_{name}_m"].to_numpy()
+        lean = course.frame["trunk_inclination_deg"].to_numpy()
+        braking = braking_speed(sign * angle, length, limit, lifter.gravity)
+        values |= {
+            ("push_alone", name): np.zeros_like(omega),
+            ("push_over_mass", name): np.full_like(omega, mass),
+            ("margin_of_stability", name): margin,
+            ("smallest_impulse", name): mass * omega * margin,
+            ("static_margin", name): functional.reach(centre[:, :2], sign * forward),
+            ("capture_margin", name): limit - sign * (offset + along / pendulum_rate(rise, lifter.gravity)),
+            ("viability_margin", name): mass * length * (braking - sign * turning),
+            ("trunk_inclination", name): -lean,
+            ("trunk_inclination_towards_push", name): -sign * lean,
+            ("l5s1_moment", name): -course.frame["l5s1_moment_N_m"].to_numpy(),
+        }
+    return Levels(
+        motion.time, {key: item[here] for key, item in values.items()}, 1 / (mass * omega[here]), {}
+    )
+
+
+def _whole_body(lifter: Lifter, motion: DepositMotion) -> Trajectory | None:
+    """The pendulum of body and box about the middle of the ankles, in the sagittal plane."""
+    here = np.isin(lifter.time, motion.time)
+    body, box, points = lifter.facts["body_mass_kg"], lifter.facts["box_mass_kg"], lifter.points
+    centre = (body * points[WHOLE_BODY] + box * points[LOAD]) / (body + box)
+    relative = centre - (points["L_ANKLE"] + points["R_ANKLE"]) / 2
+    planar = [
+        derivative(relative, lifter.rate, order)[here] if order else relative[here] for order in range(3)
+    ]
+    (r, z), (r1, z1), (r2, z2) = ((part[:, 1], part[:, 2]) for part in planar)
+    length = np.hypot(r, z)
+    rate = (r1 * z - r * z1) / length**2
+    stretch = (r * r1 + z * z1) / length
+    facts = lifter.facts
+    trajectory = Trajectory(
+        *(
+            facts["subject"],
+            facts.get("experience", ""),
+            float(box),
+            "whole body",
+            "flexion_extension",
+            "mid_ankle",
+        ),
+        *(
+            motion.time,
+            np.unwrap(np.arctan2(r, z)),
+            rate,
+            (r2 * z - r * z2) / length**2 - 2 * stretch * rate / length,
+        ),
+        *(float(body + box), float(length.mean())),
+    )
+    return None if find_problems(trajectory).entries else trajectory
+
+
+def _add_basins(found, com, sign, trajectories, motions, settings, push_share) -> None:
+    """Add impulses and areas of exact basins to the levels."""
+    from dataclasses import replace
+
+    name, area = f"basin_{com}_{sign}", f"basin_area_{com}_{sign}"
+    there = [index for index, item in enumerate(trajectories) if item is not None]
+    index_of = {id(trajectories[index]): index for index in there}
+    settings = replace(settings, knots=KNOTS)
+    results, failures = all_or_each(_basins_of, [trajectories[i] for i in there], sign, settings, basin=name)
+    for level in found:
+        for direction in DIRECTIONS:
+            for key in (name, area):
+                level.values[key, direction] = np.full(len(level.time), np.nan)
+        level.missing[name] = "no sound pendulum"
+    reasons: Mapping[str, str] = {failure.basin: failure.reason for failure in failures}
+    for items, (loops, funnels) in results:
+        for column, item in enumerate(items):
+            index = index_of[id(item)]
+            level, motion = found[index], motions[index]
+            turn = np.sqrt(funnels.level[:, column] / funnels.cost[:, column, 2])
+            phase = (level.time - item.time[0]) / item.duration
+            largest = np.interp(phase, np.linspace(0, 1, len(turn)), turn)
+            cosines = np.cos(motion.angle[:2])
+            lever = motion.lengths[0] * cosines[0] + push_share * motion.lengths[1] * cosines[1]
+            inertia = loops.pendulums.inertia[column]
+            for direction in DIRECTIONS:
+                level.values[name, direction] = inertia * largest / lever
+                level.values[area, direction] = np.full(len(level.time), funnels.mean_area[column])
+            level.missing.pop(name)
+    for level in found:
+        if name in level.missing and reasons:
+            level.missing[name] = "; ".join(reasons.values())
+
+
+def _basins_of(trajectories: list[Trajectory], sign: str, settings: StabilitySettings):
+    loops = close_loops(trajectories, sign, settings)
+    return loops, exact_funnels(loops, settings.goal_level)

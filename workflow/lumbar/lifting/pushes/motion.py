@@ -1,0 +1,183 @@
+"""The deposit as a motion of three links: angles, rates and lengths from the markers of a lift.
+
+The links are straight lines between mid-ankle, mid-hip, mid-shoulder and box; their lengths are means over the deposit, so
+that a knee that bends a little shortens the legs as a whole. Masses are Winter's; the trunk's centre lies where the
+body's common centre with the box is, on average over the deposit, as far ahead of the ankles as the markers say.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.lifting.movement.body import LOAD, WHOLE_BODY
+from lumbar.lifting.movement.trunk_points import MID_HIP
+from lumbar.lifting.pushes.body import LINKS, Bodies, bodies_of_links, centre_of_mass
+
+if TYPE_CHECKING:
+    from lumbar.lifting.measures.course import Lifter
+
+SHANK, THIGH = (0.093, 0.433, 0.302), (0.200, 0.433, 0.323)
+"""Both shanks, both thighs: share of body mass; centre from the upper end and radius of gyration about it, as shares of the
+segment's length (Winter, 2009, Table 4.1)."""
+TRUNK = (0.578, 0.503)
+"""Trunk, head and neck, between greater trochanter and shoulder: share of body mass and radius of gyration (the same
+table, which has the centre at 0.66 of the way)."""
+CENTRE_OF_TRUNK = (0.2, 1.0)
+"""Shares of the way from hips to shoulders between which the trunk's centre must lie."""
+KNOTS_S, MARGIN_S = 0.2, 0.3
+"""Angles are splines of degree 5 with knots at this distance, fitted to the deposit and so much before and after: what
+people do on purpose is slower, and the torques of the noise of markers are not."""
+ARMS = (0.100, 0.530, 0.368)
+"""Both arms, between shoulder and wrist, the centre from the shoulder (the same table)."""
+THIGH_SHARE = 0.245 / (0.245 + 0.246)
+"""Thigh's share of the legs' length (Drillis and Contini, 1966, in Winter, Figure 4.1)."""
+SHORTEST_M = 0.05
+"""A link shorter than this has no angle worth the name."""
+
+
+@dataclass(frozen=True)
+class DepositMotion:
+    """One deposit, from its start to the release, at even instants.
+
+    Attributes
+    ----------
+    subject, lift : str
+    mass_kg, height_m, box_mass_kg : float
+    time : numpy.ndarray, shape (n,)
+        s, from the start of the deposit to the release.
+    angle, rate, acceleration : numpy.ndarray, shape (3, n)
+        Of legs, trunk and arms: rad from straight up, forward positive, rad/s and rad/s².
+    lengths : numpy.ndarray, shape (3,)
+        m; means over the deposit.
+    trunk_centre : float
+        Where the trunk's centre lies on the way from hips to shoulders.
+    ankle_height_m, heel_m, toe_m : float
+        Of the ankles above the ground; how far heels lie behind and toes ahead of the ankles.
+    """
+
+    subject: str
+    lift: str
+    mass_kg: float
+    height_m: float
+    box_mass_kg: float
+    time: np.ndarray
+    angle: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    lengths: np.ndarray
+    trunk_centre: float
+    ankle_height_m: float
+    heel_m: float
+    toe_m: float
+
+
+def deposit_motion(lifter: Lifter) -> DepositMotion:
+    """Return the three links' motion during the deposit of a lift.
+
+    Raises
+    ------
+    InputError
+        The lift has no deposit, lacks ankles, heels, toes, shoulders, hips or load, or one of them is missing within the
+        deposit.
+    """
+    facts, time = lifter.facts, lifter.time
+    if facts["no_deposit"]:
+        raise InputError(f"{facts['lift']}: {facts['no_deposit']}, and so no posture to be pushed in")
+    feet, joints, centre = _points(lifter)
+    start, stop = facts["start_s"], facts["stop_s"]
+    near = (time >= start - MARGIN_S) & (time <= stop + MARGIN_S)
+    if not np.isfinite(joints[:, near]).all():
+        raise InputError(
+            f"{facts['lift']}: ankles, hips, shoulders or load are not seen throughout the deposit and {MARGIN_S:g} s beside it"
+        )
+    # Axes: x to the right, y forward, z up.
+    forward, up = np.diff(joints, axis=0)[:, near, 1], np.diff(joints, axis=0)[:, near, 2]
+    here = (time >= start) & (time <= stop)
+    lengths = np.hypot(forward, up)[:, here[near]].mean(axis=1)
+    if (lengths < SHORTEST_M).any():
+        raise InputError(
+            f"{facts['lift']}: {LINKS[int(lengths.argmin())]} of {lengths.min():.3g} m have no angle"
+        )
+    spline = _smooth(time[near], np.unwrap(np.arctan2(forward, up), axis=1).T)
+    angle, rate, acceleration = (spline(time[here], order).T for order in range(3))
+    heel, toe = (float((part - joints[0])[here, 1].mean()) for part in feet)
+    ankle_height = float((joints[0] - np.minimum(*feet))[here, 2].mean())
+    mass, box = facts["body_mass_kg"], facts["box_mass_kg"]
+    motion = DepositMotion(
+        *(facts["subject"], facts["lift"], mass, facts["height_m"], box),
+        *(time[here], angle, rate, acceleration, lengths),
+        *(0.0, max(ankle_height, 0.0), -heel, toe),
+    )
+    ahead = ((mass * centre + box * joints[-1]) / (mass + box) - joints[0])[here, 1]
+    return replace(motion, trunk_centre=_trunk_centre(motion, float(ahead.mean())))
+
+
+def _points(lifter: Lifter) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Middles of heels and toes; those of ankles, hips and shoulders with the load, shape (4, n, 3); centre of the body."""
+    pairs = {name: [f"{side}_{name}" for side in "LR"] for name in ("ANKLE", "SHOULDER", "HEEL", "TOE")}
+    lifter.need([*(name for pair in pairs.values() for name in pair), MID_HIP, LOAD, WHOLE_BODY])
+    points = lifter.points
+    middle = {name: (points[left] + points[right]) / 2 for name, (left, right) in pairs.items()}
+    joints = np.stack([middle["ANKLE"], points[MID_HIP], middle["SHOULDER"], points[LOAD]])
+    return [middle["HEEL"], middle["TOE"]], joints, points[WHOLE_BODY]
+
+
+def _smooth(time: np.ndarray, values: np.ndarray):
+    """Least-squares spline of degree 5, knots `KNOTS_S` apart."""
+    from scipy.interpolate import make_lsq_spline
+
+    pieces = max(1, round((time[-1] - time[0]) / KNOTS_S))
+    knots = np.r_[[time[0]] * 5, np.linspace(time[0], time[-1], pieces + 1), [time[-1]] * 5]
+    return make_lsq_spline(time, values, knots, k=5)
+
+
+def _trunk_centre(motion: DepositMotion, ahead: float) -> float:
+    """Place of the trunk's centre for which the common centre lies `ahead` of the ankles on average (it is linear in it)."""
+    count = len(motion.time)
+    low, high = (
+        centre_of_mass(
+            bodies_of([replace(motion, trunk_centre=share)]).take(np.zeros(count, dtype=int)),
+            motion.angle,
+            motion.rate,
+        )[0].mean()
+        for share in (0.0, 1.0)
+    )
+    share = (ahead - low) / (high - low)
+    lowest, highest = CENTRE_OF_TRUNK
+    if not lowest <= share <= highest:
+        raise InputError(
+            f"{motion.lift}: the trunk's centre would lie at {share:.2f} of the way from hips to shoulders for the centre of "
+            f"mass that the markers give; allowed: {lowest:g} to {highest:g}: check body mass and box mass"
+        )
+    return float(share)
+
+
+def bodies_of(motions: list[DepositMotion]) -> Bodies:
+    """Return the body of each motion, the box at the end of its arms."""
+    mass, box = (np.array([getattr(item, name) for item in motions]) for name in ("mass_kg", "box_mass_kg"))
+    lengths = np.stack([item.lengths for item in motions], axis=1)
+    thigh, shank = THIGH_SHARE * lengths[0], (1 - THIGH_SHARE) * lengths[0]
+    legs = _joined(
+        (SHANK[0] * mass, (1 - SHANK[1]) * shank, SHANK[0] * mass * (SHANK[2] * shank) ** 2),
+        (THIGH[0] * mass, shank + (1 - THIGH[1]) * thigh, THIGH[0] * mass * (THIGH[2] * thigh) ** 2),
+    )
+    centre = np.array([item.trunk_centre for item in motions])
+    trunk = (TRUNK[0] * mass, centre * lengths[1], TRUNK[0] * mass * (TRUNK[1] * lengths[1]) ** 2)
+    arms = _joined(
+        (ARMS[0] * mass, ARMS[1] * lengths[2], ARMS[0] * mass * (ARMS[2] * lengths[2]) ** 2),
+        (box, lengths[2], 0 * box),
+    )
+    masses, centres, inertias = (np.stack(parts) for parts in zip(legs, trunk, arms, strict=True))
+    height = np.array([item.ankle_height_m for item in motions])
+    return bodies_of_links(masses, centres, lengths, inertias, height)
+
+
+def _joined(*parts: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mass, centre and inertia about it of parts on one line (Huygens and Steiner)."""
+    mass = sum(part[0] for part in parts)
+    centre = sum(part[0] * part[1] for part in parts) / mass
+    return mass, centre, sum(own + m * (place - centre) ** 2 for m, place, own in parts)

@@ -1,0 +1,277 @@
+"""Labels against the body: order along the trunk, left and right, front and back, size against stature.
+
+`points` are positions in metres by label, shape (n_frames, 3), NaN where not seen; `named` says which landmarks labels mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from lumbar.lifting.quality.landmarks import LENGTHS, level, side_pairs
+
+TRUNK_SHARE = 0.265
+"""Length of the trunk, from the middle of the pelvis's markers to that of the shoulders', as a share of stature."""
+_TOP = ("SHOULDER", "MANUBRIUM", "C7", "T1")
+_PELVIS = ("ASIS", "PSIS", "SACRUM")
+_FRONT = ("MANUBRIUM", "XIPHOID", "ASIS")
+_CLEAR_LEVELS = 0.25
+_CLEAR_SPINE_M = 0.015
+_LEAST_ORDER = 0.1
+_REVERSED_SHARE = 0.8
+_AGREEING = 0.3
+"""Length of a mean of unit vectors that agree on a direction."""
+_CLEAR_DEPTH_M = 0.03
+_MOST_EXCHANGES = 4
+
+
+def _part(landmark: str) -> str:
+    return landmark[2:] if landmark[:2] in ("L_", "R_") else landmark
+
+
+def _centre(points, named, parts: Collection[str], without: Collection[str] = ()) -> np.ndarray | None:
+    chosen = [
+        points[label]
+        for label, landmark in named.items()
+        if _part(landmark) in parts and label not in without
+    ]
+    return _mean(chosen) if chosen else None
+
+
+def _mean(chosen: list[np.ndarray]) -> np.ndarray:
+    """Mean over the markers seen, NaN where none is, shape (n_frames, 3)."""
+    stacked = np.stack(chosen)
+    seen = np.isfinite(stacked)
+    with np.errstate(invalid="ignore"):
+        return np.where(seen, stacked, 0).sum(axis=0) / np.where(seen.any(axis=0), seen.sum(axis=0), np.nan)
+
+
+def trunk_axis(
+    points: dict[str, np.ndarray], named: dict[str, str], without: Collection[str] = ()
+) -> tuple[np.ndarray, np.ndarray, float] | None:
+    """Middle of the pelvis, unit vector from it to the shoulders, both shape (n_frames, 3), and their median distance.
+
+    None where the labels name no marker of one of them.
+    """
+    pelvis = _centre(points, named, _PELVIS, without)
+    top = _centre(points, named, _TOP, without)
+    if pelvis is None or top is None:
+        return None
+    axis = top - pelvis
+    length = np.linalg.norm(axis, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return pelvis, axis / length, float(np.nanmedian(length)) if np.isfinite(length).any() else np.nan
+
+
+def levels_found(
+    points: dict[str, np.ndarray], named: dict[str, str], without: Collection[str] = ()
+) -> dict[str, float]:
+    """Median height along the trunk of every label whose level is known: 0 pelvis, 1 shoulders."""
+    trunk = trunk_axis(points, named, without)
+    if trunk is None or not trunk[2] > 0:
+        return {}
+    pelvis, axis, length = trunk
+    found = {}
+    for label, landmark in named.items():
+        if level(landmark) is None:
+            continue
+        height = ((points[label] - pelvis) * axis).sum(axis=1) / length
+        if np.isfinite(height).any():
+            found[label] = float(np.nanmedian(height))
+    return found
+
+
+def order_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> list[tuple[str, str, str]]:
+    """Pairs of labels on the trunk that stand in the wrong order, with what was seen.
+
+    Heights along the trunk are compared with nominal ones. The pair whose exchange brings the labels nearest to them goes
+    first; then the rest is looked at as if exchanged. Neighbours on the spine are compared by their order alone.
+    """
+    pairs: list[tuple[str, str, str]] = []
+    while len(pairs) < _MOST_EXCHANGES:
+        found, trunk = levels_found(points, named), trunk_axis(points, named)
+        inverted = _inverted(found, named, trunk[2]) if trunk else []
+        mended = {pair: _off_levels(_exchanged(points, pair), named) for pair in inverted}
+        best = min(mended, key=mended.__getitem__, default=None)
+        if best is None or mended[best] > _off_levels(points, named):
+            break
+        low, high = best
+        evidence = (
+            f"{high} lies {(found[low] - found[high]) * trunk[2] * 1e3:.0f} mm below {low} along the trunk, where a body has "
+            "it above"
+        )
+        pairs.append((low, high, evidence))
+        points = _exchanged(points, best)
+    return pairs
+
+
+def _off_levels(points: dict[str, np.ndarray], named: dict[str, str]) -> float:
+    """Sum of the squared differences between heights along the trunk and nominal ones."""
+    return sum((height - level(named[label])) ** 2 for label, height in levels_found(points, named).items())
+
+
+def _inverted(found: dict[str, float], named: dict[str, str], length_m: float) -> list[tuple[str, str]]:
+    """Pairs (too high, too low) that clearly stand in the wrong order."""
+    pairs = []
+    for low in found:
+        for high in found:
+            nominal = level(named[high]) - level(named[low])
+            inversion = found[low] - found[high]
+            on_spine = _on_spine(named[low]) and _on_spine(named[high])
+            neighbours = on_spine and nominal > 0 and inversion * length_m > _CLEAR_SPINE_M
+            if neighbours or (nominal >= _CLEAR_LEVELS and inversion > _LEAST_ORDER):
+                pairs.append((low, high))
+    return pairs
+
+
+def _on_spine(landmark: str) -> bool:
+    return landmark in ("C7", "SACRUM") or landmark[1:].isdigit()
+
+
+def side_exchanges(
+    points: dict[str, np.ndarray], named: dict[str, str]
+) -> tuple[list[tuple[str, str, str]], str]:
+    """Pairs left/right and front/back that lie the wrong way round, and whether all of left and right do.
+
+    Every pair of a left and a right marker, of a front and a back one and of toe and heel says where the right side is. One
+    that most frames of the others contradict is exchanged: the one after whose exchange fewest are contradicted goes first.
+
+    Returns
+    -------
+    pairs : list of (str, str, str)
+        Labels and what was seen.
+    mirrored : str
+        What was seen where left and right are exchanged on the whole body; empty otherwise.
+    """
+    points = dict(points)
+    pairs: list[tuple[str, str, str]] = []
+    for _ in range(_MOST_EXCHANGES):
+        sides, depths = rightward(points, named)
+        if len(sides) > 1 and len(depths) > 1 and _mirrored(sides, depths):
+            return [], (
+                f"{len(sides)} pairs of left and right markers lie the wrong way round for a body that faces where "
+                f"{len(depths)} pairs of front and back markers say"
+            )
+        reversed_pairs = _contradicted({**sides, **depths})
+        if not reversed_pairs:
+            break
+        left = {
+            pair: len(_contradicted(_all_rightward(_exchanged(points, pair), named)))
+            for pair in reversed_pairs
+        }
+        pair = min(left, key=lambda one: (left[one], -reversed_pairs[one]))
+        kind = "left and right" if pair in sides else "front and back"
+        share = reversed_pairs[pair]
+        pairs.append(
+            (*pair, f"{kind} lie the wrong way round for the rest of the body in {share:.0%} of the frames")
+        )
+        points = _exchanged(points, pair)
+    return pairs, ""
+
+
+def _exchanged(points: dict[str, np.ndarray], pair: tuple[str, str]) -> dict[str, np.ndarray]:
+    return {**points, pair[0]: points[pair[1]], pair[1]: points[pair[0]]}
+
+
+def _all_rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> dict[tuple[str, str], np.ndarray]:
+    sides, depths = rightward(points, named)
+    return {**sides, **depths}
+
+
+def _contradicted(rightward: dict[tuple[str, str], np.ndarray]) -> dict[tuple[str, str], float]:
+    """Pairs whose direction most of the others contradict, with the share of frames; none of fewer than three."""
+    if len(rightward) < 3:
+        return {}
+    total = np.nansum(list(rightward.values()), axis=0)
+    found = {}
+    for pair, own in rightward.items():
+        others = total - np.nan_to_num(own)
+        backwards = (own * others).sum(axis=1)
+        seen = np.isfinite(backwards) & (np.linalg.norm(others, axis=1) > _AGREEING * (len(rightward) - 1))
+        if seen.any() and (backwards[seen] < 0).mean() > _REVERSED_SHARE:
+            found[pair] = float((backwards[seen] < 0).mean())
+    return found
+
+
+def _mirrored(sides: dict, depths: dict) -> bool:
+    """Whether left and right contradict front and back, which agree with each other."""
+    given = np.nansum(list(depths.values()), axis=0) / len(depths)
+    against = [np.nanmedian((own * given).sum(axis=1)) < 0 for own in sides.values()]
+    return bool(np.mean(against) > 0.7 and np.nanmedian(np.linalg.norm(given, axis=1)) > _AGREEING)
+
+
+def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
+    """Unit vectors to the right by every pair left/right, and by every pair front/back, shape (n_frames, 3) each."""
+    trunk = trunk_axis(points, named)
+    shape = next(iter(points.values())).shape
+    vertical = np.broadcast_to([0.0, 0.0, 1.0], shape)
+
+    def up(*labels: str) -> np.ndarray:
+        on_trunk = all(label in named and level(named[label]) is not None for label in labels)
+        return trunk[1] if trunk is not None and on_trunk else vertical
+
+    sides, depths = {}, {}
+    for pair in side_pairs(points, named):
+        across = points[pair[1]] - points[pair[0]]
+        sides[pair] = across - _along(across, up(*pair))
+    for pair in _front_and_back(named):
+        depths[pair] = np.cross(points[pair[0]] - points[pair[1]], up(*pair))
+    return (
+        {pair: _unit(vectors) for pair, vectors in sides.items() if _clear(vectors)},
+        {pair: _unit(vectors) for pair, vectors in depths.items() if _clear(vectors)},
+    )
+
+
+def _clear(vectors: np.ndarray) -> bool:
+    length = np.linalg.norm(vectors, axis=1)
+    return bool(np.isfinite(length).any() and np.nanmedian(length) > _CLEAR_DEPTH_M)
+
+
+def _front_and_back(named: dict[str, str]) -> list[tuple[str, str]]:
+    """Labels in front and behind at the same level of the trunk, and toe and heel."""
+    found = {landmark: label for label, landmark in named.items()}
+    fronts = [landmark for landmark in found if _part(landmark) in _FRONT]
+    pairs = [(found[front], found[back]) for front in fronts for back in found if _behind(front, back)]
+    feet = [(f"{side}_TOE", f"{side}_HEEL") for side in "LR"]
+    return pairs + [(found[toe], found[heel]) for toe, heel in feet if toe in found and heel in found]
+
+
+def _behind(front: str, back: str) -> bool:
+    if _part(back) not in ("PSIS", "SACRUM") and not _on_spine(back):
+        return False
+    sides = {front[:2], back[:2]}
+    return abs(level(front) - level(back)) < 0.2 and sides != {"L_", "R_"}
+
+
+def _along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    return (vectors * axis).sum(axis=1, keepdims=True) * axis
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def stature_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[float, int]:
+    """Stature in metres by the median over the known lengths of the body, and how many there are; NaN without one."""
+    found = {landmark: label for label, landmark in named.items()}
+    statures = []
+    for ends, share in LENGTHS.items():
+        for side in ("L_", "R_"):
+            names = [end if end in found else side + end for end in ends]
+            if all(name in found for name in names):
+                between = points[found[names[0]]] - points[found[names[1]]]
+                statures.append(_median_length(between) / share)
+    trunk = trunk_axis(points, named)
+    if trunk is not None:
+        statures.append(trunk[2] / TRUNK_SHARE)
+    statures = [value for value in statures if np.isfinite(value)]
+    return (float(np.median(statures)), len(statures)) if statures else (np.nan, 0)
+
+
+def _median_length(vectors: np.ndarray) -> float:
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(vectors, axis=1)
+    length = length[np.isfinite(length)]
+    return float(np.median(length)) if length.size else np.nan

@@ -1,0 +1,446 @@
+"""The gate before anything is computed from a marker recording: whether its points can be a person's body."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from lumbar.lifting.quality.body import (
+    levels_found,
+    order_exchanges,
+    rightward,
+    side_exchanges,
+    stature_found,
+)
+from lumbar.lifting.quality.displacement import Displaced, displaced
+from lumbar.lifting.quality.exchanges import Exchange, lands_on, take_exchanges
+from lumbar.lifting.quality.finding import ERROR, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
+from lumbar.lifting.quality.landmarks import landmarks, side_pairs
+from lumbar.lifting.quality.leaps import Leap, find_leaps, step_sizes
+from lumbar.lifting.quality.lengths import length, off_its_part, rigid_mates
+from lumbar.lifting.quality.missing_frames import missing_frames
+from lumbar.lifting.quality.tempo import (
+    FINE_RATE,
+    HIGHEST_HZ,
+    LOWEST_HZ,
+    USUAL_HZ,
+    frequency_scale,
+    tells_tempo,
+)
+from lumbar.lifting.quality.trajectories import LABORATORY_M, beyond_laboratory, copied, frozen, held
+
+_WRONG_UNIT = 1.8
+_OTHER_STATURE = 1.25
+_STATURES_M = (0.6, 2.6)
+_PERSON_M = 1.7
+_CLOUD_M = (0.15, 6.0)
+"""Plausible extent of all markers in one frame, where no label is known."""
+_FACTORS = (1000.0, 100.0, 10.0, 25.4, 2.54)
+_RESTLESS_LEAPS, _RESTLESS_SHARE = 12, 0.01
+_JITTER_M = 3e-3
+_RMS_OF_STEPS = 0.504
+"""Of white noise, its root mean square in space by the median size of half the third differences: sqrt(3 / 5) over the
+median 1.538 of a chi distribution with three degrees of freedom."""
+_FEWEST_TOGETHER = 5
+_SAMPLES = 400
+_EXCHANGED_HERE = (
+    "their labels are exchanged in these frames, which are gaps of both until somebody labels them again in the capture "
+    "software"
+)
+_IMPOSSIBLE_TEMPO = 3.0
+
+
+def examine(
+    points: dict[str, np.ndarray],
+    time: np.ndarray,
+    rate: float,
+    height_m: float | None = None,
+    meant: dict[str, str] | None = None,
+) -> list[Finding]:
+    """Find what in a recording cannot be a body that moves, by marker and time.
+
+    Single trajectories come first (outside any laboratory, frozen, copied), then leaps and exchanged labels, then the whole:
+    order along the trunk, sides, rigid parts, stature, tempo. What one check finds is hidden from the next.
+
+    Parameters
+    ----------
+    points : dict of str to ndarray, shape (n_frames, 3)
+        Measured markers by the file's labels; metres, z up; NaN where not seen.
+    time : ndarray, shape (n_frames,)
+        Seconds.
+    rate : float
+        Frames per second.
+    height_m : float, optional
+        Stature of the person; without it any from 0.6 to 2.6 m is accepted.
+    meant : dict of str to str, optional
+        Landmark to label, where labels mean something else than usual.
+
+    Returns
+    -------
+    list of Finding
+        Empty for a sound recording. In order of what they lead to, then of time.
+    """
+    clock = Clock(time, rate)
+    if not points:
+        return []
+    named = {label: landmark for landmark, label in landmarks(points, meant).items()}
+    wrong = _unit(points, named, clock, height_m)
+    if wrong:
+        return wrong
+    findings, stepping = held(points, clock)
+    for check in (beyond_laboratory, frozen, partial(copied, named=named)):
+        found = check(points, clock)
+        findings += found
+        points = hidden(points, found)
+    found, points = _leaps(points, named, clock)
+    findings += found
+    findings += _rigid_parts(points, clock)
+    findings += _stature(points, named, clock, height_m)
+    findings += _jitter({label: points[label] for label in points if label not in stepping}, clock)
+    if not any(finding.kind == "missing frames" for finding in findings):
+        findings += _tempo(points, clock)
+    order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
+    return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
+
+
+def unchecked(
+    points: dict[str, np.ndarray],
+    height_m: float | None = None,
+    meant: dict[str, str] | None = None,
+) -> dict[str, str]:
+    """Return what `examine` cannot compare with a body in a recording, with the reason.
+
+    Parameters
+    ----------
+    points, height_m, meant
+        As of `examine`.
+    """
+    if not points:
+        return {}
+    named = {label: landmark for landmark, label in landmarks(points, meant).items()}
+    sampled = _sampled(points)
+    _, lengths = stature_found(sampled, named)
+    sides, depths = rightward(sampled, named)
+    found = {}
+    if lengths < 2:
+        reason = f"the labels name {'one length' if lengths else 'no length'} of a body"
+        found["stature"] = reason
+        found["unit"] = (
+            f"{reason}; all markers of a frame fill {_cloud(sampled):.2g} m, and that is all that is known"
+        )
+    elif not height_m:
+        found["stature"] = "height_m is not given"
+    if len(sides) + len(depths) < 3:
+        found["left and right"] = "the labels name fewer than three pairs of sides"
+    if len(levels_found(sampled, named)) < 2:
+        found["order along the trunk"] = "the labels name no trunk"
+    if not tells_tempo(points):
+        found["rate"] = "too short, or the person hardly moves"
+    found[FINE_RATE] = "only force plates under a person who moves tell it: lumbar lift compares them"
+    return found
+
+
+def hidden(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
+    """Return the points with NaN where a finding leaves a marker out or proposes another label for it."""
+    result = dict(points)
+    for finding in findings:
+        if finding.outcome in (LEFT_OUT, PROPOSED):
+            for label in finding.markers:
+                changed = result[label].copy()
+                changed[finding.frames] = np.nan
+                result[label] = changed
+    return result
+
+
+def usable(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
+    """Return the markers that are not left out of all frames, without the frames that are; exchanges are not made."""
+    kept = hidden(points, [finding for finding in findings if finding.outcome == LEFT_OUT])
+    return {label: positions for label, positions in kept.items() if np.isfinite(positions).any()}
+
+
+def _sampled(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    every = max(1, len(next(iter(points.values()))) // _SAMPLES)
+    return {label: positions[::every] for label, positions in points.items()}
+
+
+def _unit(
+    points: dict[str, np.ndarray], named: dict[str, str], clock: Clock, height_m: float | None
+) -> list[Finding]:
+    """An error where the body is far too large or too small for a person."""
+    sampled = _sampled(points)
+    far = [np.abs(positions[np.isfinite(positions)]).ravel() for positions in sampled.values()]
+    stature, count = stature_found(sampled, named)
+    if np.median(np.concatenate(far)) > LABORATORY_M and not 0 < stature < LABORATORY_M:
+        evidence = f"coordinates of {np.median(np.concatenate(far)):.3g} m"
+        return [
+            clock.finding(
+                "unit", ERROR, (), evidence, "no laboratory is so large: set markers.scale or markers.unit"
+            )
+        ]
+    if count >= 2:
+        low, high = (height_m / _WRONG_UNIT, height_m * _WRONG_UNIT) if height_m else _STATURES_M
+        size, expected = stature, height_m or _PERSON_M
+        evidence = f"{count} lengths of the body are those of a person {stature:.3g} m tall" + (
+            f"; height_m is {height_m:g}" if height_m else ""
+        )
+    else:
+        low, high = _CLOUD_M
+        size, expected = _cloud(sampled), _PERSON_M
+        evidence = f"the markers of one frame fill {size:.3g} m"
+    if not np.isfinite(size) or low <= size <= high:
+        return []
+    return [clock.finding("unit", ERROR, (), evidence, _which_unit(size / expected))]
+
+
+def _cloud(points: dict[str, np.ndarray]) -> float:
+    """Median extent of all markers of one frame, metres; NaN of fewer than three markers."""
+    stacked = np.stack(list(points.values()), axis=1)
+    extents = [_extent(frame) for frame in stacked]
+    return float(np.nanmedian(extents)) if np.isfinite(extents).any() else np.nan
+
+
+def _extent(frame: np.ndarray) -> float:
+    seen = frame[np.isfinite(frame).all(axis=1)]
+    return float(np.ptp(seen, axis=0).max()) if len(seen) > 2 else np.nan
+
+
+def _which_unit(factor: float) -> str:
+    if not 0 < factor < np.inf:
+        return "set markers.scale or markers.unit"
+    for candidate in _FACTORS:
+        for times in (candidate, 1 / candidate):
+            if abs(np.log(factor / times)) < np.log(1.35):
+                return f"the unit is wrong by a factor of {times:.4g}: set markers.scale to {1 / times:.4g}, or markers.unit"
+    return f"{factor:.2g} times a person's size: set markers.scale, or the subject's height_m"
+
+
+def _leaps(
+    points: dict[str, np.ndarray], named: dict[str, str], clock: Clock
+) -> tuple[list[Finding], dict[str, np.ndarray]]:
+    """Exchanged labels, leaps and spikes; the points with exchanges undone and leaps left out, for the checks that follow."""
+    found = {label: find_leaps(positions, clock.rate) for label, positions in points.items()}
+    leaps = {label: leaps for label, (leaps, _) in found.items()}
+    missing, leaps = _missing_frames(points, leaps, clock)
+    exchanges, remaining = take_exchanges(leaps)
+    n_frames = len(clock.time)
+    chosen = {exchange: _shorter(exchange, n_frames) for exchange in exchanges}
+    straight = points
+    for exchange, stretches in chosen.items():
+        straight = _exchanged(straight, (exchange.first, exchange.second), stretches)
+    spikes = {label: spikes for label, (_, spikes) in found.items()}
+    findings = missing + _displaced(straight, remaining, spikes, clock)
+    straight = hidden(straight, findings)
+    whole, mirrored = _whole_exchanges(straight, named)
+    flipped = _flipped(list(chosen), [pair for pair, _ in whole], points, named)
+    for pair in {*(frozenset(pair) for pair, _ in whole), *(one.pair for one in flipped)}:
+        straight = _exchanged(straight, tuple(pair), [slice(0, n_frames)])
+    for exchange, stretches in chosen.items():
+        if exchange in flipped:
+            whole = [item for item in whole if frozenset(item[0]) != exchange.pair]
+            stretches = (
+                exchange.others(n_frames)
+                if stretches == exchange.exchanged(n_frames)
+                else exchange.exchanged(n_frames)
+            )
+        changing = frozenset().union(*(one.pair for one in chosen))
+        findings += _exchange_findings(points, straight, exchange, stretches, changing, clock)
+    for pair, evidence in whole:
+        cause = (
+            f"their labels are exchanged: if so, let {pair[0]} and {pair[1]} change places in markers.aliases; until then both "
+            "are left out of all frames"
+        )
+        findings.append(clock.finding("exchanged", PROPOSED, pair, evidence, cause))
+    if mirrored:
+        cause = "the labels of both sides are exchanged, or an axis of the file is mirrored"
+        findings.append(clock.finding("mirrored", ERROR, (), mirrored, cause))
+    return findings, straight
+
+
+def _missing_frames(
+    points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], clock: Clock
+) -> tuple[list[Finding], dict[str, list[Leap]]]:
+    """Frames between which most markers leap, not counting exchanges; without any, the leaps as they are."""
+    _, others = take_exchanges(leaps)
+    findings, _ = missing_frames(points, others, clock)
+    return (findings, missing_frames(points, leaps, clock)[1]) if findings else ([], leaps)
+
+
+def _whole_exchanges(
+    points: dict[str, np.ndarray], named: dict[str, str]
+) -> tuple[list[tuple[tuple[str, str], str]], str]:
+    """Labels exchanged over the whole recording."""
+    sampled = _sampled(points)
+    ordered = order_exchanges(sampled, named)
+    for low, high, _ in ordered:
+        sampled[low], sampled[high] = sampled[high], sampled[low]
+    sided, mirrored = side_exchanges(sampled, named)
+    return [((low, high), evidence) for low, high, evidence in (*ordered, *sided)], mirrored
+
+
+def _flipped(
+    exchanges: list[Exchange],
+    whole: list[tuple[str, str]],
+    points: dict[str, np.ndarray],
+    named: dict[str, str],
+) -> list[Exchange]:
+    """Exchanges whose other stretches are the wrong ones: labels that still stand wrongly once the shorter ones are exchanged.
+
+    Left and right of several markers that change places at once, as of both legs, are wrong together.
+    """
+    reversed_pairs = {frozenset(pair) for pair in whole}
+    sides = {frozenset(pair) for pair in side_pairs(points, named)}
+    flipped = [exchange for exchange in exchanges if exchange.pair in reversed_pairs]
+    at_once = {exchange.frames for exchange in flipped if exchange.pair in sides}
+    return [
+        exchange
+        for exchange in exchanges
+        if exchange in flipped or (exchange.pair in sides and exchange.frames in at_once)
+    ]
+
+
+def _shorter(exchange: Exchange, n_frames: int) -> list[slice]:
+    one, other = exchange.exchanged(n_frames), exchange.others(n_frames)
+    frames = [sum(part.stop - part.start for part in parts) for parts in (one, other)]
+    return one if frames[0] <= frames[1] else other
+
+
+def _exchanged(points, pair: tuple[str, str], stretches: list[slice]) -> dict[str, np.ndarray]:
+    one, other = points[pair[0]].copy(), points[pair[1]].copy()
+    for stretch in stretches:
+        one[stretch], other[stretch] = points[pair[1]][stretch], points[pair[0]][stretch]
+    return {**points, pair[0]: one, pair[1]: other}
+
+
+def _exchange_findings(
+    points,
+    straight,
+    exchange: Exchange,
+    stretches: list[slice],
+    changing: frozenset[str],
+    clock: Clock,
+) -> list[Finding]:
+    """One finding per stretch, with the lengths to a third marker, which changes no place, as they are and as they would be."""
+    pair = (exchange.first, exchange.second)
+    partner = rigid_mates(_sampled(straight), changing)[exchange.first][:1]
+    findings = []
+    for stretch in stretches:
+        evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to where the other was"
+        if partner:
+            mate = partner[0]
+            usual = length(straight, exchange.first, mate, slice(None)) * 1e3
+            there = length(points, exchange.first, mate, stretch) * 1e3
+            mended = length(points, exchange.second, mate, stretch) * 1e3
+            evidence += f"; {exchange.first} is {usual:.0f} mm from {mate}, here {there:.0f} mm"
+            evidence += f", with labels exchanged {mended:.0f} mm"
+        findings.append(clock.finding("exchanged", PROPOSED, pair, evidence, _EXCHANGED_HERE, stretch))
+    return findings
+
+
+def _displaced(
+    points, leaps: dict[str, list[Leap]], spikes: dict[str, list[slice]], clock: Clock
+) -> list[Finding]:
+    """Stretches after leaps that no exchange explains, and spikes; of a marker with many of them one finding."""
+    findings = []
+    most = max(_RESTLESS_LEAPS, _RESTLESS_SHARE * len(clock.time))
+    for label, positions in points.items():
+        count = len(leaps[label]) + len(spikes[label])
+        if count > most:
+            evidence = f"{count} leaps of more than 20 mm from one frame to the next"
+            findings.append(
+                clock.finding(
+                    "restless", NOTED, (label,), evidence, "a reflection, or two markers under one label"
+                )
+            )
+            continue
+        stretches, untold = displaced(points, label, leaps, clock.rate)
+        findings += [_jump(points, label, stretch, clock) for stretch in stretches]
+        findings += [_untold(label, leap, clock) for leap in untold]
+        for spike in spikes[label]:
+            evidence = f"off its way by up to {_off_way(positions, spike) * 1e3:.0f} mm and back"
+            cause = "a reflection taken for the marker"
+            findings.append(clock.finding("spike", LEFT_OUT, (label,), evidence, cause, spike))
+    return findings
+
+
+def _off_way(positions: np.ndarray, spike: slice) -> float:
+    ends = positions[[max(0, spike.start - 1), min(len(positions) - 1, spike.stop)]]
+    return float(np.nanmax(np.linalg.norm(positions[spike] - ends.mean(axis=0), axis=1)))
+
+
+def _jump(points, label: str, stretch: Displaced, clock: Clock) -> Finding:
+    leap = stretch.leap
+    other = lands_on(leap, label, points)
+    cause = (
+        f"it lies where {other} was: labels were taken for each other"
+        if other
+        else "another reflection under this label, or a marker that came off"
+    )
+    evidence = f"leaps {leap.size * 1e3:.0f} mm at {clock.time[leap.first]:.2f} s, {stretch.seen}"
+    return clock.finding("jump", LEFT_OUT, (label,), evidence, cause, stretch.frames)
+
+
+def _untold(label: str, leap: Leap, clock: Clock) -> Finding:
+    evidence = (
+        f"leaps {leap.size * 1e3:.0f} mm at {clock.time[leap.first]:.2f} s; its distances to other markers do not show "
+        "whether it is wrong before or after"
+    )
+    cause = "look at it in the capture software: nothing is left out"
+    return clock.finding("jump", NOTED, (label,), evidence, cause, slice(leap.last, leap.first + 1))
+
+
+def _rigid_parts(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+    cause = "another marker under this label, or one that came off"
+    return [
+        clock.finding("off its part", LEFT_OUT, (label,), evidence, cause, stretch)
+        for label, stretch, evidence in off_its_part(points, clock.rate)
+    ]
+
+
+def _stature(
+    points: dict[str, np.ndarray], named: dict[str, str], clock: Clock, height_m: float | None
+) -> list[Finding]:
+    stature, count = stature_found(_sampled(points), named)
+    if not height_m or count < 2 or 1 / _OTHER_STATURE < stature / height_m < _OTHER_STATURE:
+        return []
+    evidence = (
+        f"{count} lengths of the body are those of a person {stature:.2f} m tall; height_m is {height_m:g}"
+    )
+    return [clock.finding("stature", NOTED, (), evidence, "another person's recording, or a wrong height_m")]
+
+
+def _tempo(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+    found = frequency_scale(points, clock.rate)
+    if found is None or LOWEST_HZ <= found <= HIGHEST_HZ:
+        return []
+    evidence = f"accelerations and velocities give {found:.2g} Hz; people who lift, squat, walk or stand up have 0.4 to 0.8 Hz"
+    seconds = len(clock.time) / clock.rate
+    cause = (
+        f"the rate of {clock.rate:g} Hz may be wrong, by a factor of about {found / USUAL_HZ:.2g}: where the recording "
+        f"did not last {seconds:.3g} s, set markers.rate_Hz"
+    )
+    outcome = ERROR if max(found / HIGHEST_HZ, LOWEST_HZ / found) > _IMPOSSIBLE_TEMPO else NOTED
+    return [clock.finding("rate", outcome, (), evidence, cause)]
+
+
+def _jitter(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+    """Markers with noise; where most have it, one finding of all."""
+    noisy = {}
+    for label, positions in points.items():
+        size = step_sizes(positions)
+        usual = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
+        if usual > _JITTER_M:
+            noisy[label] = _RMS_OF_STEPS * usual * 1e3
+    how = "(root mean square distance from a smooth way)"
+    if len(noisy) > _FEWEST_TOGETHER and 2 * len(noisy) > len(points):
+        least, most = min(noisy.values()), max(noisy.values())
+        evidence = (
+            f"noise of about {least:.1f} to {most:.1f} mm {how} in {len(noisy)} of {len(points)} markers"
+        )
+        cause = "badly calibrated cameras, or coordinates that were rounded or resampled"
+        return [clock.finding("jitter", NOTED, (), evidence, cause)]
+    cause = "few cameras see it, or they are badly calibrated"
+    return [
+        clock.finding("jitter", NOTED, (label,), f"noise of about {noise:.1f} mm {how}", cause)
+        for label, noise in noisy.items()
+    ]

@@ -1,0 +1,211 @@
+"""Single trajectories that no marker can have: outside any laboratory, standing still to the last bit, copies of others."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.lifting.quality.finding import LEFT_OUT, NOTED, Clock, Finding
+from lumbar.lifting.quality.landmarks import level
+from lumbar.records.stretches import runs
+
+LABORATORY_M = 100.0
+"""Coordinates beyond this distance from the origin lie in no laboratory."""
+_SHORTEST_STILL = 6
+_STILL_BY_CHANCE = 1e-9
+"""Chance below which a run of unchanged coordinates is not the file's resolution."""
+_OTHERS_STILL = 0.5
+"""Share of unchanged steps of the markers near it above which a still one is no news: what carries them stands."""
+_FEWEST_MOVES, _LONGEST_HOLD, _HELD_SHARE = 20, 10, 0.95
+_TOUCHING_M = 2e-3
+"""Two markers cannot come closer: each has a radius of some millimetres."""
+_NEIGHBOURS = 3
+_SHORTEST_COPY = 3
+_FRAMES_AT_ONCE = 1000
+
+
+def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+    """Frames in which a marker is farther from the origin than any laboratory is long.
+
+    Parameters
+    ----------
+    points : dict of str to ndarray, shape (n_frames, 3)
+        Metres; NaN where not seen.
+    clock : Clock
+    """
+    findings = []
+    for label, positions in points.items():
+        with np.errstate(invalid="ignore"):
+            largest = np.abs(positions).max(axis=1)
+            far = largest > LABORATORY_M
+        for stretch in runs(far):
+            evidence = f"coordinates up to {largest[stretch].max():.3g} m"
+            cause = "the file holds numbers that are no positions"
+            findings.append(clock.finding("beyond laboratory", LEFT_OUT, (label,), evidence, cause, stretch))
+    return findings
+
+
+def frozen(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+    """Stretches in which a marker keeps its coordinates to the last bit while others move.
+
+    A file whose numbers are coarse repeats some of them by chance: the share of unchanged steps outside of a run says how
+    often, and a run counts when it has a chance below 1e-9. Where most of the three nearest markers keep theirs too, as on a
+    box that stands, nothing is found.
+    """
+    steady = np.array([_unchanged(positions) for positions in points.values()])
+    if not steady.size:
+        return []
+    findings = []
+    for index, label in enumerate(points):
+        for run in runs(steady[index]):
+            length = run.stop - run.start
+            outside = np.delete(steady[index], np.r_[run])
+            chance = (outside.sum() + 1) / (len(outside) + 2)
+            if length < max(_SHORTEST_STILL, np.log(_STILL_BY_CHANCE) / np.log(chance)):
+                continue
+            near = _nearest(points, index, run)
+            if not near or np.median(steady[near, run].mean(axis=1)) > _OTHERS_STILL:
+                continue
+            stretch = slice(run.start, run.stop + 1)
+            evidence = f"the same coordinates to the last digit in {length + 1} frames while the markers near it move"
+            cause = "a gap filled with the last position seen, or a stuck channel"
+            findings.append(clock.finding("frozen", LEFT_OUT, (label,), evidence, cause, stretch))
+    return findings
+
+
+def _unchanged(positions: np.ndarray) -> np.ndarray:
+    """Whether each step leaves a marker exactly where it was, shape (n_frames - 1,)."""
+    return (np.diff(positions, axis=0) == 0).all(axis=1)
+
+
+def _nearest(points: dict[str, np.ndarray], index: int, run: slice) -> list[int]:
+    """Return the markers nearest to one at the start of a run, among those seen there."""
+    there = np.stack([positions[run.start] for positions in points.values()])
+    distance = np.linalg.norm(there - there[index], axis=1)
+    order = [other for other in np.argsort(distance) if other != index and np.isfinite(distance[other])]
+    return order[:_NEIGHBOURS]
+
+
+def held(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Finding], set[str]]:
+    """Find markers that move in every second (third, …) frame alone and keep their coordinates to the last bit in between.
+
+    Returns
+    -------
+    findings : list of Finding
+    labels : set of str
+        Of these markers.
+    """
+    held_in: dict[int, list[str]] = {}
+    for label, positions in points.items():
+        every = _moves_every(positions)
+        if every:
+            held_in.setdefault(every, []).append(label)
+    findings = []
+    for every, labels in held_in.items():
+        evidence = (
+            f"{len(labels)} of {len(points)} markers move in one of {every} frames alone and keep their coordinates to the last "
+            "digit in between"
+        )
+        cause = (
+            f"recorded at {clock.rate / every:g} Hz and written at {clock.rate:g} Hz by repeating samples: export it again at "
+            "the rate of the cameras, for speeds are steps until then"
+        )
+        named = tuple(labels) if 2 * len(labels) < len(points) else ()
+        findings.append(clock.finding("held", NOTED, named, evidence, cause))
+    return findings, {label for labels in held_in.values() for label in labels}
+
+
+def _moves_every(positions: np.ndarray) -> int:
+    """How many frames a marker keeps each of its positions for; 0 where there is no such number from 2 on."""
+    seen = np.isfinite(positions[:, 0])
+    known = seen[1:] & seen[:-1]
+    moves = ~_unchanged(positions) & known
+    if moves.sum() < _FEWEST_MOVES or moves.sum() > 0.6 * known.sum():
+        return 0
+    for every in range(2, _LONGEST_HOLD + 1):
+        phases = [(moves[phase::every].sum(), known[phase::every].sum()) for phase in range(every)]
+        shares = sorted(moved / max(1, count) for moved, count in phases)
+        if shares[-1] > _HELD_SHARE and shares[-2] < 1 - _HELD_SHARE:
+            return every
+    return 0
+
+
+def copied(points: dict[str, np.ndarray], clock: Clock, named: dict[str, str]) -> list[Finding]:
+    """Stretches in which two markers are closer than two markers can be: one is a copy of the other.
+
+    Which of the two is the copy is told by what lies nearer to its nominal level along the trunk, or by which of them leapt
+    to the other; where neither tells, both are left out.
+    """
+    labels = list(points)
+    findings = []
+    for first, second in _touching_pairs(points):
+        a, b = points[labels[first]], points[labels[second]]
+        with np.errstate(invalid="ignore"):
+            near = np.linalg.norm(a - b, axis=1) < _TOUCHING_M
+        for stretch in runs(near):
+            if stretch.stop - stretch.start >= min(_SHORTEST_COPY, len(near)):
+                findings.append(_copy(points, named, (labels[first], labels[second]), stretch, clock))
+    return findings
+
+
+def _touching_pairs(points: dict[str, np.ndarray]) -> list[tuple[int, int]]:
+    """Pairs of markers that touch in some frame: neighbours in order of one coordinate, up to two places apart.
+
+    Every third frame is looked at: shorter copies are not told anyway.
+    """
+    every = min(_SHORTEST_COPY, len(next(iter(points.values()))))
+    points = {label: positions[::every] for label, positions in points.items()}
+    n_frames = len(next(iter(points.values())))
+    pairs: set[tuple[int, int]] = set()
+    for start in range(0, n_frames, _FRAMES_AT_ONCE):
+        frames = slice(start, start + _FRAMES_AT_ONCE)
+        stacked = np.stack([positions[frames] for positions in points.values()], axis=1)
+        order = np.argsort(stacked[:, :, 0], axis=1)
+        ordered = np.take_along_axis(stacked, order[:, :, None], axis=1)
+        for places in range(1, min(3, len(points))):
+            with np.errstate(invalid="ignore"):
+                near = (np.abs(ordered[:, places:] - ordered[:, :-places]) < _TOUCHING_M).all(axis=2)
+            frame, place = np.nonzero(near)
+            found = np.sort(np.stack([order[frame, place], order[frame, place + places]]), axis=0)
+            pairs |= {(int(one), int(other)) for one, other in np.unique(found, axis=1).T}
+    return sorted(pairs)
+
+
+def _copy(
+    points: dict[str, np.ndarray], named: dict[str, str], pair: tuple[str, str], stretch: slice, clock: Clock
+) -> Finding:
+    first, second = pair
+    distance = np.linalg.norm(points[first][stretch] - points[second][stretch], axis=1).max() * 1e3
+    evidence = f"{first} and {second} are at most {distance:.2g} mm apart, closer than two markers can be"
+    copies = _which_leapt(points, pair, stretch) or _which_is_off_level(points, named, pair, stretch)
+    cause = (
+        f"{copies[0]} is a copy of {second if copies[0] == first else first}"
+        if copies
+        else "one is a copy of the other, which of them cannot be seen"
+    )
+    return clock.finding("copied", LEFT_OUT, copies or (first, second), evidence, cause, stretch)
+
+
+def _which_leapt(points, pair: tuple[str, str], stretch: slice) -> tuple[str, ...]:
+    """Return the marker of a pair that moved more at the ends of a stretch."""
+    leaps = []
+    for label in pair:
+        edges = [frame for frame in (stretch.start, stretch.stop) if 0 < frame < len(points[label])]
+        steps = [np.linalg.norm(points[label][frame] - points[label][frame - 1]) for frame in edges]
+        leaps.append(np.nanmax(steps) if np.isfinite(steps).any() else 0.0)
+    larger, smaller = max(leaps), min(leaps)
+    return (pair[int(np.argmax(leaps))],) if larger > 0.02 and larger > 3 * smaller else ()
+
+
+def _which_is_off_level(
+    points, named: dict[str, str], pair: tuple[str, str], stretch: slice
+) -> tuple[str, ...]:
+    """Return the marker of a pair that lies farther from its level along the trunk."""
+    from lumbar.lifting.quality.body import levels_found
+
+    if not all(label in named and level(named[label]) is not None for label in pair):
+        return ()
+    found = levels_found({label: positions[stretch] for label, positions in points.items()}, named, pair)
+    if not set(pair) <= set(found):
+        return ()
+    off = [abs(found[label] - level(named[label])) for label in pair]
+    return (pair[int(np.argmax(off))],) if abs(off[0] - off[1]) > 0.1 else ()

@@ -1,0 +1,307 @@
+"""All basins of one lift: the headline's and those of the thesis's wording, and what was checked of each.
+
+Settings are the section ``stability`` of a study's configuration.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, reachable_area, regulate
+from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
+from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, disturbance_of
+from lumbar.lifting.stability.methods import METHODS, MethodResult, headline_methods, thesis_methods
+from lumbar.lifting.stability.model.convention import THESIS
+from lumbar.lifting.stability.model.failures import Failure, all_or_each
+from lumbar.lifting.stability.model.pendulum_loop import feedforward_torque, gather
+from lumbar.lifting.stability.model.riccati import Weights, check_weights
+from lumbar.lifting.stability.model.trajectory import Trajectory
+from lumbar.lifting.stability.programme.bilinear_alternation import RESOLUTION
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.settings.stability import PendulumSettings, StabilitySettings
+
+COLUMNS = {
+    "subject": "who lifted",
+    "experience": "experience of the lifter",
+    "box_mass_kg": "mass of the box",
+    "com": "centre of mass taken for the pendulum's",
+    "plane": "plane onto which the trajectory is projected: lateral bending (xz) or flexion/extension (yz)",
+    "method": "method: exact (largest V̇ on the boundary with the true sine), sum_of_squares (certificates of "
+    "the sine's Taylor polynomial at some knots), thesis (ρ̇ frozen: no certificate, goal set free; its areas hang on "
+    "the multiplier that a solver happens to return and have the digits printed, ±"
+    + ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())
+    + ")",
+    "sign": "sign of gravity in Eq. 4.1: hanging (as published) or inverted (as people stand)",
+    "time": "real: the movement lasts as long as it was recorded; unit: it is played in one second",
+    "mass": "whether the box counts to the pendulum's mass: with_box or without_box",
+    "pivot": "point about which the pendulum turns",
+    "duration_s": "duration T of the trajectory as it is played",
+    "mass_kg": "mass m of the pendulum",
+    "length_m": "mean length ℓ of the pendulum",
+    "peak_torque_N_m": "largest |u0| of the feedforward",
+    "mean_area": "average cross-section (1/T)∫πρ/√det S dt in rad²/s",
+    "initial_area": "cross-section at t = 0 in rad²/s",
+    "minimum_area": "smallest cross-section in rad²/s",
+    "final_area": "cross-section at T in rad²/s: the goal set",
+    "liouville_area": "area in rad²/s of all states at t = 0 that reach the goal set of the configuration, "
+    "A_goal·exp∫(b + K2)/I dt: no basin of that goal is larger",
+    "simulated_starts": "simulated starts, half on the boundary at t = 0, half inside",
+    "exits": "starts that left the basin",
+    "exits_high": "upper end of the exact 95 % interval of the share that leaves",
+    "control_exits": "exits from a basin made too large on purpose (negative control: must not be 0)",
+    "proved_share": "share of the time axis on which the funnel with a margin is proved invariant between the "
+    "knots too (interval arithmetic, true sine, cubic interpolants)",
+    "proved_area_ratio": "average cross-section of the funnel with a margin, divided by mean_area",
+    "sos_margin_difference": "largest difference in 1/s of certified rate and maximum of the same Taylor "
+    "polynomial",
+    "sos_taylor_difference": "largest difference in 1/s of certified rate and maximum with the true sine",
+    "sos_taylor_optimism": "largest V̇/ρ with the true sine less ρ̇/ρ in 1/s: positive where the certificate of "
+    "the Taylor polynomial does not hold for the sine",
+    "sos_cvxpy_difference": "largest difference in 1/s of the rates that the method's own programme and Eq. 4.6 written "
+    "out in cvxpy certify, at some knots",
+    "violation_share": "share of the knots at which ρ̇ is below the largest V̇ on the boundary (true sine)",
+    "unsolved_share": "share of the thesis's programmes without multiplier or maximum: 0.5 of two alternations means that the "
+    "second solved nothing",
+    "euler_error": "relative error of the initial ellipse's area by Euler integration of Eq. 4.2",
+}
+"""Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method or was not chosen."""
+
+CHECK_COLUMNS = {
+    "simulation": ("simulated_starts", "exits", "exits_high", "control_exits"),
+    "thesis_method": ("violation_share", "unsolved_share", "euler_error"),
+    "sum_of_squares": ("sos_margin_difference", "sos_taylor_difference", "sos_taylor_optimism"),
+    "cvxpy": ("sos_cvxpy_difference",),
+    "proof": ("proved_share", "proved_area_ratio"),
+}
+"""Columns that each of ``stability.checks`` fills."""
+
+FUNNEL_COLUMNS = (
+    "com",
+    "plane",
+    "time_s",
+    "rho",
+    "s11",
+    "s12",
+    "s22",
+    "theta0_rad",
+    "thetadot0_rad_s",
+    "u0_N_m",
+    "area_rad2_s",
+)
+"""Columns of ``funnel.csv``."""
+
+DTYPES = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
+"""Types that pandas cannot tell from a ``boa.csv``: counts with empty cells."""
+
+
+@dataclass(frozen=True)
+class LiftBasins:
+    """Basins of one lift.
+
+    Attributes
+    ----------
+    summary : pandas.DataFrame
+        One row per COM, plane, method and convention; columns `COLUMNS`.
+    funnels : pandas.DataFrame
+        The exact funnels of the headline, knot by knot; columns `FUNNEL_COLUMNS`.
+    failures : list of Failure
+        Basins that could not be computed: they have no row.
+    """
+
+    summary: pd.DataFrame
+    funnels: pd.DataFrame
+    failures: list[Failure]
+
+
+def weights_of(settings: StabilitySettings) -> Weights:
+    """Return the regulator's weights of the configuration, checked."""
+    regulator = settings.regulator
+    return check_weights(regulator.state_weight, regulator.control_weight, regulator.terminal_weight)
+
+
+def close_loops(trajectories: list[Trajectory], sign: str, settings: StabilitySettings) -> ClosedLoops:
+    """Put the trajectories under the regulator of the configuration."""
+    pendulum = settings.pendulum
+    damping = [pendulum.damping_N_m_s] * len(trajectories)
+    pendulums = gather(
+        trajectories, [sign] * len(trajectories), damping, pendulum.gravity_m_s2, settings.knots
+    )
+    return regulate(pendulums, weights_of(settings))
+
+
+def basins_of_lift(
+    trajectories: list[Trajectory],
+    settings: StabilitySettings,
+    seed: int,
+    as_in_thesis: Sequence[Trajectory] = (),
+) -> LiftBasins:
+    """Compute and check every basin of one lift.
+
+    Parameters
+    ----------
+    trajectories : list of Trajectory
+        Of one subject and box, in the headline's convention.
+    settings : StabilitySettings
+    seed : int
+        Of the simulated starts.
+    as_in_thesis : sequence of Trajectory
+        The same in the convention `THESIS`: exactly and, where ``thesis_method`` is among the checks, by its own method.
+
+    Returns
+    -------
+    LiftBasins
+
+    Raises
+    ------
+    InputError
+        Weights that are no weights: they concern all basins.
+    """
+    import pandas as pd
+
+    weights_of(settings)
+    rows: list[dict] = []
+    frames: list[pd.DataFrame] = []
+    failures: list[Failure] = []
+    sign = settings.pendulum.sign
+    plans = [(trajectories, method, sign) for method in headline_methods(settings)]
+    methods = thesis_methods(settings)
+    same = sign == THESIS.sign and [_identity(item) for item in trajectories] == [
+        _identity(item) for item in as_in_thesis
+    ]
+    plans += [(list(as_in_thesis), method, THESIS.sign) for method in (methods[1:] if same else methods)]
+    for number, (items, method, gravity) in enumerate(plans):
+        results, failed = all_or_each(
+            method_basins, items, method, gravity, settings, seed, basin=f"{method}, {gravity}"
+        )
+        failures += failed
+        for some, (loops, funnels, own) in results:
+            rows += own
+            if number == 0:
+                frames.append(_funnel_frame(some, loops, funnels, settings))
+    summary = pd.DataFrame(rows, columns=list(COLUMNS)).astype(DTYPES)
+    empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
+    return LiftBasins(summary, pd.concat(frames, ignore_index=True) if frames else empty, failures)
+
+
+def method_basins(
+    trajectories: list[Trajectory], method: str, sign: str, settings: StabilitySettings, seed: int
+) -> tuple[ClosedLoops, Funnels, list[dict]]:
+    """Compute and check the basins of some trajectories by one method and with one sign of gravity.
+
+    Returns
+    -------
+    loops : ClosedLoops
+    funnels : Funnels
+    rows : list of dict
+        Of `basin_rows`.
+    """
+    loops = close_loops(trajectories, sign, settings)
+    result = METHODS[method](loops, settings)
+    return loops, result.funnels, basin_rows(trajectories, loops, result, settings, seed, sign)
+
+
+def basin_rows(
+    trajectories: list[Trajectory],
+    loops: ClosedLoops,
+    result: MethodResult,
+    settings: StabilitySettings,
+    seed: int,
+    sign: str,
+    saturation: Saturation = UNSATURATED,
+) -> list[dict]:
+    """Check the basins of one method and return a row of `COLUMNS` per trajectory."""
+    first, funnels = trajectories[0], result.funnels
+    name = f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}"
+    stream = [seed, zlib.crc32((name if not saturation.active else f"{name} {saturation}").encode())]
+    starts = settings.attack.starts
+    columns = {
+        "mean_area": funnels.mean_area,
+        "initial_area": funnels.initial_area,
+        "minimum_area": funnels.minimum_area,
+        "final_area": funnels.area[-1],
+        "liouville_area": reachable_area(loops, settings.goal_level),
+        **result.checks,
+    }
+    if "simulation" in settings.checks:
+        disturbance = disturbance_of(loops, saturation, starts, [*stream, 1]) if saturation.active else None
+        checked = monte_carlo_check(loops, funnels, starts, stream, disturbance)
+        columns |= {"simulated_starts": np.full(len(trajectories), starts), "exits": checked.exits}
+        columns["exits_high"] = checked.share_high
+        if result.control is not None:
+            control = monte_carlo_check(loops, result.control, starts, stream, disturbance)
+            columns["control_exits"] = control.exits
+    pendulum = settings.pendulum
+    return [
+        {
+            **_identity(item),
+            "method": funnels.method,
+            "sign": sign,
+            "peak_torque_N_m": float(np.abs(_torque(item, sign, pendulum)).max()),
+            **{
+                name: meaningful(values[index].item(), result.resolution.get(name))
+                for name, values in columns.items()
+            },
+        }
+        for index, item in enumerate(trajectories)
+    ]
+
+
+def meaningful(value: float, resolution: float | None) -> float:
+    """Round a value to the first digit of its uncertainty `resolution`·|value|; None leaves it as it is."""
+    if resolution is None or value == 0:
+        return value
+    return round(value, -math.floor(math.log10(resolution * abs(value))))
+
+
+def _identity(item: Trajectory) -> dict:
+    names = ("subject", "experience", "box_mass_kg", "com", "plane", "pivot", "mass_kg", "length_m")
+    convention = {"time": item.clock, "mass": item.mass_counted}
+    return {**{name: getattr(item, name) for name in names}, **convention, "duration_s": item.duration}
+
+
+def _torque(item: Trajectory, sign: str, pendulum: PendulumSettings) -> np.ndarray:
+    return feedforward_torque(item, sign, pendulum.damping_N_m_s, pendulum.gravity_m_s2)
+
+
+def _funnel_frame(
+    trajectories: list[Trajectory], loops: ClosedLoops, funnels: Funnels, settings: StabilitySettings
+) -> pd.DataFrame:
+    import pandas as pd
+    from scipy.interpolate import CubicSpline
+
+    phase = np.linspace(0.0, 1.0, len(funnels.level))
+    sign, area = settings.pendulum.sign, funnels.area
+    frames = []
+    for index, item in enumerate(trajectories):
+        at_knots = CubicSpline(
+            (item.time - item.time[0]) / item.duration,
+            np.stack([item.angular_velocity, _torque(item, sign, settings.pendulum)], axis=1),
+        )(phase)
+        frames.append(
+            pd.DataFrame(
+                {
+                    "com": item.com,
+                    "plane": item.plane,
+                    "time_s": phase * item.duration,
+                    "rho": funnels.level[:, index],
+                    "s11": funnels.cost[:, index, 0],
+                    "s12": funnels.cost[:, index, 1],
+                    "s22": funnels.cost[:, index, 2],
+                    "theta0_rad": loops.pendulums.angle[::2, index],
+                    "thetadot0_rad_s": at_knots[:, 0],
+                    "u0_N_m": at_knots[:, 1],
+                    "area_rad2_s": area[:, index],
+                },
+                columns=list(FUNNEL_COLUMNS),
+            )
+        )
+    return pd.concat(frames, ignore_index=True)

@@ -1,0 +1,182 @@
+"""The grid of Table 4.1: every comparison under every convention, with its null control; what survives all of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.lifting.stability.comparison.percent_differences import percent_differences
+from lumbar.lifting.stability.comparison.verdicts import MOVEMENT_SHARE
+from lumbar.lifting.stability.model.trajectory import PLANES
+from lumbar.tables.table import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.settings.stability import StabilitySettings
+
+CHOICES = ("sign", "time", "mass", "pivot")
+MOVEMENT = "movement"
+"""Comparison of a lift with itself standing still."""
+COLUMNS = {
+    "comparison": "what is compared, as in Table 4.1; movement_…: 100(A − A_still)/A_still, the lift against itself with θ0 = 0",
+    "com": "centre of mass",
+    "plane": "plane",
+    "sign": "hanging: gravity as in Eq. 4.1; inverted: as people stand",
+    "time": "real: the movement lasts as long as it was recorded; unit: it is played in one second",
+    "mass": "whether the box counts to the pendulum's mass",
+    "pivot": "point about which the pendulum turns",
+    "percent": "difference of the average cross-sections in percent, exact method",
+    "null_percent": "null control: the same with every trajectory replaced by θ0 = 0, in percent",
+    "movement_points": "percent less null_percent: what comes from the movement, in percentage points",
+    "movement_share": "(percent − null_percent)/percent: share of the difference that comes from the movement; above 1 or below "
+    "0 where the null control has the other sign or is larger",
+    "status": "computed, or why there is no number",
+}
+
+
+def grid_differences(grid: pd.DataFrame, groups: tuple[str, str]) -> pd.DataFrame:
+    """Compare the areas of all lifts under every convention.
+
+    Parameters
+    ----------
+    grid : pandas.DataFrame
+        ``grid.csv`` of all lifts with a column ``experience``.
+    groups : tuple of str
+        Labels of the people compared, the first with the second.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `COLUMNS`: the comparisons of Table 4.1, then every lift against itself standing still.
+    """
+    import pandas as pd
+
+    rows = []
+    for choices, part in grid.groupby(list(CHOICES), sort=False):
+        computed = part["mean_area"].notna()
+        known, missing = part[computed], part[~computed]
+        reasons = missing.groupby(["com", "plane"])["reason"].first().to_dict()
+        moving, still = (
+            percent_differences(known, area, part, groups) for area in ("mean_area", "null_area")
+        )
+        for row, null in zip(moving, still, strict=True):
+            for plane in PLANES:
+                reason = reasons.get((row["com"], plane))
+                status = (
+                    row["status"] if reason is None or row[plane] == row[plane] else f"no basin: {reason}"
+                )
+                cell = dict(zip(("plane", *CHOICES), (plane, *choices), strict=True))
+                names = {"comparison": row["comparison"], "com": row["com"]}
+                rows.append(names | cell | _from_movement(row[plane], null[plane]) | {"status": status})
+    rows += [
+        {
+            "comparison": f"{MOVEMENT}_{item.subject}_{item.box_mass_kg:g}kg",
+            **{name: getattr(item, name) for name in ("com", "plane", *CHOICES)},
+            **_from_movement(100 * (item.mean_area / item.null_area - 1), 0.0),
+            "status": item.reason or "computed",
+        }
+        for item in grid.fillna({"reason": ""}).itertuples()
+    ]
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _from_movement(percent: float | None, null: float | None) -> dict:
+    """A difference, its null control and what the movement makes of it; NaN where it is not known."""
+    found, still = (np.nan if value is None else float(value) for value in (percent, null))
+    share = (found - still) / found if found else np.nan
+    return {
+        "percent": found,
+        "null_percent": still,
+        "movement_points": found - still,
+        "movement_share": share,
+    }
+
+
+def compared(grid: pd.DataFrame) -> pd.DataFrame:
+    """Return the cells of the grid that compare lifts with one another and have a number."""
+    return grid[~grid["comparison"].str.startswith(f"{MOVEMENT}_") & grid["percent"].notna()]
+
+
+def survivors(grid: pd.DataFrame) -> tuple[list[tuple], list[tuple]]:
+    """Return the differences that keep their sign in all cells, and those that also come from the movement in all.
+
+    Parameters
+    ----------
+    grid : pandas.DataFrame
+        Of `grid_differences`.
+
+    Returns
+    -------
+    same_sign, from_movement : list of (str, str, str)
+        Comparison, COM and plane.
+    """
+    same_sign, from_movement = [], []
+    for name, cells in compared(grid).groupby(["comparison", "com", "plane"], sort=False):
+        if (np.sign(cells["percent"]) == np.sign(cells["percent"].iloc[0])).all():
+            same_sign.append(name)
+            if (cells["movement_share"] >= MOVEMENT_SHARE).all():
+                from_movement.append(name)
+    return same_sign, from_movement
+
+
+def survival_sentence(grid: pd.DataFrame) -> str:
+    """Say in one or two sentences which differences survive the whole grid."""
+    cells = compared(grid)
+    if cells.empty:
+        return "Nothing is compared in this study, so nothing can survive the grid"
+    total = cells.groupby(["comparison", "com", "plane"]).ngroups
+    conventions = cells.groupby(list(CHOICES)).ngroups
+    same_sign, from_movement = survivors(grid)
+    if not same_sign:
+        return f"Of {total} differences none keeps its sign under all {conventions} conventions: each hangs on the one chosen"
+    kept = _named(same_sign, grid)
+    text = f"Of {total} differences {len(same_sign)} keep their sign under all {conventions} conventions ({kept})"
+    if not from_movement:
+        return f"{text}; none of them comes from the movement, by half or more, under all of them"
+    return f"{text}; {_named(from_movement, grid)} come from the movement, by half or more, under all of them"
+
+
+def _named(found: list[tuple], grid: pd.DataFrame) -> str:
+    """Name differences, those of a whole comparison together."""
+    size = compared(grid).drop_duplicates(["comparison", "com", "plane"]).groupby("comparison").size()
+    words = []
+    for comparison in dict.fromkeys(name for name, *_ in found):
+        own = [", ".join(place).replace("_", " ") for name, *place in found if name == comparison]
+        whole = len(own) == size[comparison]
+        words.append(f"{comparison}: {'all' if whole else '; '.join(own)}".replace("_", " "))
+    return "; ".join(words)
+
+
+def grid_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
+    """Return the grid as a published table."""
+    numbers = ("percent", "null_percent", "movement_points", "movement_share")
+    weights = settings.grid
+    return Table(
+        title="Table 4.1 as a grid: sign of gravity, time, mass and pivot, each with its null control.",
+        frame=frame,
+        definitions=COLUMNS,
+        data=data,
+        notes=(
+            survival_sentence(frame),
+            "About a pivot that is not the study's own the control weight is another: "
+            f"R = {weights.mid_ankle_control_weight:g} about the ankles, {weights.hip_control_weight:g} about the hips",
+        ),
+        decimals=dict.fromkeys(numbers, 2),
+        may_be_empty=frozenset(numbers),
+        headers={
+            "comparison": "Comparison",
+            "com": "Centre of mass",
+            "plane": "Plane",
+            "sign": "Gravity",
+            "time": "Time",
+            "mass": "Mass",
+            "pivot": "Pivot",
+            "percent": "Difference (%)",
+            "null_percent": "Null control (%)",
+            "movement_points": "From the movement (points)",
+            "movement_share": "Movement's share",
+            "status": "Status",
+        },
+    )

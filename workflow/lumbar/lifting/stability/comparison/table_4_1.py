@@ -1,0 +1,185 @@
+"""Table 4.1: percent differences of average cross-sections, published, in the thesis's wording, and as people stand.
+
+It holds the published percentages beside those of this study under the thesis's own convention (`convention.THESIS`) and
+under the headline's. A basin that could not be computed is named in place of its number.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.lifting.stability.basins import COLUMNS
+from lumbar.lifting.stability.comparison.compared_study import Study, variants
+from lumbar.lifting.stability.comparison.grid import headline
+from lumbar.lifting.stability.comparison.grid_table import compared, grid_differences, survival_sentence
+from lumbar.lifting.stability.comparison.percent_differences import comparison_names, percent_differences
+from lumbar.lifting.stability.comparison.table_4_1_controls import controls_table
+from lumbar.lifting.stability.comparison.table_4_1_words import (
+    comparison_definition,
+    headline_words,
+    number_or_none,
+    regulator_sentence,
+)
+from lumbar.lifting.stability.model.convention import THESIS
+from lumbar.lifting.stability.model.failures import failures_frame, joined
+from lumbar.lifting.stability.model.trajectory import PLANES
+from lumbar.tables.table import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.settings.stability import StabilitySettings
+
+THESIS_DECIMALS = 1
+"""Digits after the point that the thesis's engine has in a percentage: with areas of the digits they have
+(`bilinear_alternation.RESOLUTION`) it may be off by some tenths."""
+
+_LABELS = {"lateral_bending": "Lateral", "flexion_extension": "Flexion"}
+
+
+def tables_4_1(
+    study: Study, failures: pd.DataFrame | None = None
+) -> tuple[Table, Table, pd.DataFrame, pd.DataFrame]:
+    """Return Table 4.1, the table of its controls, the differences of its grid, and all basins that are missing.
+
+    Parameters
+    ----------
+    study : Study
+    failures : pandas.DataFrame, optional
+        Basins of the lifts that could not be computed, columns `failures.COLUMNS`.
+
+    Returns
+    -------
+    table, controls : Table
+    grid : pandas.DataFrame
+        Of `grid_differences`.
+    failures : pandas.DataFrame
+        Those given and those of the controls.
+    """
+    groups = study.settings.compare.groups
+    varied, failed = variants(study)
+    missing = joined([*([] if failures is None else [failures]), failures_frame(failed)])
+    shown = headline(study.settings, THESIS.pivot)
+    areas = {
+        "": study.areas("exact", THESIS),
+        "headline": study.areas("exact", shown),
+        "thesis_method": study.areas("thesis", THESIS),
+        **varied,
+    }
+    found = {
+        name: percent_differences(frame, missing=study.people, groups=groups) for name, frame in areas.items()
+    }
+    for name in ("initial", "minimum"):
+        found[name] = percent_differences(areas["headline"], f"{name}_area", study.people, groups)
+    grid = grid_differences(study.grid, groups)
+    table = _first_table(study, found, grid, missing)
+    return table, controls_table(study, found, areas["headline"], grid), grid, missing
+
+
+def _first_table(study: Study, found: dict, grid: pd.DataFrame, missing: pd.DataFrame) -> Table:
+    import pandas as pd
+
+    settings = study.settings
+    engine = "thesis_method" in settings.checks
+    names = comparison_names(settings.compare.groups)
+    printed = study.published.assign(comparison=study.published["comparison"].map(names))
+    printed = printed.set_index(["comparison", "com"])
+    rows = []
+    for index, row in enumerate(found["headline"]):
+        entry = {"comparison": row["comparison"], "com": row["com"]}
+        entry |= {f"{plane}_percent": found[""][index][plane] for plane in PLANES}
+        for plane in PLANES:
+            here = (row["comparison"], row["com"])
+            entry[f"{plane}_published_percent"] = printed[f"{plane}_percent"].get(here, np.nan)
+            if engine:
+                value = number_or_none(found["thesis_method"][index][plane])
+                entry[f"{plane}_thesis_method_percent"] = (
+                    None if value is None else round(value, THESIS_DECIMALS)
+                )
+            entry[f"{plane}_headline_percent"] = row[plane]
+        rows.append(entry | {"status": row["status"]})
+    frame = pd.DataFrame(rows)
+    numbers = [name for name in frame.columns if name.endswith("percent")]
+    frame = frame.astype(dict.fromkeys(numbers, float))
+    headers = {"comparison": "Comparison", "com": "Centre of mass"}
+    for plane, label in _LABELS.items():
+        headers[f"{plane}_published_percent"] = f"{label}, published (%)"
+        headers[f"{plane}_percent"] = f"{label}, thesis's wording (%)"
+        headers[f"{plane}_headline_percent"] = f"{label}, {headline_words(settings)} (%)"
+    if (frame["status"] != "computed").any():
+        headers["status"] = "Status"
+    return Table(
+        title="Table 4.1: percent difference in average cross-sectional area of the basin of attraction.",
+        frame=frame,
+        definitions=_definitions(settings),
+        data=study.data,
+        notes=(
+            survival_sentence(grid),
+            published_sentence(study.published),
+            *_null_notes(grid, settings, [lift.facts["pivot"] for lift in study.lifts]),
+            regulator_sentence(settings),
+            *_missing_notes(missing),
+        ),
+        decimals=dict.fromkeys(numbers, 2)
+        | {f"{plane}_thesis_method_percent": THESIS_DECIMALS for plane in PLANES},
+        may_be_empty=frozenset(numbers),
+        headers=headers,
+    )
+
+
+def published_sentence(published: pd.DataFrame) -> str:
+    """Say how the two published columns agree with one another, computed from them."""
+    lateral, forward = (published[f"{plane}_percent"].to_numpy(float) for plane in PLANES)
+    opposite = int((lateral * forward < 0).sum())
+    return (
+        f"The published columns correlate {np.corrcoef(lateral, forward)[0, 1]:+.2f} with one another, and {opposite} of "
+        f"{len(lateral)} rows have opposite signs in the two planes. Mass and duration are the same in both planes and the "
+        "length nearly so: no effect of mass, length and duration alone makes such columns"
+    )
+
+
+def _null_notes(grid: pd.DataFrame, settings: StabilitySettings, pivots: list[str]) -> list[str]:
+    """Say for both signs what the differences owe to the movement, in the headline's time and mass about its pivot."""
+    cells, notes = compared(grid), []
+    pendulum = settings.pendulum
+    here = (cells["time"] == pendulum.time) & (cells["mass"] == pendulum.mass) & cells["pivot"].isin(pivots)
+    for sign in ("inverted", "hanging"):
+        rows = cells[here & (cells["sign"] == sign)]
+        if len(rows) > 2 and np.ptp(rows["percent"]) > 0 and np.ptp(rows["null_percent"]) > 0:
+            correlation = np.corrcoef(rows["percent"], rows["null_percent"])[0, 1]
+            notes.append(
+                f"{sign.capitalize()}, {pendulum.time} time, {pendulum.mass.replace('_', ' ')}: correlation with the null "
+                f"control {correlation:.3f}, at most {rows['movement_points'].abs().max():.2f} percentage points come from "
+                "the movement"
+            )
+    return notes
+
+
+def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
+    return tuple(
+        f"Could not be computed and is left out: {row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}: "
+        f"{row.basin}: {row.reason}"
+        for row in missing.itertuples()
+    )
+
+
+def _definitions(settings: StabilitySettings) -> dict[str, str]:
+    texts = {
+        "published_percent": "percent difference in {} as the thesis prints it",
+        "percent": f"the same in {{}} from this study's lifts in the thesis's wording ({THESIS}), exact method",
+        "thesis_method_percent": "as before in {} by the thesis's alternation (Eqs 4.5–4.7), which is no certificate; its "
+        "areas, and so these percentages, have no more digits",
+        "headline_percent": f"headline: the same in {{}}, {headline_words(settings)}, about the study's pivot, exact method",
+    }
+    definitions = {
+        "comparison": comparison_definition(settings),
+        "com": COLUMNS["com"],
+        **{
+            f"{plane}_{name}": text.format(plane.replace("_", " "))
+            for plane in PLANES
+            for name, text in texts.items()
+        },
+    }
+    return definitions | {"status": "computed, or why the study cannot tell"}

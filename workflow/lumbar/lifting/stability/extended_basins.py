@@ -1,0 +1,295 @@
+"""Beyond the thesis's loop: each basin with limited torque, with an uncertain mass, and with a better V.
+
+By all methods with the study's sign of gravity, limits by the exact one with the other sign too. Every funnel is
+checked by simulation and, where the configuration asks for it, proved between its knots as those of `basins` are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.lifting.stability.basins import COLUMNS as BASIN_COLUMNS
+from lumbar.lifting.stability.basins import basin_rows, close_loops, meaningful
+from lumbar.lifting.stability.comparison.basin_areas import AREA_HEADERS, as_counts
+from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, exact_funnels
+from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
+from lumbar.lifting.stability.funnel.saturation import Saturation, reference_of
+from lumbar.lifting.stability.methods import METHODS, MethodResult, headline_methods, thesis_methods
+from lumbar.lifting.stability.model.failures import Failure, all_or_each
+from lumbar.lifting.stability.model.pendulum_loop import SIGNS
+from lumbar.lifting.stability.model.trajectory import Trajectory
+from lumbar.lifting.stability.proof.interval_proof import proved_share
+from lumbar.tables.table import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.settings.stability import StabilitySettings
+
+_SHARED = (
+    "initial_area",
+    "simulated_starts",
+    "exits",
+    "control_exits",
+    "proved_share",
+    "proved_area_ratio",
+    "sos_margin_difference",
+    "sos_taylor_optimism",
+    "violation_share",
+)
+COLUMNS = {
+    **{name: BASIN_COLUMNS[name] for name in ("subject", "box_mass_kg", "com", "plane")},
+    "loop": "torque_limited: u within what foot or hips allow; uncertain_mass: the mass is anything within the stated "
+    "interval, while feedforward and feedback were computed for its middle; better_v: the nominal loop with the "
+    "best V of the family",
+    "method": BASIN_COLUMNS["method"],
+    "sign": BASIN_COLUMNS["sign"],
+    "mean_area": BASIN_COLUMNS["mean_area"],
+    "area_ratio": "mean_area divided by that of the nominal loop with V the Riccati solution (exact method)",
+    "lowest_torque_N_m": "torque_limited: smallest torque allowed, feedforward counted",
+    "highest_torque_N_m": "torque_limited: largest torque allowed, feedforward counted",
+    "binds": "torque_limited: whether a torque beyond the limits is asked for inside the nominal basin; where not, the limit "
+    "changes nothing and the basin is the nominal one",
+    "best_share": "λ of the best V: −Ṡ = A_cᵀS + SA_c + λ(Q + KᵀRK), S(T) = Qf; λ = 1 is the Riccati solution",
+    **{name: BASIN_COLUMNS[name] for name in _SHARED},
+}
+"""Columns of ``extended.csv`` with their definitions; a cell is empty where a check belongs to another method."""
+
+TORQUE_LIMITED = "torque_limited"
+"""Loop whose torque is limited, in the column ``loop``."""
+COUNTS = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
+
+
+def torque_range(item: Trajectory, settings: StabilitySettings) -> tuple[float, float]:
+    """Return the smallest and the largest torque u in N·m that foot or hips allow a pendulum.
+
+    About the ankles the centre of pressure under the pendulum's weight stays below the feet; about the hips (or L5) strength
+    is the limit, all of it for each pendulum. Positive torques turn forward or to the right.
+    """
+    limits, weight = settings.limits, item.mass_kg * settings.pendulum.gravity_m_s2
+    if item.plane == "lateral_bending":
+        side = weight * limits.feet_half_width_m if item.pivot == "mid_ankle" else limits.hip_abduction_N_m
+        return -side, side
+    if item.pivot == "mid_ankle":
+        return -weight * limits.foot_ahead_m, weight * limits.foot_behind_m
+    return -limits.hip_extension_N_m, limits.hip_flexion_N_m
+
+
+def torque_limit(item: Trajectory, settings: StabilitySettings) -> Saturation:
+    """Return `torque_range` as a limit of the loop."""
+    low, high = torque_range(item, settings)
+    return Saturation(torque=(high - low) / 2, bias=(high + low) / 2)
+
+
+def binds(loops: ClosedLoops, level: np.ndarray, saturation: Saturation) -> np.ndarray:
+    """Whether u0 − K·x̄ leaves the limits anywhere in a funnel, shape (pendulums,); on V = ρ |K·x̄| ≤ √(ρ·K·S⁻¹·Kᵀ)."""
+    points = slice(None, None, 2)
+    s11, s12, s22 = np.moveaxis(loops.cost[points], -1, 0)
+    k1, k2 = np.moveaxis(loops.gains[points], -1, 0)
+    feedback = (s22 * k1**2 - 2 * s12 * k1 * k2 + s11 * k2**2) / (s11 * s22 - s12**2)
+    reference = reference_of(loops.pendulums, saturation.bias).torque[points]
+    return (np.abs(reference) + np.sqrt(level * feedback) > saturation.torque).any(axis=0)
+
+
+def extended_basins(
+    trajectories: list[Trajectory], settings: StabilitySettings, seed: int
+) -> tuple[pd.DataFrame, list[Failure]]:
+    """Compute the extended basins of one lift.
+
+    Parameters
+    ----------
+    trajectories : list of Trajectory
+    settings : StabilitySettings
+    seed : int
+
+    Returns
+    -------
+    frame : pandas.DataFrame
+        One row per trajectory, loop, method and sign; columns `COLUMNS`.
+    failures : list of Failure
+        Basins that could not be computed: they have no row.
+    """
+    import pandas as pd
+
+    settings = _with_fewer_knots(settings)
+    published = settings.pendulum.sign
+    rows: list[dict] = []
+    failures: list[Failure] = []
+    for sign in sorted(SIGNS, key=lambda name: name != published):
+        methods = (
+            [*headline_methods(settings), *thesis_methods(settings)[1:]] if sign == published else ["exact"]
+        )
+        nominal = NominalLoops(sign, settings)
+        # Limits differ from pendulum to pendulum, everything else is common to all.
+        plans = [
+            (TORQUE_LIMITED, method, torque_limit(item, settings), [item])
+            for method in methods
+            for item in trajectories
+        ]
+        mass = Saturation(mass_share=settings.limits.mass_share)
+        plans += [("uncertain_mass", method, mass, trajectories) for method in methods]
+        if sign == published:
+            plans.append(("better_v", "exact", Saturation(), trajectories))
+        for *plan, items in plans:
+            results, failed = all_or_each(
+                extended_rows, items, *plan, nominal, settings, seed, basin=f"{plan[0]}, {plan[1]}, {sign}"
+            )
+            rows += [row for _, own in results for row in own]
+            failures += failed
+    return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COUNTS), failures
+
+
+def nothing_extended() -> pd.DataFrame:
+    """Return the table of a study that did not choose the check ``extended``: no rows."""
+    import pandas as pd
+
+    return pd.DataFrame(columns=list(COLUMNS)).astype(COUNTS)
+
+
+class NominalLoops:
+    """Loops without limits and their exact funnels with one sign of gravity, each computed once."""
+
+    def __init__(self, sign: str, settings: StabilitySettings):
+        self.sign = sign
+        self._settings = settings
+        self._known: dict[tuple, tuple[ClosedLoops, Funnels]] = {}
+
+    def of(self, trajectories: list[Trajectory]) -> tuple[ClosedLoops, Funnels]:
+        """Return the loops of some trajectories and their exact funnels."""
+        key = tuple(item.label for item in trajectories)
+        if key not in self._known:
+            loops = close_loops(trajectories, self.sign, self._settings)
+            self._known[key] = loops, exact_funnels(loops, self._settings.goal_level)
+        return self._known[key]
+
+
+def extended_rows(
+    trajectories: list[Trajectory],
+    name: str,
+    method: str,
+    saturation: Saturation,
+    nominal: NominalLoops,
+    settings: StabilitySettings,
+    seed: int,
+) -> list[dict]:
+    """Compute and check the basins of some trajectories in one of the extended loops: a row of `COLUMNS` each."""
+    loops, funnels = nominal.of(trajectories)
+    areas = funnels.mean_area
+    limits = {}
+    if name == TORQUE_LIMITED:
+        low, high = (saturation.bias - saturation.torque, saturation.bias + saturation.torque)
+        limits = {"lowest_torque_N_m": low, "highest_torque_N_m": high, "binds": "yes"}
+        if not binds(loops, funnels.level, saturation)[0]:
+            return (
+                _unchanged(trajectories[0], method, nominal.sign, funnels, limits)
+                if method == "exact"
+                else []
+            )
+    own, result, extra = _result(loops, name, method, saturation, settings)
+    found = basin_rows(trajectories, own, result, settings, seed, nominal.sign, saturation)
+    return [
+        {
+            **row,
+            "loop": name,
+            "method": method,
+            **limits,
+            "area_ratio": meaningful(
+                row["mean_area"] / areas[index].item(), result.resolution.get("mean_area")
+            ),
+            **{key: values[index].item() for key, values in extra.items()},
+        }
+        for index, row in enumerate(found)
+    ]
+
+
+def _unchanged(item: Trajectory, method: str, sign: str, funnels: Funnels, limits: dict) -> list[dict]:
+    """Row of a basin that its limits do not touch: the nominal one."""
+    row = {"subject": item.subject, "box_mass_kg": item.box_mass_kg, "com": item.com, "plane": item.plane}
+    areas = {
+        "mean_area": funnels.mean_area.item(),
+        "initial_area": funnels.initial_area.item(),
+        "area_ratio": 1.0,
+    }
+    return [{**row, "loop": TORQUE_LIMITED, "method": method, "sign": sign, **areas, **limits, "binds": "no"}]
+
+
+def _result(
+    loops: ClosedLoops, name: str, method: str, saturation: Saturation, settings: StabilitySettings
+) -> tuple[ClosedLoops, MethodResult, dict[str, np.ndarray]]:
+    """Run one method; a better V changes the loops that are checked too."""
+    if name != "better_v":
+        return loops, METHODS[method](loops, settings, saturation), {}
+    proved = "proof" in settings.checks
+    best = best_of_family(
+        loops,
+        settings.goal_level,
+        settings.lyapunov_shares,
+        settings.proof.margin_1_s if proved else 0.0,
+        settings.attack.control_overstated,
+    )
+    checks = {}
+    if proved:
+        checks["proved_share"] = proved_share(best.loops, best.with_margin)
+        checks["proved_area_ratio"] = best.with_margin.mean_area / best.funnels.mean_area
+    return best.loops, MethodResult(best.funnels, checks, best.negative_control), {"best_share": best.share}
+
+
+def _with_fewer_knots(settings: StabilitySettings) -> StabilitySettings:
+    """Return the settings with the knots of the section ``limits`` for every method."""
+    saturation = settings.limits
+    certified = replace(settings.sum_of_squares, knots=saturation.certified_knots)
+    return replace(settings, knots=saturation.knots, sum_of_squares=certified)
+
+
+def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
+    """Return the extended basins of all lifts as a published table; without the check it says so and has no rows."""
+    saturation = settings.limits
+    optional = set(_SHARED) - {"initial_area"}
+    notes = (
+        () if "extended" in settings.checks else ("Not computed: 'extended' is not among stability.checks",)
+    )
+    shown = (frame["com"] == "abdomen") & (frame["method"] == "exact")
+    shown &= frame["sign"] == settings.pendulum.sign
+    return Table(
+        title="Basins of attraction with limited torque, with an uncertain mass, and with a better V.",
+        frame=frame.assign(**{name: as_counts(frame[name]) for name in COUNTS}),
+        definitions=COLUMNS,
+        data=data,
+        notes=(
+            *notes,
+            f"Torques about the ankles: the centre of pressure under the pendulum's weight at most {saturation.foot_ahead_m:g} m "
+            f"ahead, {saturation.foot_behind_m:g} m behind and {saturation.feet_half_width_m:g} m beside the pivot; about the "
+            f"hips at most {saturation.hip_extension_N_m:g} N·m backward, {saturation.hip_flexion_N_m:g} forward, "
+            f"{saturation.hip_abduction_N_m:g} to a side",
+            _binding(frame),
+            "The true mass lies within "
+            f"±{100 * saturation.mass_share:g} % of the nominal one, the pendulum's mass "
+            f"{settings.pendulum.mass.replace('_', ' ')}; λ tried: "
+            + ", ".join(f"{share:g}" for share in settings.lyapunov_shares),
+        ),
+        may_be_empty=frozenset({*optional, "best_share", "lowest_torque_N_m", "highest_torque_N_m", "binds"}),
+        headers=AREA_HEADERS,
+        first=(
+            "subject",
+            "box_mass_kg",
+            "plane",
+            "loop",
+            "mean_area",
+            "area_ratio",
+            "best_share",
+            "initial_area",
+        ),
+        first_rows=tuple(shown.to_numpy().nonzero()[0]),
+    )
+
+
+def _binding(frame: pd.DataFrame) -> str:
+    limited = frame[(frame["loop"] == TORQUE_LIMITED) & (frame["method"] == "exact")]
+    free = int((limited["binds"] == "no").sum())
+    return (
+        f"Of {len(limited)} limits of the torque {free} cannot bind: nothing inside the basin asks for more, and the basin is "
+        "the nominal one. Where the feedforward alone asks for more there is no basin (tables/missing_basins)"
+    )

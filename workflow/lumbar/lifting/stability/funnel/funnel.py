@@ -1,0 +1,311 @@
+"""Basins of attraction as funnels {x̄ᵀS(t)x̄ ≤ ρ(t)} around a trajectory, and the exact method.
+
+With two states no semidefinite programme is needed. The largest invariant funnel of the given V that ends
+in the goal set solves, backward from ρ(T), the scalar equation
+
+    d ln ρ/dt = max over V = ρ of V̇/ρ
+
+with the true sine. The other methods (`certified_funnel`, `bilinear_alternation`) return the same `Funnels`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.invariance import (
+    LARGEST_SEMI_AXIS,
+    NormalForm,
+    boundary_growth,
+    normal_axes,
+    normal_form,
+)
+from lumbar.lifting.stability.model.pendulum_loop import Pendulums
+from lumbar.lifting.stability.model.riccati import Weights, cost_to_go, decay_matrix, determinant, gain
+
+KINK = 1e-7
+"""Change of ln ρ per knot by which predicted and corrected step differ only at a kink."""
+
+
+@dataclass(frozen=True)
+class ClosedLoops:
+    """Pendulums under their finite-horizon regulator.
+
+    Attributes
+    ----------
+    pendulums : Pendulums
+    weights : Weights
+    cost : numpy.ndarray, shape (points, pendulums, 3)
+        S(t) of V = x̄ᵀSx̄ at the knots and halfway between them.
+    decay : numpy.ndarray, shape (points, pendulums, 3)
+        M(t) of V̇ = −x̄ᵀMx̄ along the linear loop.
+    gains : numpy.ndarray, shape (points, pendulums, 2)
+        K1 (N·m/rad) and K2 (N·m·s/rad) of the feedback.
+    """
+
+    pendulums: Pendulums
+    weights: Weights
+    cost: np.ndarray
+    decay: np.ndarray
+    gains: np.ndarray
+
+    @property
+    def knots(self) -> int:
+        """Number of knots: every other point of the grid."""
+        return (len(self.cost) + 1) // 2
+
+    @property
+    def step(self) -> np.ndarray:
+        """Seconds between knots, shape (pendulums,)."""
+        return self.pendulums.duration / (self.knots - 1)
+
+    def form(self, point) -> NormalForm:
+        """Return V̇/ρ in normal coordinates at points of the grid (an index or a slice)."""
+        return NormalForm(*(part[point] for part in self._parts))
+
+    @cached_property
+    def _parts(self) -> tuple[np.ndarray, ...]:
+        form = normal_form(self.pendulums, self.pendulums.angle, self.cost, self.decay)
+        return tuple(vars(form).values())
+
+    def chosen(self, index: np.ndarray) -> ClosedLoops:
+        """Return the loops of these pendulums, which may repeat."""
+        given, weights = self.pendulums, self.weights
+        pendulums = Pendulums(
+            tuple(given.labels[number] for number in index),
+            *(part[index] for part in (given.inertia, given.damping, given.gravity_torque, given.duration)),
+            given.angle[:, index],
+        )
+        own = Weights(
+            *(
+                part[index] if part.ndim > shared else part
+                for part, shared in ((weights.state, 1), (weights.control, 0), (weights.terminal, 1))
+            )
+        )
+        parts = (part[:, index] for part in (self.cost, self.decay, self.gains))
+        return ClosedLoops(pendulums, own, *parts)
+
+
+@dataclass(frozen=True)
+class Funnels:
+    """Basins of attraction of several pendulums at the same knots (each scaled to its own duration).
+
+    Attributes
+    ----------
+    method : str
+        Method that computed them.
+    duration : numpy.ndarray, shape (pendulums,)
+        Seconds.
+    cost : numpy.ndarray, shape (knots, pendulums, 3)
+        S(t).
+    level : numpy.ndarray, shape (knots, pendulums)
+        ρ(t), dimensionless.
+    """
+
+    method: str
+    duration: np.ndarray
+    cost: np.ndarray
+    level: np.ndarray
+
+    @property
+    def area(self) -> np.ndarray:
+        """Cross-section πρ/√det S in rad²/s, shape (knots, pendulums)."""
+        return np.pi * self.level / np.sqrt(determinant(self.cost))
+
+    @property
+    def mean_area(self) -> np.ndarray:
+        """Average cross-section (1/T)∫πρ/√det S dt in rad²/s (Simpson's rule), shape (pendulums,)."""
+        from scipy.integrate import simpson
+
+        return simpson(self.area, x=np.linspace(0.0, 1.0, len(self.level)), axis=0)
+
+    @property
+    def initial_area(self) -> np.ndarray:
+        """Cross-section at t = 0 in rad²/s, shape (pendulums,)."""
+        return self.area[0]
+
+    @property
+    def minimum_area(self) -> np.ndarray:
+        """Smallest cross-section in rad²/s, shape (pendulums,)."""
+        return self.area.min(axis=0)
+
+
+def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
+    """Close the loop with the finite-horizon regulator (Eqs 4.2 and 4.4)."""
+    return with_cost(pendulums, weights, cost_to_go(pendulums, weights))
+
+
+def with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> ClosedLoops:
+    """Close the loop with the gain of a given solution S of the Riccati equation."""
+    gains = np.stack(gain(pendulums, weights.control, cost), axis=-1)
+    return ClosedLoops(pendulums, weights, cost, decay_matrix(pendulums, weights, cost), gains)
+
+
+def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
+    """Compute the largest invariant funnels of V = x̄ᵀSx̄ that end in {V ≤ `terminal_level`}.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    terminal_level : float
+        ρ(T).
+
+    Returns
+    -------
+    Funnels
+
+    Raises
+    ------
+    NumericalError
+        A basin reaches further than `LARGEST_SEMI_AXIS` from its trajectory: its settings make no sense.
+    """
+    return funnel_variants(loops, terminal_level)[0]
+
+
+def funnel_variants(
+    loops: ClosedLoops, terminal_level: float = 1.0, margin: float = 0.0, negative_control: float = 0.0
+) -> tuple[Funnels, Funnels, Funnels]:
+    """Compute the exact funnels, slightly smaller and wrong ones in one pass.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    terminal_level : float
+        ρ(T).
+    margin : float
+        In 1/s: in the second result d ln ρ/dt is greater by it than the largest V̇/ρ, so that a proof with
+        finite precision can succeed (`interval_proof`); its area is about exp(−margin·T/2) of the exact one.
+    negative_control : float
+        In the third ρ falls faster by this share of |d ln ρ/dt|: it is too large and starts on its boundary
+        leave, the negative control of `monte_carlo_check`. (Scaling ρ itself would be no control: a linear
+        loop's funnel stays invariant.)
+
+    Returns
+    -------
+    exact, with_margin, negative_control : Funnels
+
+    Raises
+    ------
+    NumericalError
+        As `exact_funnels`.
+    """
+    pendulums = loops.pendulums
+    _require_terminal_set_within_reach(loops, terminal_level)
+    changes = np.unique([(0.0, 0.0), (margin, 0.0), (0.0, negative_control)], axis=0)
+    which = [
+        int(np.flatnonzero((changes == row).all(axis=1))[0])
+        for row in ((0, 0), (margin, 0), (0, negative_control))
+    ]
+    level = _backward(loops, terminal_level, changes)[:, which]
+    semi_axis = normal_axes(loops.cost[::2])[0] * np.sqrt(level[:, 0])
+    lost = ~(semi_axis < LARGEST_SEMI_AXIS)
+    if lost.any():
+        index = int(np.argwhere(lost)[-1][1])
+        raise NumericalError(
+            f"{pendulums.labels[index]}: the basin reaches {semi_axis[:, index].max():.3g} rad from its "
+            f"trajectory; at most {LARGEST_SEMI_AXIS:g} rad are allowed: raise the regulator's control weight or "
+            "lower its state weight"
+        )
+    exact = Funnels("exact", pendulums.duration, loops.cost[::2], level[:, 0])
+    return (
+        exact,
+        replace(exact, method=f"exact, margin {margin:g} 1/s", level=level[:, 1]),
+        replace(exact, method="exact, negative control", level=level[:, 2]),
+    )
+
+
+def _require_terminal_set_within_reach(loops: ClosedLoops, terminal_level: float) -> None:
+    """Refuse a goal set that contains the pendulum in every position: no funnel about a trajectory holds it."""
+    semi_axis = np.sqrt(terminal_level) * normal_axes(loops.cost[-1])[0]
+    if (semi_axis >= np.pi).any():
+        index = int(semi_axis.argmax())
+        raise NumericalError(
+            f"{loops.pendulums.labels[index]}: the goal set reaches {semi_axis[index]:.3g} rad from the trajectory's end, "
+            "outside any funnel (π rad); lower stability.goal_level or raise the regulator's terminal_weight"
+        )
+
+
+def _backward(loops: ClosedLoops, terminal_level: float, changes: np.ndarray) -> np.ndarray:
+    """Return ρ, shape (knots, variants, pendulums); `changes` are margin and negative control of each variant."""
+    margin, negative_control = changes[:, :1], changes[:, 1:]
+
+    def slope(point, log_level):
+        growth = boundary_growth(loops.form(point), np.exp(log_level))
+        return growth + margin - negative_control * np.abs(growth)
+
+    goal = np.full((len(changes), len(loops.pendulums.labels)), np.log(terminal_level))
+    return np.exp(integrate_backward(loops, goal, slope))
+
+
+def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) -> np.ndarray:
+    """Integrate ln ρ backward from its value at T, from knot to knot.
+
+    Adams's method of order 4, predicted and corrected with one search of the boundary per knot, started by
+    Runge–Kutta steps: the equation for ln ρ is not stiff. The largest of several peaks has a kink where another
+    takes over; where predicted and corrected slope differ by more than `KINK`, the trapezoidal rule counts too and
+    the largest is taken: it never lies below the mean of a convex slope, so that ρ does not come out too large.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    goal : numpy.ndarray, shape (..., pendulums)
+        ln ρ(T).
+    slope : callable
+        d ln ρ/dt of (point of the grid, ln ρ).
+
+    Returns
+    -------
+    numpy.ndarray, shape (knots, ..., pendulums)
+    """
+    log_level = np.empty((loops.knots, *goal.shape))
+    log_level[-1] = goal
+    step = loops.step
+    history = [slope(2 * (loops.knots - 1), goal)]
+    for knot in range(loops.knots - 1, 0, -1):
+        now, point = log_level[knot], 2 * knot
+        if len(history) < 4:
+            middle = slope(point - 1, now - 0.5 * step * history[0])
+            again = slope(point - 1, now - 0.5 * step * middle)
+            last = slope(point - 2, now - step * again)
+            log_level[knot - 1] = now - step * (history[0] + 2 * middle + 2 * again + last) / 6
+            new = slope(point - 2, log_level[knot - 1])
+        else:
+            predicted = (55 * history[0] - 59 * history[1] + 37 * history[2] - 9 * history[3]) / 24
+            new = slope(point - 2, now - step * predicted)
+            corrected = (9 * new + 19 * history[0] - 5 * history[1] + history[2]) / 24
+            kink = step * np.abs(corrected - predicted) > KINK
+            safe = np.maximum(np.maximum(corrected, predicted), 0.5 * (new + history[0]))
+            log_level[knot - 1] = now - step * np.where(kink, safe, corrected)
+        history = [new, *history[:3]]
+    return log_level
+
+
+def reachable_area(loops: ClosedLoops, terminal_level: float = 1.0) -> np.ndarray:
+    """Return the exact area of all states at t = 0 that reach the goal set, in rad²/s.
+
+    By Liouville's theorem an area in phase space shrinks at the rate (b + K2)/I, whatever the
+    nonlinearity: the area is that of the goal set times exp ∫(b + K2)/I dt. No funnel can be larger; how
+    much smaller it is says what the choice of V costs.
+
+    Returns
+    -------
+    numpy.ndarray, shape (pendulums,)
+    """
+    from scipy.integrate import simpson
+
+    pendulums = loops.pendulums
+    rate = (pendulums.damping + loops.gains[..., 1]) / pendulums.inertia
+    exponent = pendulums.duration * simpson(rate, x=np.linspace(0.0, 1.0, len(rate)), axis=0)
+    return np.pi * terminal_level / np.sqrt(determinant(loops.cost[-1])) * np.exp(exponent)
+
+
+def even_knots(available: int, wanted: int) -> np.ndarray:
+    """Return evenly spaced knots, first and last included, as near to `wanted` as the spacing allows."""
+    intervals = available - 1
+    divisors = [number for number in range(1, intervals + 1) if intervals % number == 0]
+    nearest = min(divisors, key=lambda number: abs(number - (wanted - 1)))
+    return np.arange(0, available, intervals // nearest)

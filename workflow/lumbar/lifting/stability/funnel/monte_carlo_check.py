@@ -1,0 +1,211 @@
+"""Monte Carlo check: start inside a basin, follow the true dynamics, count who leaves it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels
+from lumbar.lifting.stability.funnel.invariance import normal_axes
+
+LEVEL_TOLERANCE = 1e-6
+"""Relative excess of V over ρ that still counts as the boundary: starts lie on it."""
+LARGEST_STEP = 0.25
+"""Largest rate of the closed loop times the step of the simulation, by Runge–Kutta of order 4."""
+COMFORTABLE_STEP = 0.1
+"""The same for a step over several knots: its error is below the tolerance by a factor of ten."""
+LONGEST_STRIDE = 9
+"""Knots that one step of the simulation may span."""
+
+
+@dataclass(frozen=True)
+class MonteCarloCheck:
+    """Simulated starts and how many left.
+
+    Attributes
+    ----------
+    starts : int
+        Starts per pendulum.
+    exits : numpy.ndarray of int, shape (pendulums,)
+        Starts whose V exceeded ρ at any point checked.
+    share_high : numpy.ndarray, shape (pendulums,)
+        Upper end of the exact (Clopper–Pearson) 95 % interval of the share that leaves.
+    """
+
+    starts: int
+    exits: np.ndarray
+    share_high: np.ndarray
+
+
+def monte_carlo_check(
+    loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int], disturbance: Callable | None = None
+) -> MonteCarloCheck:
+    """Simulate starts of the first cross-section, half of them on its boundary, half inside.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    funnels : Funnels
+        Of the same pendulums; its knots lie evenly among those of `loops`.
+    starts : int
+        Per pendulum.
+    seed : list of int
+    disturbance : callable, optional
+        As for `simulate`.
+
+    Returns
+    -------
+    MonteCarloCheck
+
+    Raises
+    ------
+    NumericalError
+        The levels do not lie evenly among the knots of `loops`, or these are too far apart (see
+        `simulate`).
+    """
+    generator = np.random.default_rng(seed)
+    count = len(loops.pendulums.labels)
+    direction = generator.uniform(0.0, 2 * np.pi, (count, starts))
+    # Evenly over the area of the disc, and the first half on its edge.
+    radius = np.sqrt(generator.uniform(0.0, 1.0, (count, starts)))
+    radius[:, : starts // 2] = 1.0
+    a, p, q = (axis[:, None] for axis in normal_axes(funnels.cost[0]))
+    first, second = radius * np.cos(direction), radius * np.sin(direction)
+    root = np.sqrt(funnels.level[0])[:, None]
+    start = np.stack([root * a * first, root * (p * first + q * second)])
+
+    stride, rest = divmod(loops.knots - 1, len(funnels.level) - 1)
+    if rest:
+        raise NumericalError(f"{len(funnels.level)} levels do not lie evenly among {loops.knots} knots")
+    inside = np.ones((count, starts), dtype=bool)
+    for knot, state in simulate(loops, start, disturbance):
+        index, between = divmod(knot, stride)
+        if not between:
+            value = quadratic_form(funnels.cost[index], state)
+            inside &= value <= funnels.level[index][:, None] * (1 + LEVEL_TOLERANCE)
+    exits = starts - inside.sum(axis=1)
+    return MonteCarloCheck(starts, exits, upper_share(exits, starts))
+
+
+def simulate(loops: ClosedLoops, start: np.ndarray, disturbance: Callable | None = None):
+    """Follow errors x̄ through the closed loop with the true sine.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    start : numpy.ndarray, shape (2, pendulums, starts)
+        Error of angle (rad) and angular velocity (rad/s) at t = 0.
+    disturbance : callable, optional
+        Angular acceleration in rad/s², shape (pendulums, starts), that is added to the loop's, of (point of
+        the grid, state).
+
+    Yields
+    ------
+    knot : int
+        Every one, or every few where the closed loop is slow enough.
+    state : numpy.ndarray, shape (2, pendulums, starts)
+
+    Raises
+    ------
+    NumericalError
+        The knots are too far apart for the closed loop's fastest mode.
+    """
+    rate, stiffness, damping = _dynamics(loops, disturbance)
+    stride = _stride(loops, stiffness, damping)
+    state = start
+    yield 0, state
+    # A step spans 2·stride points of the grid, whose middle is a point of it too.
+    for point in range(0, len(loops.cost) - 1, 2 * stride):
+        state = _runge_kutta(rate, point, stride, (loops.step * stride)[:, None], state)
+        yield point // 2 + stride, state
+
+
+def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
+    """Follow states at T backward to t = 0 with the true sine: the edge of a goal set becomes that of all states
+    that reach it.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    edge : numpy.ndarray, shape (2, pendulums, points)
+        Errors x̄ at T.
+
+    Raises
+    ------
+    NumericalError
+        As `simulate`.
+    """
+    rate, stiffness, damping = _dynamics(loops, None)
+    _stride(loops, stiffness, damping)
+    state = edge
+    for point in range(len(loops.cost) - 1, 0, -2):
+        state = _runge_kutta(rate, point, -1, -loops.step[:, None], state)
+    return state
+
+
+def _dynamics(loops: ClosedLoops, disturbance: Callable | None):
+    """Return the rate of the state, of (point, state), and stiffness and damping of the linear loop."""
+    pendulums = loops.pendulums
+    angle_gain, velocity_gain = np.moveaxis(loops.gains, -1, 0)
+    a21, a22, _ = pendulums.linearised(pendulums.angle)
+    inertia = pendulums.inertia
+    stiffness, damping = a21 - angle_gain / inertia, a22 - velocity_gain / inertia
+    # The loop is its linear part less gravity·(sin(θ0 + e) − sin θ0 − e·cos θ0): of one sine, in place, it takes half the time.
+    gravity = (pendulums.gravity_torque / inertia)[:, None]
+    angle, slow, fast = (part[..., None] for part in (pendulums.angle, stiffness, damping))
+    along, still = slow + gravity * np.cos(angle), gravity * np.sin(angle)
+
+    def rate(point, state):
+        error, velocity = state
+        found = np.empty_like(state)
+        found[0], acceleration = velocity, found[1]
+        np.sin(angle[point] + error, out=acceleration)
+        acceleration *= -gravity
+        acceleration += along[point] * error + fast[point] * velocity + still[point]
+        if disturbance is not None:
+            acceleration += disturbance(point, state)
+        return found
+
+    return rate, stiffness, damping
+
+
+def _runge_kutta(rate: Callable, point: int, stride: int, h: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """Take one step of order 4 from a point of the grid over 2·stride points; h is its length in s."""
+    slope1 = rate(point, state)
+    slope2 = rate(point + stride, state + 0.5 * h * slope1)
+    slope3 = rate(point + stride, state + 0.5 * h * slope2)
+    slope4 = rate(point + 2 * stride, state + h * slope3)
+    return state + h / 6 * (slope1 + 2 * slope2 + 2 * slope3 + slope4)
+
+
+def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> int:
+    """Knots per step: the most that the fastest mode and an even division of the knots allow."""
+    rate = np.maximum(np.abs(damping), np.sqrt(np.abs(stiffness))).max(axis=0)
+    advance = rate * loops.step
+    for stride in range(LONGEST_STRIDE, 0, -1):
+        largest = LARGEST_STEP if stride == 1 else COMFORTABLE_STEP
+        if (loops.knots - 1) % stride == 0 and advance.max() * stride <= largest:
+            return stride
+    index = int(advance.argmax())
+    raise NumericalError(
+        f"{loops.pendulums.labels[index]}: {loops.step[index]:.3g} s between knots is too long for a loop "
+        f"with a rate of {rate[index]:.3g} 1/s; raise stability.knots, for the "
+        "extended basins stability.limits.knots, or the control weight"
+    )
+
+
+def quadratic_form(cost: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """Return V = x̄ᵀSx̄ (Eq. 4.7) of states of shape (2, pendulums, starts)."""
+    s11, s12, s22 = (cost[:, entry, None] for entry in range(3))
+    return s11 * state[0] ** 2 + 2 * s12 * state[0] * state[1] + s22 * state[1] ** 2
+
+
+def upper_share(exits: np.ndarray, starts: int) -> np.ndarray:
+    """Upper end of the Clopper–Pearson 95 % interval for `exits` of `starts`."""
+    from scipy.special import betaincinv
+
+    exits = np.asarray(exits)
+    return np.where(exits < starts, betaincinv(exits + 1.0, np.maximum(starts - exits, 1.0), 0.975), 1.0)

@@ -1,0 +1,270 @@
+"""Basins with limited torque and uncertain mass: the exact method for the loop as it really is.
+
+The torque is u = clip(u0 + ū, −U, U) with ū = −K·x̄, the mass anywhere in an interval about the nominal m for
+which u0 and K were computed. With r = m/m_true the error obeys the nominal equation plus
+
+    Δω̇ = (r·(u − b·(θ̇0 + ω)) − (u0 + ū − b·(θ̇0 + ω)))/I
+
+(gravity and ℓ²: g/ℓ does not depend on the mass). It is affine in r, so that the largest V̇ over all masses is
+that of the lightest or the heaviest. With a wrong mass the reference itself is no solution, Δω̇ ≠ 0 at x̄ = 0:
+where the goal set is too small for that, there is no basin, and `LimitedFunnels.reason` says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, integrate_backward
+from lumbar.lifting.stability.funnel.invariance import LARGEST_SEMI_AXIS, normal_axes
+from lumbar.lifting.stability.model.pendulum_loop import Pendulums, remainder
+
+SAMPLES = 96
+SECTORS = 8
+ZOOMS = 4
+LEAST_LEVEL = 1e-6
+"""Share of ρ(T) below which the basin counts as lost."""
+
+
+@dataclass(frozen=True)
+class Saturation:
+    """What the real loop adds to the nominal one.
+
+    Attributes
+    ----------
+    torque : float
+        U in N·m; infinite for none.
+    mass_share : float
+        The true mass lies within m·(1 ± this share).
+    bias : float
+        Middle of the torques allowed in N·m: |u − bias| ≤ U. Only with a mass that is known.
+    """
+
+    torque: float = np.inf
+    mass_share: float = 0.0
+    bias: float = 0.0
+
+    def __post_init__(self):
+        if self.bias and self.mass_share:
+            raise InputError(
+                "torques that are not limited alike to both sides, and an uncertain mass: one at a time"
+            )
+        if not self.torque > 0:
+            raise InputError(f"torque limit: {self.torque:g} N·m; it must be positive")
+        if not 0 <= self.mass_share < 1:
+            raise InputError(f"uncertain mass: share {self.mass_share:g}; it must lie in [0, 1)")
+
+    def __str__(self) -> str:
+        parts = []
+        if np.isfinite(self.torque):
+            low, high = self.bias - self.torque, self.bias + self.torque
+            parts = [f"{low:.4g} ≤ u ≤ {high:.4g} N·m" if self.bias else f"|u| ≤ {self.torque:g} N·m"]
+        parts += [f"mass ±{100 * self.mass_share:g} %"] if self.mass_share else []
+        return ", ".join(parts) or "no limits"
+
+    @property
+    def active(self) -> bool:
+        """Whether there are any."""
+        return bool(np.isfinite(self.torque) or self.mass_share)
+
+    @property
+    def ratios(self) -> tuple[float, float]:
+        """m/m_true of the heaviest and the lightest mass."""
+        return 1 / (1 + self.mass_share), 1 / (1 - self.mass_share)
+
+
+UNSATURATED = Saturation()
+
+
+@dataclass(frozen=True)
+class SaturationReference:
+    """Feedforward less bias, and motion, on the grid of a pendulum; arrays of shape (points, pendulums).
+
+    With a known mass only torques less the bias matter: clip(u, −a, b) = c + clip(u − c, −U, U), U = (a + b)/2, c = (b − a)/2.
+    """
+
+    torque: np.ndarray
+    velocity: np.ndarray
+
+
+@dataclass(frozen=True)
+class SaturatedFunnels:
+    """Largest funnels under `Saturation`, and what is needed to check them.
+
+    Attributes
+    ----------
+    exact, with_margin, negative_control : Funnels
+        As `funnel.funnel_variants` returns; meaningful where `held`.
+    reason : tuple of str, one per pendulum
+        Why there is no basin; empty where there is one.
+    """
+
+    exact: Funnels
+    with_margin: Funnels
+    negative_control: Funnels
+    reason: tuple[str, ...]
+
+    @property
+    def held(self) -> np.ndarray:
+        """Whether there is a basin, shape (pendulums,)."""
+        return np.array([not text for text in self.reason])
+
+
+def reference_of(pendulums: Pendulums, bias: float = 0.0) -> SaturationReference:
+    """Return u0 less the bias and θ̇0 of the cubic spline through the knots of θ0 (Eq. 4.1 solved for u).
+
+    The spline is the interpolant about which `interval_proof` proves: its second derivative, and with it the
+    saturated torque, is that of no finer one.
+    """
+    from scipy.interpolate import CubicSpline
+
+    phase = np.linspace(0.0, 1.0, len(pendulums.angle))
+    spline = CubicSpline(phase[::2], pendulums.angle[::2])
+    velocity = spline(phase, 1) / pendulums.duration
+    acceleration = spline(phase, 2) / pendulums.duration**2
+    torque = (
+        pendulums.inertia * acceleration
+        + pendulums.damping * velocity
+        + pendulums.gravity_torque * np.sin(spline(phase))
+    )
+    return SaturationReference(torque - bias, velocity)
+
+
+def saturated_funnels(
+    loops: ClosedLoops,
+    terminal_level: float,
+    saturation: Saturation,
+    margin: float = 0.0,
+    negative_control: float = 0.0,
+) -> SaturatedFunnels:
+    """Compute the largest invariant funnels of V under limits, with the true sine.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    terminal_level : float
+        ρ(T).
+    saturation : Saturation
+    margin, negative_control : float
+        As for `funnel.funnel_variants`.
+    """
+    reference = reference_of(loops.pendulums, saturation.bias)
+    floor = np.log(terminal_level * LEAST_LEVEL)
+    margins, shares = np.array([[0.0], [margin], [0.0]]), np.array([[0.0], [0.0], [negative_control]])
+
+    def slope(point, log_level):
+        # Below the floor the basin is lost; the rate there must only stay finite.
+        level = np.exp(np.clip(log_level, floor, None))
+        growth = saturated_growth(loops, point, level, saturation, reference)
+        rate = growth + margins - shares * np.abs(growth)
+        return np.where(log_level > floor, np.minimum(rate, 1e3), 0.0)
+
+    count = len(loops.pendulums.labels)
+    log_level = integrate_backward(loops, np.full((3, count), np.log(terminal_level)), slope)
+    peak = np.abs(reference.torque).max(axis=0)
+    semi_axis = (normal_axes(loops.cost[::2])[0] * np.exp(0.5 * log_level[:, 0])).max(axis=0)
+    lost = ~(log_level[:, :2] > floor).all(axis=(0, 1))
+    reason = tuple(_reason(peak[index], saturation, lost[index], semi_axis[index]) for index in range(count))
+    variants = [
+        Funnels(name, loops.pendulums.duration, loops.cost[::2], np.exp(log_level[:, index]))
+        for index, name in enumerate(("exact", f"exact, margin {margin:g} 1/s", "exact, negative control"))
+    ]
+    return SaturatedFunnels(*variants, reason)
+
+
+def _reason(peak: float, saturation: Saturation, lost: bool, semi_axis: float) -> str:
+    """Say why there is no basin, or nothing where there is one."""
+    if peak > saturation.torque and saturation.bias:
+        return (
+            f"the feedforward torque leaves its limits, {saturation}, by {peak - saturation.torque:.4g} N·m"
+        )
+    if peak > saturation.torque:
+        return f"the feedforward torque reaches {peak:.4g} N·m; the limit is {saturation.torque:g} N·m"
+    if lost:
+        return f"{saturation}: no basin of the goal set is left (ρ falls below {LEAST_LEVEL:g} of its value there)"
+    if not semi_axis < LARGEST_SEMI_AXIS:
+        return f"the basin reaches {semi_axis:.3g} rad from its trajectory; at most {LARGEST_SEMI_AXIS:g} rad are allowed"
+    return ""
+
+
+def require_torque(pendulums: Pendulums, reference: SaturationReference, saturation: Saturation) -> None:
+    """Refuse references whose feedforward itself lies beyond the torque limit.
+
+    Raises
+    ------
+    NumericalError
+        Names the pendulum.
+    """
+    peak = np.abs(reference.torque).max(axis=0)
+    if (peak > saturation.torque).any():
+        index = int(peak.argmax())
+        raise NumericalError(f"{pendulums.labels[index]}: {_reason(peak[index], saturation, False, 0.0)}")
+
+
+def saturated_growth(
+    loops: ClosedLoops, point: int, level: np.ndarray, saturation: Saturation, reference: SaturationReference
+) -> np.ndarray:
+    """Return the largest V̇/ρ on V = ρ over all masses, shape as `level`: (..., pendulums)."""
+    position = np.linspace(0.0, 2 * np.pi, SAMPLES, endpoint=False)
+    values = _growth(loops, point, level, saturation, reference, position)
+    best = values.reshape(*level.shape, SECTORS, -1).argmax(axis=-1)
+    best += np.arange(SECTORS) * (SAMPLES // SECTORS)
+    centre, width = position[best], 2 * np.pi / SAMPLES
+    result = values.max(axis=-1)
+    offsets = np.linspace(-1.0, 1.0, 9)
+    for _ in range(ZOOMS):
+        nearby = centre[..., None] + width * offsets
+        values = _growth(loops, point, level, saturation, reference, nearby.reshape(*level.shape, -1))
+        values = values.reshape(nearby.shape)
+        centre = np.take_along_axis(nearby, values.argmax(axis=-1)[..., None], -1)[..., 0]
+        result = np.maximum(result, values.max(axis=(-1, -2)))
+        width /= 4
+    return result
+
+
+def _growth(loops, point, level, saturation, reference, position) -> np.ndarray:
+    """V̇/ρ at angles φ of the boundary, the largest of both extreme masses, shape (..., pendulums, angles)."""
+    form = loops.form(point)
+    c, s = np.cos(position), np.sin(position)
+    root = np.sqrt(level)[..., None]
+    a, p, q = (axis[:, None] for axis in normal_axes(loops.cost[point]))
+    state = np.broadcast_arrays(root * a * c, root * (p * c + q * s))
+    sine = remainder(form.angle[:, None], state[0])
+    nominal = (
+        -(form.alpha[:, None] * c**2 + 2 * form.beta[:, None] * c * s + form.gamma[:, None] * s**2)
+        - form.coupling[:, None] / root * s * sine
+    )
+    weight = 2 * np.sqrt(loops.cost[point][:, 2])[:, None] / root * s
+    changes = [
+        extra_acceleration(loops, reference, saturation.torque, ratio, point, state)
+        for ratio in sorted(set(saturation.ratios))
+    ]
+    return nominal + np.max([weight * change for change in changes], axis=0)
+
+
+def extra_acceleration(
+    loops: ClosedLoops, reference: SaturationReference, torque: float, ratio, point: int, state
+) -> np.ndarray:
+    """Return Δω̇ in rad/s² for m/m_true = `ratio`; each of the two states has shape (..., pendulums, states)."""
+    pendulums = loops.pendulums
+    k1, k2 = (loops.gains[point][:, entry, None] for entry in (0, 1))
+    wanted = reference.torque[point][:, None] - k1 * state[0] - k2 * state[1]
+    drag = pendulums.damping[:, None] * (reference.velocity[point][:, None] + state[1])
+    applied = np.clip(wanted, -torque, torque)
+    return (ratio * (applied - drag) - (wanted - drag)) / pendulums.inertia[:, None]
+
+
+def disturbance_of(loops: ClosedLoops, saturation: Saturation, starts: int, seed: list[int]):
+    """Return the disturbance for `monte_carlo_check`: a mass for every start, half of them an extreme one."""
+    reference = reference_of(loops.pendulums, saturation.bias)
+    generator = np.random.default_rng(seed)
+    low, high = saturation.ratios
+    ratio = 1 / generator.uniform(1 / high, 1 / low, starts)
+    ratio[::4], ratio[1::4] = low, high
+
+    def disturbance(point, state):
+        return extra_acceleration(loops, reference, saturation.torque, ratio, point, state)
+
+    return disturbance

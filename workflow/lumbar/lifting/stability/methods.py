@@ -1,0 +1,135 @@
+"""The three methods behind one interface: closed loops and settings in, funnels and their checks out.
+
+========================= ======================================================================================
+`exact`                   largest funnel of the given V, with the true sine (`funnel`); proved between its knots
+                          (`interval_proof`) with a small margin
+`sum_of_squares`          certificates of the sine's Taylor polynomial, ρ̇ a variable, ρ(T) fixed
+                          (`certified_funnel`)
+`thesis`                  Eqs 4.5–4.7 to the letter, ρ̇ frozen: no certificate (`bilinear_alternation`)
+========================= ======================================================================================
+
+All read the same keys of the section ``stability``, take the same loops (either sign of gravity, any Q, R, Qf,
+b, mass) and the same `Saturation` of torque and mass, and raise `NumericalError` naming subject, COM and plane rather
+than return what is not a result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, funnel_variants
+from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, saturated_funnels
+from lumbar.lifting.stability.programme.bilinear_alternation import RESOLUTION, alternate
+from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
+from lumbar.lifting.stability.proof.interval_proof import proved_share
+
+if TYPE_CHECKING:
+    from lumbar.settings.stability import StabilitySettings
+
+
+@dataclass(frozen=True)
+class MethodResult:
+    """What a method returns.
+
+    Attributes
+    ----------
+    funnels : Funnels
+    checks : dict of str to numpy.ndarray, shape (pendulums,)
+        By column of `basins.COLUMNS`.
+    control : Funnels or None
+        Funnels that are too large on purpose, for the negative control of the Monte Carlo check.
+    resolution : dict of str to float
+        How far an area may be trusted, relative, by column; an area without entry has all its digits.
+    """
+
+    funnels: Funnels
+    checks: dict[str, np.ndarray] = field(default_factory=dict)
+    control: Funnels | None = None
+    resolution: dict[str, float] = field(default_factory=dict)
+
+
+def exact(
+    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
+) -> MethodResult:
+    """Compute the largest funnels and prove those with a margin between the knots."""
+    goal, negative_control = settings.goal_level, settings.attack.control_overstated
+    proved = "proof" in settings.checks
+    margin = settings.proof.margin_1_s if proved else 0.0
+    if "simulation" not in settings.checks:
+        negative_control = 0.0
+    if saturation.active:
+        found = saturated_funnels(loops, goal, saturation, margin, negative_control)
+        for label, reason in zip(loops.pendulums.labels, found.reason, strict=True):
+            if reason:
+                raise NumericalError(f"{label}: {reason}")
+        largest, smaller, control = found.exact, found.with_margin, found.negative_control
+    else:
+        largest, smaller, control = funnel_variants(loops, goal, margin, negative_control)
+    checks = {}
+    if proved:
+        checks["proved_share"] = proved_share(loops, smaller, saturation)
+        checks["proved_area_ratio"] = smaller.mean_area / largest.mean_area
+    return MethodResult(largest, checks, control if negative_control else None)
+
+
+def sum_of_squares(
+    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
+) -> MethodResult:
+    """Compute funnels by certificates at the knots."""
+    options = settings.sum_of_squares
+    funnels, agreement = certified_funnels(
+        loops,
+        settings.goal_level,
+        degree=options.degree,
+        knots=options.knots,
+        alternations=options.alternations,
+        margin=options.margin_1_s,
+        saturation=saturation,
+    )
+    checks = {
+        "sos_margin_difference": agreement.margin_difference,
+        "sos_taylor_difference": agreement.taylor_difference,
+        "sos_taylor_optimism": agreement.taylor_optimism,
+    }
+    return MethodResult(funnels, checks)
+
+
+def thesis(
+    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
+) -> MethodResult:
+    """Run the thesis's procedure and count where its result breaks its own condition."""
+    found = alternate(loops, **vars(settings.thesis_method), saturation=saturation)
+    checks = {
+        "violation_share": found.violation_share,
+        "unsolved_share": found.unsolved_share,
+        "euler_error": found.euler_error,
+    }
+    return MethodResult(found.funnels, checks, resolution=RESOLUTION)
+
+
+METHODS: dict[str, Callable[[ClosedLoops, dict, Saturation], MethodResult]] = {
+    "exact": exact,
+    "sum_of_squares": sum_of_squares,
+    "thesis": thesis,
+}
+"""By the name in the column ``method``."""
+
+
+def headline_methods(settings: StabilitySettings) -> list[str]:
+    """Names of the methods that a configuration asks for on the headline's pendulums; the exact one always."""
+    return ["exact", *(["sum_of_squares"] if "sum_of_squares" in settings.checks else [])]
+
+
+def thesis_methods(settings: StabilitySettings) -> list[str]:
+    """Names of the methods that a configuration asks for on the pendulums of the thesis's wording; the exact one always."""
+    return ["exact", *(["thesis"] if "thesis_method" in settings.checks else [])]
+
+
+def chosen_methods(settings: StabilitySettings) -> list[str]:
+    """Names of all methods a configuration asks for."""
+    return list(dict.fromkeys([*headline_methods(settings), *thesis_methods(settings)]))

@@ -1,0 +1,114 @@
+"""The damped pendulum of Eq. 4.1 about a reference trajectory, for many pendulums at once.
+
+    I·θ̈ + b·θ̇ + σ·m·g·ℓ·sin θ = u,      I = m·ℓ²
+
+σ = +1 is the equation as it is published: a hanging pendulum, although the thesis calls it inverted. σ =
+−1 is the inverted one. With u = u0(t) − K(t)·x̄ the error x̄ = (e, ω) about the reference obeys
+
+    ė = ω,   ω̇ = a21·e + a22·ω − K·x̄/I − (σ·m·g·ℓ/I)·h(e),   h(e) = sin(θ0 + e) − sin θ0 − e·cos θ0
+
+in which h holds everything that the linearisation (Eq. 4.3) leaves out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.lifting.stability.model.trajectory import Trajectory
+
+SIGNS = {"hanging": 1.0, "inverted": -1.0}
+"""Sign σ of the gravity term."""
+
+
+@dataclass(frozen=True)
+class Pendulums:
+    """Pendulums that are computed together.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        One per pendulum, for messages.
+    inertia : numpy.ndarray, shape (pendulums,)
+        m·ℓ² in kg·m².
+    damping : numpy.ndarray, shape (pendulums,)
+        b in N·m·s/rad.
+    gravity_torque : numpy.ndarray, shape (pendulums,)
+        σ·m·g·ℓ in N·m, with its sign.
+    duration : numpy.ndarray, shape (pendulums,)
+        Length T of each trajectory in seconds.
+    angle : numpy.ndarray, shape (points, pendulums)
+        θ0 in rad on an even grid from t = 0 to T: the knots and the points halfway between them.
+    """
+
+    labels: tuple[str, ...]
+    inertia: np.ndarray
+    damping: np.ndarray
+    gravity_torque: np.ndarray
+    duration: np.ndarray
+    angle: np.ndarray
+
+    def linearised(self, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return a21, a22 and b2 of A = [[0, 1], [a21, a22]] and B = [0, b2] (Eq. 4.3)."""
+        return (
+            -self.gravity_torque * np.cos(angle) / self.inertia,
+            -self.damping / self.inertia,
+            1 / self.inertia,
+        )
+
+
+def gather(
+    trajectories: list[Trajectory], signs: list[str], damping: list[float], gravity: float, knots: int
+) -> Pendulums:
+    """Put trajectories on one grid, scaled to their length.
+
+    Parameters
+    ----------
+    trajectories : list of Trajectory
+    signs : list of {"hanging", "inverted"}
+        One per trajectory.
+    damping : list of float
+        b in N·m·s/rad, one per trajectory.
+    gravity : float
+        Gravitational acceleration in m/s².
+    knots : int
+        Points in time at which the basin is computed (the thesis: 1000).
+
+    Returns
+    -------
+    Pendulums
+    """
+    from scipy.interpolate import CubicSpline
+
+    phase = np.linspace(0.0, 1.0, 2 * knots - 1)
+    mass, length = (
+        np.array([getattr(item, name) for item in trajectories]) for name in ("mass_kg", "length_m")
+    )
+    angle = [
+        CubicSpline((item.time - item.time[0]) / item.duration, item.angle)(phase) for item in trajectories
+    ]
+    return Pendulums(
+        labels=tuple(f"{item.label} ({sign})" for item, sign in zip(trajectories, signs, strict=True)),
+        inertia=mass * length**2,
+        damping=np.asarray(damping, dtype=float),
+        gravity_torque=np.array([SIGNS[sign] for sign in signs]) * mass * gravity * length,
+        duration=np.array([item.duration for item in trajectories]),
+        angle=np.stack(angle, axis=1),
+    )
+
+
+def feedforward_torque(trajectory: Trajectory, sign: str, damping: float, gravity: float) -> np.ndarray:
+    """Return u0(t) in N·m by inverse dynamics of the reference states (Eq. 4.1)."""
+    inertia = trajectory.mass_kg * trajectory.length_m**2
+    gravity_torque = SIGNS[sign] * trajectory.mass_kg * gravity * trajectory.length_m
+    return (
+        inertia * trajectory.angular_acceleration
+        + damping * trajectory.angular_velocity
+        + gravity_torque * np.sin(trajectory.angle)
+    )
+
+
+def remainder(angle: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Return h(e) = sin(θ0 + e) − sin θ0 − e·cos θ0, without cancellation for small e."""
+    return np.cos(angle) * (np.sin(error) - error) - 2 * np.sin(angle) * np.sin(error / 2) ** 2

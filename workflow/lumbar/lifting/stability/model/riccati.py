@@ -1,0 +1,200 @@
+"""Finite-horizon linear-quadratic regulator: the differential Riccati equation (Eq. 4.2), many pendulums at once.
+
+A symmetric 2×2 matrix is held as its three entries (s11, s12, s22) along the last axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.base.errors import NumericalError, Problems
+from lumbar.lifting.stability.model.pendulum_loop import Pendulums
+
+RELATIVE_TOLERANCE = 1e-10
+STIFF = 3000.0
+"""Fastest rate times duration from which the implicit method is quicker than the explicit one."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the regulator's cost ∫(x̄ᵀQx̄ + R·ū²)dt + x̄(T)ᵀ·Qf·x̄(T), made dimensionless.
+
+    Attributes
+    ----------
+    state : numpy.ndarray, shape (..., 3)
+        Q, positive semidefinite; per second and per rad², rad²/s and rad²/s².
+    control : numpy.ndarray, shape (...)
+        R > 0 in 1/(N²·m²·s).
+    terminal : numpy.ndarray, shape (..., 3)
+        Qf, positive definite; with ρ(T) it is the goal set x̄ᵀ·Qf·x̄ ≤ ρ(T).
+    """
+
+    state: np.ndarray
+    control: np.ndarray
+    terminal: np.ndarray
+
+
+def check_weights(state, control: float, terminal) -> Weights:
+    """Return the weights of the configuration when they are admissible.
+
+    Parameters
+    ----------
+    state, terminal : array_like, shape (2, 2)
+    control : float
+
+    Raises
+    ------
+    InputError
+        Q not symmetric and positive semidefinite, R not positive, Qf not symmetric and positive definite.
+    """
+    weight_problems(state, control, terminal).raise_if_any()
+    entries = [np.asarray(matrix, dtype=float)[[0, 0, 1], [0, 1, 1]] for matrix in (state, terminal)]
+    return Weights(entries[0], np.asarray(float(control)), entries[1])
+
+
+def weight_problems(state_weight, control_weight: float, terminal_weight) -> Problems:
+    """Collect what keeps the weights of a configuration from being admissible; arguments as for `check_weights`."""
+    problems = Problems("stability.regulator")
+    for name, matrix, definite in (
+        ("state_weight", state_weight, False),
+        ("terminal_weight", terminal_weight, True),
+    ):
+        values = np.asarray(matrix, dtype=float)
+        kind = "definite" if definite else "semidefinite"
+        if values.shape != (2, 2) or not np.isfinite(values).all() or values[0, 1] != values[1, 0]:
+            problems.add(
+                name, f"{np.asarray(matrix).tolist()}", "a symmetric 2×2 matrix of numbers is needed"
+            )
+            continue
+        lowest = np.linalg.eigvalsh(values)[0]
+        if lowest < 0 or (definite and lowest == 0):
+            problems.add(name, f"smallest eigenvalue {lowest:g}", f"it must be positive {kind}")
+    if not (np.isfinite(control_weight) and control_weight > 0):
+        problems.add("control_weight", f"{control_weight:g}", "it must be positive")
+    return problems
+
+
+def determinant(matrix: np.ndarray) -> np.ndarray:
+    """Return the determinant of symmetric 2×2 matrices of shape (..., 3)."""
+    return matrix[..., 0] * matrix[..., 2] - matrix[..., 1] ** 2
+
+
+def gain(pendulums: Pendulums, control_weight: np.ndarray, cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return K1 (N·m/rad) and K2 (N·m·s/rad) of K = R⁻¹BᵀS (Eq. 4.4); `cost` has shape (..., 3)."""
+    scale = 1 / (pendulums.inertia * control_weight)
+    return scale * cost[..., 1], scale * cost[..., 2]
+
+
+def decay_matrix(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> np.ndarray:
+    """Return Q + SBR⁻¹BᵀS = Q + KᵀRK: how fast V falls along the linear loop, V̇ = −x̄ᵀ(Q + KᵀRK)x̄."""
+    first, second = gain(pendulums, weights.control, cost)
+    feedback = np.stack([first**2, first * second, second**2], axis=-1)
+    return weights.state + np.asarray(weights.control)[..., None] * feedback
+
+
+def riccati_rate(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost: np.ndarray) -> np.ndarray:
+    """Return −Ṡ = Q − SBR⁻¹BᵀS + SA + AᵀS (Eq. 4.2), shape (pendulums, 3)."""
+    a21, a22, b2 = pendulums.linearised(angle)
+    s11, s12, s22 = np.moveaxis(cost, -1, 0)
+    control = b2**2 / weights.control
+    rate = np.stack(
+        [
+            2 * s12 * a21 - control * s12**2,
+            s11 + s12 * a22 + s22 * a21 - control * s12 * s22,
+            2 * (s12 + s22 * a22) - control * s22**2,
+        ],
+        axis=-1,
+    )
+    return rate + weights.state
+
+
+def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
+    """Integrate the Riccati equation backward from S(T) = Qf, adaptively.
+
+    Dormand–Prince of order 8, or for small inertias, whose loop is stiff, Radau's implicit method of order 5.
+
+    Returns
+    -------
+    numpy.ndarray, shape (points, pendulums, 3)
+        S on the grid of ``pendulums.angle``.
+
+    Raises
+    ------
+    NumericalError
+        The integration failed or S lost its definiteness; names the pendulum.
+    """
+    from scipy.integrate import solve_ivp
+    from scipy.interpolate import CubicSpline
+
+    points, count = pendulums.angle.shape
+    phase = np.linspace(0.0, 1.0, points)
+    reference = CubicSpline(phase, pendulums.angle)
+    terminal = np.broadcast_to(weights.terminal, (count, 3))
+
+    # Time runs backward from T and is scaled to each trajectory's length: remaining = 1 − t/T.
+    def backward(remaining, flat):
+        rate = riccati_rate(pendulums, weights, reference(1.0 - remaining), flat.reshape(count, 3))
+        return (pendulums.duration[:, None] * rate).ravel()
+
+    # A trial step too long for a small inertia may overflow; the solver rejects it and halves the step.
+    with np.errstate(over="ignore", invalid="ignore"):
+        solution = solve_ivp(
+            backward,
+            (0.0, 1.0),
+            terminal.ravel(),
+            method="Radau" if _stiffness(pendulums, weights) > STIFF else "DOP853",
+            t_eval=phase,
+            rtol=RELATIVE_TOLERANCE,
+            atol=RELATIVE_TOLERANCE * float(np.abs(terminal).max()),
+        )
+    if not solution.success:
+        raise NumericalError(
+            f"Riccati equation of {pendulums.labels[0]} and {count - 1} more: {solution.message}"
+        )
+    cost = solution.y.T.reshape(points, count, 3)[::-1]
+    _require_definite(pendulums, cost)
+    return cost
+
+
+def _stiffness(pendulums: Pendulums, weights: Weights) -> float:
+    """Fastest rate of the steady closed loop, √(Q22/R)/I, times the duration: steps that an explicit method needs."""
+    rate = np.sqrt(weights.state[..., 2] / weights.control) / pendulums.inertia
+    return float((rate * pendulums.duration).max())
+
+
+def cost_to_go_euler(pendulums: Pendulums, weights: Weights) -> np.ndarray:
+    """Integrate the Riccati equation by Euler's method from knot to knot, as the thesis does.
+
+    Returns
+    -------
+    numpy.ndarray, shape (knots, pendulums, 3)
+        S at the knots (every other point of ``pendulums.angle``).
+
+    Raises
+    ------
+    NumericalError
+        S lost its definiteness (a step too long for the pendulum's inertia).
+    """
+    angle = pendulums.angle[::2]
+    cost = np.empty((*angle.shape, 3))
+    cost[-1] = weights.terminal
+    step = pendulums.duration[:, None] / (len(angle) - 1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for knot in range(len(angle) - 1, 0, -1):
+            cost[knot - 1] = cost[knot] + step * riccati_rate(pendulums, weights, angle[knot], cost[knot])
+    _require_definite(pendulums, cost)
+    return cost
+
+
+def _require_definite(pendulums: Pendulums, cost: np.ndarray) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        definite = np.isfinite(cost).all(axis=-1) & (cost[..., 0] > 0) & (determinant(cost) > 0)
+    if not definite.all():
+        point, index = np.argwhere(~definite)[-1]
+        remaining = (1 - point / (len(cost) - 1)) * pendulums.duration[index]
+        raise NumericalError(
+            f"{pendulums.labels[index]}: the solution of the Riccati equation is not positive definite "
+            f"{remaining:.3g} s before the end; raise the control weight or stability.knots"
+        )

@@ -1,0 +1,216 @@
+"""The sum-of-squares method: funnels whose every rate ρ̇/ρ carries a certificate, backward from ρ(T).
+
+Between two knots ρ̇/ρ is one number r, ln ρ is linear, and the condition −V̇ + ρ̇ + L·(V − ρ) ∈ SOS is imposed
+at the middle of the interval (an error of second order in the spacing). ρ̇ is a variable and ρ(T) is fixed, so
+that going backward each interval is a small bilinear problem in (r, L, ρ) of its own, solved by alternation:
+
+1. ρ at the middle fixed: the programme of `circle_programme` finds L and the smallest certified r, which is
+   the margin form, γ = ρ̇/ρ − r being maximised;
+2. L and r fixed: ρ follows from r, ρ(t) = ρ(t + Δt)·exp(−r·Δt).
+
+The first guess of r is extrapolated from the later intervals. As ρ depends on r only through Δt/2, two
+alternations suffice; the last programme is solved at the very ρ that is returned and its margin γ must not be
+negative: what is returned is certified, however it was found.
+
+With torque limits or an uncertain mass (`saturation`) r is certified for every extreme mass and every part of the
+saturation (`saturation_cases`), each on its arc of the circle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, even_knots
+from lumbar.lifting.stability.funnel.invariance import boundary_growth
+from lumbar.lifting.stability.funnel.polynomials import require_taylor_range
+from lumbar.lifting.stability.funnel.saturation import (
+    LEAST_LEVEL,
+    UNSATURATED,
+    Saturation,
+    reference_of,
+    require_torque,
+    saturated_growth,
+)
+from lumbar.lifting.stability.programme.circle_programme import CircleProgramme
+from lumbar.lifting.stability.programme.saturation_cases import Case, case_maximum, saturation_cases
+
+MOST_ALTERNATIONS = 8
+"""Alternations after which a margin that is still negative is an error."""
+LONGER_ARCS = (0.0, 0.01, 0.05)
+"""By how much in rad an arc is made longer at each end where its programme is not solved; then the whole circle."""
+SAFETY = 0.05
+"""Share of the last change of r by which the next r is enlarged: covers what the change of ρ does to it."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How certificates and exact maxima compare, per pendulum.
+
+    Attributes
+    ----------
+    margin_difference : numpy.ndarray, shape (pendulums,)
+        Largest |certified rate − largest V̇/ρ of the same Taylor polynomial| in 1/s: the programme's error.
+    taylor_difference : numpy.ndarray, shape (pendulums,)
+        Largest |certified rate − largest V̇/ρ with the true sine| in 1/s: what the polynomial changes.
+    taylor_optimism : numpy.ndarray, shape (pendulums,)
+        Largest (largest V̇/ρ with the true sine − ρ̇/ρ of the funnel) in 1/s: where positive, the Taylor
+        polynomial was optimistic and the certificate does not hold for the true sine.
+    alternations : int
+        Most alternations that an interval took.
+    """
+
+    margin_difference: np.ndarray
+    taylor_difference: np.ndarray
+    taylor_optimism: np.ndarray
+    alternations: int
+
+
+def certified_funnels(
+    loops: ClosedLoops,
+    terminal_level: float,
+    degree: int,
+    knots: int,
+    alternations: int,
+    margin: float,
+    saturation: Saturation = UNSATURATED,
+) -> tuple[Funnels, Agreement]:
+    """Compute funnels by sum-of-squares programmes.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    terminal_level : float
+        ρ(T).
+    degree : {3, 5, 7}
+        Taylor degree of the sine.
+    knots : int
+        Knots of ρ; the nearest number that divides those of `loops` evenly is taken.
+    alternations : int
+        Programmes per interval, at least 2 (more are taken where the margin is still negative).
+    margin : float
+        In 1/s; γ that is left, above the solver's tolerance.
+    saturation : Saturation
+        Of the loop.
+
+    Raises
+    ------
+    NumericalError
+        A programme was not solved, an interval has no certificate after `MOST_ALTERNATIONS`, or no basin is left
+        under the limits.
+    """
+    programme = CircleProgramme(degree)
+    chosen = even_knots(loops.knots, knots)
+    step = loops.step * (chosen[1] - chosen[0])
+    count = len(loops.pendulums.labels)
+    log_level = np.empty((len(chosen), count))
+    log_level[-1] = np.log(terminal_level)
+    reference = reference_of(loops.pendulums, saturation.bias)
+    require_torque(loops.pendulums, reference, saturation)
+    differences, most = np.zeros((3, count)), 0
+    differences[2] = -np.inf
+    rates: list[np.ndarray] = []
+    for interval in range(len(chosen) - 2, -1, -1):
+        point = chosen[interval] + chosen[interval + 1]
+        form = loops.form(point)
+
+        def largest(level, point=point, form=form):
+            if not saturation.active:
+                return boundary_growth(form, level)
+            return saturated_growth(loops, point, level, saturation, reference)
+
+        guess, before = _extrapolate(rates, largest, log_level[interval + 1]), None
+        for alternation in range(1, MOST_ALTERNATIONS + 1):
+            level = np.exp(log_level[interval + 1] - 0.5 * step * guess)
+            _require_basin(loops, level, terminal_level, saturation)
+            cases = saturation_cases(
+                loops.pendulums,
+                form,
+                loops.cost[point],
+                loops.gains[point],
+                level,
+                (reference.torque[point], reference.velocity[point]),
+                saturation,
+                degree,
+            )
+            certified = np.array(
+                [
+                    max(_certified_rate(programme, case, label) for case in own)
+                    for own, label in zip(cases, loops.pendulums.labels, strict=True)
+                ]
+            )
+            left = guess - certified
+            if alternation >= alternations and (left >= 0.5 * margin).all():
+                break
+            guess, before = _next_rate(guess, certified, margin, before), (guess, certified)
+        else:
+            index = int(left.argmin())
+            raise NumericalError(
+                f"{loops.pendulums.labels[index]}: no certificate {loops.pendulums.duration[index]:.3g} s long "
+                f"after {MOST_ALTERNATIONS} alternations (margin {left[index]:.3g} 1/s); raise "
+                "stability.sum_of_squares.knots"
+            )
+        most = max(most, alternation)
+        log_level[interval] = log_level[interval + 1] - step * guess
+        rates = [guess, *rates[:2]]
+        true_growth = largest(level)
+        taylor_growth = np.array([max(case_maximum(case, degree) for case in own) for own in cases])
+        found = [np.abs(certified - taylor_growth), np.abs(certified - true_growth), true_growth - guess]
+        differences = np.maximum(differences, found)
+    require_taylor_range(loops.pendulums, loops.cost[2 * chosen], np.exp(log_level), degree)
+    funnels = Funnels("sum_of_squares", loops.pendulums.duration, loops.cost[2 * chosen], np.exp(log_level))
+    return funnels, Agreement(*differences, most)
+
+
+def _require_basin(
+    loops: ClosedLoops, level: np.ndarray, terminal_level: float, saturation: Saturation
+) -> None:
+    lost = level < LEAST_LEVEL * terminal_level
+    if lost.any():
+        raise NumericalError(
+            f"{loops.pendulums.labels[int(lost.argmax())]}: {saturation}: no basin of the goal set is left (ρ falls below "
+            f"{LEAST_LEVEL:g} of its value there)"
+        )
+
+
+def _extrapolate(rates: list[np.ndarray], largest: Callable, log_level: np.ndarray) -> np.ndarray:
+    """Return the first guess of r: a polynomial through the last three, at first the exact maximum."""
+    if not rates:
+        return largest(np.exp(log_level))
+    if len(rates) < 3:
+        return rates[0]
+    return 3 * rates[0] - 3 * rates[1] + rates[2]
+
+
+def _certified_rate(programme: CircleProgramme, case: Case, label: str) -> float:
+    """Solve one programme; where an arc is no solvable problem, that of a longer one: it covers the arc too."""
+    for longer in LONGER_ARCS if case.side is not None else ():
+        constant, *slope = case.side
+        amplitude = np.hypot(*slope)
+        half = np.arccos(np.clip(-constant / amplitude, -1.0, 1.0)) + longer
+        if half >= np.pi:
+            break
+        side = case.side if not longer else np.array([-amplitude * np.cos(half), *slope])
+        try:
+            return programme.rate(case.coefficients, label, side)
+        except NumericalError:
+            continue
+    return programme.rate(case.coefficients, label)
+
+
+def _next_rate(guess: np.ndarray, certified: np.ndarray, margin: float, before: tuple | None) -> np.ndarray:
+    """Return the next r: the certified one, or where the interval is long for the loop a step of the secant method.
+
+    A larger r makes ρ at the middle smaller and with it the certified rate; where that falls faster than r rises,
+    taking the certified rate for the next r would oscillate ever wider.
+    """
+    change = certified + margin - guess
+    if before is not None:
+        earlier = before[1] + margin - before[0]
+        run, rise = guess - before[0], earlier - change
+        steep = rise * run > 0
+        change = np.where(steep, change * np.divide(run, rise, where=steep, out=np.ones_like(run)), change)
+    return guess + change + SAFETY * np.abs(change)

@@ -1,0 +1,201 @@
+"""Eqs 4.5–4.7 as one writes them on paper, through cvxpy, and the check of the fast programmes against them.
+
+Everything is stated anew in the error x̄ = (e, ω) itself, from the equation of motion on, and shares nothing with the
+normal coordinates, the harmonics and the hand-assembled programmes that compute the basins (`circle_programme`).
+"""
+
+from __future__ import annotations
+
+from math import factorial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.funnel import ClosedLoops
+from lumbar.lifting.stability.funnel.polynomials import growth_polynomial, monomials
+from lumbar.lifting.stability.programme.circle_programme import CircleProgramme
+
+if TYPE_CHECKING:
+    from cvxpy.constraints.constraint import Constraint
+
+AGREEMENT = 1e-4
+"""Largest difference of two certified rates in 1/s that both solvers' tolerances explain."""
+
+
+class Polynomial(dict):
+    """Coefficients, numbers or expressions of cvxpy, of a polynomial in two variables by their exponents."""
+
+    def __add__(self, other: Polynomial) -> Polynomial:
+        total = Polynomial(self)
+        for exponents, value in other.items():
+            total[exponents] = total[exponents] + value if exponents in total else value
+        return total
+
+    def __mul__(self, other) -> Polynomial:
+        if not isinstance(other, Polynomial):
+            return Polynomial({exponents: other * value for exponents, value in self.items()})
+        product = Polynomial()
+        for (i, j), value in self.items():
+            product += Polynomial({(i + k, j + m): value * factor for (k, m), factor in other.items()})
+        return product
+
+    def __truediv__(self, divisor) -> Polynomial:
+        return self * (1 / divisor)
+
+    def __neg__(self) -> Polynomial:
+        return self * -1.0
+
+    def __sub__(self, other: Polynomial) -> Polynomial:
+        return self + -other
+
+
+def constant(value) -> Polynomial:
+    """Return a polynomial of degree 0."""
+    return Polynomial({(0, 0): value})
+
+
+def unknown(exponents: list[tuple[int, int]], kind: type) -> Polynomial:
+    """Return a polynomial whose coefficients are variables (a multiplier L of Eq. 4.5) or parameters of cvxpy."""
+    return Polynomial({item: kind() for item in exponents})
+
+
+def is_sum_of_squares(polynomial: Polynomial) -> list[Constraint]:
+    """Return the constraints p = bᵀQb, Q ≽ 0 (Eqs 2.13–2.15), b all monomials (Eq. 2.14)."""
+    import cvxpy as cp
+
+    degree = max(map(sum, polynomial))
+    basis = [Polynomial({exponents: 1.0}) for exponents in monomials((degree + 1) // 2)]
+    gram = cp.Variable((len(basis), len(basis)), PSD=True)
+    squares = Polynomial()
+    for row, first in enumerate(basis):
+        for column, second in enumerate(basis):
+            squares += first * second * gram[row, column]
+    return [polynomial.get(exponents, 0.0) == value for exponents, value in squares.items()]
+
+
+def s_procedure(positive: Polynomial, zero: Polynomial, multiplier: Polynomial) -> list[Constraint]:
+    """Return the constraints by which p ≥ 0 wherever g = 0: p − L·g is a sum of squares (Eq. 4.5, one equality)."""
+    return is_sum_of_squares(positive - multiplier * zero)
+
+
+def lyapunov_function(cost: np.ndarray, state: tuple[Polynomial, Polynomial]) -> Polynomial:
+    """Return V = x̄ᵀSx̄ (Eq. 4.7); with Ṡ for S its partial derivative ∂V/∂t."""
+    e, w = state
+    return e * e * cost[0, 0] + e * w * (2 * cost[0, 1]) + w * w * cost[1, 1]
+
+
+def lyapunov_rate(
+    loops: ClosedLoops, point: int, pendulum: int, state: tuple[Polynomial, Polynomial], degree: int
+) -> Polynomial:
+    """Return V̇ = ∂V/∂t + ∂V/∂x̄·f (Eq. 2.17) with the sine's Taylor polynomial of a degree about θ0."""
+    pendulums = loops.pendulums
+    inertia, damping, gravity = (
+        np.broadcast_to(values, len(pendulums.labels))[pendulum]
+        for values in (pendulums.inertia, pendulums.damping, pendulums.gravity_torque)
+    )
+    angle = pendulums.angle[point, pendulum]
+    s, q, r = _matrix(loops.cost[point, pendulum]), _matrix(loops.weights.state), loops.weights.control
+    # Eqs 4.3, 4.4 and 4.2: linearisation, feedback, Riccati equation.
+    a = np.array([[0.0, 1.0], [-gravity * np.cos(angle) / inertia, -damping / inertia]])
+    b = np.array([[0.0], [1 / inertia]])
+    k = (b.T @ s / r)[0]
+    s_rate = -(q - s @ b @ b.T @ s / r + s @ a + a.T @ s)
+    # Eq. 4.1 less the reference: I·ω̇ = −b·ω − mgℓ·(sin(θ0 + e) − sin θ0) − K·x̄.
+    e, w = state
+    derivatives = (np.sin(angle), np.cos(angle), -np.sin(angle), -np.cos(angle))
+    sine, power = Polynomial(), constant(1.0)
+    for order in range(1, degree + 1):
+        power = power * e
+        sine += power * derivatives[order % 4] / factorial(order)
+    acceleration = -(w * damping + sine * gravity + e * k[0] + w * k[1]) / inertia
+    slope = (e * s[0, 0] + w * s[0, 1]) * 2.0, (e * s[0, 1] + w * s[1, 1]) * 2.0
+    return lyapunov_function(s_rate, state) + slope[0] * w + slope[1] * acceleration
+
+
+class RateProgramme:
+    """Eq. 4.6 at one moment, divided by ρ: the smallest ρ̇/ρ with −V̇ + ρ̇ + L·(V − ρ) a sum of squares."""
+
+    def __init__(self, degree: int):
+        import cvxpy as cp
+
+        self.degree = degree
+        self._rate = cp.Variable()
+        # V/ρ and V̇/ρ are set for every moment: the programme is compiled once.
+        self._v = unknown([(2, 0), (1, 1), (0, 2)], cp.Parameter)
+        self._v_rate = unknown(monomials(degree + 1), cp.Parameter)
+        multiplier = unknown(monomials(degree - 1), cp.Variable)
+        constraints = s_procedure(constant(self._rate) - self._v_rate, constant(1.0) - self._v, multiplier)
+        self._problem = cp.Problem(cp.Minimize(self._rate), constraints)
+
+    def solve(self, loops: ClosedLoops, point: int, pendulum: int, level: float) -> float:
+        """Return the smallest ρ̇/ρ in 1/s.
+
+        Parameters
+        ----------
+        loops : ClosedLoops
+        point : int
+            Of the grid of `loops`.
+        pendulum : int
+            Which one.
+        level : float
+            ρ.
+
+        Raises
+        ------
+        NumericalError
+            The solver gave up, or its status is not "optimal".
+        """
+        import cvxpy as cp
+
+        cost = _matrix(loops.cost[point, pendulum])
+        # The ellipse's semi-axes in e and ω as units: polynomials of degree six stay well conditioned.
+        units = np.sqrt(level * np.diag(np.linalg.inv(cost)))
+        state = Polynomial({(1, 0): units[0]}), Polynomial({(0, 1): units[1]})
+        _assign(self._v, lyapunov_function(cost, state) / level)
+        _assign(self._v_rate, lyapunov_rate(loops, point, pendulum, state, self.degree) / level)
+        label = loops.pendulums.labels[pendulum]
+        try:
+            self._problem.solve(solver=cp.CLARABEL)
+        except cp.SolverError as error:
+            raise NumericalError(f"{label}: Eq. 4.6 in cvxpy: {error}") from error
+        if self._problem.status != cp.OPTIMAL:
+            raise NumericalError(f"{label}: Eq. 4.6 in cvxpy ended as {self._problem.status}")
+        return float(self._rate.value)
+
+
+def _assign(parameters: Polynomial, values: Polynomial) -> None:
+    for exponents, parameter in parameters.items():
+        parameter.value = values.get(exponents, 0.0)
+
+
+def rate_differences(loops: ClosedLoops, level: np.ndarray, degree: int, knots: list[int]) -> np.ndarray:
+    """Return the largest difference of the rates that `circle_programme` and Eq. 4.6 in cvxpy certify, in 1/s.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    level : numpy.ndarray, shape (knots, pendulums)
+        ρ at the knots of `loops`.
+    degree : int
+        Of the sine's Taylor polynomial.
+    knots : list of int
+        Where to compare.
+
+    Returns
+    -------
+    numpy.ndarray, shape (pendulums,)
+    """
+    own, written, labels = CircleProgramme(degree), RateProgramme(degree), loops.pendulums.labels
+    differences = np.zeros((len(knots), len(labels)))
+    for row, knot in enumerate(knots):
+        polynomials = growth_polynomial(loops.form(2 * knot), level[knot], degree)
+        for column, (coefficients, label) in enumerate(zip(polynomials, labels, strict=True)):
+            expected = written.solve(loops, 2 * knot, column, level[knot, column])
+            differences[row, column] = abs(own.rate(coefficients, label) - expected)
+    return differences.max(axis=0)
+
+
+def _matrix(entries: np.ndarray) -> np.ndarray:
+    """Return the symmetric matrix of its entries 11, 12, 22."""
+    return np.array([[entries[0], entries[1]], [entries[1], entries[2]]])

@@ -1,0 +1,183 @@
+"""The catalogues as pages, from the definitions: ``python -m lumbar.publishing.effects_reference docs``."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from lumbar.base.files import write_text
+from lumbar.tables.words import unit_in_print
+from lumbar.tissue.effects.catalogue import CATALOGUES
+from lumbar.tissue.effects.signature import pictured_form
+from lumbar.tissue.models.form import Effect, Form, Place
+
+_SCALES = {
+    "position": "half the range of the position",
+    "speed": "the largest speed",
+    "path": "the path travelled",
+    "duration": "the duration",
+    "time": "1 s",
+    "sampling": "the sampling interval",
+    "force": "the largest force",
+    "one": "1",
+}
+_SIGNS = {1: "not negative", -1: "not positive", 0: "any"}
+
+
+@dataclass(frozen=True)
+class CataloguePage:
+    """What one catalogue's page says beside the definitions.
+
+    Attributes
+    ----------
+    page : str
+        File name without suffix, and folder of its pictures.
+    introduction : str
+    places : dict of Place to str
+        Where a form acts.
+    """
+
+    page: str
+    introduction: str
+    places: dict[Place, str]
+
+
+_HEAD = """# {title}
+
+Written by `make docs` from the definitions in `workflow/lumbar/tissue/effects/`; do not edit. {symbols}; units: x that of the
+{moved}, y that of the {response}.
+
+Pictures: the first form of each effect on a standard motion, a sine of amplitude 1, beside {base}. Left:
+{response} over {moved} without and with the effect at 0.5 Hz. Middle: what the effect adds, at 0.5 and 2 Hz. Right: the
+same over time. The effect is scaled to a third of the base's own {response}.
+
+"""
+REFERENCES = {
+    "tissue": CataloguePage(
+        "effects",
+        _HEAD.format(
+            title="The catalogue of effects",
+            symbols="Position z about the record's zero, velocity v, acceleration a, path s travelled, time t, force F",
+            moved="position",
+            response="force",
+            base="a Kelvin–Boltzmann tissue with kₑ = k_b = 1 and τ = 0.1 s",
+        ),
+        {
+            Place.INPUT: "on the way from the position to the tissue",
+            Place.PARALLEL: "beside the tissue",
+            Place.OUTPUT: "on the way from the tissue to the sensor",
+        },
+    ),
+    "pendulum": CataloguePage(
+        "pendulum_effects",
+        _HEAD.format(
+            title="The pendulum's catalogue of effects",
+            symbols="Angle θ from the vertical, its rate v = θ̇, moment M that the person exerts; time t; "
+            "step(x) = 3x² − 2x³ from 0 to 1, constant outside; channels h (share of the box held), "
+            "ℓ (length) and the pivot's acceleration",
+            moved="angle",
+            response="moment",
+            base="a pendulum of Eq. 4.1",
+        ),
+        {
+            Place.INPUT: "on the way from the angle to the pendulum",
+            Place.PARALLEL: "beside the pendulum",
+            Place.OUTPUT: "on the way from the pendulum to the sensor",
+        },
+    ),
+}
+"""By system."""
+
+
+def effects_page(system: str) -> str:
+    """Return a catalogue's page as Markdown.
+
+    Parameters
+    ----------
+    system : str
+        ``"tissue"`` or ``"pendulum"``.
+    """
+    catalogue, reference = CATALOGUES[system], REFERENCES[system]
+    listed = "\n".join(f"- [`{name}`](#{name}): {effect.mechanism}" for name, effect in catalogue.items())
+    sections = (_section(effect, reference) for effect in catalogue.values())
+    return reference.introduction + listed + "\n" + "".join(sections)
+
+
+def _section(effect: Effect, reference: CataloguePage) -> str:
+    places = dict.fromkeys(reference.places[form.place] for form in effect.forms)
+    picture = ""
+    if pictured_form(effect):
+        picture = f"![Signature of {effect.name}](images/{reference.page}/{effect.name}.svg)\n\n"
+    rows = "\n".join(row for form in effect.forms for row in _rows(form))
+    needed = any(form.channels for form in effect.forms)
+    head = "| form | equation | needs |\n|---|---|---|" if needed else "| form | equation |\n|---|---|"
+    forms = "\n".join(
+        f"| `{form.name}` | ${_escaped(form.latex)}$ |" + (_needs(form) if needed else "")
+        for form in effect.forms
+    )
+    return f"""
+## {effect.name}
+{effect.mechanism} It acts {" or ".join(places)}.
+
+{picture}{head}
+{forms}
+
+| form | symbol | parameter | unit | range | starts |
+|---|---|---|---|---|---|
+{rows}
+
+Source: {effect.source}. Experiment that shows it: {effect.experiment}.
+"""
+
+
+def _needs(form: Form) -> str:
+    """Cell with the columns that a form needs beside input and output."""
+    return f" {', '.join(f'`{role}`' for role in form.channels) or '–'} |"
+
+
+def _escaped(latex: str) -> str:
+    """Vertical bars would end a cell of the table."""
+    return latex.replace("|", r"\vert ")
+
+
+def _rows(form: Form) -> list[str]:
+    rows = [
+        f"| `{form.name}` | ${item.in_latex}$ | `{item.name}` | {_unit(item.unit)} | {_SIGNS[item.sign]} | solved for |"
+        for item in form.linear
+    ]
+    for item in form.nonlinear:
+        scale = _SCALES[item.scale]
+        low, high = item.bounds(1.0)
+        starts = "from the residual" if form.starts else f"{item.points} from {item.low:g} to {item.high:g}"
+        span = (
+            f"within {item.lines:g} lines of the start"
+            if item.lines is not None
+            else f"{low:.3g} to {high:.3g} × {scale}"
+        )
+        rows.append(
+            f"| `{form.name}` | ${item.in_latex}$ | `{item.name}` | {_unit(item.unit)} | {span} | {starts} |"
+        )
+    return rows
+
+
+def _unit(template: str) -> str:
+    return unit_in_print(template.replace("{x}", "x").replace("{y}", "y"))
+
+
+def write_reference(folder: Path) -> None:
+    """Write every catalogue's page, and its pictures to ``images/<page>`` beside it."""
+    from lumbar.publishing.figures.signature_figures import signature_figure
+    from lumbar.publishing.figures.style import save
+
+    for system, reference in REFERENCES.items():
+        for effect in CATALOGUES[system].values():
+            if pictured_form(effect):
+                stem = folder / "images" / reference.page / effect.name
+                save(signature_figure([effect], system), stem, "")
+                stem.with_suffix(".pdf").unlink()
+        write_text(folder / f"{reference.page}.md", effects_page(system))
+
+
+if __name__ == "__main__":
+    write_reference(Path(sys.argv[1]))

@@ -1,0 +1,136 @@
+"""Which function computes which equation of the thesis, from docstrings: ``python -m lumbar.publishing.equation_index docs``.
+
+An object belongs to an equation when the first paragraph of its docstring names it, in the one spelling ``Eq. 4.7`` or
+``Eqs 4.5–4.7``.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from lumbar.base.files import write_text
+
+LIBRARY = Path(__file__).resolve().parents[1]
+PAGE = "equations.md"
+NOT_COMPUTED = {
+    ("2.1", "2.5"): "Fourier series, as background: spectra are estimated by Welch's method",
+    ("2.6", "2.6"): "discrete Fourier transform: `scipy.fft`",
+    ("2.7", "2.9"): "least squares without ridge: α = 0 of Eqs 3.7 and 3.8",
+    ("2.10", "2.12"): "definitions of stability",
+    ("2.16", "2.16"): "search for a polynomial V: V is given by Eq. 4.7",
+}
+"""Equations, first and last, that no function computes, and why."""
+_MENTION = re.compile(r"Eqs?\.? (\d\.\d+)((?:(?:–|, | and )\d\.\d+)*)")
+
+
+class Entry(NamedTuple):
+    """One equation and one object of the library.
+
+    Attributes
+    ----------
+    equation : str
+        Number in the thesis.
+    module, name : str
+        Where the object is, and its name there (``Class.method``).
+    sentence : str
+        First sentence of its docstring.
+    """
+
+    equation: str
+    module: str
+    name: str
+    sentence: str
+
+
+def entries() -> list[Entry]:
+    """Return every equation with the objects that compute it, in the thesis's order."""
+    found = []
+    for path in sorted(LIBRARY.rglob("*.py")):
+        module = ".".join(("lumbar", *path.relative_to(LIBRARY).with_suffix("").parts))
+        if module.startswith("lumbar.settings."):
+            continue  # they name equations, and compute none
+        for name, docstring in _docstrings(ast.parse(path.read_text(encoding="utf-8"))):
+            paragraph = " ".join(docstring.split("\n\n")[0].split())
+            sentence = re.split(
+                r"(?<=[.:])\s+(?=[A-Z])", re.sub(r"\bEqs?\. ", "Eq.\N{NO-BREAK SPACE}", paragraph)
+            )[0]
+            found += [Entry(number, module, name, sentence) for number in equations(paragraph)]
+    return sorted(found, key=lambda item: (_order(item.equation), item.module, item.name))
+
+
+def equations(text: str) -> list[str]:
+    """Return the numbers of the equations that a text names; a dash stands for all between two."""
+    numbers: list[str] = []
+    for first, others in _MENTION.findall(text):
+        numbers.append(first)
+        for sign, number in re.findall(r"(–|, | and )(\d\.\d+)", others):
+            numbers += between(numbers[-1], number)[1:] if sign == "–" else [number]
+    return list(dict.fromkeys(numbers))
+
+
+def between(first: str, last: str) -> list[str]:
+    """Return the numbers of a chapter's equations from one to another."""
+    chapter, low = _order(first)
+    return [f"{chapter}.{number}" for number in range(low, _order(last)[1] + 1)]
+
+
+def _order(number: str) -> tuple[int, int]:
+    chapter, place = number.split(".")
+    return int(chapter), int(place)
+
+
+def _docstrings(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """Yield the public functions, classes, methods and documented constants of a module with their docstrings."""
+    for node, after in zip(tree.body, [*tree.body[1:], None], strict=True):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            inner = node.body if isinstance(node, ast.ClassDef) else []
+            owners = [
+                ("", node),
+                *((f"{node.name}.", item) for item in inner if isinstance(item, ast.FunctionDef)),
+            ]
+            for owner, item in owners:
+                if (
+                    not item.name.startswith("_")
+                    and not node.name.startswith("_")
+                    and ast.get_docstring(item)
+                ):
+                    yield owner + item.name, ast.get_docstring(item)
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(after, ast.Expr):
+            target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
+            if isinstance(target, ast.Name) and isinstance(after.value, ast.Constant):
+                yield target.id, str(after.value.value)
+
+
+def page() -> str:
+    """Return the index as Markdown."""
+    lines = [
+        "# The thesis's equations",
+        "",
+        "Which object of the library computes which equation, made from the docstrings by `make docs`. "
+        "`lumbar.a.b` is the file `workflow/lumbar/a/b.py`.",
+        "",
+        "| equation | module | object | what it says |",
+        "|---|---|---|---|",
+    ]
+    rows = [(item.equation, f"`{item.module}`", f"`{item.name}`", item.sentence) for item in entries()]
+    rows += [
+        (first if first == last else f"{first}–{last}", "", "", why)
+        for (first, last), why in NOT_COMPUTED.items()
+    ]
+    for number, *cells in sorted(rows, key=lambda row: _order(row[0].split("–")[0])):
+        lines.append(f"| {number} | " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def main(folder: Path) -> None:
+    """Write the page."""
+    write_text(folder / PAGE, page())
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

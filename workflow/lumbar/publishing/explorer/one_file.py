@@ -1,0 +1,109 @@
+"""A page with Bokeh's pictures as one file that needs nothing else, with the same bytes at every run."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lumbar.base.templates import template
+
+if TYPE_CHECKING:
+    from bokeh.document import Document
+    from bokeh.embed.util import RenderItem
+    from bokeh.models import ColumnDataSource
+
+_CODE = "<!-- Bokeh's code -->"
+"""Stands for it where names are looked for."""
+_UNIQUE = re.compile(r"\b[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}\b")
+_NUMBERED = re.compile(r"\bp\d{4,}\b")
+
+
+def beside(*names: str, folder: Path = Path(__file__).parent) -> str:
+    """Text of style sheets or scripts that lie in a folder, one after the other; default this one."""
+    return "\n".join((folder / name).read_text(encoding="utf-8") for name in names)
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Bokeh's pictures as they stand in a page.
+
+    Attributes
+    ----------
+    documents : dict
+        Bokeh's document, by its name.
+    items : list of bokeh.embed.util.RenderItem
+        Where each picture goes.
+    code, style : str
+        Bokeh itself.
+    """
+
+    documents: dict[str, Any]
+    items: list[RenderItem]
+    code: str
+    style: str
+
+    def holding(self, sources: list[ColumnDataSource]) -> Drawn:
+        """Return the same pictures with further data in their document, which a page's script finds by name."""
+        from bokeh.core.serialization import Serializer
+
+        ((name, document),) = self.documents.items()
+        first, *others = document["roots"]
+        held = {"tags": Serializer(deferred=False).encode(sources)}
+        first = {**first, "attributes": {**first["attributes"], **held}}
+        return replace(self, documents={name: {**document, "roots": [first, *others]}})
+
+
+def drawn(fill: Callable[[Document], None]) -> Drawn:
+    """Return the pictures that are put into a Bokeh document.
+
+    Parameters
+    ----------
+    fill : callable
+        Puts them, and their data, into a document.
+    """
+    from bokeh.document import Document
+    from bokeh.embed.bundle import bundle_for_objs_and_resources
+    from bokeh.embed.util import standalone_docs_json_and_render_items
+    from bokeh.resources import INLINE
+
+    document = Document()
+    fill(document)
+    documents, items = standalone_docs_json_and_render_items(document)
+    return Drawn(documents, items, *bundle_for_objs_and_resources([document], INLINE))
+
+
+def one_file(pictures: Drawn, page: str, variables: dict[str, Any]) -> str:
+    """Return the page as HTML.
+
+    Parameters
+    ----------
+    pictures : Drawn
+    page : str
+        Template, below the library; it extends ``reports/explorer/shell.html.jinja``.
+    variables : dict
+        What the template shows; with ``title``.
+    """
+    from bokeh.embed.elements import html_page_for_render_items
+
+    text = html_page_for_render_items(
+        (_CODE, pictures.style),
+        pictures.documents,
+        pictures.items,
+        variables["title"],
+        template(page),
+        variables,
+    )
+    return _named_alike(text).replace(_CODE, pictures.code, 1)
+
+
+def _named_alike(text: str) -> str:
+    """Bokeh names its parts by chance and by how many there were before: number them as they come."""
+    for pattern, prefix in ((_UNIQUE, "part-"), (_NUMBERED, "model-")):
+        numbers = itertools.count(1)
+        names: dict[str, str] = {}
+        text = pattern.sub(lambda found: names.setdefault(found[0], f"{prefix}{next(numbers)}"), text)  # noqa: B023
+    return text

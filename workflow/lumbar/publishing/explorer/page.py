@@ -1,0 +1,237 @@
+"""The page of a diagnosis as one document: pictures, what they show, and the words around them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from lumbar.publishing.explorer.answers import cards, how_sure
+from lumbar.publishing.explorer.one_file import beside, drawn, one_file
+from lumbar.publishing.explorer.plots import ANSWER, FIRST, SECOND, page_models
+from lumbar.publishing.explorer.shown import (
+    ShownModel,
+    ShownRecord,
+    candidates_of,
+    drawing_step,
+    model_key,
+    shown_candidate,
+    shown_fitted,
+    shown_records,
+)
+from lumbar.tissue.diagnosis.design.discrimination import Separation, excitation_csv, separation_sentence
+from lumbar.tissue.diagnosis.evidence.diagnosis_files import EXCITATION
+from lumbar.tissue.diagnosis.evidence.evidence import Evidence
+from lumbar.tissue.diagnosis.residuals.residual_report import Simulated
+from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
+from lumbar.tissue.diagnosis.selection.refined_model import model_name
+from lumbar.tissue.diagnosis.selection.sentences import headline
+from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.form import Effect
+
+if TYPE_CHECKING:
+    from bokeh.document import Document
+    from markupsafe import Markup
+
+PAGE = "publishing/explorer/explorer.html.jinja"
+PICTURES = (
+    ("course", "Measured and simulated over time", True, "time"),
+    ("residual", "Measured less simulated over time; grey: ± the noise's RMS", True, "cycles"),
+    ("loop", "Output over input in the time that is shown: loops", False, "linear dynamics"),
+    ("plane", "Error of the first model in the motion", False, "position and velocity"),
+    ("depth", "Mean error over depth; ▲ advancing, ▼ retracting", False, "depth"),
+    ("turns", "Mean error around reversals, along the motion after them", False, "reversals"),
+    ("spectrum", "Spectrum of the error; grey: noise", True, "frequency"),
+)
+"""Name, caption, whether it takes the page's whole width, and which of `locate`'s views speaks of it."""
+LINES = {"circle": "● excited", "square": "■ even", "triangle": "▲ odd ones that were left out"}
+"""Marks of the spectrum's lines in words."""
+_FIRST_SHOWN_S = 10.0
+"""Seconds that are shown at first of records that do not repeat; of others a period."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExplorerPage:
+    """A diagnosis as a page.
+
+    Attributes
+    ----------
+    verdict : Verdict
+    evidence : Evidence
+    catalogue : dict of str to Effect
+    base_on_records : list of Simulated
+        The base model on every record, for what is told of where it fails.
+    data : str
+        Where the data come from.
+    blocks : sequence of Markup
+        Further evidence, shown below.
+    others : sequence of FittedModel
+        Models that are shown beside those of the diagnosis: the thesis's.
+    others_remark : str
+        What is to be said of those that are not.
+    """
+
+    verdict: Verdict
+    evidence: Evidence
+    catalogue: dict[str, Effect]
+    base_on_records: list[Simulated]
+    data: str
+    blocks: Sequence[Markup] = field(default_factory=tuple)
+    others: Sequence[FittedModel] = ()
+    others_remark: str = ""
+
+    @cached_property
+    def step(self) -> int:
+        """Every how manieth sample is drawn."""
+        models = len(candidates_of(self.verdict)) + len(self.others)
+        return drawing_step(self.verdict.experiment.records, models)
+
+    @cached_property
+    def models(self) -> list[ShownModel]:
+        """Every model that was fitted, the base first, then the thesis's."""
+        fitted = [self.shown(candidate) for candidate in candidates_of(self.verdict)]
+        others = [shown_fitted(model, self.verdict, self.records, self.step) for model in self.others]
+        return [*fitted, *others]
+
+    def shown(self, candidate: Candidate) -> ShownModel:
+        """One model of the diagnosis, or one that was fitted later, as it is drawn."""
+        return shown_candidate(candidate, self.verdict, self.records, self.step)
+
+    @cached_property
+    def records(self) -> list[ShownRecord]:
+        """Every record, as it is drawn."""
+        return shown_records(self.verdict, self.step)
+
+    def fill(self, document: Document) -> None:
+        """Put pictures and data into a Bokeh document."""
+        from bokeh.models import CustomJS
+
+        pictures, held = page_models(self.verdict.experiment, self.records, self.models)
+        answer = next(source for source in held if source.name == ANSWER)
+        answer.js_on_change("data", CustomJS(code="window.lumbar.answered(cb_obj.data.content[0])"))
+        pictures[0].tags = held  # so that the document has them
+        with document.models.freeze():  # or every root would have all models looked through again
+            for picture in pictures:
+                document.add_root(picture)
+
+    def variables(self, served: bool = False, study: str = "") -> dict[str, Any]:
+        """Return what the template shows beside the pictures.
+
+        Parameters
+        ----------
+        served : bool
+            Whether a server stands behind the page.
+        study : str
+            File that chosen effects may be written to; empty without one.
+        """
+        verdict, experiment = self.verdict, self.verdict.experiment
+        floor = experiment.floor
+        return {
+            "title": self.title,
+            "style": beside("explorer.css"),
+            "behaviour": beside("dark.js", "where.js", "explorer.js"),
+            "data": self.data,
+            "verdict": verdict.verdict,
+            "headline": headline(verdict),
+            "findings": [item.sentence for item in verdict.findings],
+            "sure": how_sure(verdict, self.evidence),
+            "floor": "" if floor is None else f"{floor.rms:.3g} {experiment.output_unit}",
+            "records": sorted(self.records, key=lambda record: not record.trained),
+            "groups": _grouped(self.models),
+            "others_remark": self.others_remark,
+            "chosen": model_key(verdict.selected),
+            "first_colour": FIRST,
+            "second_colour": SECOND,
+            "pictures": self._captioned(),
+            "cards": cards(verdict, self.catalogue),
+            "blocks": self.blocks,
+            "step": self.step,
+            "served": served,
+            "study": study,
+            "content": self._content(served),
+        }
+
+    @property
+    def title(self) -> str:
+        """Title of the page."""
+        return f"Diagnosis of the {self.verdict.base.fit.structure.base.name} model"
+
+    def _captioned(self) -> list[tuple[str, str, bool, str]]:
+        """`PICTURES`, with what the marks of the spectrum's lines mean."""
+        found = [
+            words for mark, words in LINES.items() if any(mark in record.marker for record in self.records)
+        ]
+        lines = f"; the first model's lines: {', '.join(found)}" if found else ""
+        return [
+            (name, caption + (lines if name == "spectrum" else ""), wide, view)
+            for name, caption, wide, view in PICTURES
+        ]
+
+    def _content(self, served: bool) -> dict[str, Any]:
+        """What the page's script knows: models with errors, and sentences, by key."""
+        verdict, floor = self.verdict, self.verdict.experiment.floor
+        located = {
+            model_key(()): self.base_on_records,
+            model_key(verdict.selected): self.evidence.remaining,
+        }
+        return {
+            "unit": verdict.experiment.output_unit,
+            "noise_rms": None if floor is None else floor.rms,
+            "window_s": _FIRST_SHOWN_S if floor is None else floor.period,
+            "base": model_name(verdict.base.fit),
+            "selected": list(verdict.selected),
+            "served": served,
+            "trained": [record.name for record in self.records if record.trained],
+            "pictures": [name for name, *_ in PICTURES],
+            "excitations": self._excitations(),
+            "models": {model.key: told(model, located.get(model.key, [])) for model in self.models},
+        }
+
+    def _excitations(self) -> dict[str, dict[str, str]]:
+        """The excitation that settles a tie, by the models it is between."""
+        separation = self.evidence.separation
+        if separation is None:
+            return {}
+        tied = [self.verdict.model, *self.verdict.tied_with]
+        return {model_key(item.effects): excitation_of(separation, self.verdict) for item in tied}
+
+    def to_html(self) -> str:
+        """Return the page as a file that needs nothing else: the same bytes for the same diagnosis."""
+        return one_file(drawn(self.fill), PAGE, self.variables())
+
+
+def told(model: ShownModel, located: Sequence[Simulated]) -> dict[str, Any]:
+    """Return what the page's script knows of a model."""
+    return {
+        "label": model.label,
+        "group": model.group,
+        "effects": list(model.effects),
+        "train_rms": model.train_rms,
+        "test_rms": model.test_rms,
+        "merits": model.merits,
+        "located": {
+            item.record.name: {
+                "headline": item.location.headline,
+                "views": {name: view.sentence for name, view in item.location.views.items()},
+            }
+            for item in located
+        },
+    }
+
+
+def excitation_of(separation: Separation, verdict: Verdict) -> dict[str, str]:
+    """Return what the page's script knows of an excitation: what it tells, and the file to play."""
+    return {
+        "text": separation_sentence(separation, verdict),
+        "name": EXCITATION,
+        "file": excitation_csv(separation, verdict),
+    }
+
+
+def _grouped(models: Sequence[ShownModel]) -> dict[str, list[ShownModel]]:
+    groups: dict[str, list[ShownModel]] = {}
+    for model in models:
+        groups.setdefault(model.group, []).append(model)
+    return groups

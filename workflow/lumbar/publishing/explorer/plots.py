@@ -1,0 +1,228 @@
+"""The page's pictures: measured and simulated output over time, loops, spectrum, and where in the motion the error lies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.publishing.explorer.shown import ShownModel, ShownRecord
+from lumbar.publishing.figures.style import MEASURED, SERIES
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+
+if TYPE_CHECKING:
+    from bokeh.models import ColumnDataSource, Model
+    from bokeh.plotting import figure
+
+FIRST, SECOND = SERIES[0], SERIES[3]
+"""Colours of the two models that are compared; the first is drawn whole, the second dashed: readable in grey."""
+NOISE = "#777777"
+MARKED = SERIES[2]
+SHOWN, CELLS, DEPTH, TURNS, SPECTRUM = "shown", "cells", "depth means", "turn means", "lines"
+"""Names of the document's sources: what is drawn now."""
+BRUSHED, BRUSHED_LINES = "brushed", "brushed lines"
+"""What is marked of it."""
+REQUEST, ANSWER = "request", "answer"
+"""What page and server say to each other."""
+_COLUMNS = (
+    *("time", "position", "velocity", "since", "measured", "first", "second"),
+    *("first_error", "second_error", "first_turned", "second_turned"),
+)
+_WAYS = ("first_advancing", "first_retracting", "second_advancing", "second_retracting")
+_HEIGHT = 230
+
+
+def page_models(
+    experiment: Experiment, records: Sequence[ShownRecord], models: Sequence[ShownModel]
+) -> tuple[list[Model], list[Model]]:
+    """Pictures, and the sources that hold the data; the page's script fills what is shown from them.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        For units and quantities.
+    records : sequence of ShownRecord
+    models : sequence of ShownModel
+
+    Returns
+    -------
+    list of bokeh.models.Model
+        In the order in which the page shows them.
+    list of bokeh.models.Model
+        Sources that are not drawn themselves.
+    """
+    from bokeh.models import ColumnDataSource
+
+    shown = _source(SHOWN, _COLUMNS)
+    brushed = _source(BRUSHED, _COLUMNS)
+    held = [
+        ColumnDataSource(
+            {**record.columns, **{model.key: model.values[record.name] for model in models}},
+            name=f"record:{record.name}",
+        )
+        for record in records
+    ]
+    held += [
+        ColumnDataSource(
+            {"frequency": record.frequency, "noise": _noise(record), "marker": record.marker}
+            | {model.key: model.density[record.name] for model in models},
+            name=f"spectrum:{record.name}",
+        )
+        for record in records
+    ]
+    held += [brushed, _source(REQUEST, ("content",)), _source(ANSWER, ("content",))]
+    drawn = _pictures(experiment, shown, brushed)
+    return drawn, held
+
+
+def _noise(record: ShownRecord) -> np.ndarray:
+    return np.full(len(record.frequency), np.nan) if record.noise is None else record.noise
+
+
+def _source(name: str, columns: Sequence[str]) -> ColumnDataSource:
+    from bokeh.models import ColumnDataSource
+
+    return ColumnDataSource({column: [] for column in columns}, name=name)
+
+
+def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDataSource) -> list[figure]:
+    from bokeh.models import CustomJS, Range1d
+
+    output, moved = (
+        f"{experiment.output_quantity.capitalize()} ({experiment.output_unit})",
+        experiment.input_quantity,
+    )
+    position = f"{moved.capitalize()} ({experiment.input_unit})"
+    velocity = f"Velocity ({experiment.input_unit}/s)"
+    error = f"Error ({experiment.output_unit})"
+    course = _figure("course", "Time (s)", output, x_range=Range1d(0, 1))  # the page's script sets it
+    for end in ("start", "end"):
+        course.x_range.js_on_change(end, CustomJS(code="window.lumbar.moved()"))
+    residual = _figure("residual", "Time (s)", error, x_range=course.x_range)
+    loop = _figure("loop", position, output)
+    plane = _figure("plane", position, velocity, x_range=loop.x_range)
+    depth = _figure("depth", position, error, x_range=loop.x_range)
+    turns = _figure(
+        "turns", "Time after the nearest reversal (s)", f"Error along the motion ({experiment.output_unit})"
+    )
+    lines = {
+        course: ("time", ("measured", "first", "second")),
+        residual: ("time", ("first_error", "second_error")),
+        loop: ("position", ("measured", "first", "second")),
+    }
+    _draw_noise(residual, experiment)
+    for picture, (across, ups) in lines.items():
+        for up in ups:
+            picture.line(across, up, source=shown, **_line(up))
+    _draw_cells(plane, error)
+    _draw_means(depth, _source(DEPTH, ("position", *_WAYS)), "position", _WAYS)
+    _draw_means(turns, _source(TURNS, ("since", "first", "second")), "since", ("first", "second"))
+    for picture, across, up in (
+        (course, "time", "measured"),
+        (residual, "time", "first_error"),
+        (loop, "position", "measured"),
+        (plane, "position", "velocity"),
+        (depth, "position", "first_error"),
+        (turns, "since", "first_turned"),
+    ):
+        picture.scatter(across, up, source=brushed, size=4, color=MARKED, alpha=0.6)
+        _when_drawn(picture, f"window.lumbar.brush('{across}', '{up}', cb_obj)")
+    return [course, residual, loop, plane, depth, turns, _spectrum(experiment)]
+
+
+def _when_drawn(picture: figure, script: str) -> None:
+    """Call the page's script when a box is drawn in a picture."""
+    from bokeh.models import CustomJS
+
+    picture.js_on_event("selectiongeometry", CustomJS(code=script))
+
+
+def _line(column: str) -> dict:
+    if column == "measured":
+        return {"color": MEASURED, "line_width": 1.2, "name": "measured"}
+    if column.startswith("first"):
+        return {"color": FIRST, "line_width": 1.6}
+    return {"color": SECOND, "line_width": 1.6, "line_dash": [6, 3]}
+
+
+def _figure(name: str, across: str, up: str, **more) -> figure:
+    from bokeh.plotting import figure
+
+    picture = figure(
+        name=name,
+        height=_HEIGHT,
+        sizing_mode="stretch_width",
+        tools="box_select,pan,box_zoom,wheel_zoom,reset",
+        active_drag="box_select",
+        x_axis_label=across,
+        y_axis_label=up,
+        **more,
+    )
+    picture.toolbar.logo = None
+    picture.min_border_left, picture.outline_line_color = 70, None
+    picture.background_fill_alpha = picture.border_fill_alpha = 0.0
+    return picture
+
+
+def _draw_noise(picture: figure, experiment: Experiment) -> None:
+    """Band of ± the noise's RMS."""
+    from bokeh.models import BoxAnnotation
+
+    if experiment.floor is not None:
+        rms = experiment.floor.rms
+        picture.add_layout(BoxAnnotation(bottom=-rms, top=rms, fill_color=NOISE, fill_alpha=0.25))
+
+
+def _draw_means(picture: figure, source: ColumnDataSource, across: str, columns: Sequence[str]) -> None:
+    """Mean errors of both models; marks point to where the motion goes."""
+    for column in columns:
+        look = _line(column)
+        picture.line(across, column, source=source, **look)
+        mark = "inverted_triangle" if column.endswith("retracting") else "triangle"
+        if column in _WAYS:
+            picture.scatter(across, column, source=source, marker=mark, size=6, color=look["color"])
+
+
+def _draw_cells(plane: figure, error: str) -> None:
+    """RMS of the first model's error in cells of position and velocity."""
+    from bokeh.models import ColorBar, LinearColorMapper
+
+    cells = _source(CELLS, ("position", "velocity", "width", "height", "rms"))
+    mapper = LinearColorMapper(palette=_palette(), low=0, high=1, name="shading")
+    plane.rect(
+        "position",
+        "velocity",
+        "width",
+        "height",
+        source=cells,
+        fill_color={"field": "rms", "transform": mapper},
+        line_color=None,
+    )
+    plane.add_layout(ColorBar(color_mapper=mapper, title=f"{error}, RMS", width=8), "right")
+
+
+def _palette() -> list[str]:
+    """Light to dark of one hue: the order survives in grey."""
+    from bokeh.palettes import Blues256
+
+    return list(reversed(Blues256))[16:]
+
+
+def _spectrum(experiment: Experiment) -> figure:
+    spectrum = _source(SPECTRUM, ("frequency", "noise", "marker", "first", "second"))
+    picture = _figure(
+        "spectrum",
+        "Frequency (Hz)",
+        f"Error ({experiment.output_unit}/√Hz)",
+        x_axis_type="log",
+        y_axis_type="log",
+    )
+    picture.line("frequency", "noise", source=spectrum, color=NOISE, line_width=3, alpha=0.6)
+    picture.line("frequency", "first", source=spectrum, color=FIRST, line_width=1.4)
+    picture.scatter("frequency", "first", source=spectrum, marker="marker", size=5, color=FIRST)
+    picture.line("frequency", "second", source=spectrum, color=SECOND, line_width=1.4, line_dash=[6, 3])
+    marked = _source(BRUSHED_LINES, ("frequency", "density"))
+    picture.line("frequency", "density", source=marked, color=MARKED, line_width=3, alpha=0.7)
+    _when_drawn(picture, "window.lumbar.brushBand(cb_obj)")
+    return picture

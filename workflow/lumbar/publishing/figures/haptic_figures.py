@@ -1,0 +1,119 @@
+"""Figures of models in a person's hand: what a device must have, and the loop before and after it was mended."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    SERIES,
+    house_style,
+    label_panels,
+    model_look,
+    new_figure,
+)
+from lumbar.settings.device import DeviceSettings
+from lumbar.tissue.haptics.judgement import Judgement
+from lumbar.tissue.haptics.z_width import ZWidth
+
+
+@house_style
+def z_width_figure(found: ZWidth, device: DeviceSettings):
+    """Draw the damping that models need against the rate, and the Z-width of the device.
+
+    Parameters
+    ----------
+    found : ZWidth
+    device : DeviceSettings
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, (needed, width) = new_figure(DOUBLE_COLUMN, 3.0, ncols=2)
+    for name, damping in found.needed.items():
+        look = model_look(name)
+        known = np.isfinite(damping)
+        style = {"color": look["color"], "linestyle": look["linestyle"]}
+        marker = {"marker": look["marker"]} if known.sum() == 1 else {}
+        needed.loglog(found.rates[known], damping[known], label=name, **style, **marker)
+    needed.axhline(device.damping_N_s_m, color="#000000", linewidth=0.8)
+    needed.annotate(
+        f"the device: {device.damping_N_s_m:g} N·s/m",
+        (found.rates[0], device.damping_N_s_m),
+        xytext=(0, -3),
+        textcoords="offset points",
+        va="top",
+        fontsize=7,
+    )
+    needed.set(xlabel="Rate of the model (Hz)", ylabel="Damping needed (N·s/m)")
+    needed.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.02))
+    for colour, (rate, (passive, stable)) in zip(SERIES, found.stiffness.items(), strict=False):
+        width.loglog(found.damping, stable, color=colour, label=f"stable, {rate:.4g} Hz")
+        width.loglog(found.damping, passive, color=colour, linestyle="--", label=f"passive, {rate:.4g} Hz")
+    width.axvline(device.damping_N_s_m, color="#000000", linewidth=0.8)
+    width.set(xlabel="Damping of the device (N·s/m)", ylabel="Largest stiffness (N/m)")
+    width.annotate(
+        "the device",
+        (device.damping_N_s_m, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(-3, -4),
+        textcoords="offset points",
+        ha="right",
+        va="top",
+        fontsize=7,
+    )
+    width.legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.02))
+    for axes in (needed, width):
+        axes.minorticks_off()  # their labels, all empty, would take most of the time of the figure
+    label_panels((needed, width))
+    return figure
+
+
+@house_style
+def loop_figure(judgements: Sequence[Judgement]):
+    """Draw simulated loops side by side: position and force of each.
+
+    Parameters
+    ----------
+    judgements : sequence of Judgement
+        One column each; at least one.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, axes = new_figure(
+        DOUBLE_COLUMN, 3.6, nrows=2, ncols=len(judgements), sharex=True, sharey="row", squeeze=False
+    )
+    for column, item in enumerate(judgements):
+        run = item.run
+        colour = _MOVING if run.oscillates else _AT_REST
+        position, force = axes[:, column]
+        position.plot(run.time, 1e3 * run.position, color=colour)
+        force.step(run.time, run.force, where="post", color=colour)
+        for bound in (-item.model.limit, item.model.limit):
+            force.axhline(bound, color="#000000", linewidth=0.6, linestyle=(0, (4, 2)))
+        does = f"oscillates at {run.frequency:.1f} Hz" if run.oscillates else "comes to rest"
+        position.set_title(f"{item.analysis.name} at {item.analysis.rate:.4g} Hz: {does}", loc="center")
+        force.set(xlabel="Time (s)", xlim=(0.0, _SHOWN_S))
+    axes[0, 0].set(ylabel="Stylus (mm)")
+    axes[1, 0].set(ylabel="Force (N)")
+    return figure
+
+
+@house_style
+def nothing_to_show(reasons: Sequence[str]):
+    """Say on an empty figure why no model is drawn."""
+    figure, axes = new_figure(DOUBLE_COLUMN, 1.5)
+    axes.set_axis_off()
+    text = "\n".join(textwrap.fill(reason, 110) for reason in reasons) or "no model"
+    axes.text(0.0, 0.5, text, va="center", fontsize=6)
+    return figure
+
+
+_SHOWN_S = 1.5
+_MOVING, _AT_REST = "#D55E00", "#0072B2"

@@ -1,0 +1,162 @@
+"""The missing force over two coordinates of the motion, the proposed law beside it, and how the error falls."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    MODELS,
+    SERIES,
+    house_style,
+    label_panels,
+    new_figure,
+)
+from lumbar.tissue.diagnosis.law.proposal import Proposal
+from lumbar.tissue.diagnosis.law.surface import Coordinate, Surface
+from lumbar.tissue.models.model_data import unit_of
+
+_CELLS = (24, 12)
+_SECTIONS = (0.1, 0.5, 0.9)
+"""Quantiles of the second coordinate about which the sections are taken."""
+_WIDTH = 0.08
+"""Share of the samples on either side that a section takes in."""
+_FEWEST = 5
+"""Samples of a cell that is drawn."""
+_LOOKS = (("o", "-"), ("s", (0, (4, 1.5))), ("^", (0, (1, 1))))
+
+
+@house_style
+def law_figure(proposal: Proposal):
+    """Draw the missing force as a map and in sections, and the errors of base, catalogue, law and noise.
+
+    Parameters
+    ----------
+    proposal : Proposal
+        With surfaces: something is missing.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, (plane, sections, errors) = new_figure(DOUBLE_COLUMN, 2.8, ncols=3)
+    surface, unit = proposal.surfaces[0], proposal.experiment.output_unit
+    _draw_map(figure, plane, surface, proposal)
+    _draw_sections(sections, surface, _added(proposal), proposal)
+    _draw_errors(errors, proposal)
+    label_panels((plane, sections, errors))
+    for axis in (plane, sections):
+        axis.set_xlabel(_label(surface.first, proposal))
+    sections.set_ylabel(f"Missing force ({unit})")
+    return figure
+
+
+def _label(place: Coordinate, proposal: Proposal) -> str:
+    unit = unit_of(place.unit, proposal.experiment.input_unit, proposal.experiment.output_unit)
+    return f"{place.words.capitalize()} ({unit})"
+
+
+def _added(proposal: Proposal) -> np.ndarray | None:
+    """What the model with the law gives more than that without it, over all samples that count."""
+    if proposal.law is None:
+        return None
+    records = (proposal.experiment.training, *proposal.experiment.tests)
+    before, after = proposal.left_by.fit, proposal.law.fit
+    return np.concatenate(
+        [item.settled(after.simulate(item.motion) - before.simulate(item.motion)) for item in records]
+    )
+
+
+def _means(values: np.ndarray, force: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Mean force between edges; NaN where samples are few."""
+    cell = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    count = np.bincount(cell, minlength=len(edges) - 1)
+    total = np.bincount(cell, force, minlength=len(edges) - 1)
+    return np.where(count >= _FEWEST, total / np.maximum(count, 1), np.nan)
+
+
+def _edges(values: np.ndarray, cells: int) -> np.ndarray:
+    low, high = np.quantile(values, [0.005, 0.995])
+    return np.linspace(low, high, cells + 1)
+
+
+def _draw_map(figure, axis, surface: Surface, proposal: Proposal) -> None:
+    first, second = surface.values
+    columns, rows = _edges(first, _CELLS[0]), _edges(second, _CELLS[1])
+    row = np.searchsorted(rows, second, side="right") - 1
+    mean = np.array(
+        [_means(first[row == one], surface.force[row == one], columns) for one in range(_CELLS[1])]
+    )
+    largest = np.nanmax(np.abs(mean))
+    drawn = axis.pcolormesh(columns, rows, mean, cmap="Greys", vmin=-largest, vmax=largest, rasterized=True)
+    middle = [(edges[1:] + edges[:-1]) / 2 for edges in (columns, rows)]
+    axis.contour(*middle, np.ma.masked_invalid(mean), levels=[0.0], colors=SERIES[3], linewidths=0.8)
+    bar = figure.colorbar(drawn, ax=axis, location="top", shrink=0.9)
+    bar.set_label(f"Missing force ({proposal.experiment.output_unit}), line at 0", size=7)
+    axis.set_ylabel(_label(surface.second, proposal))
+    axis.grid(visible=False)
+    axis.patch.set(hatch="///", edgecolor="#bbbbbb")  # where nothing was measured
+
+
+def _draw_sections(axis, surface: Surface, added: np.ndarray | None, proposal: Proposal) -> None:
+    first, second = surface.values
+    edges = _edges(first, _CELLS[0])
+    middle = (edges[1:] + edges[:-1]) / 2
+    ranks = np.argsort(np.argsort(second)) / len(second)
+    symbol = surface.second.symbol
+    for quantile, (marker, line), color in zip(_SECTIONS, _LOOKS, SERIES, strict=False):
+        inside = np.abs(ranks - quantile) <= _WIDTH
+        label = f"${symbol}$ ≈ {_short(float(np.median(second[inside])))}"
+        axis.plot(
+            middle, _means(first[inside], surface.force[inside], edges), marker, color=color, markersize=2.5,
+            label=label,
+        )  # fmt: skip
+        if added is not None:
+            axis.plot(
+                middle, _means(first[inside], added[inside], edges), linestyle=line, color=color, linewidth=1
+            )
+    told = "marks: measured" + ("" if added is None else ", lines: the law")
+    bottom, top = axis.get_ylim()
+    axis.set_ylim(bottom, top + 0.4 * (top - bottom))
+    axis.legend(
+        loc="upper center",
+        title=told,
+        title_fontsize=6,
+        fontsize=6,
+        ncols=3,
+        columnspacing=0.6,
+        handletextpad=0.1,
+    )
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}"
+
+
+def _draw_errors(axis, proposal: Proposal) -> None:
+    rows = [(proposal.base.fit.structure.base.name, proposal.base)]
+    if proposal.before.effects:
+        rows.append(("with the catalogue", proposal.before))
+    if proposal.law is not None:
+        on = proposal.law.start.effects
+        rows.append(("catalogue and law" if on else "base and law", proposal.law.candidate))
+    color = MODELS["KB"]["color"]
+    for shift, key, look in (
+        (-0.19, "train_rms", {"alpha": 0.45, "label": "training"}),
+        (0.19, "test_rms", {"hatch": "//", "edgecolor": "white", "label": "unseen"}),
+    ):
+        places = [place + shift for place in range(len(rows))]
+        values = [getattr(item, key) for _, item in rows]
+        axis.bar(places, values, 0.36, color=color, **look)
+        for place, value in zip(places, values, strict=True):
+            axis.annotate(
+                f"{value:.2g}", (place, value), (0, 1), textcoords="offset points", ha="center", size=6
+            )
+    floor = proposal.experiment.floor
+    if floor is not None:
+        axis.axhline(floor.rms, color="black", linestyle="--", linewidth=0.9, label="noise floor")
+    axis.set_ylim(0, 1.35 * axis.get_ylim()[1])
+    axis.set_xticks(range(len(rows)), [name.replace(" ", "\n", 1) for name, _ in rows])
+    axis.set_ylabel(f"RMS of the simulation error ({proposal.experiment.output_unit})")
+    axis.grid(visible=False, axis="x")
+    axis.legend(loc="upper center", ncols=2)

@@ -1,0 +1,187 @@
+"""Figures of the measures that see movement: their course over a lift, and the base of support seen from above."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.lifting.measures.base_of_support import BaseOfSupport
+from lumbar.lifting.measures.course import CORNERS
+from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, house_style, new_figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SHOWN = 4
+"""Lifts of a figure, the first ones."""
+_LINES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
+_GREY, _LIGHT = "#888888", "#cccccc"
+_WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
+MARGIN_MM = (-120.0, 170.0)
+"""Drawn range: while a person walks the extrapolated centre leaves the base at every step."""
+
+
+def person_looks(lifts: list[dict]) -> dict[str, dict]:
+    """Colour and line style of every person, in the order in which they come."""
+    people = dict.fromkeys(lift["facts"]["subject"] for lift in lifts)
+    return {
+        name: {"color": SERIES[number % len(SERIES)], "linestyle": _LINES[number % len(_LINES)]}
+        for number, name in enumerate(people)
+    }
+
+
+def _title(lift: dict) -> str:
+    return f"{lift['facts']['subject']}, {lift['facts']['box_mass_kg']:g} kg"
+
+
+def _said(axis, text: str) -> None:
+    axis.text(0.5, 0.5, text, transform=axis.transAxes, ha="center", va="center", color=_GREY, wrap=True)
+
+
+@house_style
+def course_figure(lifts: list[dict], functional_share: float):
+    """Draw the margin of stability and the moment about L5/S1 from lift-off to a little after the release.
+
+    Parameters
+    ----------
+    lifts : list of dict
+        ``course`` (data frame of `lumbar.lifting.measures.course.course_of_lift`), ``facts`` and ``events``; the first `SHOWN`.
+    functional_share : float
+        For the label.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    looks, shown = person_looks(lifts), lifts[:SHOWN]
+    figure, axes = new_figure(
+        DOUBLE_COLUMN, 3.8, nrows=2, ncols=len(shown), sharex="col", sharey="row", squeeze=False
+    )
+    for column, lift in enumerate(shown):
+        course, look = lift["course"], looks[lift["facts"]["subject"]]
+        axes[0, column].set_title(_title(lift))
+        for axis, name, factor in (
+            (axes[0, column], "margin_of_stability_m", 1e3),
+            (axes[1, column], "l5s1_moment_N_m", 1.0),
+        ):
+            if name in course:
+                axis.plot(course["time_s"], factor * course[name], **look)
+            else:
+                _said(axis, "no markers for it")
+        axes[0, column].axhline(0.0, color="black", linewidth=0.8)
+        axes[1, column].set_xlabel("time (s)")
+        _mark_events(axes[:, column], lift)
+    axes[0, 0].set_ylim(*MARGIN_MM)
+    axes[0, 0].set_ylabel(f"margin of stability (mm)\nto {functional_share:.0%} of the base")
+    axes[1, 0].set_ylim(bottom=0)
+    axes[1, 0].set_ylabel("moment about L5/S1 (N·m)")
+    if len(lifts) > SHOWN:
+        figure.suptitle(f"the first {SHOWN} of {len(lifts)} lifts", fontsize=7, color=_GREY)
+    return figure
+
+
+def _mark_events(axes, lift: dict) -> None:
+    times = {name: event["time_s"] for name, event in lift["events"].items() if event["time_s"] is not None}
+    for axis in axes:
+        for time in times.values():
+            axis.axvline(time, color=_GREY, linewidth=0.7, linestyle=(0, (1, 2)), zorder=0)
+        if "deposit_start" in times and "release" in times:
+            axis.axvspan(times["deposit_start"], times["release"], color="#eeeeee", zorder=-1)
+    for name, time in times.items():
+        axes[0].annotate(
+            EVENT_LABELS[name],
+            (time, 0.98),
+            xycoords=axes[0].get_xaxis_transform(),
+            rotation=90,
+            ha="right",
+            va="top",
+            fontsize=5.5,
+            color=_GREY,
+        )
+    if times:
+        axes[0].set_xlim(min(times.values()) - 0.4, max(times.values()) + 0.6)
+
+
+@house_style
+def support_figure(lifts: list[dict], functional_share: float):
+    """Draw the feet, the base of support and the path of the extrapolated centre during the deposit, seen from above.
+
+    Parameters
+    ----------
+    lifts : list of dict
+        As of `course_figure`.
+    functional_share : float
+        Share of the base that people use.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    looks, shown = person_looks(lifts), lifts[:SHOWN]
+    figure, axes = new_figure(DOUBLE_COLUMN, 2.6, ncols=len(shown), sharex=True, sharey=True, squeeze=False)
+    for axis, lift in zip(axes[0], shown, strict=True):
+        axis.set_title(_title(lift))
+        axis.set_aspect("equal")
+        course = lift["course"]
+        deposit = course[course["phase"] == "deposit"]
+        if "margin_of_stability_m" not in course or deposit["margin_of_stability_m"].isna().all():
+            _said(axis, "no base of support during a deposit")
+            continue
+        _draw_support(axis, deposit, functional_share, looks[lift["facts"]["subject"]])
+        axis.set_xlabel("right (mm)")
+    axes[0, 0].set_ylabel("forward (mm)")
+    handles, labels = next(
+        (axis.get_legend_handles_labels() for axis in axes[0] if axis.get_legend_handles_labels()[0]),
+        ([], []),
+    )
+    figure.legend(handles, labels, loc="outside lower left", ncols=4)
+    return figure
+
+
+def _draw_support(axis, deposit: pd.DataFrame, functional_share: float, look: dict) -> None:
+    """One person above their feet at the instant of the smallest margin; the origin is the middle of the base."""
+    at = deposit["margin_of_stability_m"].idxmin()
+    corners = np.array(
+        [[deposit.loc[at, f"base_{i}_{axis_}_m"] for axis_ in "xy"] for i in range(1, CORNERS + 1)]
+    )
+    base = BaseOfSupport(corners[None], np.isfinite(corners).all(axis=1)[None])
+    origin = base.centre[0]
+
+    def place(points):
+        return 1e3 * (points - origin)
+
+    for foot in (corners[: CORNERS // 2], corners[CORNERS // 2 :]):
+        if np.isfinite(foot).all():
+            axis.fill(*place(_hull(foot)).T, facecolor=_LIGHT, edgecolor=_GREY, linewidth=0.8, label="_feet")
+    functional = base.functional(functional_share)
+    label = f"functional base ({functional_share:.0%})"
+    axis.plot(*place(_hull(functional.corners[0], closed=True)).T, color="black", linewidth=1.0, label=label)
+    path = deposit[["xcom_x_m", "xcom_y_m"]].to_numpy()
+    axis.plot(
+        *place(deposit[["com_x_m", "com_y_m"]].to_numpy()).T,
+        color=_GREY,
+        linewidth=0.8,
+        label="centre of mass",
+    )
+    axis.plot(*place(path).T, **look, label="extrapolated centre")
+    end = place(path[-1])
+    axis.plot(*end, marker="o", markersize=4, color=look["color"], linestyle="none", label="at the release")
+    margin = 1e3 * deposit.loc[at, "margin_of_stability_m"]
+    nearest = place(deposit.loc[at, ["xcom_x_m", "xcom_y_m"]].to_numpy(float))
+    axis.annotate(
+        f"{margin:+.0f} mm", nearest, textcoords="offset points", xytext=(6, 4), fontsize=7, bbox=_WHITE
+    )
+
+
+def _hull(points: np.ndarray, closed: bool = False) -> np.ndarray:
+    """Corners of the convex hull in order; fewer than three stay as they are."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    points = points[np.isfinite(points).all(axis=1)]
+    try:
+        points = points[ConvexHull(points).vertices]
+    except QhullError:  # all on a line: a person on the toes of one foot
+        return points
+    return np.vstack([points, points[:1]]) if closed else points

@@ -1,0 +1,118 @@
+"""All measures of a study of people at one glance: who is safer, by how much, how certain that is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
+
+if TYPE_CHECKING:
+    from lumbar.lifting.population.comparison import Comparison
+
+FIRST, SECOND, UNDECIDED = "#0072B2", "#D55E00", "#8c8c8c"
+_MARKERS = ("o", "s", "D", "^", "v")
+MOST_ROWS = 36
+"""Rows that fit on a page; the others are left to the table."""
+
+
+@house_style
+def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]):
+    """Differences between two groups in standard deviations between people, the safer group's side named.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        Those between the groups are drawn.
+    groups : tuple of str
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    between = [item for item in comparisons if not item.paired]
+    boxes = list(dict.fromkeys(item.box for item in between))
+    known = [item for item in between if not item.contrast.remark]
+    rows, hidden = _sorted_rows(known)
+    figure, axes = new_figure(DOUBLE_COLUMN, 1.5 + 0.19 * max(len(rows), 4))
+    height = {row: -number for number, row in enumerate(rows)}
+    offsets = 0.5 * (np.arange(len(boxes)) - (len(boxes) - 1) / 2) / max(len(boxes), 2)
+    for item in known:
+        box = boxes.index(item.box)
+        if (item.measure, item.plane) in height:
+            _draw(
+                axes,
+                item,
+                height[item.measure, item.plane] - offsets[box],
+                _MARKERS[box % len(_MARKERS)],
+                groups,
+            )
+    axes.axvline(0, color="black", linewidth=0.8)
+    axes.set_yticks([height[row] for row in rows], [_label(row, known) for row in rows])
+    axes.set_ylim(-len(rows) + 0.4, 0.6)
+    limit = max([1.0, *(np.abs(_effect(item)).max() for item in known)])
+    axes.set_xlim(-min(limit, 6.0) * 1.05, min(limit, 6.0) * 1.05)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("difference of the groups / standard deviation between people")
+    axes.text(0.0, 1.01, f"← {groups[1]} safer", color=SECOND, transform=axes.transAxes, fontweight="bold")
+    axes.text(
+        1.0, 1.01, f"{groups[0]} safer →", color=FIRST, transform=axes.transAxes, ha="right", fontweight="bold"
+    )  # fmt: skip
+    for number, box in enumerate(boxes):
+        axes.plot([], [], _MARKERS[number % len(_MARKERS)], color="black", markersize=4, label=f"{box} kg")
+    axes.plot([], [], "o", color=UNDECIDED, markersize=4, label="not decided: the 95 % interval contains 0")
+    if not all(item.safer for item in known):
+        white = {"color": "black", "markerfacecolor": "white", "markersize": 4}
+        axes.plot([], [], "o", label="no side is the safer one", **white)
+    figure.legend(loc="outside lower left", ncols=2 + len(boxes))
+    figure.suptitle(_title(between, known, hidden), fontsize=9)
+    return figure
+
+
+def _sorted_rows(known: Sequence[Comparison]) -> tuple[list[tuple[str, str]], int]:
+    """Measures and planes from the clearest for the first group to the clearest for the second; those without a side last."""
+    effects: dict[tuple[str, str], list[float]] = {}
+    for item in known:
+        effects.setdefault((item.measure, item.plane), []).append(_effect(item)[0])
+    sided = {(item.measure, item.plane): bool(item.safer) for item in known}
+    kept = sorted(effects, key=lambda row: -np.abs(effects[row]).mean())[:MOST_ROWS]
+    ordered = sorted(kept, key=lambda row: (not sided[row], -np.mean(effects[row])))
+    return ordered, len(effects) - len(kept)
+
+
+def _effect(item: Comparison) -> np.ndarray:
+    """Difference and its interval in standard deviations between people, positive where the first group is safer."""
+    interval = item.contrast.interval
+    sign = -1 if item.safer == "lower" else 1
+    values = sign * np.array([item.contrast.difference, interval.low, interval.high])
+    return values / item.contrast.person_mean_sd
+
+
+def _draw(axes, item: Comparison, height: float, marker: str, groups: tuple[str, str]) -> None:
+    effect, *ends = _effect(item)
+    low, high = sorted(ends)
+    colour = UNDECIDED if low <= 0 <= high else FIRST if effect > 0 else SECOND
+    if not item.safer and colour != UNDECIDED:
+        colour = "black"
+    axes.plot([low, high], [height, height], color=colour, linewidth=1.3, solid_capstyle="butt")
+    face = colour if item.safer else "white"
+    axes.plot(effect, height, marker, color=colour, markerfacecolor=face, markersize=4.2)
+
+
+def _label(row: tuple[str, str], known: Sequence[Comparison]) -> str:
+    measure, plane = (" ".join(part.split("_")) for part in row)
+    return measure if plane in ("all", "") else f"{measure}, {plane}"
+
+
+def _title(between: Sequence[Comparison], known: Sequence[Comparison], hidden: int) -> str:
+    if not known:
+        reason = between[0].contrast.remark if between else "the groups have no box in common"
+        return f"Nothing can be compared: {reason}"
+    persons = " and ".join(
+        f"{len(side)} {name}" for side, name in zip(known[0].values, known[0].sides, strict=True)
+    )
+    more = f"; {hidden} measures with smaller differences are in the table alone" if hidden else ""
+    first, second = known[0].sides
+    return f"What tells {first} from {second} lifters? {persons} lifters, 95 % intervals over persons{more}"

@@ -1,0 +1,215 @@
+"""Figures 4.3 and 4.4: basins of attraction over angle, angular velocity and time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PLANE_TITLES = {"flexion_extension": "Flexion/extension", "lateral_bending": "Lateral bending"}
+NO_BASIN = "no basin: see tables/missing_basins"
+GOAL = "#b03030"
+"""Colour of the goal set; the trajectory alone is black."""
+SECTIONS = 10
+"""Cross-sections drawn per basin, at equal intervals."""
+_CIRCLE = np.linspace(0.0, 2 * np.pi, 81)
+
+
+def shown_lift(facts: list[dict], labels: dict[str, str], group: str) -> int:
+    """Return the index of the lift shown: the heaviest box of a group, as the thesis shows its expert's.
+
+    Parameters
+    ----------
+    facts : list of dict
+        ``subject``, ``box_mass_kg`` and ``duration_s`` of every lift; without a deposit that is None, and another is shown.
+    labels : dict of str to str
+        Groups by subject.
+    group : str
+    """
+    deposited = [index for index, item in enumerate(facts) if item["duration_s"] is not None]
+    candidates = deposited or range(len(facts))
+    chosen = [index for index in candidates if labels[facts[index]["subject"]] == group]
+    return max(chosen or candidates, key=lambda index: (facts[index]["box_mass_kg"], -index))
+
+
+def ellipses(rows: pd.DataFrame, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return angle and angular velocity on {x̄ᵀSx̄ = level} about the reference, shapes (rows, points)."""
+    s11, s12, s22 = (rows[name].to_numpy()[:, None] for name in ("s11", "s12", "s22"))
+    determinant = s11 * s22 - s12**2
+    root = np.sqrt(np.asarray(level))[:, None]
+    first, second = np.cos(_CIRCLE), np.sin(_CIRCLE)
+    error = root * np.sqrt(s22 / determinant) * first
+    velocity = root * (second / np.sqrt(s22) - s12 / np.sqrt(s22 * determinant) * first)
+    return rows["theta0_rad"].to_numpy()[:, None] + error, rows["thetadot0_rad_s"].to_numpy()[
+        :, None
+    ] + velocity
+
+
+@house_style
+def figure_4_3(funnels: pd.DataFrame, terminal_level: float, who: str = ""):
+    """Draw the abdomen's funnel over time: the regulator's ellipses and the basin computed from them.
+
+    Parameters
+    ----------
+    funnels : pandas.DataFrame
+        Columns ``com, plane, time_s, rho, s11, s12, s22, theta0_rad, thetadot0_rad_s``.
+    terminal_level : float
+        ρ(T).
+    who : str
+        Person, box and convention, shown above.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, subplot_kw={"projection": "3d"})
+    for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
+        rows = funnels[(funnels["com"] == "abdomen") & (funnels["plane"] == plane)]
+        axis.set_title(f"{title}, abdomen" + (f"\n{who}" if who else ""))
+        if len(rows):
+            _draw_funnel(axis, rows, terminal_level)
+        else:
+            axis.text2D(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
+    shared_legend(figure, axes, ncols=4)
+    return figure
+
+
+def _draw_funnel(axis, rows: pd.DataFrame, terminal_level: float) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    every = rows.iloc[np.linspace(0, len(rows) - 1, 40).round().astype(int)]
+    time = np.broadcast_to(every["time_s"].to_numpy()[:, None], (len(every), len(_CIRCLE)))
+    angle, velocity = ellipses(every, every["rho"].to_numpy())
+    axis.plot_surface(
+        time, angle, velocity, color=SEGMENTS["abdomen"], alpha=0.3, linewidth=0, rstride=1, cstride=4
+    )
+    few = rows.iloc[np.linspace(0, len(rows) - 1, 9).round().astype(int)]
+    regulator = ellipses(few, np.full(len(few), terminal_level))
+    basin = ellipses(few, few["rho"].to_numpy())
+    for index, moment in enumerate(few["time_s"]):
+        at = np.full(len(_CIRCLE), moment)
+        last = index == len(few) - 1
+        named = index == 0
+        axis.plot(
+            at,
+            regulator[0][index],
+            regulator[1][index],
+            color="#555555",
+            linewidth=0.7,
+            linestyle=(0, (2, 1)),
+            label="regulator, V = ρ(T)" if named else None,
+        )
+        axis.plot(
+            at,
+            basin[0][index],
+            basin[1][index],
+            color="#8a5a00" if not last else GOAL,
+            linewidth=0.9 if not last else 1.8,
+            linestyle="-" if not last else (0, (4, 1)),
+            label="basin, V = ρ(t)" if named else "goal set" if last else None,
+        )
+    axis.plot(
+        rows["time_s"],
+        rows["theta0_rad"],
+        rows["thetadot0_rad_s"],
+        color=MEASURED,
+        linewidth=1.4,
+        label="trajectory",
+    )
+    axis.set_xlabel("Time (s)", labelpad=-2)
+    axis.set_ylabel("θ (rad)", labelpad=-3)
+    axis.set_zlabel(r"$\dot\theta$ (rad/s)", labelpad=-3)
+    axis.tick_params(pad=-2)
+    axis.tick_params(axis="z", pad=1)
+    axis.view_init(elev=22, azim=-60)
+    for direction in (axis.xaxis, axis.yaxis, axis.zaxis):
+        direction.set_major_locator(MaxNLocator(4))
+    axis.set_box_aspect((1.5, 1.1, 1), zoom=0.98)
+
+
+@house_style
+def figure_4_4(funnels: pd.DataFrame, who: str = ""):
+    """Draw the basins of every COM and plane about their trajectories, in error coordinates; the trajectory in an inset.
+
+    Parameters
+    ----------
+    funnels : pandas.DataFrame
+        As for `figure_4_3`.
+    who : str
+        Person, box and convention, shown above.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, axes = new_figure(DOUBLE_COLUMN, 6.6, nrows=len(SEGMENTS), ncols=2, sharex=True, sharey=True)
+    for row, (com, colour) in zip(axes, SEGMENTS.items(), strict=True):
+        for axis, (plane, title) in zip(row, PLANE_TITLES.items(), strict=True):
+            rows = funnels[(funnels["com"] == com) & (funnels["plane"] == plane)]
+            if len(rows):
+                _draw_basin(axis, rows, colour)
+            else:
+                axis.text(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
+            if com == "thorax":
+                axis.set_title(title + (f"\n{who}" if who else ""))
+        row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta - \dot\theta_0$ (rad/s)")
+    for axis in axes[-1]:
+        axis.set_xlabel("θ − θ0 (rad)")
+    drawn = [axis for axis in axes.ravel() if axis.collections]
+    for axis in drawn:
+        axis.autoscale_view()
+    shared_legend(figure, [*drawn[:1], *(child for axis in drawn[:1] for child in axis.child_axes)], ncols=5)
+    return figure
+
+
+def shared_legend(figure, axes, ncols: int) -> None:
+    """Put the labels of all axes, each once, above the figure."""
+    labelled = {}
+    for axis in axes:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            labelled.setdefault(label, handle)
+    if labelled:
+        figure.legend(labelled.values(), labelled.keys(), loc="outside upper center", ncols=ncols)
+
+
+def _draw_basin(axis, rows: pd.DataFrame, colour: str) -> None:
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import to_rgba
+
+    still = rows.assign(theta0_rad=0.0, thetadot0_rad_s=0.0)
+    every = still.iloc[np.linspace(0, len(still) - 1, SECTIONS).round().astype(int)]
+    angle, velocity = ellipses(every, every["rho"].to_numpy())
+    later = np.linspace(0.25, 1.0, SECTIONS)
+    stack = PolyCollection(
+        np.stack([angle, velocity], axis=-1),
+        facecolors=to_rgba(colour, 0.05),
+        edgecolors=[to_rgba(colour, alpha) for alpha in later],
+        linewidths=0.8,
+        label=f"{SECTIONS} sections, darker later",
+    )
+    axis.add_collection(stack)
+    axis.set_axisbelow(True)
+    axis.plot(
+        angle[0], velocity[0], color=colour, linewidth=1.4, linestyle=(0, (4, 1.5)), label="basin at t = 0"
+    )
+    axis.plot(angle[-1], velocity[-1], color=GOAL, linewidth=1.4, label="goal set")
+    _inset(axis, rows)
+
+
+def _inset(axis, rows: pd.DataFrame) -> None:
+    """Draw the trajectory itself at its own scale, in the corner that basins leave empty."""
+    inset = axis.inset_axes([0.66, 0.62, 0.33, 0.36])
+    inset.plot(
+        rows["theta0_rad"], rows["thetadot0_rad_s"], color=MEASURED, linewidth=1.0, label="trajectory (inset)"
+    )
+    first = rows[["theta0_rad", "thetadot0_rad_s"]].iloc[0]
+    inset.plot(*first, color=MEASURED, marker="o", markersize=3, linestyle="", label="start")
+    inset.tick_params(labelsize=5, length=2, pad=1)
+    inset.set_xlabel("θ0 (rad)", fontsize=5.5, labelpad=0)
+    inset.set_ylabel(r"$\dot\theta_0$ (rad/s)", fontsize=5.5, labelpad=0)
+    inset.locator_params(nbins=3)

@@ -1,0 +1,174 @@
+"""One look for all figures: sizes, colours per model, saving as SVG and PDF.
+
+Colours are those of Okabe and Ito (Color Universal Design, 2008), picked so that their lightness differs: with the
+line styles and markers given here every figure can be read in grey.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from unittest import mock
+
+import matplotlib as mpl
+from fontTools import subset
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from lumbar.base.files import replacing
+from lumbar.publishing.figures.svg_and_pdf import print_svg_and_pdf
+
+SINGLE_COLUMN = 3.5
+"""Width of a journal's column in inches."""
+DOUBLE_COLUMN = 7.2
+"""Width of a journal's page in inches."""
+
+MEASURED = "#000000"
+MODELS = {
+    "IL": {"color": "#999999", "linestyle": (0, (1, 1)), "marker": "x", "hatch": ".."},
+    "MW": {"color": "#E69F00", "linestyle": (0, (4, 1.5)), "marker": "s", "hatch": "//"},
+    "Maxwell": {"color": "#CC79A7", "linestyle": (0, (6, 1.5, 1, 1.5)), "marker": "D", "hatch": "--"},
+    "KB": {"color": "#0072B2", "linestyle": "-", "marker": "o", "hatch": ""},
+    "HO": {"color": "#D55E00", "linestyle": (0, (2, 1)), "marker": "^", "hatch": "xx"},
+    "LE": {"color": "#56B4E9", "linestyle": (0, (1, 2)), "marker": "+", "hatch": "||"},
+    "KV": {"color": "#009E73", "linestyle": (0, (5, 1, 1, 1, 1, 1)), "marker": "v", "hatch": "\\\\"},
+}
+"""Colour, line style, marker and hatch of every model, the same in all figures."""
+WITH_EFFECTS = {"color": "#882255", "linestyle": (0, (3, 1, 1, 1)), "marker": "*", "hatch": "oo"}
+"""Look of a base model with effects added."""
+
+
+def model_look(name: str) -> dict:
+    """Colour, line style, marker and hatch of a model by its name."""
+    return MODELS.get(name, WITH_EFFECTS)
+
+
+SEGMENTS = {"thorax": "#0072B2", "abdomen": "#E69F00", "pelvis": "#009E73"}
+"""Colour of the three trunk segments."""
+SERIES = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
+"""Colours for anything else, in the order in which they are used."""
+
+_SETTINGS = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.labelsize": 8,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.5,
+    "svg.hashsalt": "lumbar",
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
+    "figure.constrained_layout.use": True,
+}
+house_style = mpl.rc_context(_SETTINGS)
+"""Decorator of what draws, within which matplotlib's settings are the house's: a notebook keeps its own."""
+_METADATA = {
+    "svg": lambda words: {"Date": None, "Description": words},
+    "pdf": lambda words: {"CreationDate": None, "ModDate": None, "Subject": words},
+}
+
+
+def new_figure(width: float = DOUBLE_COLUMN, height: float = 3.0, **subplots):
+    """Return ``figure, axes`` as `matplotlib.pyplot.subplots` does, but known to nobody else: no window, nothing to close.
+
+    Parameters
+    ----------
+    width, height : float
+        Size in inches.
+    **subplots
+        Passed on to `matplotlib.figure.Figure.subplots`, e.g. ``nrows=2, sharex=True``.
+    """
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(**subplots)
+
+
+def label_panels(axes) -> None:
+    """Write (a), (b), … at the upper left of each axes, in order."""
+    for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", axes, strict=False):
+        axis.set_title(f"({letter})", loc="left", fontweight="bold")
+
+
+SHOWS = "Shows: "
+"""What stands before person and box at the foot of a picture and in its file's description."""
+
+
+def person_and_box(facts: dict) -> str:
+    """Return person and box of a lift in words, from its ``subject`` and ``box_mass_kg``."""
+    return f"{facts['subject']}, box of {facts['box_mass_kg']:g} kg"
+
+
+def _settle_layout(figure) -> None:
+    """Lay the figure out once, with positions rounded.
+
+    The solver of the constrained layout differs in the last bit from run to run, and the names of clip paths in
+    an SVG file are hashes of these bits.
+    """
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    for axes in figure.axes:
+        if axes.get_axes_locator() is None:
+            axes.set_position([round(value, 9) for value in axes.get_position(original=True).bounds])
+
+
+def _load_unplaced(file, options, load=subset.load_font, **more):
+    """Font without the tables that find and place glyphs: a PDF file does so itself, and no reader of it uses these tables.
+
+    To reduce them to the glyphs shown would take half the time of a figure.
+    """
+    font = load(file, options, **more)
+    for table in ("GDEF", "GPOS", "GSUB", "MATH", "OS/2", "cmap", "kern"):
+        if table in font:
+            del font[table]
+    return font
+
+
+@house_style
+def svg_text(figure) -> str:
+    """Return a small drawing without data as the text of an SVG file, the same at every run."""
+    _settle_layout(figure)
+    text = io.StringIO()
+    FigureCanvasSVG(figure).print_svg(text, metadata=_METADATA["svg"]("Drawing without data"))
+    return text.getvalue()
+
+
+@house_style
+def save(figure, stem: str | os.PathLike, data: str, who: str = "") -> None:
+    """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The finished figure.
+    stem : path
+        Path without ending.
+    data : str
+        Where the data come from, e.g. ``"synthetic twin"``: stands at the foot of the picture and in the file's
+        metadata. Empty only for drawings that show no data.
+    who : str
+        Person and box that the picture shows, where it shows one: stands beside `data`.
+    """
+    stem = Path(stem)
+    words = f"Data: {data}" if data else "Drawing without data"
+    words = f"{SHOWS}{who}. {words}" if who else words
+    if data:
+        figure.supxlabel(words, x=0.995, ha="right", fontsize=6, color="#555555")
+    _settle_layout(figure)
+    with (
+        replacing(stem.with_name(f"{stem.name}.svg")) as svg,
+        replacing(stem.with_name(f"{stem.name}.pdf")) as pdf,
+        mock.patch.object(subset, "load_font", _load_unplaced),
+    ):
+        print_svg_and_pdf(figure, svg, pdf, [metadata(words) for metadata in _METADATA.values()])

@@ -1,0 +1,242 @@
+"""The page of a lift as one document: pictures, the data behind them, and the words around them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
+from lumbar.lifting.measures.lift_values import values_of_lift
+from lumbar.lifting.measures.registry import DEPOSIT, MEASURES
+from lumbar.lifting.movement.body import points_of
+from lumbar.lifting.stability.model.lift_trajectories import LiftStates
+from lumbar.publishing.explorer.one_file import Drawn, beside, drawn, one_file
+from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
+from lumbar.publishing.figures.stability_figures import PLANE_TITLES
+from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
+from lumbar.publishing.lift_page.moving_body import (
+    balance_columns,
+    body_columns,
+    centres,
+    chains,
+    drawn_frames,
+)
+from lumbar.publishing.lift_page.plots import (
+    CERTIFIED,
+    DASHES,
+    GOAL,
+    MARKS,
+    OUTLINES,
+    PUSHED,
+    SHADES,
+    lift_pictures,
+)
+from lumbar.publishing.lift_page.pushed_pendulums import PushedPendulum, pushed_pendulums
+
+if TYPE_CHECKING:
+    from bokeh.document import Document
+    from bokeh.models import ColumnDataSource
+
+    from lumbar.lifting.stability.model.failures import Failure
+    from lumbar.publishing.lift_page.recorded_lift import RecordedLift
+    from lumbar.settings.stability import StabilitySettings
+
+PAGE = "publishing/lift_page/lift_page.html.jinja"
+COLOURS = {**SEGMENTS, "whole body": SERIES[4], "box": SERIES[3]}
+STATES_DRAWN = 250
+"""Instants of a pendulum's states that are drawn."""
+
+
+@cache
+def _pictures() -> Drawn:
+    """The pictures of every page: they are alike, since a page's script fills them."""
+
+    def fill(document: Document) -> None:
+        with document.models.freeze():  # or every root would have all models looked through again
+            for picture in lift_pictures():
+                document.add_root(picture)
+
+    return drawn(fill)
+
+
+@dataclass(frozen=True, eq=False)
+class LiftPage:
+    """A lift as a page.
+
+    Attributes
+    ----------
+    lift : RecordedLift
+    settings : StabilitySettings
+    """
+
+    lift: RecordedLift
+    settings: StabilitySettings
+
+    @cached_property
+    def course(self) -> Course:
+        """The measures of the lift at every instant."""
+        gravity = self.settings.pendulum.gravity_m_s2
+        return course_of_lift(Lifter(self.lift.body, self.lift.facts, self.settings.measures, gravity))
+
+    @cached_property
+    def _pendulums(self) -> tuple[list[PushedPendulum], list[Failure]]:
+        return pushed_pendulums(LiftStates(self.lift.states, self.lift.facts), self.settings)
+
+    @property
+    def pendulums(self) -> list[PushedPendulum]:
+        """Pendulums that can be pushed."""
+        return self._pendulums[0]
+
+    @cached_property
+    def _frames(self) -> slice:
+        return drawn_frames(self.lift.body["time_s"].to_numpy())
+
+    @cached_property
+    def _balance(self) -> dict[str, np.ndarray]:
+        return balance_columns(self.course.frame, self.settings.measures.functional_share, self._frames)
+
+    @property
+    def title(self) -> str:
+        """Title of the page."""
+        return f"Lift {self.lift.facts['lift']}"
+
+    def _sources(self) -> list[ColumnDataSource]:
+        """Data that the page's script shows in the pictures."""
+        from bokeh.models import ColumnDataSource
+
+        held = [ColumnDataSource(body_columns(self.lift, self._frames), name="body")]
+        outlines = {name: values.ravel() for name, values in self._balance.items() if values.ndim == 2}
+        if outlines:
+            alone = {name: values for name, values in self._balance.items() if values.ndim == 1}
+            held += [ColumnDataSource(alone, name="balance"), ColumnDataSource(outlines, name="bases")]
+        for (com, plane), rows in self.lift.states.groupby(["com", "plane"], sort=False):
+            drawn = rows.iloc[np.linspace(0, len(rows) - 1, STATES_DRAWN).round().astype(int)]
+            names = {"time": "time_s", "angle": "angle_rad", "velocity": "angular_velocity_rad_s"}
+            columns = {name: drawn[column].to_numpy(float) for name, column in names.items()}
+            held.append(ColumnDataSource(columns, name=f"states:{com}/{plane}"))
+        for item in self.pendulums:
+            held.append(ColumnDataSource(item.columns, name=f"loop:{item.key}"))
+            held.append(ColumnDataSource({"level": item.level}, name=f"level:{item.key}"))
+        return held
+
+    def _bounds(self) -> dict[str, tuple[float, float]]:
+        """Smallest and largest coordinate of the body and the ground."""
+        every = np.concatenate(list(points_of(self.lift.body).values()))
+        low, high = np.nanmin(every, axis=0), np.nanmax(every, axis=0)
+        low[2] = min(low[2], 0.0)
+        return {axis: (float(low[i]), float(high[i])) for i, axis in enumerate("xyz")}
+
+    def _phases(self) -> list[tuple[str, float, float]]:
+        """Name, start and end of every phase that there is."""
+        time, phase = (self.lift.body[name].to_numpy() for name in ("time_s", "phase"))
+        starts = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1)]
+        stops = [*starts[1:], len(time) - 1]
+        return [(str(phase[i]), float(time[i]), float(time[j])) for i, j in zip(starts, stops, strict=True)]
+
+    def variables(self) -> dict[str, Any]:
+        """Return what the template shows beside the pictures."""
+        facts, limits = self.lift.facts, self.settings.pendulum
+        folder = Path(__file__).parent
+        return {
+            "title": self.title,
+            "style": f"{beside('explorer.css')}\n{beside('lift_page.css', folder=folder)}",
+            "behaviour": "\n".join(
+                [beside("dark.js"), beside("pendulum_loop.js", "lift_page.js", folder=folder)]
+            ),
+            "data": self.lift.data,
+            "facts": facts,
+            "events": [(EVENT_LABELS[name], time) for name, time in self.lift.event_times.items()],
+            "absent": [
+                f"No {EVENT_LABELS[name]}: {event['how']}."
+                for name, event in self.lift.events.items()
+                if event["time_s"] is None
+            ],
+            "measures": self._measures(),
+            "phases": self._strip(),
+            "notes": self.course.notes,
+            "no_balance": self.course.missing.get("margin_of_stability_m", ""),
+            "share": self.settings.measures.functional_share,
+            "centres": [{**item, "colour": COLOURS[item["name"]]} for item in centres(self.lift.body)],
+            "has_states": not self.lift.states.empty,
+            "planes": PLANE_TITLES,
+            "coms": list(SEGMENTS),
+            "looks": {com: {"colour": SEGMENTS[com], "dashed": bool(DASHES[com])} for com in SEGMENTS},
+            "pendulums": self.pendulums,
+            "failures": sorted(
+                {f"{item.com}, {PLANE_TITLES[item.plane]}: {item.reason}" for item in self._pendulums[1]}
+            ),
+            "sign": limits.sign,
+            "clock": limits.time,
+            "colours": {
+                "certified": CERTIFIED,
+                "goal": GOAL,
+                "pushed": PUSHED,
+                "ink": MEASURED,
+                "first": SERIES[0],
+            },
+            "content": self._content(),
+        }
+
+    def _strip(self) -> list[dict[str, Any]]:
+        """Where the phases lie along the slider, percent of the recording."""
+        phases = self._phases()
+        first, length = phases[0][1], phases[-1][2] - phases[0][1]
+        return [
+            {
+                "name": name,
+                "left": f"{100 * (start - first) / length:.3f}",
+                "width": f"{100 * (stop - start) / length:.3f}",
+            }
+            for name, start, stop in phases
+        ]
+
+    def _measures(self) -> list[dict[str, str]]:
+        """The measures that a summary names: what it is, the value or why there is none, and which way is safer."""
+        values = values_of_lift(self.course, self.lift.facts).drop_duplicates("measure")
+        return [
+            {
+                "name": f"{words[0].upper()}{words[1:]}".replace("5s1", "5/S1"),
+                "value": "" if row.reason else f"{row.value:.3g} {row.unit}".replace("-", "−"),
+                "reason": row.reason,
+                "safer": row.safer,
+                "meaning": MEASURES[row.measure].meaning,
+                "phase": "over the deposit"
+                if MEASURES[row.measure].phase == DEPOSIT
+                else "while the box is held",
+            }
+            for row in values.itertuples()
+            if MEASURES[row.measure].headline and (words := row.measure.replace("_", " "))
+        ]
+
+    def _content(self) -> dict[str, Any]:
+        """What the page's script knows."""
+        facts = self.lift.facts
+        return {
+            "chains": chains({name.removesuffix("_x_m") for name in self.lift.body if name.endswith("_x_m")}),
+            "centres": [
+                {**item, "mark": MARKS[item["name"]], "colour": COLOURS[item["name"]]}
+                for item in centres(self.lift.body)
+            ],
+            "segments": {com: {"colour": SEGMENTS[com], "dash": DASHES[com]} for com in SEGMENTS},
+            "phases": self._phases(),
+            "deposit": None if facts["no_deposit"] else [facts["start_s"], facts["stop_s"]],
+            "balance": bool(self._balance),
+            "outlines": OUTLINES,
+            "bounds": self._bounds(),
+            "shades": SHADES,
+            "pendulums": {item.key: {**item.constants, "binds": item.binds} for item in self.pendulums},
+        }
+
+    def to_html(self) -> str:
+        """Return the page as a file that needs nothing else: the same bytes for the same lift."""
+        return one_file(_pictures().holding(self._sources()), PAGE, self.variables())
+
+    def save(self, path: str | Path) -> None:
+        """Write the page to a file."""
+        from lumbar.base.files import write_text
+
+        write_text(Path(path), self.to_html())

@@ -1,0 +1,236 @@
+"""The pictures of a lift's page: body from two sides and above, courses over time, and a pendulum's funnel."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
+
+if TYPE_CHECKING:
+    from bokeh.models import ColumnDataSource
+    from bokeh.plotting import figure
+
+GREY, GOAL, PUSHED = "#888888", SERIES[3], SERIES[4]
+"""Colours of what stands behind, of the goal set and of what was pushed; the funnel has `CERTIFIED`."""
+CERTIFIED = SERIES[5]
+DASHES = {"thorax": [], "abdomen": [8, 3], "pelvis": [3, 2]}
+MARKS = {
+    "thorax": "circle",
+    "abdomen": "square",
+    "pelvis": "triangle",
+    "whole body": "diamond",
+    "box": "square_x",
+}
+"""Look of the centres of mass: readable in grey."""
+SHADES = {"lift": 0.10, "carry": 0.02, "deposit": 0.22}
+"""How dark the phases stand behind the courses."""
+OUTLINES = 9
+"""Cross-sections of the funnel that are drawn besides the present one."""
+
+
+def lift_pictures() -> list[figure]:
+    """Pictures in the order of the page; the page's script fills them."""
+    side = _body("side", "y, forward (m)")
+    behind = _body("behind", "x, to the right (m)")
+    margin = _course("margin", "Margin of stability (mm)")
+    angle = _course("angle", "Angle θ (rad)")
+    velocity = _course("velocity", "Angular velocity (rad/s)", x_range=angle.x_range)
+    _draw_margin(margin)
+    for picture, name in ((angle, "angles"), (velocity, "velocities")):
+        source = _source(name, "time", *SEGMENTS)
+        for com, colour in SEGMENTS.items():
+            picture.line("time", com, source=source, color=colour, line_width=2.2, line_dash=DASHES[com])
+    return [side, behind, _above(), margin, angle, velocity, *_funnel()]
+
+
+def _source(name: str, *columns: str) -> ColumnDataSource:
+    from bokeh.models import ColumnDataSource
+
+    return ColumnDataSource({column: [] for column in columns}, name=name)
+
+
+def _figure(name: str, across: str, up: str, height: int, tools: str = "", **more) -> figure:
+    from bokeh.plotting import figure
+
+    picture = figure(
+        name=name,
+        height=height,
+        sizing_mode="stretch_width",
+        tools=tools,
+        x_axis_label=across,
+        y_axis_label=up,
+        toolbar_location="right" if tools else None,
+        **more,
+    )
+    picture.toolbar.logo = None
+    picture.min_border_left, picture.outline_line_color = 60, None
+    picture.background_fill_alpha = picture.border_fill_alpha = 0.0
+    return picture
+
+
+def _still(picture: figure, name: str) -> None:
+    """Keep what is shown to bounds that the script sets, with equal scales, whatever moves inside."""
+    from bokeh.models import ColumnDataSource, DataRange1d
+
+    corners = ColumnDataSource({"x": [-0.5, 0.5], "y": [-0.5, 0.5]}, name=name)
+    unseen = picture.scatter("x", "y", source=corners, size=0, alpha=0)
+    picture.x_range = DataRange1d(renderers=[unseen], range_padding=0.06)
+    picture.y_range = DataRange1d(renderers=[unseen], range_padding=0.06)
+
+
+def _body(name: str, across: str) -> figure:
+    """Stick figure, centres of mass and pendulums."""
+    picture = _figure(name, across, "z, up (m)", 420, match_aspect=True)
+    _still(picture, f"{name}:bounds")
+    head = _source(f"{name}:head", "x", "z")
+    picture.scatter(
+        "x", "z", source=head, size=20, fill_color=None, line_color=MEASURED, line_width=2.5, name="ink head"
+    )
+    picture.multi_line(
+        "x", "z", source=_source(f"{name}:limbs", "x", "z", "dash"), color=MEASURED, line_width=2.5,
+        line_dash={"field": "dash"}, line_cap="round", name="ink limbs",
+    )  # fmt: skip
+    picture.multi_line(
+        "x", "z", source=_source(f"{name}:pendulums", "x", "z", "colour", "dash"), color={"field": "colour"},
+        line_width=1.5, line_dash={"field": "dash"},
+    )  # fmt: skip
+    _draw_centres(picture, _source(f"{name}:centres", "x", "y", "mark", "colour", "size"))
+    return picture
+
+
+def _draw_centres(picture: figure, source: ColumnDataSource) -> None:
+    picture.scatter(
+        "x",
+        "y",
+        source=source,
+        marker={"field": "mark"},
+        fill_color={"field": "colour"},
+        size={"field": "size"},
+        line_color="white",
+    )
+
+
+def _above() -> figure:
+    """Base of support, centre of mass and extrapolated centre, seen from above."""
+    picture = _figure("above", "x, to the right (m)", "y, forward (m)", 420, match_aspect=True)
+    _still(picture, "above:bounds")
+    picture.patch(
+        "x", "y", source=_source("above:base", "x", "y"), fill_color=GREY, fill_alpha=0.35, line_color=GREY
+    )
+    picture.line(
+        "x", "y", source=_source("above:used", "x", "y"), color=MEASURED, line_width=1.6, name="ink used"
+    )
+    picture.line("x", "y", source=_source("above:trail", "x", "y"), color=SERIES[3], line_width=1, alpha=0.6)
+    picture.scatter(
+        "x",
+        "y",
+        source=_source("above:com", "x", "y"),
+        marker="diamond",
+        size=13,
+        fill_color=SERIES[0],
+        line_color="white",
+    )
+    picture.scatter(
+        "x",
+        "y",
+        source=_source("above:xcom", "x", "y"),
+        marker="star",
+        size=16,
+        fill_color=SERIES[3],
+        line_color="white",
+    )
+    return picture
+
+
+def _course(name: str, up: str, **more) -> figure:
+    """Picture over the recording's time with the present instant as a line; a click goes there."""
+    from bokeh.models import CustomJS, Range1d, Span
+
+    ranges = {"x_range": Range1d(0, 1), "y_range": Range1d(0.1, 1), **more}  # the page's script sets them
+    picture = _figure(name, "Time (s)", up, 220, "xpan,xbox_zoom,xwheel_zoom,reset", **ranges)
+    picture.toolbar.active_drag = picture.toolbar.active_scroll = None
+    now = Span(
+        dimension="height", location=np.nan, line_color=MEASURED, line_width=1.5, name=f"ink now:{name}"
+    )
+    picture.add_layout(now)
+    picture.js_on_event("tap", CustomJS(code="window.lumbarLift.tapped(cb_obj)"))
+    return picture
+
+
+def _draw_margin(picture: figure) -> None:
+    """The margin over time with the phases behind."""
+    from bokeh.models import LabelSet, Span
+
+    phases = _source("phases", "start", "stop", "shade", "phase")
+    picture.vstrip(
+        x0="start",
+        x1="stop",
+        source=phases,
+        fill_color=GREY,
+        fill_alpha="shade",
+        line_color=None,
+        level="underlay",
+    )
+    words = {"text": "phase", "text_font_size": "11px", "text_color": MEASURED, "name": "ink phases"}
+    picture.add_layout(LabelSet(x="start", y=2, x_offset=3, y_units="screen", source=phases, **words))
+    edge = Span(dimension="width", location=0, line_color=GREY, line_dash=[4, 3])
+    picture.add_layout(edge)
+    picture.line(
+        "time", "margin", source=_source("margins", "time", "margin"), color=SERIES[3], line_width=1.8
+    )
+
+
+def _funnel() -> list[figure]:
+    """Cross-sections with the push, the funnel over time, and V/ρ over time."""
+    over_time = _course("funnel", "Angle off the trajectory (rad)")
+    level = _course("level", "V/ρ", x_range=over_time.x_range, y_axis_type="log")
+    band = _source("band", "time", "low", "high", "least", "most")
+    over_time.varea("time", "low", "high", source=band, fill_color=CERTIFIED, fill_alpha=0.4)
+    for edge in ("least", "most"):
+        over_time.line("time", edge, source=band, color=MEASURED, line_dash=[5, 3], name=f"ink {edge}")
+    _draw_edge_of_funnel(level)
+    path = _source("path", "time", "angle", "velocity", "level")
+    for picture, up in ((over_time, "angle"), (level, "level")):
+        picture.line("time", up, source=path, color=PUSHED, line_width=2.2)
+    return [_plane(path), over_time, level]
+
+
+def _draw_edge_of_funnel(picture: figure) -> None:
+    from bokeh.models import Span
+
+    picture.add_layout(Span(dimension="width", location=1, line_color=CERTIFIED, line_width=2.5))
+
+
+def _plane(path: ColumnDataSource) -> figure:
+    """Phase plane about the trajectory: where one can push to, by a click, by dragging, or with the fields beside it."""
+    from bokeh.models import CustomJS, Range1d
+
+    picture = _figure(
+        "plane", "Angle off the trajectory (rad)", "Angular velocity off it (rad/s)", 460,
+        x_range=Range1d(-1, 1), y_range=Range1d(-1, 1),
+    )  # fmt: skip
+    shaded = _source("certified", "x", "y")
+    picture.patch(
+        "x", "y", source=shaded, fill_color=CERTIFIED, fill_alpha=0.45, line_color=SERIES[0], line_width=2.5
+    )
+    outlines = _source("outlines", "x", "y", "alpha")
+    picture.multi_line("x", "y", source=outlines, color=SERIES[0], alpha={"field": "alpha"}, line_width=1)
+    picture.line("x", "y", source=_source("goal", "x", "y"), color=GOAL, line_width=2, line_dash=[2, 3])
+    reached = _source("reached", "x", "y")
+    picture.line(
+        "x", "y", source=reached, color=MEASURED, line_width=1.8, line_dash=[6, 3], name="ink reached"
+    )
+    picture.line("angle", "velocity", source=path, color=PUSHED, line_width=2.2)
+    pushed, present = _source("pushed", "x", "y"), _source("present", "x", "y")
+    picture.scatter(
+        "x", "y", source=pushed, marker="circle_cross", size=22, color=PUSHED, fill_alpha=0.25, line_width=2
+    )
+    picture.scatter(
+        "x", "y", source=present, marker="diamond", size=13, fill_color=PUSHED, line_color="white"
+    )
+    picture.scatter([0], [0], marker="cross", size=12, line_color=MEASURED, name="ink trajectory")
+    for event in ("tap", "panstart", "pan", "panend"):
+        picture.js_on_event(event, CustomJS(code="window.lumbarLift.dragged(cb_obj)"))
+    return picture

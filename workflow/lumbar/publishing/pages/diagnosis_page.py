@@ -1,0 +1,221 @@
+"""The page of a diagnosis: the verdict, and the evidence that a referee would want."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.publishing.pages.html import document, figure, heading, listing, paragraph, picture, table
+from lumbar.publishing.pages.record_pages import comparison_blocks
+from lumbar.tables.words import unit_in_print
+from lumbar.tissue.diagnosis.design.discrimination import separation_sentence
+from lumbar.tissue.diagnosis.evidence.evidence import Evidence
+from lumbar.tissue.diagnosis.evidence.limitations import undecided
+from lumbar.tissue.diagnosis.residuals.residual_diagnostic import probability
+from lumbar.tissue.diagnosis.selection.forward_selection import likelihood_ratio
+from lumbar.tissue.diagnosis.selection.sentences import details, effects_text, headline, readable, runner_up
+from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
+from lumbar.tissue.diagnosis.selection.ties import ALIKE
+from lumbar.tissue.diagnosis.selection.verdict import Ranked, Verdict
+from lumbar.tissue.fmu.build.equation_svg import equation_svg
+from lumbar.tissue.models.form import Effect
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+
+def diagnosis_page(
+    diagnosis: Verdict,
+    evidence: Evidence,
+    catalogue: dict[str, Effect],
+    data: str,
+    pictures: dict[str, Path | str] | None = None,
+) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    diagnosis : Verdict
+    evidence : Evidence
+    catalogue : dict of str to Effect
+        Where mechanisms and experiments are looked up.
+    data : str
+        Where the data come from.
+    pictures : dict of str to (pathlib.Path or str), optional
+        SVG files, or their text, by caption; they stand before the list of what remains.
+    """
+    blocks = evidence_blocks(diagnosis, evidence, catalogue, pictures or {})
+    return document(f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model", data, blocks)
+
+
+def evidence_blocks(
+    diagnosis: Verdict, evidence: Evidence, catalogue: dict[str, Effect], pictures: dict[str, Path | str]
+) -> list[Markup]:
+    """Verdict, errors, chance, parameters, ties, pictures and what remains; parameters as of `diagnosis_page`."""
+    blocks = [
+        paragraph(f"Verdict: {diagnosis.verdict}"),
+        paragraph(headline(diagnosis), "headline"),
+        *(paragraph(line) for line in details(diagnosis, catalogue)),
+        heading("Before and after"),
+        *_errors(diagnosis, evidence),
+        heading("How likely is a false alarm?"),
+        *_false_alarm(diagnosis, evidence),
+        heading("Parameters"),
+        *_parameters(diagnosis),
+    ]
+    if evidence.ties is not None:
+        blocks += [heading("Can it be told from the others?"), *_ties(diagnosis, evidence)]
+    blocks += [figure(svg, caption) for caption, svg in pictures.items()]
+    blocks += [heading("What remains"), *_remains(diagnosis, evidence)]
+    blocks += [heading("What these records cannot decide"), listing(undecided(diagnosis, evidence))]
+    return blocks
+
+
+def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
+    experiment = diagnosis.experiment
+    unit, floor = experiment.output_unit, experiment.floor
+    tests = ", ".join(item.name for item in experiment.tests)
+    rows = [_error_row("base", diagnosis.base, None, diagnosis)]
+    ranked = {frozenset(item.candidate.effects) for item in diagnosis.ranking}
+    rows += [
+        _error_row(effects_text(item.effects), item, None, diagnosis)
+        for item in diagnosis.path[1:-1]
+        if frozenset(item.effects) not in ranked
+    ]
+    tied = {frozenset(item.effects) for item in diagnosis.tied_with}
+    others = runner_up(diagnosis)
+    for item in diagnosis.ranking:
+        effects = frozenset(item.candidate.effects)
+        role = "selected" if effects == frozenset(diagnosis.selected) else "tied" if effects in tied else ""
+        role = role or ("runner-up" if item is others else "")
+        rows.append(_error_row(effects_text(item.candidate.effects), item.candidate, item, diagnosis, role))
+    head = (
+        "effects added",
+        "role",
+        "form",
+        f"training ({unit})",
+        f"unseen ({unit})",
+        "unseen / noise",
+        "p",
+        "converged",
+    )
+    noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
+    return [
+        paragraph(
+            f"Root mean square of the free-run simulation error from 0.5 s on. Fitted on {experiment.training.name}; unseen: "
+            f"{tests}. Noise floor: {noise}. Each set of effects is refitted together with the base; the ranking is by the "
+            "likelihood of all records."
+        ),
+        table(head, rows),
+        heading("The selected model on every record", 3),
+        *comparison_blocks(evidence.remaining),
+    ]
+
+
+def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Verdict, role: str = "") -> tuple:
+    floor = diagnosis.experiment.floor
+    return (
+        name,
+        role,
+        ", ".join(form.name for form in candidate.fit.structure.forms) or "–",
+        f"{candidate.train_rms:.4g}",
+        f"{candidate.test_rms:.4g}",
+        "–" if floor is None else f"{candidate.test_rms / floor.rms:.4g}",
+        "–" if ranked is None else probability(ranked.p_value).removeprefix("p = ").removeprefix("p "),
+        "yes" if candidate.fit.converged else "no",
+    )
+
+
+def _false_alarm(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
+    told = (
+        f"Where nothing is missing, the best of all candidates still gains: in {len(evidence.null.ratios)} simulated "
+        "experiments of the base alone, refitted each time, twice the logarithm of the likelihood rose by more than "
+        f"{evidence.threshold:.3g} in {100 * LEVEL:g} % (allowing for the number of forms tried here). An effect needs more "
+        "than that, and a smaller error on unseen records, to be selected."
+    )
+    if not diagnosis.selected:
+        best = max(
+            (
+                likelihood_ratio(diagnosis.base, item.candidate, diagnosis.experiment)
+                for item in diagnosis.ranking
+            ),
+            default=0.0,
+        )
+        return [paragraph(told), paragraph(f"Here the best candidate gains {best:.3g}.")]
+    found = likelihood_ratio(diagnosis.base, diagnosis.model, diagnosis.experiment)
+    verb = "gains" if len(diagnosis.selected) == 1 else "gain"
+    return [paragraph(told), paragraph(f"Here {effects_text(diagnosis.selected)} {verb} {found:.4g}.")]
+
+
+def _parameters(diagnosis: Verdict) -> list[Markup]:
+    blocks = []
+    other = runner_up(diagnosis)
+    selected = diagnosis.ranking[0] if diagnosis.selected else None
+    for item, role in ((selected, "Selected"), (other, "Runner-up")):
+        if item is None:
+            continue
+        structure = item.candidate.fit.structure
+        owners = ["", *structure.effects]
+        equations = [("base", structure.base.name, _equation(structure.base.latex))]
+        equations += [(readable(form.effect), form.name, _equation(form.latex)) for form in structure.forms]
+        rows = [
+            (
+                readable(found.effect) or "base",
+                readable(found.name),
+                f"{found.value:.4g}",
+                f"{found.low:.4g} to {found.high:.4g}",
+                unit_in_print(found.unit),
+            )
+            for found in sorted(item.estimates, key=lambda one: owners.index(one.effect))
+        ]
+        blocks += [
+            heading(f"{role}: {effects_text(item.candidate.effects)}", 3),
+            table(("part", "form", "equation"), equations),
+            table(("of", "parameter", "value", "95 % interval", "unit"), rows),
+        ]
+    return blocks
+
+
+def _equation(latex: str) -> Markup:
+    return picture(equation_svg(latex), latex, "equation")
+
+
+def _ties(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
+    ties = evidence.ties
+    names = [effects_text(item.effects) for item in ties.candidates]
+    alike = [names[index] for index in ties.clusters[0] if index != 0]
+    words = (
+        "Angle between the force that each candidate adds and that of the selected one, beyond what the base's own "
+        "parameters take up, over all records: 0° is the same force, 90° has nothing in common. "
+        f"{'Noise' if diagnosis.experiment.floor else 'What the model leaves'} would hide {ties.resolution:.2g}°."
+    )
+    cluster = (
+        f"In one cluster with {names[0]}, their forces pairwise within {max(ALIKE, ties.resolution):.2g}°: {', '.join(alike)}"
+        f"{'' if diagnosis.tied_with else '; the likelihood tells them apart all the same'}."
+        if alike
+        else f"No other candidate adds a force like that of {names[0]}."
+    )
+    rows = [
+        (
+            name,
+            f"{angle:.1f}",
+            str(1 + next(i for i, members in enumerate(ties.clusters) if index in members)),
+        )
+        for index, (name, angle) in enumerate(zip(names, ties.angles[0], strict=True))
+    ]
+    blocks = [paragraph(words), paragraph(cluster), table(("candidate", "angle (°)", "cluster"), rows)]
+    if evidence.separation is not None:
+        blocks.append(paragraph(separation_sentence(evidence.separation, diagnosis), "headline"))
+        blocks.append(paragraph("The signal lies beside this page as separating_excitation.csv.", "note"))
+    return blocks
+
+
+def _remains(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
+    floor, unit = diagnosis.experiment.floor, diagnosis.experiment.output_unit
+    after = diagnosis.model.test_rms
+    told = (
+        f"On unseen records {after:.4g} {unit} remain; how much of it is noise is unknown."
+        if floor is None
+        else f"On unseen records {after:.4g} {unit} remain, {after / floor.rms:.3g} times the noise floor."
+    )
+    return [paragraph(told), listing(item.location.headline for item in evidence.remaining)]

@@ -1,0 +1,76 @@
+"""Pages of `lumbar compare` and `lumbar locate`: what a model makes of every record, and where it fails."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lumbar.publishing.pages.html import document, figure, heading, listing, paragraph, table
+from lumbar.tissue.diagnosis.residuals.residual_report import Simulated
+
+
+def comparison_page(simulated: list[Simulated], model: str, data: str, pictures: dict[str, Path]) -> str:
+    """Return the page of a comparison.
+
+    Parameters
+    ----------
+    simulated : list of Simulated
+    model : str
+        Name of the model.
+    data : str
+    pictures : dict of str to pathlib.Path
+        SVG file by record.
+    """
+    blocks = [
+        paragraph(
+            "Free-run simulation against every record. Error intervals: what another excitation of the same kind would give."
+        ),
+        *comparison_blocks(simulated),
+    ]
+    for item in simulated:
+        name = item.record.name
+        blocks.append(
+            figure(
+                pictures[name], f"{name}: measured and simulated, residual, and what is left of every record."
+            )
+        )
+    return document(f"The {model} model against every record", data, blocks)
+
+
+def comparison_blocks(simulated: list[Simulated]) -> list[str]:
+    """Sentences and figures of merit of every record."""
+    unit = simulated[0].comparison.unit
+    rows = [
+        (
+            item.record.name,
+            f"{item.comparison.vaf.value:.4g} ({item.comparison.vaf.low:.4g} to {item.comparison.vaf.high:.4g})",
+            f"{item.comparison.fit.value:.4g} ({item.comparison.fit.low:.4g} to {item.comparison.fit.high:.4g})",
+            f"{item.comparison.rms.value:.4g} ({item.comparison.rms.low:.4g} to {item.comparison.rms.high:.4g})",
+            "unknown" if item.comparison.floor is None else f"{item.comparison.floor.rms:.4g}",
+            "unknown" if item.comparison.floor is None else f"{item.comparison.explainable_rms:.4g}",
+        )
+        for item in simulated
+    ]
+    head = ("record", "VAF (%)", "FIT (%)", f"RMS error ({unit})", f"noise ({unit})", f"explainable ({unit})")
+    return [listing(item.comparison.sentence for item in simulated), table(head, rows)]
+
+
+def location_page(simulated: list[Simulated], model: str, data: str, pictures: dict[str, Path]) -> str:
+    """Return the page that says and shows where a model fails; parameters as for `comparison_page`."""
+    blocks = []
+    for item in simulated:
+        name = item.record.name
+        headline, *sentences = item.location.sentences
+        blocks += [
+            heading(name),
+            paragraph(headline, "headline"),
+            listing(sentences),
+            figure(pictures[name], LOCATION_CAPTION),
+        ]
+    return document(f"Where the {model} model fails", data, blocks)
+
+
+LOCATION_CAPTION = (
+    "(a) Error along time, by period where the record repeats; (b) in every cycle of the motion; (c) over frequency against "
+    "the noise; (d) over depth; (e) around reversals; (f) over position and velocity; (g) its autocorrelation; its "
+    "correlation with the input and odd functions of it (h) and with even functions (i). Grey: 95 % limits of noise alone."
+)

@@ -1,0 +1,168 @@
+"""Sentences of Chapter 4 on basins of attraction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from lumbar.lifting.stability.comparison.grid_table import compared
+from lumbar.lifting.stability.comparison.percent_differences import comparison_names
+from lumbar.publishing.reproduction.claim import Claim, Finding, Results
+from lumbar.settings.stability import GROUPS
+
+PLANES = ("lateral_bending", "flexion_extension")
+
+
+def _rows(results: Results, comparison: str) -> pd.DataFrame | None:
+    table = results["table_4_1"]
+    rows = table[table.comparison == comparison]
+    values = rows[[f"{plane}_percent" for plane in PLANES]]
+    return None if rows.empty or values.isna().any(axis=None) else rows.set_index("com")
+
+
+def _spread(rows: pd.DataFrame) -> str:
+    return "; ".join(
+        f"{com}: {row.lateral_bending_percent:+.2f} %, {row.flexion_extension_percent:+.2f} %"
+        for com, row in rows.iterrows()
+    )
+
+
+_INVENTED = "the twin's lifters are invented"
+_MISSING = Finding(None, None, "this study lacks one of the lifts compared")
+_NO_BASIN = Finding(None, None, "no basin could be computed")
+
+
+def _judged(agrees: bool, synthetic: bool) -> tuple[bool | None, str]:
+    return (None, _INVENTED) if synthetic else (bool(agrees), "")
+
+
+def _expert_larger(synthetic: bool, names: dict[str, str]):
+    def judge(results: Results) -> Finding:
+        rows = _rows(results, names["expert_vs_novice"])
+        if rows is None:
+            return _MISSING
+        return Finding(_spread(rows), *_judged((rows.lateral_bending_percent > 0).all(), synthetic))
+
+    return judge
+
+
+def _lateral_largest(synthetic: bool, names: dict[str, str]):
+    def judge(results: Results) -> Finding:
+        rows = _rows(results, names["expert_vs_novice"])
+        if rows is None:
+            return _MISSING
+        larger = rows.lateral_bending_percent.abs() > rows.flexion_extension_percent.abs()
+        return Finding(_spread(rows), *_judged(larger.all(), synthetic))
+
+    return judge
+
+
+def _expert_unchanged(synthetic: bool, names: dict[str, str]):
+    def judge(results: Results) -> Finding:
+        rows = _rows(results, names["decrease_in_mass_expert"])
+        if rows is None:
+            return _MISSING
+        largest = rows[[f"{plane}_percent" for plane in PLANES]].abs().max(axis=None)
+        return Finding(_spread(rows), *_judged(largest <= 1, synthetic))
+
+    return judge
+
+
+def _novice_susceptible(synthetic: bool, names: dict[str, str], groups: tuple[str, str]):
+    def judge(results: Results) -> Finding:
+        expert, novice = (_rows(results, names[f"decrease_in_mass_{name}"]) for name in GROUPS)
+        if expert is None or novice is None:
+            return _MISSING
+        columns = [f"{plane}_percent" for plane in PLANES]
+        mean = {
+            name: rows[columns].abs().mean(axis=None)
+            for name, rows in zip(groups, (expert, novice), strict=True)
+        }
+        text = "mean size of the change: " + ", ".join(f"{name} {mean[name]:.2f} %" for name in groups)
+        return Finding(text, *_judged(mean[groups[1]] > mean[groups[0]], synthetic))
+
+    return judge
+
+
+def _trajectories_matter(synthetic: bool):
+    """Compare the differences with those of the null control (θ0 = 0), for both signs of gravity, over the grid."""
+
+    def judge(results: Results) -> Finding:
+        cells = compared(results["table_4_1_grid"])
+        if len(cells) < 3:
+            return _MISSING
+        explained, words = {}, []
+        for sign, rows in cells.groupby("sign"):
+            left = np.sum((rows.percent - rows.null_percent) ** 2) / np.sum(rows.percent**2)
+            explained[sign] = 1 - left
+            words.append(
+                f"{sign}: without any movement the differences explain {100 * (1 - left):.0f} % of their squares"
+            )
+        # A person stands: the inverted sign decides; the published one stands beside it.
+        agrees, remark = _judged(explained.get("inverted", 1.0) < 0.5, synthetic)
+        return Finding("; ".join(words), agrees, remark and f"cannot be tested on invented lifters: {remark}")
+
+    return judge
+
+
+def _alternation_certifies(results: Results) -> Finding:
+    rows = results["boa"][results["boa"].method == "thesis"]
+    if rows.empty:
+        return Finding(None, None, "the thesis's procedure was not run")
+    worst = 100 * float(rows.violation_share.max())
+    text = (
+        f"{100 * float(rows.violation_share.min()):.0f} to {worst:.0f} % of the knots violate the condition"
+    )
+    return Finding(text, worst == 0, "ρ̇ frozen at the previous guess is not the ρ̇ of the result")
+
+
+def _exact_is_invariant(results: Results) -> Finding:
+    rows = results["boa"][results["boa"].method == "exact"].dropna(subset=["exits"])
+    if rows.empty:
+        return Finding(None, None, "no start was simulated")
+    starts, exits = int(rows.simulated_starts.sum()), int(rows.exits.sum())
+    return Finding(f"{exits} exits in {starts} simulated starts", exits == 0, "fixed V, exact ρ(t)")
+
+
+def _expands_backward(results: Results) -> Finding:
+    rows = results["boa"][results["boa"].method == "exact"]
+    if rows.empty:
+        return _NO_BASIN
+    larger = rows.initial_area > rows.final_area
+    return Finding(
+        f"{int(larger.sum())} of {len(rows)} basins larger at the start than at the goal", bool(larger.all())
+    )
+
+
+def sentences(synthetic: bool, groups: tuple[str, str] = GROUPS) -> list[Claim]:
+    """Return the claims of Chapter 4.
+
+    Parameters
+    ----------
+    synthetic : bool
+        Whether the lifters are the twin's: what concerns persons then cannot be tested.
+    groups : tuple of str
+        Whom the study compares in place of the thesis's expert and novice; the statements use these names.
+    """
+    table, areas, names = ("table_4_1",), ("boa",), comparison_names(groups)
+    first, second = groups
+    return [
+        Claim("expert_larger", "4.2.5", f"The {first}'s basins are larger than the {second}'s in lateral bending",
+              "2.27 to 4.44 %", "positive for all three COMs", table, _expert_larger(synthetic, names)),
+        Claim("lateral_largest", "4.2.5", "The largest differences are in lateral bending", "lateral bending",
+              "larger than in flexion/extension for all three COMs", table, _lateral_largest(synthetic, names)),
+        Claim("expert_unchanged", "4.2.5", f"A lighter box hardly changes the {first}'s basins", "−0.87 to 0.07 %",
+              "at most 1 % for every COM and plane", table, _expert_unchanged(synthetic, names)),
+        Claim("novice_susceptible", "4.2.1, 4.2.5", f"The {second} is more susceptible to changes of the box's mass",
+              "up to 7.51 %", f"mean size of the change larger than the {first}'s", table,
+              _novice_susceptible(synthetic, names, groups)),
+        Claim("trajectories_matter", "4.2.1, 4.2.6", "The differences come from the trajectories the lifters select",
+              "yes", "as people stand, less than half is left when every trajectory is replaced by θ0 = 0",
+              ("table_4_1_grid",), _trajectories_matter(synthetic)),
+        Claim("alternation_certifies", "4.2.5", "The sum-of-squares programmes certify that the basins are invariant",
+              "yes", "no knot of the thesis's procedure violates Eq. 4.6", areas, _alternation_certifies),
+        Claim("exact_is_invariant", "4.2.5", "Simulation confirms that the basins reach the goal", "proposed as future work",
+              "no simulated start leaves the exact funnel", areas, _exact_is_invariant),
+        Claim("expands_backward", "4.2.4", "The basin expands away from the goal set", "Figure 4.3",
+              "initial area above final area for every basin", areas, _expands_backward),
+    ]  # fmt: skip

@@ -1,0 +1,69 @@
+"""All claims, examined: the rows of ``claims.csv``."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from lumbar.publishing.reproduction import basin_claims as basins
+from lumbar.publishing.reproduction import identification_claims as identification
+from lumbar.publishing.reproduction import rating_claims as ratings
+from lumbar.publishing.reproduction.claim import Claim, Results, examine, verdict
+from lumbar.publishing.reproduction.table_cells import table_3_1_claims, table_3_2_claims, table_4_1_claims
+from lumbar.settings.stability import GROUPS
+
+
+def all_claims(
+    thesis_tables: dict[str, pd.DataFrame], synthetic: bool, groups: tuple[str, str] = GROUPS
+) -> list[Claim]:
+    """Return every claim in the thesis's order.
+
+    Parameters
+    ----------
+    thesis_tables : dict of str to pandas.DataFrame
+        ``table_3_1``, ``table_3_2`` and ``table_4_1`` as published.
+    synthetic : bool
+        Whether the data are the synthetic twin.
+    groups : tuple of str
+        Whom the study compares in place of the thesis's expert and novice.
+    """
+    claims = [
+        *identification.sentences(),
+        *table_3_1_claims(thesis_tables["table_3_1"]),
+        *ratings.sentences(),
+        *table_3_2_claims(thesis_tables["table_3_2"]),
+        *basins.sentences(synthetic, groups),
+        *table_4_1_claims(thesis_tables["table_4_1"], synthetic, groups),
+    ]
+    names = [claim.id for claim in claims]
+    repeated = {name for name in names if names.count(name) > 1}
+    if repeated:
+        raise ValueError(f"claims named twice: {sorted(repeated)}")
+    return claims
+
+
+def examine_claims(claims: list[Claim], results: Results, synthetic: bool, data: str) -> pd.DataFrame:
+    """Examine all claims on the results of one run.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``claim, location, statement, thesis_value, this_run, verdict, criterion, remark, evidence, data``.
+    """
+    rows = []
+    for claim in claims:
+        finding = examine(claim, results)
+        rows.append(
+            {
+                "claim": claim.id,
+                "location": claim.location,
+                "statement": claim.statement,
+                "thesis_value": claim.thesis,
+                "this_run": finding.value,
+                "verdict": verdict(claim, finding, synthetic),
+                "criterion": claim.criterion,
+                "remark": finding.remark,
+                "evidence": " ".join(claim.needs),
+                "data": data,
+            }
+        )
+    return pd.DataFrame(rows)

@@ -1,0 +1,254 @@
+"""A run as a Workflow Run RO-Crate: one archive that holds and describes code, inputs, environment and outputs, to be cited.
+
+After the profile Workflow Run Crate 0.5 of RO-Crate 1.1 (https://w3id.org/ro/wfrun/workflow/0.5). The metadata are written by
+hand: they are a list of records, and the same run gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import zipfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+from lumbar.base.files import replacing
+
+METADATA = "ro-crate-metadata.json"
+MAIN = "Snakefile"
+PROFILES = {
+    "https://w3id.org/ro/wfrun/process/0.5": ("Process Run Crate", "0.5"),
+    "https://w3id.org/ro/wfrun/workflow/0.5": ("Workflow Run Crate", "0.5"),
+    "https://w3id.org/workflowhub/workflow-ro-crate/1.0": ("Workflow RO-Crate", "1.0"),
+}
+LICENCE = "https://spdx.org/licenses/MIT"
+FORMATS = {
+    "": "text/plain",
+    ".cff": "application/yaml",
+    ".csv": "text/csv",
+    ".fmu": "application/zip",
+    ".html": "text/html",
+    ".json": "application/json",
+    ".md": "text/markdown",
+    ".pdf": "application/pdf",
+    ".svg": "image/svg+xml",
+    ".tex": "text/x-tex",
+    ".txt": "text/plain",
+    ".yaml": "application/yaml",
+}
+OLDEST = (1980, 1, 1, 0, 0, 0)
+"""Time of every member of the archive: the oldest that ZIP knows."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is told of a run beside its files.
+
+    Attributes
+    ----------
+    study, title, data : str
+        Name and title of the study; where its data come from.
+    ended : datetime.datetime
+    outputs : dict of str to str
+        What each output is, by its name in the archive.
+    configuration : str
+        Name in the archive of the merged configuration.
+    versions : dict of str to str
+        By package; None where it is not installed.
+    environment : dict of str to str
+        Variables on which the bytes depend.
+    recordings : tuple of (str, str)
+        SHA-256 and name of each recording that was given to the run.
+    source : dict of str to str
+        ``name``, ``licence`` and ``obtain`` of the recordings; empty where the run made them.
+    """
+
+    study: str
+    title: str
+    data: str
+    ended: datetime
+    outputs: dict[str, str]
+    configuration: str
+    versions: dict[str, str | None]
+    environment: dict[str, str] = field(default_factory=dict)
+    recordings: tuple[tuple[str, str], ...] = ()
+    source: dict[str, str] = field(default_factory=dict)
+
+
+def end_of_run(results: Mapping[str, Path], epoch: str | None) -> datetime:
+    """When the run ended: as declared in SOURCE_DATE_EPOCH, or when its last result was written."""
+    seconds = int(epoch) if epoch else int(max(path.stat().st_mtime for path in results.values()))
+    return datetime.fromtimestamp(seconds, UTC)
+
+
+def write_crate(path: str | Path, run: Run, results: Mapping[str, Path], project: Mapping[str, Path]) -> None:
+    """Write the archive, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Of the archive.
+    run : Run
+    results, project : mapping of str to Path
+        Outputs of the run, and files of the project, by their names in the archive.
+    """
+    contents = {name: Path(file).read_bytes() for name, file in {**project, **results}.items()}
+    contents |= dict.fromkeys(_folders(contents), b"")
+    contents[METADATA] = (json.dumps(metadata(run, contents), indent=1, ensure_ascii=False) + "\n").encode()
+    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in sorted(contents.items()):
+            archive.writestr(zipfile.ZipInfo(name, OLDEST), content, zipfile.ZIP_DEFLATED)
+
+
+def metadata(run: Run, contents: Mapping[str, bytes]) -> dict:
+    """Return ``ro-crate-metadata.json`` of an archive with these contents.
+
+    Files of the project are records of their own where they are inputs or tell how to use the rest; the others belong
+    to the record of their folder.
+    """
+    published = sorted(name for name in contents if name.startswith("resources/"))
+    told = [name for name in ("README.md", "LICENSE", "CITATION.cff", "envs/lock.txt") if name in contents]
+    folders = _folders(contents)
+    files = [*told, run.configuration, *published, *sorted(run.outputs)]
+    recordings = [_recording(name, digest, run.source) for digest, name in run.recordings]
+    software = [_software(name, version) for name, version in sorted(run.versions.items()) if version]
+    variables = [_variable(name, value) for name, value in sorted(run.environment.items())]
+    inputs = [*(_reference(name) for name in (run.configuration, *published)), *map(_to, recordings)]
+    records = [
+        _descriptor(),
+        _root(run, [MAIN, *files, *folders, *(item["@id"] for item in recordings)]),
+        *(
+            {"@id": key, "@type": "CreativeWork", "name": name, "version": version}
+            for key, (name, version) in PROFILES.items()
+        ),
+        _workflow(run, contents[MAIN], software),
+        {
+            "@id": "#snakemake",
+            "@type": "ComputerLanguage",
+            "name": "Snakemake",
+            "url": "https://snakemake.github.io/",
+        },
+        {"@id": "#developers", "@type": "Organization", "name": "The lumbar developers"},
+        {"@id": LICENCE, "@type": "CreativeWork", "name": "MIT License", "identifier": LICENCE},
+        _action(run, inputs, variables),
+        *(_file(name, contents[name], run.outputs.get(name, "")) for name in files),
+        *({"@id": name, "@type": "Dataset", "name": f"{name} of the project"} for name in folders),
+        *recordings,
+        *software,
+        *variables,
+    ]
+    context = ["https://w3id.org/ro/crate/1.1/context", "https://w3id.org/ro/terms/workflow-run/context"]
+    return {"@context": context, "@graph": records}
+
+
+def _folders(names: Iterable[str]) -> list[str]:
+    """Return the folders of the project whose files are described together."""
+    return sorted({f"{name.split('/')[0]}/" for name in names if "/" in name} - {"resources/", "results/"})
+
+
+def _reference(key: str) -> dict:
+    return {"@id": key}
+
+
+def _to(record: dict) -> dict:
+    return _reference(record["@id"])
+
+
+def _descriptor() -> dict:
+    versions = ("https://w3id.org/ro/crate/1.1", "https://w3id.org/workflowhub/workflow-ro-crate/1.0")
+    return {
+        "@id": METADATA,
+        "@type": "CreativeWork",
+        "about": _reference("./"),
+        "conformsTo": [_reference(version) for version in versions],
+    }
+
+
+def _root(run: Run, parts: list[str]) -> dict:
+    return {
+        "@id": "./",
+        "@type": "Dataset",
+        "name": run.title or run.study,
+        "description": f"Run of the study {run.study}: code, inputs, environment and results. Data: {run.data}.",
+        "datePublished": run.ended.isoformat(),
+        "license": _reference(LICENCE),
+        "conformsTo": [_reference(profile) for profile in PROFILES],
+        "mainEntity": _reference(MAIN),
+        "mentions": _reference("#run"),
+        "hasPart": [_reference(part) for part in parts],
+    }
+
+
+def _workflow(run: Run, content: bytes, software: list[dict]) -> dict:
+    return {
+        **_file(MAIN, content, "lumbar: from recordings to every table, figure and FMU"),
+        "@type": ["File", "SoftwareSourceCode", "ComputationalWorkflow"],
+        "version": run.versions["lumbar"],
+        "license": _reference(LICENCE),
+        "author": _reference("#developers"),
+        "programmingLanguage": _reference("#snakemake"),
+        "conformsTo": _reference("https://bioschemas.org/profiles/ComputationalWorkflow/1.0-RELEASE"),
+        "softwareRequirements": [_reference("envs/lock.txt"), *map(_to, software)],
+    }
+
+
+def _action(run: Run, inputs: list[dict], variables: list[dict]) -> dict:
+    return {
+        "@id": "#run",
+        "@type": "CreateAction",
+        "name": f"Run of the study {run.study}",
+        "description": f"snakemake --configfile {run.configuration}",
+        "endTime": run.ended.isoformat(),
+        "actionStatus": "http://schema.org/CompletedActionStatus",
+        "instrument": _reference(MAIN),
+        "environment": [_to(variable) for variable in variables],
+        "object": inputs,
+        "result": [_reference(name) for name in sorted(run.outputs)],
+    }
+
+
+def _file(name: str, content: bytes, label: str) -> dict:
+    record = {
+        "@id": name,
+        "@type": "File",
+        "name": label or name,
+        "contentSize": str(len(content)),
+        "sha256": hashlib.sha256(content).hexdigest(),
+    }
+    if Path(name).suffix in FORMATS:
+        record["encodingFormat"] = FORMATS[Path(name).suffix]
+    if name == "README.md":
+        record["about"] = _reference("./")
+    return record
+
+
+def _recording(name: str, digest: str, source: Mapping[str, str]) -> dict:
+    """Describe a recording that the archive does not hold; its content names it (RFC 6920)."""
+    named = base64.urlsafe_b64encode(bytes.fromhex(digest)).rstrip(b"=").decode()
+    return {
+        "@id": f"ni:///sha-256;{named}",
+        "@type": "File",
+        "name": name,
+        "sha256": digest,
+        "isPartOf": source["name"],
+        "license": source["licence"],
+        "description": f"Not in this archive: {source['obtain']}",
+    }
+
+
+def _software(name: str, version: str) -> dict:
+    """Describe a package; its name is a package URL (https://github.com/package-url/purl-spec)."""
+    kind = "generic" if name in ("python", "lumbar") else "pypi"
+    return {
+        "@id": f"pkg:{kind}/{name}@{version}",
+        "@type": "SoftwareApplication",
+        "name": name,
+        "softwareVersion": version,
+    }
+
+
+def _variable(name: str, value: str) -> dict:
+    return {"@id": f"#{name}", "@type": "PropertyValue", "name": name, "value": value}

@@ -1,0 +1,248 @@
+"""What the report of a study holds: its artefacts in the thesis's order, each with words, values and files."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from html import unescape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.base.files import read_json
+from lumbar.publishing.study_report.picture import Picture, read_picture
+from lumbar.publishing.study_report.published_values import Beside, Said, beside, said_of
+from lumbar.study.artefacts import Artefact
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CHAPTERS = {
+    "surgeon": "Surgeon motion",
+    "signals": "Signal design",
+    "tissue": "System identification",
+    "improvement": "Improvement of the models",
+    "runtime": "Haptic runtime",
+    "survey": "Survey",
+    "lifting": "Lifting",
+    "stability": "Basins of attraction",
+    "perturbations": "Perturbed trials",
+    "population": "People compared",
+    "pushes": "Pushes",
+    "claims": "Claims",
+}
+PLACES = {
+    "surgeon": "Chapter 3, Sections 3.2.3.1 and 3.2.4.1",
+    "signals": "Chapter 3, Section 3.2.3.1",
+    "tissue": "Chapters 2 and 3, Sections 2.2.3 and 3.2.4.1",
+    "improvement": "beyond the thesis",
+    "runtime": "Chapter 3, Section 3.2.3.2",
+    "survey": "Chapter 3, Section 3.2.4.2",
+    "lifting": "Chapter 4, Section 4.2.3.1",
+    "stability": "Chapter 4, Sections 4.2.3 to 4.2.5",
+    "perturbations": "beyond the thesis",
+    "population": "beyond the thesis",
+    "pushes": "beyond the thesis",
+    "claims": "all chapters",
+}
+"""Where in the thesis each chapter of the study stands."""
+_MAIN = re.compile(r"<main>(.*)</main>", flags=re.S)
+_DATA = re.compile(r'<p class="data">Data: (.*?)</p>')
+MANY = 24
+"""Lifts, or record sets, that are shown one by one: of more, the files of the others are linked alone."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One table, picture or page of the report.
+
+    Attributes
+    ----------
+    key : str
+        Its place in the page, as in ``#key``.
+    artefact : Artefact
+    title : str
+    caption : str
+        What it shows.
+    data : str
+        Where the data come from.
+    shows : str
+        Person and box, where it shows one.
+    picture : Picture or None
+    table : str
+        HTML of a published table; empty for others.
+    page : str
+        File of an interactive page, below the study's results; empty where there is none.
+    sentence : str
+        What was found, where one sentence tells it.
+    files : tuple of str
+        Below the study's results.
+    said : tuple of Said
+        The thesis's claims about it.
+    beside : Beside or None
+        The thesis's table beside this run's.
+    missing : bool
+        Whether it was not made.
+    """
+
+    key: str
+    artefact: Artefact
+    title: str
+    caption: str
+    data: str = ""
+    shows: str = ""
+    picture: Picture | None = None
+    table: str = ""
+    page: str = ""
+    sentence: str = ""
+    files: tuple[str, ...] = ()
+    said: tuple[Said, ...] = ()
+    beside: Beside | None = None
+    missing: bool = False
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """A chapter of the report.
+
+    Attributes
+    ----------
+    name, title, place : str
+    entries : tuple of Entry
+    files : tuple of (Artefact, tuple of str)
+        What is not shown: artefacts that are files alone, and those beyond `MANY`.
+    """
+
+    name: str
+    title: str
+    place: str
+    entries: tuple[Entry, ...]
+    files: tuple[tuple[Artefact, tuple[str, ...]], ...] = field(default_factory=tuple)
+
+
+def chapters(
+    results: Path,
+    captions: Path,
+    sheet: Sequence[Artefact],
+    choices: dict[str, dict[str, str]],
+    claims: pd.DataFrame | None,
+) -> list[Chapter]:
+    """Return the chapters of a study's report.
+
+    Parameters
+    ----------
+    results : pathlib.Path
+        ``results/<study>``.
+    captions : pathlib.Path
+        Folder with a caption ``<id>.rst`` for every artefact that has a label.
+    sheet : sequence of Artefact
+        Of the study's chapters, in order.
+    choices : dict of str to dict of str to str
+        What ``{lift}``, ``{record_set}`` and ``{model}`` stand for, each with its words.
+    claims : pandas.DataFrame or None
+        ``claims.csv``.
+    """
+    made = []
+    for name, rows in itertools.groupby(sheet, key=lambda row: row.chapter):
+        entries, files = [], []
+        for artefact in rows:
+            every = _choices(artefact, choices) if artefact.label else []
+            caption = _caption(captions, artefact) if every else ""
+            entries += [
+                _entry(results, artefact, choice, caption, choices, claims) for choice in every[:MANY]
+            ]
+            paths = _paths(artefact, choices)
+            told = {path for entry in entries for path in entry.files}
+            if not told.issuperset(paths):
+                files.append((artefact, tuple(path for path in paths if path not in told)))
+        # All of one record set stands together.
+        sets = list(choices.get("record_set", ()))
+        entries.sort(key=lambda entry: _set_of(entry, sets))
+        made.append(Chapter(name, CHAPTERS[name], PLACES[name], tuple(entries), tuple(files)))
+    return made
+
+
+def _caption(captions: Path, artefact: Artefact) -> str:
+    """Caption of an artefact without the marks of reStructuredText."""
+    text = " ".join((captions / f"{artefact.id}.rst").read_text(encoding="utf-8").split())
+    return text.replace("``", "").replace("*", "")
+
+
+def _set_of(entry: Entry, sets: list[str]) -> int:
+    found = [number for number, name in enumerate(sets) if entry.key.endswith(f"-{name}")]
+    return found[0] if "{record_set}" in entry.artefact.path and found else 0
+
+
+def _choices(artefact: Artefact, choices: dict[str, dict[str, str]]) -> list[dict[str, str]]:
+    """Return what the names in braces of an artefact's label stand for, one after the other."""
+    names = [name for name in choices if f"{{{name}}}" in artefact.label]
+    return [
+        dict(zip(names, values, strict=True))
+        for values in itertools.product(*(choices[name] for name in names))
+    ]
+
+
+def _paths(artefact: Artefact, choices: dict[str, dict[str, str]]) -> list[str]:
+    whole = artefact.expanded(**{name: values for name, values in choices.items() if name != "lift"})
+    return whole.paths(choices.get("lift", ()))
+
+
+def _entry(
+    results: Path,
+    artefact: Artefact,
+    choice: dict[str, str],
+    caption: str,
+    choices: dict[str, dict[str, str]],
+    claims: pd.DataFrame | None,
+) -> Entry:
+    single = artefact.expanded(**{name: [value] for name, value in choice.items()})
+    files = tuple(_paths(single, choices))
+    title = artefact.label
+    for name, value in choice.items():
+        title = title.replace(f"{{{name}}}", choices[name][value])
+    key = "-".join([artefact.id, *choice.values()])
+    if not all((results / path).is_file() for path in files):
+        return Entry(key, artefact, title, caption, files=files, missing=True)
+    pictures = [path for path in files if path.endswith(".svg")]
+    pages = [path for path in files if path.endswith(".html")]
+    picture = read_picture(results / pictures[0]) if pictures else None
+    is_table = bool(pages) and any(path.endswith(".tex") for path in files)
+    text = (results / pages[0]).read_text(encoding="utf-8") if is_table else ""
+    inner, told = _MAIN.search(text), _DATA.search(text)
+    return Entry(
+        key=key,
+        artefact=artefact,
+        title=title,
+        caption=caption,
+        data=picture.data if picture else unescape(told[1]) if told else "",
+        shows=picture.shows if picture else "",
+        picture=picture,
+        table=inner[1] if inner else "",
+        page="" if is_table or not pages else pages[0],
+        sentence=_diagnosis(results, files),
+        files=files,
+        said=() if claims is None else tuple(said_of(claims, artefact.id)),
+        beside=None if claims is None else beside(claims, artefact.id),
+    )
+
+
+def _diagnosis(results: Path, files: Sequence[str]) -> str:
+    """Say what a diagnosis found, from its ``diagnosis.json``."""
+    found = [path for path in files if path.endswith("diagnosis.json")]
+    if not found:
+        return ""
+    diagnosis = read_json(results / found[0])
+    unit, ladder = diagnosis["unit"], diagnosis["ladder"]
+    named = ", ".join(name.replace("_", " ") for name in diagnosis["selected"]) or "nothing"
+    words = [
+        f"Base {diagnosis['base']}, trained on {diagnosis['train']}: {diagnosis['verdict']}. Missing: {named}."
+    ]
+    first, last = (ladder[place].get("test_rms") for place in (0, -1))
+    if first is not None and last is not None:
+        words.append(
+            f"RMS error on unseen records {first:.3g} {unit} with the base, {last:.3g} {unit} with what is named"
+        )
+        floor = diagnosis["noise_floor_rms"]
+        words[-1] += "." if floor is None else f"; noise floor {floor:.3g} {unit}."
+    return " ".join(words)

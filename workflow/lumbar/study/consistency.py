@@ -1,0 +1,210 @@
+"""What one key of a configuration says about another, and about the files it names."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.base.errors import LumbarError, Problems
+from lumbar.base.yaml_file import way_of
+from lumbar.settings.stability import GROUPS
+from lumbar.study.study import Study
+from lumbar.study.study_recordings import record_layout, record_set, recordings_of
+
+if TYPE_CHECKING:
+    from lumbar.settings.improvement import ImprovementSettings
+    from lumbar.settings.study_settings import StudySettings
+    from lumbar.settings.survey import SurveySettings
+    from lumbar.settings.tissue import TissueSettings
+    from lumbar.study.validation import Origins
+
+    Add = Callable[[str, str, str], None]
+
+
+def _check_surgeon(settings: StudySettings, add: Add) -> None:
+    _check_names("surgeon.records", [record.name for record in settings.surgeon.records], add)
+
+
+def _check_names(key: str, names: list[str], add: Add) -> None:
+    if not names:
+        add(key, "none", "the chapter needs one at least")
+    for name, count in Counter(names).items():
+        if count > 1:
+            add(key, f"{name!r} stands twice", "names must differ")
+
+
+def _check_survey(survey: SurveySettings, add: Add) -> None:
+    models = [model.name for model in survey.layout.models]
+    if survey.baseline not in models:
+        add("survey.baseline", f"{survey.baseline!r} is not rated", f"models: {', '.join(models)}")
+    points, labels = survey.layout.scale_points, len(survey.scale_labels)
+    if labels != points:
+        add("survey.scale_labels", f"{labels} names", f"survey.layout.scale_points is {points}")
+
+
+def _check_tissue(tissue: TissueSettings, add: Add) -> None:
+    names = [record.name for record in tissue.records]
+    _check_names("tissue.records", names, add)
+    for number, name in enumerate(tissue.training):
+        if name not in names:
+            add(f"tissue.training.{number}", f"{name!r} is no record", f"records: {', '.join(names)}")
+    if not tissue.training:
+        add("tissue.training", "none", f"name one of the records at least: {', '.join(names)}")
+    ridge, (start, stop) = tissue.ridge, tissue.segment_s
+    if ridge.alpha_min >= ridge.alpha_max:
+        found = f"{ridge.alpha_min:g} is not below alpha_max {ridge.alpha_max:g}"
+        add("tissue.ridge.alpha_min", found, "the progression runs from the smaller to the larger")
+    if start >= stop:
+        add("tissue.segment_s", f"[{start:g}, {stop:g}]", "start before end")
+    if tissue.search.selection == "test" and len(names) < 2:
+        add("tissue.search.selection", "'test' with a single record", "use training")
+
+
+def _check_record_sets(settings: StudySettings, root: Path, add: Add) -> None:
+    """Check that a set whose base is no model of a tissue has records of its own, and that sets name what they have."""
+    _check_names("improvement.record_sets", [entry.name for entry in settings.improvement.record_sets], add)
+    for number, entry in enumerate(settings.improvement.record_sets):
+        place, used = f"improvement.record_sets.{number}", record_set(settings, entry.name)
+        layout, _ = record_layout(settings, used.base)
+        if layout is not settings.tissue.layout and entry.records is None:
+            found = f"{entry.name} has the base {entry.base} and no records"
+            add(place, found, "those of the tissue chapter are none: name its own")
+        if entry.layout is not None and entry.records is None:
+            add(f"{place}.layout", "a layout without records", "it is of the set's own records: name them")
+        if entry.rate_Hz is not None and entry.layout is None:
+            add(f"{place}.rate_Hz", "a rate without a layout", "records of tissue.layout have tissue.rate_Hz")
+        names = [record.name for record in used.records]
+        for name in [entry.train] if isinstance(entry.train, str) else entry.train or ():
+            if name not in names:
+                add(f"{place}.train", f"{name!r} is no record", f"records: {', '.join(names)}")
+        if entry.effects:
+            key = f"{place}.effects"
+            _check_effects(entry.effects, key, settings.improvement.effect_files, used.base, root, add)
+
+
+def _check_gravity(settings: StudySettings, add: Add) -> None:
+    """Check that the effects on a pendulum, which tell masses from distances by weight, have one."""
+    sets = settings.improvement.record_sets
+    weightless = settings.stability.pendulum.gravity_m_s2 == 0
+    if weightless and any(record_set(settings, entry.name).base == "pendulum" for entry in sets):
+        words = "record sets whose base is pendulum need gravity: leave them out of improvement.record_sets, or set this key"
+        add("stability.pendulum.gravity_m_s2", "0", words)
+
+
+def _check_groups(study: Study, add: Add) -> None:
+    """Check that the groups compared are labels of people.
+
+    One person, or one label, has nothing to compare: a study whose chapter is to compare is refused.
+    """
+    if study.settings.subject:
+        return
+    labels = sorted(set(study.labels.values()))
+    groups = study.settings.stability.compare.groups
+    unknown = [group for group in groups if group not in labels]
+    if unknown and (len(labels) > 1 or groups != GROUPS or study.has("population")):
+        words = f"labels of the people (experience in config/subjects): {', '.join(labels)}"
+        add("stability.compare.groups", f"nobody is labelled {' or '.join(map(repr, unknown))}", words)
+
+
+def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> None:
+    """Check that the effects which a study adds are known, its own files of effects among them.
+
+    Parameters
+    ----------
+    improvement : ImprovementSettings
+    root : Path
+        Folder that the study's files of effects are named relative to.
+    add : callable
+        Takes key, what was found and what is allowed.
+    """
+    if improvement.effects or improvement.effect_files:
+        files, base = improvement.effect_files, improvement.base
+        _check_effects(improvement.effects, "improvement.effects", files, base, root, add)
+
+
+def _check_effects(
+    effects: Sequence[str], key: str, files: Sequence[str], base: str, root: Path, add: Add
+) -> None:
+    from lumbar.tissue.effects.catalogue import catalogue_with
+
+    try:
+        known = catalogue_with([str(root / file) for file in files], base)
+    except (LumbarError, OSError) as error:
+        add("improvement.effect_files", str(error), "")
+        return
+    for number, name in enumerate(effects):
+        if name not in known:
+            allowed = f"effects: {', '.join(known)}; improvement.effect_files may define more"
+            add(f"{key}.{number}", f"{name!r} is no effect", allowed)
+
+
+def check_consistency(study: Study, root: Path, origins: Origins, problems: Problems) -> None:
+    """Check names, references between keys and that every given recording is there and inside the root.
+
+    Whether an object store has a recording is asked by Snakemake.
+
+    Parameters
+    ----------
+    study : Study
+    root : Path
+        Folder of the project.
+    origins : Origins
+        Files and lines of the keys.
+    problems : Problems
+        Takes what is wrong.
+    """
+
+    def add(key: str, found: str, allowed: str) -> None:
+        problems.add(origins.place(way_of(key)), found, allowed)
+
+    settings = study.settings
+    if study.has("surgeon"):
+        _check_surgeon(settings, add)
+    if study.has("tissue"):
+        _check_tissue(settings.tissue, add)
+        trained_on = settings.runtime.trained_on
+        if study.has("runtime") and trained_on not in settings.tissue.training:
+            add("runtime.trained_on", f"{trained_on!r} is not trained on", "take one of tissue.training")
+        check_effects(settings.improvement, root, add)
+    if study.has("improvement"):
+        _check_record_sets(settings, root, add)
+        _check_gravity(settings, add)
+    if study.has("survey"):
+        _check_survey(settings.survey, add)
+    if (study.has("lifting") or study.has("population")) and not study.lifts:
+        add("lifting.subjects", "none", "the chapter needs a file of config/subjects at least")
+    for name, subject in study.subjects.items():
+        if not subject.trials:
+            add("lifting.subjects", f"{name} has no trials", "list its recordings in config/subjects")
+    if study.has("stability") or study.has("population"):
+        _check_groups(study, add)
+    if study.has("stability") or study.has("perturbations"):
+        from lumbar.lifting.stability.model.riccati import weight_problems
+
+        problems.extend(weight_problems(**vars(settings.stability.regulator)))
+        checks = settings.stability.checks
+        if "cvxpy" in checks and "sum_of_squares" not in checks:
+            add(
+                "stability.checks",
+                "cvxpy without sum_of_squares",
+                "it checks those certificates: choose both",
+            )
+    _check_recordings(study, add)
+
+
+def _check_recordings(study: Study, add: Add) -> None:
+    for chapter, files in recordings_of(study).items():
+        for name in files:
+            path = Path(name)
+            if path.is_absolute() or ".." in path.parts:
+                add(chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'")
+            elif isinstance(study.data_root, Path):
+                found = (study.data_root / path).resolve()
+                if not found.is_relative_to(study.data_root):
+                    add(chapter, f"{name} leads out of data_root", "copy the file there")
+                elif not found.is_file():
+                    source = study.settings.data_source
+                    words = f"it comes with {source.name} (licence: {source.licence}): {source.obtain}"
+                    add(chapter, f"{name} is not in {study.data_root}", words)

@@ -1,0 +1,212 @@
+"""From YAML to the study: its configuration checked as a whole.
+
+Everything a workflow or the command line needs to know of a configuration is asked in this package, so that a wrong key
+is found before anything runs and all wrong keys are found at once.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from lumbar.base.errors import Problems
+from lumbar.base.yaml_file import YamlFile, read_yaml
+from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.subject import SubjectFile, SubjectSettings
+from lumbar.study.artefacts import read_artefacts
+from lumbar.study.chapters import LIFTED, NEEDS
+from lumbar.study.consistency import check_consistency
+from lumbar.study.study import TWIN, RecordedLift, Study
+from lumbar.study.validation import Origins, laid_over, validated
+
+
+def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> Study:
+    """Check a merged configuration and return the study it describes.
+
+    Parameters
+    ----------
+    config : dict
+        Study and subject files, laid over each other.
+    root : Path
+        Folder of the project: subject files lie below it.
+    files : sequence of path
+        The files that were merged, the last one on top: messages name their lines, and what merging hides, such as
+        a key that stands twice, is found in them.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        With every wrong key, value, missing file or contradiction found.
+    """
+    problems = Problems("configuration")
+    origins = Origins([read_yaml(_below(root, file), problems, _named(root, file)) for file in files])
+    settings = validated(config, StudySettings, problems, origins)
+    subjects = _load_subjects(config, settings, root, problems)
+    if settings is not None:
+        _check_chapters(settings, problems, origins)
+    problems.raise_if_any()
+    chapters = settings.chapters
+    lifts = name_lifts(subjects)
+    study = Study(
+        name=settings.subject.name if settings.subject else settings.study,
+        settings=settings,
+        subjects=subjects,
+        artefacts=[
+            row.expanded(
+                model=settings.runtime.models,
+                record_set=[entry.name for entry in settings.improvement.record_sets],
+            )
+            for row in read_artefacts(root / "config" / "artefacts.tsv")
+            if row.chapter in chapters
+        ],
+        data_root=_data_root(settings, root, problems, origins),
+        lifts=lifts if LIFTED & set(chapters) else {},
+    )
+    check_consistency(study, root, origins, problems)
+    problems.raise_if_any()
+    return study
+
+
+DEFAULT_FILES = (Path("config/config.yaml"), Path("config/twin.yaml"))
+"""What every study of a project is laid over."""
+
+
+def load_study_file(root: Path, file: Path | None = None) -> Study:
+    """Return the study of a project's default files, with a study's file laid over them; errors as of `load_study`."""
+    files = [root / path for path in DEFAULT_FILES if (root / path).is_file()]
+    files += [] if file is None else [file]
+    problems, content = Problems("configuration"), {}
+    for path in files:
+        content = laid_over(content, read_yaml(path, problems).content)
+    problems.raise_if_any()
+    return load_study(content, root, files)
+
+
+def _below(root: Path, file: str | Path) -> Path:
+    return Path(file) if Path(file).is_absolute() else root / file
+
+
+def _named(root: Path, file: str | Path) -> str:
+    path = _below(root, file)
+    return str(path.relative_to(root)) if path.is_relative_to(root) else str(file)
+
+
+def _check_chapters(settings: StudySettings, problems: Problems, origins: Origins) -> None:
+    chapters = settings.chapters
+    if not chapters:
+        problems.add(origins.place(("chapters",)), "none", "a study has a chapter at least")
+    for chapter in chapters:
+        missing = [needed for needed in NEEDS.get(chapter, []) if needed not in chapters]
+        if missing:
+            found = f"{chapter} without {', '.join(missing)}"
+            problems.add(origins.place(("chapters",)), found, "it builds on it: add it")
+    if "pushes" in chapters and LIFTED.isdisjoint(chapters):
+        found = "pushes without lifts"
+        problems.add(origins.place(("chapters",)), found, f"add {' or '.join(sorted(LIFTED))}")
+    if "perturbations" in chapters and settings.perturbations is None:
+        problems.add(origins.place(("perturbations",)), "null", "the chapter needs its trials")
+
+
+def name_lifts(subjects: dict[str, SubjectSettings]) -> dict[str, RecordedLift]:
+    """Return every trial by the name of its lift: ``expert_23kg``, and ``expert_23kg_2`` where it is repeated.
+
+    Parameters
+    ----------
+    subjects : dict of str to SubjectSettings
+        Subject files by name.
+    """
+    lifts: dict[str, RecordedLift] = {}
+    for subject, content in subjects.items():
+        masses: list[float] = []
+        for trial in content.trials:
+            masses.append(trial.box_mass_kg)
+            repetition = masses.count(trial.box_mass_kg)
+            name = f"{subject}_{trial.box_mass_kg:g}kg"
+            lifts[name if repetition == 1 else f"{name}_{repetition}"] = RecordedLift(
+                subject, trial, content.static
+            )
+    return lifts
+
+
+def _load_subjects(
+    config: dict, settings: StudySettings | None, root: Path, problems: Problems
+) -> dict[str, SubjectSettings]:
+    """Read the study's subject files; those of a configuration that is wrong itself are checked all the same."""
+    if settings is None:
+        names = (
+            config.get("lifting", {}).get("subjects", []) if isinstance(config.get("lifting"), dict) else []
+        )
+        names = [] if "subject" in config or not isinstance(names, list) else filter(_is_name, names)
+    elif not LIFTED & set(settings.chapters):
+        return {}
+    elif settings.subject:
+        return {settings.subject.name: settings.subject}
+    elif settings.data == TWIN and settings.twin.lifting.cohort:
+        from lumbar.twin.cohort import cohort_subjects
+
+        return cohort_subjects(settings.twin.lifting.cohort, settings.twin.seed)
+    else:
+        names = settings.lifting.subjects
+    subjects = {}
+    for name in names:
+        path = root / "config" / "subjects" / f"{name}.yaml"
+        if not path.is_file():
+            known = ", ".join(sorted(item.stem for item in path.parent.glob("*.yaml")))
+            problems.add("lifting.subjects", f"no file config/subjects/{name}.yaml", f"there are: {known}")
+            continue
+        subject = read_subject(path, f"config/subjects/{name}.yaml", problems)
+        if subject is not None and subject.name != name:
+            place = f"config/subjects/{name}.yaml: subject.name"
+            problems.add(place, repr(subject.name), f"the file is named {name}.yaml")
+        elif subject is not None:
+            subjects[name] = subject
+    return subjects
+
+
+def _is_name(name: object) -> bool:
+    return isinstance(name, str) and "/" not in name
+
+
+def read_subject(path: Path, name: str, problems: Problems) -> SubjectSettings | None:
+    """Read a subject file; None where it cannot be used, and `problems` says why."""
+    before = len(problems.entries)
+    file: YamlFile = read_yaml(path, problems, name)
+    if len(problems.entries) > before:
+        return None
+    checked = validated(file.content, SubjectFile, problems, Origins([file]))
+    return checked.subject if checked else None
+
+
+def _data_root(
+    settings: StudySettings, root: Path, problems: Problems, origins: Origins
+) -> Path | str | None:
+    if settings.data == TWIN:
+        return None
+    named = os.environ.get("LUMBAR_DATA") or settings.data_root
+    source = settings.data_source
+    if source is None:
+        words = "recordings need name, licence and where to obtain them"
+        problems.add(origins.place(("data_source",)), "missing", words)
+        return None
+    if named is None:
+        words = "set it in the study's YAML or in the environment variable LUMBAR_DATA"
+        problems.add(origins.place(("data_root",)), "not set", words)
+        return None
+    if "://" in named:
+        return named.rstrip("/")
+    folder = _below(root, Path(named).expanduser())
+    if not folder.is_dir():
+        problems.add(
+            origins.place(("data_root",)),
+            f"the folder {folder} does not exist",
+            f"it should hold: {source.name} (licence: {source.licence}); obtain it from "
+            f"{source.obtain}, then set data_root in the study's YAML or the environment variable "
+            "LUMBAR_DATA",
+        )
+        return None
+    return folder.resolve()

@@ -1,0 +1,210 @@
+"""A configuration against the settings that there are: every wrong key and value of all files at once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from difflib import get_close_matches
+from functools import cache
+from typing import Any, TypeVar
+
+from lumbar.base.errors import Problems
+from lumbar.base.yaml_file import YamlFile
+from lumbar.settings.plain import plain
+from lumbar.study.allowed import KeyType, key_at, keys_of, section_of
+
+Kind = TypeVar("Kind")
+FILL_IN = "FILL_IN"
+"""What stands in place of a value that only a person knows (``lumbar new-study``)."""
+_LONGEST_VALUE = 60
+_ANY = object()
+
+
+def laid_over(base: dict, upper: dict) -> dict:
+    """Merge as Snakemake does: mappings merge, lists and scalars replace."""
+    merged = dict(base)
+    for key, value in upper.items():
+        below = merged.get(key)
+        both = isinstance(below, dict) and isinstance(value, dict)
+        merged[key] = laid_over(below, value) if both else value
+    return merged
+
+
+class Origins:
+    """Which file and line a key of a merged configuration comes from.
+
+    Parameters
+    ----------
+    files : sequence of YamlFile
+        In the order in which they were laid over each other.
+    """
+
+    def __init__(self, files: Sequence[YamlFile] = ()):
+        self.files = files
+
+    def place(self, way: tuple, value: Any = _ANY) -> str:
+        """Name file, line and key of a place, as far as the files hold it.
+
+        Parameters
+        ----------
+        way : tuple
+            Keys and numbers of entries.
+        value : object, optional
+            What stands there: a file that says otherwise is not where it comes from.
+        """
+        name = ".".join(map(str, way)) or "top level"
+        holding = [file for file in self.files if way in file.lines]
+        for file in reversed(holding):
+            if value is _ANY or _at(file.content, way) == value:
+                return f"{file.path}, line {file.lines[way]}: {name}"
+        if holding:
+            return f"--config: {name}"
+        for end in range(len(way) - 1, 0, -1):
+            for file in reversed(self.files):
+                if way[:end] in file.lines:
+                    return f"{file.path}, line {file.lines[way[:end]]}: {name}"
+        return name
+
+
+def _at(content: Any, way: tuple) -> Any:
+    for part in way:
+        content = content[part]
+    return content
+
+
+@cache
+def _adapter(kind: type):
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(kind)
+
+
+def validated(
+    content: dict, kind: type[Kind], problems: Problems, origins: Origins, above: tuple = ()
+) -> Kind | None:
+    """Return a configuration as settings, with the defaults of all that it leaves out.
+
+    Parameters
+    ----------
+    content : dict
+        As the files hold it.
+    kind : type
+        Class of `lumbar.settings`.
+    problems : Problems
+        Takes every wrong key and value, with file, line, what was found and what is allowed.
+    origins : Origins
+    above : tuple of str
+        Way to the content in its file.
+
+    Returns
+    -------
+    kind or None
+        None if there are problems.
+    """
+    from pydantic import ValidationError
+
+    unfilled = _unfilled(content)
+    for way in unfilled:
+        value = f"{FILL_IN}: still to be filled in"
+        problems.add(origins.place((*above, *way)), value, _rule(key_at(kind, way)))
+    merged = laid_over(_defaults(kind), content)
+    try:
+        checked = _adapter(kind).validate_json(json.dumps(merged, default=_as_plain), strict=True)
+        return None if unfilled else checked
+    except ValidationError as error:
+        said: dict[tuple, tuple[str, str]] = dict.fromkeys(unfilled, ("", ""))
+        for item in error.errors(include_url=False):
+            way, found, allowed = _explained(kind, merged, item)
+            said.setdefault(way, (found, allowed))
+        places = {way: origins.place((*above, *way), _value(merged, way, _ANY)) for way in said}
+        for way, (found, allowed) in said.items():
+            if any(place[: len(way)] == way for place in unfilled):
+                continue
+            problems.add(places[way], found, allowed)
+    return None
+
+
+def _unfilled(content: Any, way: tuple = ()) -> list[tuple]:
+    """Ways to the values that a person has yet to fill in."""
+    if isinstance(content, dict | list):
+        items = content.items() if isinstance(content, dict) else enumerate(content)
+        return [found for key, value in items for found in _unfilled(value, (*way, key))]
+    return [way] if content == FILL_IN else []
+
+
+def _as_plain(value: Any) -> Any:
+    """Number of NumPy as Python's; anything else that no file can hold as its text, which is refused."""
+    return value.item() if hasattr(value, "item") else str(value)
+
+
+def _defaults(kind: type) -> dict:
+    """Every default of a section; nothing for one that has required keys."""
+    try:
+        return plain(kind())
+    except TypeError:
+        return {}
+
+
+def _value(content: Any, way: tuple, absent: Any) -> Any:
+    try:
+        return _at(content, way)
+    except (KeyError, IndexError, TypeError):
+        return absent
+
+
+def _explained(kind: type, content: dict, error: dict) -> tuple[tuple, str, str]:
+    """Return where an error of Pydantic lies, what was found there, and what is allowed."""
+    way, value = [], content
+    for part in error["loc"]:
+        if not (part in value if isinstance(value, dict) else _is_index(part, value)):
+            break
+        way.append(part)
+        value = value[part]
+    where = tuple(way)
+    if error["type"] == "unexpected_keyword_argument":
+        return where, *_unknown_key(key_at(kind, where[:-1]), where[-1])
+    if error["type"] in ("missing", "missing_argument") and len(error["loc"]) == len(way) + 1:
+        where = (*where, error["loc"][-1])
+        return where, "missing", _rule(key_at(kind, where))
+    if error["loc"][-1] == "[key]":
+        return where, f"{where[-1]!r} is no name", _rule(key_at(kind, where[:-1]))
+    if error["type"] == "value_error":
+        return where, str(error["ctx"]["error"]), _rule(key_at(kind, where))
+    return (
+        where,
+        f"found {_shown(value)}",
+        _rule(key_at(kind, where)) + _number_hint(value, key_at(kind, where)),
+    )
+
+
+def _is_index(part: Any, value: Any) -> bool:
+    return isinstance(value, list) and isinstance(part, int) and part < len(value)
+
+
+def _unknown_key(section: KeyType | None, name: str) -> tuple[str, str]:
+    known = list(keys_of(section_of(section.kind))) if section and section_of(section.kind) else []
+    close = get_close_matches(str(name), known, 1)
+    meant = f"unknown key; did you mean {close[0]!r}?" if close else "unknown key"
+    return meant, f"allowed: {', '.join(known)}"
+
+
+def _rule(key: KeyType | None) -> str:
+    if key is None:
+        return ""
+    return f"allowed: {key.allowed}" + (f" ({key.meaning.rstrip('.')})" if key.meaning else "")
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}…"
+
+
+def _number_hint(value: Any, key: KeyType | None) -> str:
+    """Tell how to write a number that YAML took for text."""
+    if key is None or not isinstance(value, str) or "number" not in key.allowed:
+        return ""
+    try:
+        float(value)
+    except ValueError:
+        return ""
+    return "; write numbers without quotes, powers of ten as 1.0e+6"

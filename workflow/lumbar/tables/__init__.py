@@ -1,0 +1,1 @@
+"""Tables as they are published: layout, words, CSV, LaTeX and HTML."""

@@ -1,0 +1,170 @@
+"""Publishing a table as CSV, LaTeX and HTML, with the definition of every column."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.base.errors import NumericalError
+from lumbar.base.files import write_text
+from lumbar.base.templates import template
+from lumbar.tables.latex import latex_table
+from lumbar.tables.layout import EMPTY, Column, blocks, fitting, keys_of, scientific, split
+from lumbar.tables.words import column_in_words, value_in_words
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SYNTHETIC_TWIN = "synthetic twin"
+"""The words that stand on everything made from synthetic data."""
+
+ROWS_SHOWN = 40
+"""Rows that are shown at once; of more the first ones, the others below them on demand."""
+_FIRST_ROWS = 12
+
+
+@dataclass(frozen=True, repr=False)
+class Table:
+    """A table as it is published.
+
+    Attributes
+    ----------
+    title : str
+        One sentence that says what the table shows.
+    frame : pandas.DataFrame
+        The values; column names as in the CSV file. Empty cells are ``None`` or NaN only in the
+        columns named in `may_be_empty`.
+    definitions : dict of str to str
+        Definition of each column: formula or rule, scaling and unit.
+    notes : tuple of str
+        Remarks shown below the table.
+    data : str
+        Where the data come from, e.g. ``"synthetic twin"``; shown in every format.
+    decimals : dict of str to int
+        Digits after the point in LaTeX and HTML (default: four significant digits).
+    may_be_empty : frozenset of str
+        Columns in which a cell may be empty ("not applicable").
+    headers : dict of str to str
+        Words that stand over columns in LaTeX and HTML. Default: the column's name in words, its unit in brackets.
+    first : tuple of str
+        Columns shown first, in this order; HTML has the others on demand, LaTeX has none of them. Default: those of
+        `headers` where there are any, otherwise as many as fit the page.
+    first_rows : tuple of int
+        Rows shown first, as `first`. Default: all where they are few.
+    """
+
+    title: str
+    frame: pd.DataFrame
+    definitions: dict[str, str]
+    data: str
+    notes: tuple[str, ...] = ()
+    decimals: dict[str, int] = field(default_factory=dict)
+    may_be_empty: frozenset[str] = frozenset()
+    headers: dict[str, str] = field(default_factory=dict)
+    first: tuple[str, ...] = ()
+    first_rows: tuple[int, ...] = ()
+
+    def __post_init__(self):
+        undefined = [column for column in self.frame.columns if column not in self.definitions]
+        if undefined:
+            raise ValueError(f"columns without a definition: {undefined}")
+        for column in self.frame.columns:
+            empty = self.frame[column].isna()
+            if empty.any() and column not in self.may_be_empty:
+                row = int(empty.argmax()) + 1
+                raise NumericalError(f"{self.title}: no value in column {column}, row {row}")
+            for row, value in enumerate(self.frame[column], start=1):
+                if isinstance(value, float) and math.isinf(value):
+                    raise NumericalError(f"{self.title}: {value} in column {column}, row {row}")
+
+    def __repr__(self) -> str:
+        columns = ", ".join(map(str, self.frame.columns))
+        return f"<Table: {self.title} {len(self.frame)} rows; {columns}>"
+
+    def __str__(self) -> str:
+        """The table as a terminal shows it."""
+        return f"{self.title}\n{self.frame.to_string(index=False)}"
+
+    def _repr_html_(self) -> str:
+        return self.frame.to_html(index=False)
+
+    def write(self, stem: str | os.PathLike) -> None:
+        """Write ``stem.csv``, ``stem.tex`` and ``stem.html``.
+
+        The CSV file has a last column ``data`` that says where the data come from; the LaTeX and HTML files
+        carry title, definitions and notes.
+        """
+        stem = Path(stem)
+        frame = self.frame.assign(data=self.data)
+        write_text(stem.with_name(stem.name + ".csv"), frame.to_csv(index=False, lineterminator="\n"))
+        write_text(stem.with_name(stem.name + ".tex"), self.to_latex())
+        write_text(stem.with_name(stem.name + ".html"), self.to_html())
+
+    def cell(self, column: str, value) -> str:
+        """Format one cell for print: missing as an en dash, floats rounded, names with their words apart."""
+        if value is None or value != value:
+            return EMPTY
+        if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
+            return "yes" if value else "no"
+        if isinstance(value, float):
+            return scientific(
+                f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}"
+            )
+        return value_in_words(str(value)) or EMPTY
+
+    def header(self, name: str) -> str:
+        """Words over a column."""
+        return self.headers.get(name, column_in_words(name))
+
+    def _columns(self, names: Iterable[str], rows: Sequence[int]) -> list[Column]:
+        return [
+            Column(self.header(name), tuple(self.cell(name, value) for value in self.frame[name].iloc[rows]))
+            for name in names
+        ]
+
+    @property
+    def _first(self) -> tuple[list[str], list[int]]:
+        """Columns and rows shown first."""
+        every = list(range(len(self.frame)))
+        rows = list(self.first_rows) or (every if len(every) <= ROWS_SHOWN else every[:_FIRST_ROWS])
+        if self.first or self.headers:
+            return list(self.first or self.headers), rows
+        names = [str(name) for name in self.frame.columns]
+        return names[: fitting(self._columns(names, every))], rows
+
+    def _remarks(self, names: Iterable[str]) -> list[tuple[str, str]]:
+        return [(self.header(name), self.definitions[name]) for name in names]
+
+    def to_latex(self) -> str:
+        """Return ``booktabs`` table environments of what is shown first: a journal's column, or both."""
+        names, rows = self._first
+        told = [f"{word}: {text}" for word, text in self._remarks(names)]
+        return latex_table(self.title, self._columns(names, rows), [*self.notes, *told], self.data)
+
+    def to_html(self) -> str:
+        """Return a page of its own: no script, no outside resource.
+
+        What stands between ``<main>`` and ``</main>`` is whole by itself, with the style of ``table.css``.
+        """
+        names, rows = self._first
+        every = range(len(self.frame))
+        hidden = [str(name) for name in self.frame.columns if name not in names]
+        rest: list[list[Column]] = []
+        if hidden or len(rows) < len(every):
+            columns = self._columns([*names, *hidden], every)
+            rest = blocks(columns, keys_of(columns))
+        shown = self._columns(names, rows)
+        return template("tables/table.html.jinja").render(
+            title=self.title,
+            data=self.data,
+            shown=blocks(shown, keys_of(shown)),
+            rest=rest,
+            counts=(len(rows), len(every), len(names), len(names) + len(hidden)),
+            notes=self.notes,
+            definitions=self._remarks([*names, *hidden]),
+            split=split,
+        )

@@ -1,0 +1,107 @@
+"""How to diagnose: base, training records, candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from lumbar.records.record import Record
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.tissue.diagnosis.sensors.sensor_faults import mended, sensor_faults
+from lumbar.tissue.effects.catalogue import catalogue_of, catalogue_with
+from lumbar.tissue.effects.motion_sensor import MOTION_SENSOR
+from lumbar.tissue.effects.pendulum_load import GRAVITY
+from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, system_of
+from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.measured_angle import for_base
+
+if TYPE_CHECKING:
+    from lumbar.settings.improvement import ImprovementSettings
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """How to diagnose.
+
+    Attributes
+    ----------
+    base : str
+        Base model, a key of `lumbar.tissue.models.bases.BASES`, or ``"auto"``: that of a tissue which the data ask for.
+    train : str, sequence of str or None
+        Training record, or several that are fitted together; None takes the longest.
+    periods : dict of str to float
+        Periods of records in seconds; others are found.
+    catalogue : dict of str to Effect, optional
+        Candidates; default those of the system that the base is a model of.
+    most_effects : int
+        Most effects to add.
+    forward : bool
+        Whether the records of a tissue test have the force as input and the motion as output.
+    session : bool
+        Whether the records were cut from one session, in their order.
+    """
+
+    base: str = CHOSEN_BY_DATA
+    train: str | Sequence[str] | None = None
+    periods: dict[str, float] = field(default_factory=dict)
+    catalogue: dict[str, Effect] | None = None
+    most_effects: int = 3
+    forward: bool = False
+    session: bool = False
+
+    @property
+    def system(self) -> str:
+        """What the base is a model of."""
+        return system_of(self.base)
+
+    @property
+    def candidates(self) -> dict[str, Effect]:
+        """The catalogue that is given, or that of the base; of forward records with the effects of the motion's sensor."""
+        found = catalogue_of(self.base) if self.catalogue is None else self.catalogue
+        return {**found, **MOTION_SENSOR} if self.forward else found
+
+    @classmethod
+    def from_improvement(
+        cls,
+        improvement: ImprovementSettings,
+        base: str | None = None,
+        train: str | Sequence[str] | None = None,
+        periods: dict[str, float] | None = None,
+        gravity_m_s2: float = GRAVITY,
+        forward: bool | None = None,
+        session: bool | None = None,
+    ) -> DiagnosisSettings:
+        """Settings from a study's chapter improvement; what is given beside it comes first."""
+        base = base or improvement.base
+        wanted = improvement.forward if forward is None else forward
+        return cls(
+            base=base,
+            train=train or improvement.train,
+            periods=periods or {},
+            catalogue=catalogue_with(improvement.effect_files, base, gravity_m_s2),
+            most_effects=improvement.most_effects,
+            forward=wanted and system_of(base) == "tissue",
+            session=improvement.session if session is None else session,
+        )
+
+    def prepared(self, records: list[Record]) -> Experiment:
+        """Prepare records as they are."""
+        return prepare(records, self.train, self.periods, self.session)
+
+
+def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:
+    """Prepare records as base and settings say, faults of a tissue test's sensors mended.
+
+    Raises
+    ------
+    InputError
+        As `prepare`.
+    """
+    if settings.system != "tissue":
+        seen = [for_base(record, BASES[settings.base]) for record in records]
+        return replace(settings.prepared(seen), records=tuple(records))
+    faults = [finding for record in records for finding in sensor_faults(record)]
+    sound = [mended(record, faults) for record in records]
+    experiment = settings.prepared(sound)
+    return replace(experiment, records=tuple(sound), faults=tuple(faults))

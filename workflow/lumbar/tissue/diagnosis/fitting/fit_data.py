@@ -1,0 +1,205 @@
+"""Records as a fit sees them: motion, force, which samples count, and the noise's colour."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from lumbar.tissue.models.joined_motions import JoinedMotions
+from lumbar.tissue.models.motion import Motion
+
+SETTLING = 0.5
+"""Seconds at the start of every record that are left out of every error: the initial state is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitData:
+    """One record prepared for fitting.
+
+    Attributes
+    ----------
+    name : str
+    motion : Motion
+    force : numpy.ndarray, shape (samples,)
+    whitening : numpy.ndarray
+        Coefficients of an FIR filter that makes the noise white; ``[1]`` where it is white.
+    counts_from : float
+        Seconds at the start that are left out of every error.
+    own_zero : bool
+        Whether the sensor had another zero than in training: the mean of an error then says nothing.
+    begins : int
+        Sample at which the record itself begins: before it lies what came earlier in the same session, which is simulated
+        and never counted.
+    """
+
+    name: str
+    motion: Motion | JoinedMotions
+    force: np.ndarray
+    whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
+    counts_from: float = SETTLING
+    own_zero: bool = False
+    begins: int = 0
+
+    def kept(self, key: Hashable, compute: Callable[[], Any]) -> Any:
+        """Result of `compute`, kept as long as the record: a search comes to the same fit on several ways."""
+        kept = self.__dict__.setdefault("_kept", {})
+        if key not in kept:
+            kept[key] = compute()
+        return kept[key]
+
+    @property
+    def first(self) -> int:
+        """Index of the first sample that counts."""
+        return self.begins + round(self.counts_from / self.motion.sampling_time)
+
+    @property
+    def length(self) -> int:
+        """Number of samples of the record itself."""
+        return len(self.force) - self.begins
+
+    def own(self, signal: np.ndarray) -> np.ndarray:
+        """Signal (samples first) over the record itself."""
+        return signal[self.begins :]
+
+    def split(self, share: float) -> tuple[FitData, FitData]:
+        """Cut the record in two: its first part, and the whole of it of which only what follows counts."""
+        count = round(share * self.length)
+        end = self.begins + count
+        early = replace(self, motion=self.motion.beginning(end), force=self.force[:end])
+        return early, replace(self, counts_from=count * self.motion.sampling_time)
+
+    def unwhitened(self) -> FitData:
+        """The same record, its errors taken as they are."""
+        return replace(self, whitening=np.ones(1))
+
+    def counted_from(self, position: float) -> FitData:
+        """The same record, its positions counted from here."""
+        return replace(self, motion=replace(self.motion, position=self.motion.position - position))
+
+    @property
+    def size(self) -> int:
+        """Number of samples that count."""
+        return len(self.force) - self.first
+
+    def settled(self, signal: np.ndarray) -> np.ndarray:
+        """Signal (samples first) from the first sample that counts."""
+        return signal[self.first :]
+
+    def counted(self, signal: np.ndarray) -> np.ndarray:
+        """Whitened signal (samples first) from the first sample that counts."""
+        if len(self.whitening) > 1:
+            from scipy.signal import lfilter
+
+            signal = lfilter(self.whitening, [1.0], signal, axis=0)
+        return self.settled(signal)
+
+    def by_record(self, values: np.ndarray) -> list[np.ndarray]:
+        """Values at the samples that count, apart for every record."""
+        return [values]
+
+    @cached_property
+    def zeros(self) -> np.ndarray:
+        """What a sensor's zero adds: one column of ones, shape (samples, 1)."""
+        return np.ones((len(self.force), 1))
+
+    def error(self, simulated: np.ndarray) -> np.ndarray:
+        """Simulated less measured force over the samples that count; about its mean where the zero is another one."""
+        return self._about_zero(self.settled(simulated - self.force))
+
+    def whitened_error(self, simulated: np.ndarray) -> np.ndarray:
+        """The same through the whitening filter."""
+        return self._about_zero(self.counted(simulated - self.force))
+
+    def _about_zero(self, errors: np.ndarray) -> np.ndarray:
+        return errors - errors.mean() if self.own_zero else errors
+
+    def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
+        """Motion of the longest record, and a signal over all samples there."""
+        return self.motion, signal
+
+    def scale(self, kind: str) -> float:
+        """Size of a quantity for starting values; ``force`` is the largest force of the record."""
+        return float(np.abs(self.force).max()) if kind == "force" else self.motion.scale(kind)
+
+
+@dataclass(frozen=True, eq=False)
+class JointData(FitData):
+    """Several records that a model is fitted to together.
+
+    Attributes
+    ----------
+    parts : tuple of FitData
+        Sampled alike.
+    """
+
+    parts: tuple[FitData, ...] = ()
+
+    @classmethod
+    def of(cls, parts: list[FitData]) -> Self:
+        """Put records together; the name lists theirs."""
+        return cls(
+            "+".join(part.name for part in parts),
+            JoinedMotions(tuple(part.motion for part in parts)),
+            np.concatenate([part.force for part in parts]),
+            parts[0].whitening,
+            parts[0].counts_from,
+            parts=tuple(parts),
+        )
+
+    def split(self, share: float) -> tuple[FitData, FitData]:
+        """Cut every record in two."""
+        early, later = zip(*(part.split(share) for part in self.parts), strict=True)
+        return self._with_parts(list(early)), self._with_parts(list(later))
+
+    def unwhitened(self) -> FitData:
+        """The same records, their errors taken as they are."""
+        return self._with_parts([part.unwhitened() for part in self.parts])
+
+    def counted_from(self, position: float) -> FitData:
+        """The same records, their positions counted from here."""
+        return self._with_parts([part.counted_from(position) for part in self.parts])
+
+    def _with_parts(self, parts: list[FitData]) -> JointData:
+        return replace(type(self).of(parts), own_zero=self.own_zero)
+
+    @cached_property
+    def zeros(self) -> np.ndarray:
+        """What the sensor's zero adds: ones, or ones for each record that has a zero of its own; (samples, zeros)."""
+        if not self.own_zero:
+            return super().zeros
+        owner = np.repeat(np.arange(len(self.parts)), [len(part.force) for part in self.parts])
+        return (owner[:, None] == np.arange(len(self.parts))).astype(float)
+
+    @property
+    def length(self) -> int:
+        """Number of samples of the records themselves."""
+        return sum(part.length for part in self.parts)
+
+    @property
+    def size(self) -> int:
+        """Number of samples that count."""
+        return sum(part.size for part in self.parts)
+
+    def by_record(self, values: np.ndarray) -> list[np.ndarray]:
+        """Values at the samples that count, apart for every record."""
+        return np.split(values, np.cumsum([part.size for part in self.parts])[:-1])
+
+    def settled(self, signal: np.ndarray) -> np.ndarray:
+        """Signal (samples first) without what does not count of each record."""
+        pieces = zip(self.parts, self.motion.split(signal), strict=True)
+        return np.concatenate([part.settled(piece) for part, piece in pieces])
+
+    def counted(self, signal: np.ndarray) -> np.ndarray:
+        """Whitened signal (samples first) without what does not count of each record."""
+        pieces = zip(self.parts, self.motion.split(signal), strict=True)
+        return np.concatenate([part.counted(piece) for part, piece in pieces])
+
+    def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
+        """Motion of the longest record, and a signal over all samples there."""
+        return max(
+            zip(self.motion.parts, self.motion.split(signal), strict=True), key=lambda pair: len(pair[0])
+        )

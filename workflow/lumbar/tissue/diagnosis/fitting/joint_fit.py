@@ -1,0 +1,436 @@
+"""Joint fit of base and effects to a record by free-run simulation error.
+
+Linear parameters enter linearly and are eliminated (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973)
+413-432); only nonlinear parameters are searched. Forms that act on the output make the problem nonlinear in all of them; then
+all parameters are searched together, from the linear solution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+
+from lumbar.base.progress import going_on
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.models.form import Form, Place
+from lumbar.tissue.models.joined_motions import JoinedMotions
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted model.
+
+    Attributes
+    ----------
+    structure : Structure
+    linear, nonlinear : numpy.ndarray
+    squared_error : float
+        Sum of squared (whitened) errors over the samples that count.
+    converged : bool
+        Whether the optimiser reported convergence.
+    zeros : numpy.ndarray
+        What the sensor of the response reads where the model gives 0: one number, or one for each record that was fitted;
+        none where the base's has no zero (`Base.sensor_zero`).
+    """
+
+    structure: Structure
+    linear: np.ndarray
+    nonlinear: np.ndarray
+    squared_error: float
+    converged: bool = True
+    zeros: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def zero(self) -> float:
+        """The sensor's zero, the mean of those of the records where each has one of its own; 0 without."""
+        return float(np.mean(self.zeros)) if len(self.zeros) else 0.0
+
+    def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
+        """Free-run simulation of what the sensor reads, shape (samples,)."""
+        simulated = self.structure.simulate(motion, self.linear, self.nonlinear)
+        if isinstance(motion, JoinedMotions) and len(motion.parts) == len(self.zeros):
+            return simulated + np.repeat(self.zeros, [len(part) for part in motion.parts])
+        return simulated + self.zero
+
+    def rms(self, *records: FitData) -> float:
+        """Root mean square of the simulation error over all samples that count of these records together."""
+        return float(np.sqrt(np.mean(np.concatenate([self.errors(item) for item in records]) ** 2)))
+
+    def errors(self, record: FitData) -> np.ndarray:
+        """Free-run simulation error of the samples that count."""
+        return record.error(self.simulate(record.motion))
+
+    def whitened_errors(self, record: FitData) -> np.ndarray:
+        """Free-run simulation error of the samples that count, through the record's whitening filter."""
+        return record.whitened_error(self.simulate(record.motion))
+
+
+def solve_linear(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
+    """Least squares with sign constraints.
+
+    Parameters
+    ----------
+    design : numpy.ndarray, shape (samples, linear parameters)
+    force : numpy.ndarray, shape (samples,)
+    signs : tuple of int
+        1: not negative, -1: not positive, 0: free.
+
+    Returns
+    -------
+    numpy.ndarray, shape (linear parameters,)
+    """
+    columns = design.T
+    # In two parts: for a matrix of few columns times itself BLAS takes several times as long.
+    normal = np.concatenate([columns[:1] @ design, columns[1:] @ design])
+    size = np.sqrt(normal.diagonal())
+    size[size == 0] = 1.0
+    normal /= size[:, None] * size
+    right = (columns @ force) / size
+    # A ridge far below rounding of the data keeps columns that have become equal solvable.
+    normal.flat[:: len(size) + 1] += 1e-11
+    free = np.linalg.solve(normal, right)
+    if all(sign * value >= 0 for sign, value in zip(signs, free, strict=True)):
+        return free / size
+    return _constrained(normal, right, signs, free) / size
+
+
+def _constrained(
+    normal: np.ndarray, right: np.ndarray, signs: tuple[int, ...], free: np.ndarray
+) -> np.ndarray:
+    """Least squares with sign constraints, from the solution without them."""
+    # Mostly those are 0 whose signs are wrong without constraints: optimal if no other sign is, nor any slope at 0.
+    ways = np.array(signs)
+    kept = ways * free >= 0
+    linear = np.zeros(len(signs))
+    linear[kept] = np.linalg.solve(normal[kept][:, kept], right[kept])
+    slopes = right - normal @ linear
+    if np.all(ways * linear >= 0) and np.all((ways * slopes)[~kept] <= 0):
+        return linear
+    return _by_active_set(normal, right, signs)
+
+
+def _by_active_set(normal: np.ndarray, right: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
+    """Non-negative least squares on the Cholesky factor; a free amplitude is a difference of two."""
+    from scipy.optimize import nnls
+
+    factor = np.linalg.cholesky(normal)
+    target = np.linalg.solve(factor, right)
+    expanded = [(index, 1.0) for index, sign in enumerate(signs) if sign >= 0]
+    expanded += [(index, -1.0) for index, sign in enumerate(signs) if sign <= 0]
+    positive, _ = nnls(np.stack([direction * factor[index] for index, direction in expanded], axis=1), target)
+    linear = np.zeros(len(signs))
+    for (index, direction), value in zip(expanded, positive, strict=True):
+        linear[index] += direction * value
+    return linear
+
+
+def shape_bounds(structure: Structure, data: FitData, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return lower and upper bounds of all nonlinear parameters."""
+    bounds = []
+    for shape, value in zip(structure.nonlinear, start, strict=True):
+        if shape.lines is not None:
+            reach = shape.lines / data.motion.time[-1]
+            bounds.append((max(value - reach, 0.1 * value), value + reach))
+        else:
+            times = data.motion.sampling_time, data.scale("duration")
+            bounds.append(shape.bounds(data.scale(shape.scale), *times))
+    return tuple(np.array(bounds).reshape(-1, 2).T)
+
+
+def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np.ndarray]:
+    """Return the starting nonlinear parameters of a form: its own, or the grid of all its nonlinear parameters."""
+    if form.starts is not None:
+        return form.starts(*data.longest(residual))
+    grids = [shape.grid(data.scale(shape.scale), data.motion.sampling_time) for shape in form.nonlinear]
+    return [np.array(point) for point in product(*grids)]
+
+
+EVALUATIONS = 40
+"""Of the error, at most, per search."""
+_SMALLEST_STEP = float(np.sqrt(np.finfo(float).eps))
+"""Of a difference where a logarithm is 0."""
+_OFF_BOUND = 1e-3
+"""Share of the logarithmic range that a start keeps from its bounds: closer to one, a search sticks to it."""
+
+
+def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
+    """Fit a structure to a record from one start.
+
+    Parameters
+    ----------
+    structure : Structure
+    data : FitData
+    start : numpy.ndarray
+        Nonlinear parameters to start from, base first.
+
+    Returns
+    -------
+    Fit
+        The same one wherever the same is asked for.
+    """
+    going_on()
+    return data.kept((structure, start.tobytes()), lambda: _fitted(structure, data, start))
+
+
+def _fitted(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
+    if not len(start):
+        return _at(structure, data, start) if structure.is_linear else _search_all(structure, data, start)
+    low, high = shape_bounds(structure, data, start)
+    room = (high / low) ** _OFF_BOUND
+    start = np.clip(start, low * room, high / room)
+    search = _search_nonlinear if structure.is_linear else _search_all
+    return search(structure, data, start, low, high)
+
+
+def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: bool = True) -> Fit:
+    """Solve for the linear parameters at given nonlinear parameters."""
+    design = _with_zero(structure, data, structure.design(data.motion, nonlinear))
+    force = data.counted(data.force)
+    linear = solve_linear(design, force, _signs(structure, data))
+    error = force - design @ linear
+    return _fit_of(structure, linear, nonlinear, error, converged)
+
+
+def _with_zero(structure: Structure, data: FitData, design: np.ndarray) -> np.ndarray:
+    """Whitened columns that count, the sensor's zeros last."""
+    if structure.base.sensor_zero:
+        design = np.concatenate([design.T, data.zeros.T]).T  # column by column in memory
+    return data.counted(design)
+
+
+def _signs(structure: Structure, data: FitData) -> tuple[int, ...]:
+    """Sign constraints of the linear parameters and of the sensor's zeros."""
+    return (*structure.signs, *[0] * data.zeros.shape[1]) if structure.base.sensor_zero else structure.signs
+
+
+def _of_zeros(structure: Structure, data: FitData, linear: np.ndarray) -> np.ndarray | float:
+    """What the sensor's zeros, behind the linear parameters, add to the simulation."""
+    return data.zeros @ linear[len(structure.linear) :] if structure.base.sensor_zero else 0.0
+
+
+def _fit_of(
+    structure: Structure, linear: np.ndarray, nonlinear: np.ndarray, error: np.ndarray, converged: bool
+) -> Fit:
+    """Fit from its linear parameters with the sensor's zero behind them."""
+    count = len(structure.linear)
+    return Fit(structure, linear[:count], nonlinear, float(error @ error), converged, linear[count:])
+
+
+def _least_squares(error, jacobian, start, low, high, **tolerances):
+    """Least squares of an error in few parameters, by scipy on the triangular factor of Jacobian and error.
+
+    Rotated by the other factor they are as many numbers as there are parameters, and one; cost, gradient and singular values,
+    which is all that the search looks at, stay the same.
+
+    Parameters
+    ----------
+    error : callable
+        From parameters to the error, shape (samples,).
+    jacobian : callable
+        From parameters and the error there to its derivatives, shape (samples, parameters).
+    """
+    from scipy.optimize import least_squares
+
+    least, rotated = np.inf, np.empty(0)
+
+    def fun(vector):
+        nonlocal least, rotated
+        found = error(vector)
+        square = float(found @ found)
+        if square > least * (1 + 1e-9):  # no step is made there: the size alone counts
+            return np.append(np.zeros(len(vector)), np.sqrt(square))
+        least = min(least, square)
+        rotated = np.linalg.qr(np.column_stack([jacobian(vector, found), found]), mode="r")
+        return rotated[:, -1]
+
+    return least_squares(
+        fun, start, jac=lambda _: rotated[:, :-1], bounds=(low, high), max_nfev=EVALUATIONS, **tolerances
+    )
+
+
+def _search_nonlinear(structure, data, start, low, high) -> Fit:
+    low, high = np.log(low), np.log(high)
+    force, signs = data.counted(data.force), _signs(structure, data)
+
+    def error(logarithms):
+        design = _with_zero(structure, data, structure.design(data.motion, np.exp(logarithms)))
+        return design @ solve_linear(design, force, signs) - force
+
+    def jacobian(logarithms, at):
+        steps = np.where(logarithms == 0, _SMALLEST_STEP, 1e-5 * logarithms)
+        inside = (logarithms + steps >= low) & (logarithms + steps <= high)
+        moved = logarithms + np.diag(np.where(inside, steps, -steps))
+        return np.column_stack([(error(item) - at) / (item - logarithms).sum() for item in moved])
+
+    found = _least_squares(error, jacobian, np.log(start), low, high, xtol=1e-7, ftol=1e-9)
+    return _at(structure, data, np.exp(found.x), found.status > 0)
+
+
+def _search_all(structure, data, start, low=(), high=()) -> Fit:
+    """Search all parameters together: the output forms' derivative by differences, the rest by columns."""
+    force = data.counted(data.force)
+    count = len(structure.nonlinear)
+    inner = Structure(
+        structure.base, tuple(form for form in structure.forms if form.place is not Place.OUTPUT)
+    )
+    keep = _inner_nonlinear(structure)
+    signs = np.array(_signs(structure, data))
+    first = solve_linear(
+        _with_zero(structure, data, inner.design(data.motion, np.asarray(start)[keep])), force, tuple(signs)
+    )
+    size = np.maximum(np.abs(first), 1e-3 * np.abs(first).max() + 1e-12)
+    amplitudes = len(structure.linear)
+
+    def parts(vector):
+        return np.exp(vector[:count]), vector[count:] * size
+
+    def error(vector):
+        nonlinear, linear = parts(vector)
+        simulated = structure.simulate(data.motion, linear[:amplitudes], nonlinear)
+        return data.counted(simulated + _of_zeros(structure, data, linear)) - force
+
+    def jacobian(vector, _):
+        nonlinear, linear = parts(vector)
+        design = structure.design(data.motion, nonlinear)
+        _, slope = _output_slope(structure, data, design, linear[:amplitudes], nonlinear)
+        columns = [
+            (error(vector + 1e-5 * unit) - error(vector - 1e-5 * unit)) / 2e-5
+            for unit in np.eye(len(vector))[:count]
+        ]
+        by_amplitude = _with_zero(structure, data, slope) * size
+        return np.column_stack([*columns, by_amplitude])
+
+    lower = np.concatenate([np.log(low), np.where(signs > 0, -1e-9, -np.inf)])
+    upper = np.concatenate([np.log(high), np.where(signs < 0, 1e-9, np.inf)])
+    vector = np.concatenate(
+        [np.log(start), np.clip(first / size, lower[count:] + 1e-9, upper[count:] - 1e-9)]
+    )
+    found = _least_squares(error, jacobian, vector, lower, upper, xtol=1e-8, ftol=1e-9)
+    nonlinear, linear = parts(found.x)
+    linear = np.where(signs > 0, np.maximum(linear, 0), np.where(signs < 0, np.minimum(linear, 0), linear))
+    residual = error(np.concatenate([found.x[:count], linear / size]))
+    return _fit_of(structure, linear, nonlinear, residual, found.status > 0)
+
+
+def _inner_nonlinear(structure: Structure) -> list[int]:
+    """Indices of the nonlinear parameters that do not belong to output forms."""
+    keep = list(range(len(structure.base.nonlinear)))
+    position = len(keep)
+    for form in structure.forms:
+        if form.place is not Place.OUTPUT:
+            keep.extend(range(position, position + len(form.nonlinear)))
+        position += len(form.nonlinear)
+    return keep
+
+
+def fit_base(structure: Structure, data: FitData) -> Fit:
+    """Fit a structure without effects from every combination of its nonlinear parameters' starting values; return the best."""
+    grids = [shape.grid(data.scale(shape.scale), data.motion.sampling_time) for shape in structure.nonlinear]
+    starts = [np.array(point) for point in product(*grids)]
+    ranked = sorted((_at(structure, data, start) for start in starts), key=lambda item: item.squared_error)
+    return min(
+        (fit(structure, data, item.nonlinear) for item in ranked[:2]), key=lambda item: item.squared_error
+    )
+
+
+def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:
+    """Squared error of every starting value of a form added to a fitted model, best first.
+
+    The model's own nonlinear parameters are kept; linear ones are solved for together (parallel and input forms) or kept (output
+    forms, which only transform the force).
+    """
+    return data.kept((previous, form), lambda: _screened(previous, form, data))
+
+
+def _screened(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:
+    residual = data.force - previous.simulate(data.motion)
+    structure = previous.structure.with_form(form)
+    found = []
+    for start in nonlinear_starts(form, data, residual):
+        nonlinear = np.concatenate([previous.nonlinear, start])
+        if structure.is_linear:
+            squared = _at(structure, data, nonlinear).squared_error
+        else:
+            linear = linear_with_new(previous, form)
+            squared = _linearised_error(structure, data, linear, nonlinear, previous.zeros)
+        found.append((squared, start))
+    return sorted(found, key=lambda item: item[0])
+
+
+def _linearised_error(
+    structure: Structure, data: FitData, linear: np.ndarray, nonlinear: np.ndarray, zeros: np.ndarray
+) -> float:
+    """Squared error after one Gauss–Newton step in the linear parameters, their signs aside, of a structure with output forms.
+
+    Without the step every form that adds a force would look alike: it starts at amplitude 0.
+    """
+    inner, slope = _output_slope(structure, data, structure.design(data.motion, nonlinear), linear, nonlinear)
+    simulated = structure.output(inner, data.motion, nonlinear)
+    error = data.counted(simulated + _of_zeros(structure, data, np.append(linear, zeros)) - data.force)
+    columns = _with_zero(structure, data, slope)
+    return float(np.sum((error - columns @ np.linalg.lstsq(columns, error, rcond=1e-9)[0]) ** 2))
+
+
+def _output_slope(
+    structure: Structure, data: FitData, design: np.ndarray, linear: np.ndarray, nonlinear: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force before the output forms, and derivative of the measured force by the linear parameters."""
+    inner = design @ linear
+    step = 1e-6 * (np.abs(inner).max() + 1e-12)
+    above, below = (structure.output(inner + sign * step, data.motion, nonlinear) for sign in (1, -1))
+    return inner, ((above - below) / (2 * step))[:, None] * design
+
+
+def linear_with_new(previous: Fit, form: Form) -> np.ndarray:
+    """Linear parameters of a fitted model with those of a new form at 0."""
+    return np.concatenate([previous.linear, np.zeros(len(form.linear))])
+
+
+def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
+    """Refit a model with one form more, jointly, from the best starting values.
+
+    A parallel form contains the smaller model, at amplitude 0: its fit is never worse. Where the optimiser ends above the
+    smaller model, that one stands in its place, not converged.
+
+    An input or output form comes to the smaller model only in the limit of a parameter (no play, no delay, saturation at
+    an infinite force), beyond its bounds. Its fit may therefore be worse, with the parameter at a bound; where none of its
+    parameters is, it has not converged.
+
+    Parameters
+    ----------
+    previous : Fit
+    form : Form
+    data : FitData
+    starts : int
+        How many of the starting values, best first, are refined.
+
+    Returns
+    -------
+    Fit
+    """
+    structure = previous.structure.with_form(form)
+    best = min(
+        (
+            fit(structure, data, np.concatenate([previous.nonlinear, start]))
+            for _, start in screen(previous, form, data)[:starts]
+        ),
+        key=lambda item: item.squared_error,
+    )
+    if best.squared_error <= previous.squared_error * (1 + 1e-6):
+        return best
+    new = best.nonlinear[len(previous.nonlinear) :]
+    if form.place is Place.PARALLEL:
+        nonlinear = np.concatenate([previous.nonlinear, new])
+        linear = linear_with_new(previous, form)
+        return replace(previous, structure=structure, linear=linear, nonlinear=nonlinear, converged=False)
+    low, high = (bound[len(previous.nonlinear) :] for bound in shape_bounds(structure, data, best.nonlinear))
+    bounded = np.any((new <= low * (1 + _AT_BOUND)) | (new >= high * (1 - _AT_BOUND)))
+    return replace(best, converged=best.converged and bool(bounded))
+
+
+_AT_BOUND = 1e-3
+"""Relative distance within which a parameter counts as at its bound."""

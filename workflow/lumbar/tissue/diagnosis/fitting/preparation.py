@@ -1,0 +1,209 @@
+"""From validated records to data for fitting: training and test records, noise floor, whitening."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.records.record import Record, same_units
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING, FitData, JointData
+from lumbar.tissue.diagnosis.fitting.record_checks import check_excitation, check_response
+from lumbar.tissue.diagnosis.fitting.session import with_past
+from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
+from lumbar.tissue.models.motion import Motion
+
+DWARFING = 3.0
+"""Error in noise floors from which on it is a model's and not the noise's."""
+_HELD_BACK = 0.3
+"""Share of a single record that is held back as test where there is no other record."""
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A set of records ready for diagnosis.
+
+    Attributes
+    ----------
+    training : FitData
+        Of several records that are fitted together, a `JointData`.
+    tests : list of FitData
+        Unseen excitation; the last part of the training record where there is no other record.
+    floor : NoiseFloor or None
+        None where no record repeats.
+    input_unit, output_unit : str
+    floor_from : str
+        Name of the training record that the floor was taken from, or would have been.
+    input_quantity, output_quantity : str
+    surface : float
+        Position from which positions are counted: that of a tissue's surface which the tool is not fastened to; else 0.
+    records : tuple of Record
+        All records, faults of their sensors mended.
+    faults : tuple of Finding
+        Faults of the sensors.
+    session : bool
+        Whether each record begins in the state in which the one before it left the tissue.
+    """
+
+    training: FitData
+    tests: list[FitData]
+    floor: NoiseFloor | None
+    input_unit: str
+    output_unit: str
+    floor_from: str
+    input_quantity: str = "position"
+    output_quantity: str = "force"
+    surface: float = 0.0
+    records: tuple[Record, ...] = ()
+    faults: tuple[Finding, ...] = ()
+    session: bool = False
+
+    def counted_from(self, surface: float) -> Experiment:
+        """The same records, their positions counted from here."""
+        shift = surface - self.surface
+        if not shift:
+            return self
+        return replace(
+            self,
+            training=self.training.counted_from(shift),
+            tests=[item.counted_from(shift) for item in self.tests],
+            surface=surface,
+        )
+
+    @property
+    def own_zeros(self) -> bool:
+        """Whether the sensor's zero is one of every record instead of all."""
+        return all(item.own_zero for item in self.tests)
+
+    def with_own_zeros(self) -> Experiment:
+        """The same records, each with a zero of its own."""
+        training = self.training
+        return replace(
+            self,
+            # A single record that is fitted has one zero anyway: what was fitted to it stays.
+            training=replace(training, own_zero=True) if isinstance(training, JointData) else training,
+            tests=[replace(item, own_zero=True) for item in self.tests],
+        )
+
+    def unwhitened(self) -> Experiment:
+        """The same records, their errors taken as they are."""
+        return replace(
+            self, training=self.training.unwhitened(), tests=[item.unwhitened() for item in self.tests]
+        )
+
+    def error_dwarfs_noise(self, train_rms: float) -> bool:
+        """Whether a model's error on the training record is so large that whitening by the noise's colour is out of place.
+
+        Whitening weighs an error that is noise. Where a model's own error is what is left, it weighs frequencies at which
+        there happens to be little noise, and the simulation gets worse.
+        """
+        whitened = len(self.training.whitening) > 1
+        return whitened and self.floor is not None and train_rms > DWARFING * self.floor.rms
+
+
+def prepare(
+    records: list[Record],
+    train: str | Sequence[str] | None = None,
+    periods: dict[str, float] | None = None,
+    session: bool = False,
+) -> Experiment:
+    """Choose the training records, estimate their noise and prepare all records.
+
+    Parameters
+    ----------
+    records : list of Record
+        With channels ``input`` and ``output``.
+    train : str or sequence of str, optional
+        Name of the training record, or of several that are fitted together; default the longest.
+    periods : dict of str to float, optional
+        Period of a record's excitation in seconds; default found from the input.
+    session : bool
+        Whether the records were cut from one session, in their order (`lumbar.tissue.diagnosis.fitting.session`).
+
+    Returns
+    -------
+    Experiment
+
+    Raises
+    ------
+    InputError
+        No or unknown records, different units, a record shorter than what is left out for settling, or training records
+        that are not sampled alike.
+    """
+    if not records:
+        raise InputError("no records to diagnose")
+    same_units(records)
+    names = [record.name for record in records]
+    wanted = [train] if isinstance(train, str) else list(train or [])
+    for name in [*(periods or {}), *wanted]:
+        if name not in names:
+            raise InputError(f"no record {name!r}; there are {', '.join(names)}")
+    _check_durations(records)
+    chosen = [item for item in records if item.name in wanted] or [max(records, key=len)]
+    others = [item for item in records if all(item is not one for one in chosen)]
+    _check_sampled_alike(chosen)
+    check_excitation(max(chosen, key=lambda item: float(np.ptp(item["input"]))), others)
+    first, floor = _noise_floor_of(chosen, periods or {})
+    check_response(first, floor)
+    whitening = np.ones(1) if floor is None else floor.whitening
+    past = with_past(records) if session else {}
+    fitted = [_fit_data(item, whitening, past) for item in chosen]
+    tests = [_fit_data(item, _at_rate(whitening, item, first), past) for item in others]
+    if not others:
+        # The last part of every record is held back; what began in the first part goes on there.
+        fitted, tests = map(list, zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True))
+    return Experiment(
+        fitted[0] if len(fitted) == 1 else JointData.of(fitted),
+        tests,
+        floor,
+        first.channels["input"].unit,
+        first.channels["output"].unit,
+        first.name,
+        first.channels["input"].quantity,
+        first.channels["output"].quantity,
+        session=session,
+    )
+
+
+def _check_durations(records: list[Record]) -> None:
+    for record in records:
+        if record.duration < 2 * SETTLING + 50 * record.sampling_time:
+            raise InputError(
+                f"{record.source or record.name}: {record.duration:g} s is too short: the first {SETTLING} s settle, "
+                "and at least as much and 50 samples must follow"
+            )
+
+
+def _check_sampled_alike(chosen: list[Record]) -> None:
+    for record in chosen[1:]:
+        if not np.isclose(record.sampling_time, chosen[0].sampling_time, rtol=1e-6):
+            raise InputError(
+                f"{record.source or record.name}: sampled every {record.sampling_time:g} s, {chosen[0].name} every "
+                f"{chosen[0].sampling_time:g} s; records that are fitted together must be sampled alike: give a rate "
+                "(tissue.rate_Hz)"
+            )
+
+
+def _noise_floor_of(chosen: list[Record], periods: dict[str, float]) -> tuple[Record, NoiseFloor | None]:
+    """First record that repeats, with its noise floor; the first of all and None where none does."""
+    for record in chosen:
+        # A study's own period of a record with fewer than three of them says nothing about noise; one that is asked
+        # for here and cannot be used is an error.
+        known = record.period if record.period and record.duration >= 3 * record.period else None
+        floor = noise_floor(replace(record, period=known), periods.get(record.name))
+        if floor is not None:
+            return record, floor
+    return chosen[0], None
+
+
+def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndarray:
+    """Whitening filter for a record: the training record's, where both are sampled alike."""
+    return whitening if np.isclose(record.sampling_time, training.sampling_time) else np.ones(1)
+
+
+def _fit_data(record: Record, whitening: np.ndarray, past: dict[str, tuple[Record, int]]) -> FitData:
+    record, begins = past.get(record.name, (record, 0))
+    return FitData(record.name, Motion.of(record), record["output"], whitening, begins=begins)

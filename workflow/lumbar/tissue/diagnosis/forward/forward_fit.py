@@ -1,0 +1,105 @@
+"""Output error: a model that a force drives, fitted to the motion by the error of its free run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, shape_bounds
+from lumbar.tissue.models.forward_structure import ForwardStructure
+from lumbar.tissue.models.joined_motions import JoinedMotions
+from lumbar.tissue.models.motion import Motion
+
+EVALUATIONS = 20
+"""Of the error, at most, to fit one model."""
+_AT_ZERO = 1e-3
+"""Size of a linear parameter that starts at 0, as a share of the largest that acts alike."""
+_OFF_BOUND = 1e-3
+_LOST = 1e3
+"""Error of a motion that was not found, in sizes of the measured one."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardFit(Fit):
+    """A fitted model from force to motion; attributes as of `Fit`."""
+
+    structure: ForwardStructure
+
+    def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
+        """Free-run simulation of what the sensor of the motion reads, shape (samples,)."""
+        parts = motion.parts if isinstance(motion, JoinedMotions) else (motion,)
+        zeros = self.zeros if len(self.zeros) == len(parts) else [self.zero] * len(parts)
+        return np.concatenate(
+            [
+                self.structure.simulate(part, self.linear, self.nonlinear, zero) + zero
+                for part, zero in zip(parts, zeros, strict=True)
+            ]
+        )
+
+    def sensitivities(self, data: FitData) -> np.ndarray:
+        """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the zeros."""
+        slopes = self.structure.sensitivities(data.motion, self.linear, self.nonlinear, self.zero)
+        return data.counted(np.column_stack([slopes, data.zeros]))
+
+
+def fit_forward(
+    structure: ForwardStructure,
+    data: FitData,
+    linear: np.ndarray,
+    nonlinear: np.ndarray,
+    zero: float = 0.0,
+    evaluations: int = EVALUATIONS,
+) -> ForwardFit:
+    """Fit a structure to records from one start.
+
+    Parameters
+    ----------
+    structure : ForwardStructure
+    data : FitData
+        Its motion is the force, its force the motion.
+    linear, nonlinear : numpy.ndarray
+        Parameters to start from.
+    zero : float
+        Of the motion's sensor.
+    evaluations : int
+        Of the error, at most.
+    """
+    from scipy.optimize import least_squares
+
+    signs = np.array(structure.signs, dtype=int)
+    size = np.where(linear != 0, np.abs(linear), _AT_ZERO * np.abs(linear).max(initial=1e-12))
+    extent = float(np.std(data.force))
+    count, shapes, zeros = len(linear), len(nonlinear), data.zeros.shape[1]
+    low, high = shape_bounds(structure, data, nonlinear) if shapes else (np.zeros(0), np.zeros(0))
+    room = (high / low) ** _OFF_BOUND if shapes else 1.0
+    nonlinear = np.clip(nonlinear, low * room, high / room)
+    lower = np.concatenate([np.where(signs > 0, 0.0, -np.inf), np.log(low), np.full(zeros, -np.inf)])
+    upper = np.concatenate([np.where(signs < 0, 0.0, np.inf), np.log(high), np.full(zeros, np.inf)])
+    start = np.concatenate([linear / size, np.log(nonlinear), np.full(zeros, zero / extent)])
+    start = np.clip(start, lower + 1e-9, upper - 1e-9)
+
+    def trial(vector) -> ForwardFit:
+        return ForwardFit(
+            structure, vector[:count] * size, np.exp(vector[count : count + shapes]), np.inf, True,
+            vector[count + shapes :] * extent,
+        )  # fmt: skip
+
+    @lru_cache(maxsize=1)
+    def error_of(numbers: bytes) -> np.ndarray:
+        errors = trial(np.frombuffer(numbers)).whitened_errors(data)
+        # A motion that was not found lies further away than any that was.
+        return errors if np.isfinite(errors).all() else np.full(len(errors), _LOST * extent)
+
+    def jacobian(vector):
+        slopes = trial(vector).sensitivities(data)
+        scale = np.concatenate([size, np.ones(shapes), np.full(zeros, extent)])
+        return np.where(np.isfinite(slopes), slopes, 0.0) * scale
+
+    found = least_squares(
+        lambda vector: error_of(vector.tobytes()), start, jac=jacobian, bounds=(lower, upper), x_scale="jac",
+        xtol=1e-6, ftol=1e-7, max_nfev=evaluations,
+    )  # fmt: skip
+    return replace(trial(found.x), squared_error=2 * float(found.cost), converged=bool(found.status > 0))

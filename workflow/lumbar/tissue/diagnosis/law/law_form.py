@@ -1,0 +1,204 @@
+"""The form that is a sum of terms: its equation, the units of its coefficients, and its states solved term by term."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.diagnosis.law.terms import Term
+from lumbar.tissue.diagnosis.law.units import FORCE, OF_SIGNALS, Dimension, dimension, dimensions_of
+from lumbar.tissue.effects.windows import modulation_starts
+from lumbar.tissue.models.expression import Operation, symbols
+from lumbar.tissue.models.form import Form, Place
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.parameter import LinearParameter, NonlinearParameter
+from lumbar.tissue.models.parsing import parse
+from lumbar.tissue.models.state_equation import StateEquation
+
+_KINDS = {"{y}": ("F", "force"), "{y}/{x}": ("k", "stiffness"), "{y} s/{x}": ("b", "damping")}
+
+
+def linear_unit(part: str, term: Term) -> str:
+    """Unit of what a part of a term is multiplied by to give a force.
+
+    Raises
+    ------
+    InputError
+        If the part is dimensionally unsound.
+    """
+    found = dimension(parse(part), _known(term))
+    return (FORCE / (found or Dimension())).unit
+
+
+def _known(term: Term) -> dict[str, Dimension]:
+    """Dimensions of all symbols of a term; those of states follow from their rates of change."""
+    known = {
+        **OF_SIGNALS,
+        **dimensions_of(term.nonlinear),
+        **{item.symbol: Dimension.of(item.unit) for item in term.constants},
+    }
+    return {**known, **{name: _STATE_DIMENSIONS[name[0]] for name, _ in term.state}}
+
+
+_STATE_DIMENSIONS = {
+    "q": Dimension(x=1), "u": Dimension(x=1), "m": Dimension(x=1), "r": Dimension(), "l": Dimension(), "b": Dimension(),
+}  # fmt: skip
+"""By the first letter of a state's symbol."""
+
+
+def check_dimensions(term: Term) -> None:
+    """Refuse a term of which a part or the rate of a state is dimensionally unsound.
+
+    Raises
+    ------
+    InputError
+    """
+    known = _known(term)
+    for part in term.parts:
+        found = dimension(parse(part), known)
+        if term.place is Place.OUTPUT and found != FORCE:
+            raise InputError(f"{term.name}: {part} is no force")
+    for name, rate in term.state:
+        found, wanted = dimension(parse(rate), known), known[name] * Dimension(s=-1)
+        if found not in (None, wanted):
+            raise InputError(f"{term.name}: the rate of {name} has the unit {found.unit}, not {wanted.unit}")
+
+
+def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
+    """Terms with symbols of their own where several use one for different things.
+
+    Parameters
+    ----------
+    terms : tuple of Term
+    shared : bool
+        Let parameters that mean the same, and states that follow the same equation, be one.
+    """
+    used: dict[str, str] = {}
+    found = []
+    for term in terms:
+        own = {item.symbol: item.name for item in term.nonlinear} | dict(term.state)
+        names = {}
+        for symbol, meaning in own.items():
+            names[symbol], number = symbol, 2
+            while names[symbol] in used and not (shared and used[names[symbol]] == meaning):
+                names[symbol] = (
+                    f"{symbol}{number}" if "_" in symbol or symbol == "q" else f"{symbol}_{number}"
+                )
+                number += 1
+        used |= {names[symbol]: meaning for symbol, meaning in own.items()}
+        found.append(term.renamed({old: new for old, new in names.items() if old != new}))
+    return tuple(found)
+
+
+def form_of(
+    terms: tuple[Term, ...], effect: str = "", signs: tuple[int, ...] | None = None, shared: bool = False
+) -> Form:
+    """One form that is the sum of terms; a term at the output stands alone.
+
+    Parameters
+    ----------
+    terms : tuple of Term
+    effect : str
+        Name of the effect; default those of the terms, because motions remember forces by name.
+    signs : tuple of int, optional
+        Of the linear parameters; default any.
+    shared : bool
+        As for `distinct`.
+    """
+    effect = effect or "+".join(term.name for term in terms) + shared * " shared"
+    terms = distinct(terms, shared)
+    parts = [(part, term) for term in terms for part in term.parts]
+    at_output = terms[0].place is Place.OUTPUT
+    linear, names = [], []
+    for index, (part, term) in enumerate(parts if not at_output else []):
+        unit = linear_unit(part, term)
+        letter, word = _KINDS.get(unit, ("c", "coefficient"))
+        number = "" if len(parts) == 1 else f"_{index + 1}"
+        sign = 0 if signs is None else signs[index]
+        linear.append(LinearParameter(word + number, unit, sign, symbol=f"{letter}{number or '_1'}"))
+        names.append(linear[-1].symbol)
+    equation = (
+        parts[0][0]
+        if at_output
+        else " + ".join(
+            name if part == "1" else f"{name}*{_in_brackets(part)}"
+            for name, (part, _) in zip(names, parts, strict=True)
+        )
+    )
+    nonlinear = _uniquely_named(
+        list({item.symbol: item for term in terms for item in term.nonlinear}.values())
+    )
+    constants = tuple(dict.fromkeys(item for term in terms for item in term.constants))
+    return Form(
+        name="equation",
+        equation=equation,
+        place=terms[0].place,
+        linear=tuple(linear),
+        nonlinear=nonlinear,
+        state=tuple(dict.fromkeys(entry for term in terms for entry in term.state)),
+        constants=constants,
+        starts=_gain_starts(terms[0]) if terms[0].name == "gain_cycle" else None,
+        solution=_solution(terms, nonlinear) if any(term.state for term in terms) else None,
+        effect=effect,
+    )
+
+
+def _solution(terms: tuple[Term, ...], nonlinear: tuple[NonlinearParameter, ...]):
+    """States term by term, each solved anew only where its own parameters change: a fit changes one at a time."""
+    place = {item.symbol: index for index, item in enumerate(nonlinear)}
+    solved = []
+    for term in filter(lambda item: item.state, terms):
+        equation = StateEquation({name: parse(rate) for name, rate in term.state})
+        used = set().union(*map(symbols, equation.slopes.values()))
+        constants = {item.symbol: item.value for item in term.constants}
+        solved.append((str(term.state), equation, sorted(used & place.keys()), constants))
+
+    def solution(motion: Motion, values: np.ndarray) -> tuple[np.ndarray, ...]:
+        found: dict[str, np.ndarray] = {}
+        for key, equation, own, constants in solved:
+            given = {symbol: float(values[place[symbol]]) for symbol in own}
+            solve = partial(equation.trajectory, motion, {**given, **constants})
+            # A largest distance so far has no parameter, and is solved step by step.
+            states = (
+                motion.remembered(key, np.array(list(given.values())), solve)
+                if given
+                else motion.kept(key, solve)
+            )
+            found |= states
+        return tuple(found.values())
+
+    return solution
+
+
+def _in_brackets(part: str) -> str:
+    tree = parse(part)
+    return f"({part})" if isinstance(tree, Operation) and tree.name in ("+", "-") else part
+
+
+def _uniquely_named(parameters: list[NonlinearParameter]) -> tuple[NonlinearParameter, ...]:
+    names = [item.name for item in parameters]
+    return tuple(
+        item
+        if names.count(item.name) == 1
+        else replace(item, name=f"{item.name}_{names[: index + 1].count(item.name)}")
+        for index, item in enumerate(parameters)
+    )
+
+
+def _gain_starts(term: Term):
+    """Starting values of a gain that swells and fades, from the residual beside the position."""
+    share, _, phase = term.nonlinear
+
+    def starts(motion, residual):
+        frequencies = [float(found[0]) for found in modulation_starts(motion, residual, [motion.position])]
+        return [
+            np.array([size, value, angle])
+            for value in frequencies
+            for size in share.grid(1.0)[:1]
+            for angle in phase.grid(1.0)
+        ]
+
+    return starts

@@ -1,0 +1,323 @@
+"""Search of a short formula: terms of the library added one by one, each time refitted jointly with the base.
+
+Every term at every starting value is screened by what it explains of the residual beyond the tangent space of the model (the
+first-order effect of a refit); the best are refitted, judged on the training record and on every other second of the unseen
+records, and the two best carry on (orthogonal forward regression with a beam: Chen, Billings and Luo, Int. J. Control 50 (1989)
+1873-1896). A law holds few terms of a library that is small enough to be tried whole, so that a genetic search would find
+nothing that this does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit, nonlinear_starts, shape_bounds, solve_linear
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.sensitivity_subspace import added_forces, beyond, tangent_basis
+from lumbar.tissue.diagnosis.law.law_form import distinct, form_of
+from lumbar.tissue.diagnosis.law.terms import Term
+from lumbar.tissue.diagnosis.selection.forward_selection import (
+    Candidate,
+    evaluate,
+    is_adequate,
+    unseen_improvement,
+)
+from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN, WORTHWHILE
+from lumbar.tissue.models.form import Place
+from lumbar.tissue.models.state_equation import MOST_STATES
+from lumbar.tissue.models.structure import Structure, forces_of
+
+MOST_TERMS = 3
+"""Terms of a law: more are no short formula."""
+REFITTED = 6
+"""Terms refitted after screening."""
+STARTS = 2
+"""Starting values refined per term."""
+BEAM = 2
+"""Laws of one length that are lengthened."""
+_STEPS = tuple(np.geomspace(1 / reach, reach, 31) for reach in (1.25, 1.015))
+"""Factors by which a parameter is moved, first far and then near, to look past steps of the error."""
+_AT_BOUND = 0.01
+"""Relative distance within which a parameter counts as at its bound."""
+_SAME = 1e-6
+"""Relative difference of errors that are on the same step."""
+_LEAST = 0.1
+"""A further term must remove this share of the noise's variance."""
+_PERIODS = 3
+"""Periods of a training record that the search looks at where it does nothing but repeat."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Terms added to a model, fitted jointly with it.
+
+    Attributes
+    ----------
+    start : Candidate
+        What the terms are added to.
+    terms : tuple of Term
+    candidate : Candidate
+        Judged on the blocks that choices are made with.
+    shared : bool
+        Whether parameters of several terms that mean the same are one.
+    """
+
+    start: Candidate
+    terms: tuple[Term, ...]
+    candidate: Candidate
+    shared: bool = False
+
+    @property
+    def fit(self) -> Fit:
+        """The model with the terms."""
+        return self.candidate.fit
+
+    @property
+    def own_nonlinear(self) -> np.ndarray:
+        """Nonlinear parameters of the terms."""
+        return self.fit.nonlinear[len(self.start.fit.nonlinear) :]
+
+
+@dataclass(frozen=True, eq=False)
+class _Column:
+    term: Term
+    start: np.ndarray
+    forces: np.ndarray
+
+
+class Search:
+    """One search under way.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Its tests are what choices are made with.
+    library : sequence of Term
+    """
+
+    def __init__(self, experiment: Experiment, library):
+        self.experiment = replace(experiment, training=_shortened(experiment))
+        self.library = tuple(library)
+
+    @cached_property
+    def columns(self) -> list[_Column]:
+        """Forces of every term at every starting value, on the record that is screened."""
+        data, found = self.experiment.training, []
+        anything = np.zeros(len(data.force))
+        for term in self.library:
+            if term.place is Place.OUTPUT:
+                continue
+            form = form_of((term,))
+            for start in nonlinear_starts(form, data, anything):
+                with np.errstate(all="ignore"):
+                    forces = data.counted(forces_of(form, data.motion, start))
+                if np.isfinite(forces).all():
+                    found.append(_Column(term, start, forces.astype(np.float32)))
+        return found
+
+    def screen(self, model: Fit, with_output: bool) -> list[tuple[float, Term, np.ndarray]]:
+        """What every term at every starting value explains of the residual, the most first."""
+        data = self.experiment.training
+        basis = tangent_basis(model, [data])
+        residual = beyond(basis, data.counted(data.force - model.simulate(data.motion)))
+        columns = list(self.columns)
+        if with_output:
+            columns += self._output_columns(model)
+        found = [
+            (_explained(beyond(basis, item.forces), residual), item.term, item.start) for item in columns
+        ]
+        return sorted(found, key=lambda item: -item[0])
+
+    def _output_columns(self, model: Fit) -> list[_Column]:
+        data, found = self.experiment.training, []
+        residual = data.force - model.simulate(data.motion)
+        for term in self.library:
+            if term.place is Place.OUTPUT:
+                form = form_of((term,))
+                for start in nonlinear_starts(form, data, residual):
+                    found.append(_Column(term, start, added_forces(model, form, data, start)))
+        return found
+
+    def lengthened(self, law: Law) -> list[Law]:
+        """The law with one term more, in the best ways, best first."""
+        bare = not law.terms
+        if not bare and law.terms[0].place is Place.OUTPUT:
+            return []
+        starts: dict[str, list] = {}
+        for _, term, start in self.screen(law.fit, bare):
+            if self.fits_beside(law, term):
+                known = starts.setdefault(term.name, [])
+                if len(known) < STARTS:
+                    known.append((term, start))
+            if sum(len(item) == STARTS for item in starts.values()) >= REFITTED and len(starts) >= REFITTED:
+                break
+        found = [
+            self.refitted(law, (*law.terms, term), np.concatenate([law.own_nonlinear, start]))
+            for group in list(starts.values())[:REFITTED]
+            for term, start in group
+        ]
+        best: dict[str, Law] = {}
+        for item in sorted(filter(None, found), key=lambda item: item.candidate.score):
+            best.setdefault(item.terms[-1].name, item)
+        return list(best.values())
+
+    @staticmethod
+    def fits_beside(law: Law, term: Term) -> bool:
+        """Whether a term may be added to a law: it is not there, and a form has room for its states."""
+        states = sum(len(item.state) for item in (*law.terms, term))
+        return states <= MOST_STATES and all(item.name != term.name for item in law.terms)
+
+    def refitted(
+        self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool = False
+    ) -> Law | None:
+        """These terms fitted jointly with what they are added to; None where the fit ends nowhere or at a bound.
+
+        At a bound of its parameter a term has become another one: an exponential a straight line, friction a damper.
+        """
+        structure = law.start.fit.structure.with_form(form_of(terms, shared=shared))
+        before = law.fit.nonlinear[: len(law.start.fit.nonlinear)]
+        start = np.concatenate([before, nonlinear])
+        if any("where" in text for term in terms for text in term.parts):
+            start = self.past_steps(structure, start, len(before))
+        found = fit(structure, self.experiment.training, start)
+        if not np.isfinite(found.squared_error):
+            return None
+        if _at_bound(found, self.experiment.training, len(before)):
+            return self.in_the_limit(law, terms, found.nonlinear[len(before) :])
+        candidate = evaluate(found, self.experiment)
+        return Law(law.start, terms, candidate, shared) if np.isfinite(candidate.score) else None
+
+    def in_the_limit(self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray) -> Law | None:
+        """The law with what exponential terms become; None where there is none, or where that is there already."""
+        names = [term.becomes or term.name for term in terms]
+        plain = tuple(item for name in names for item in self.library if item.name == name)
+        if names == [term.name for term in terms] or len(set(names)) < len(terms) or len(plain) < len(terms):
+            return None
+        kept = [
+            value
+            for (term, item), value in zip(
+                ((term, item) for term in terms for item in term.nonlinear), nonlinear, strict=True
+            )
+            if not (term.becomes and item.symbol == "z_e")
+        ]
+        return self.refitted(law, plain, np.array(kept))
+
+    def exchanged(self, law: Law) -> Law:
+        """The law with each term in turn taken out and what then fits best put in, as long as that scores better."""
+        for term in law.terms[: len(law.terms) if len(law.terms) > 1 else 0]:
+            rest = tuple(item for item in law.terms if item.name != term.name)
+            if len(rest) == len(law.terms):
+                continue
+            shorter = self.refitted(law, rest, self.nonlinear_of(law, rest))
+            longer = [] if shorter is None else self.lengthened(shorter)
+            if longer and longer[0].candidate.score < law.candidate.score - 1.0:
+                law = longer[0]
+        return law
+
+    @staticmethod
+    def nonlinear_of(law: Law, terms: tuple[Term, ...]) -> np.ndarray:
+        """Nonlinear parameters of some of a law's terms."""
+        owners = [term.name for term in law.terms for _ in term.nonlinear]
+        names = {term.name for term in terms}
+        return np.array(
+            [value for value, owner in zip(law.own_nonlinear, owners, strict=True) if owner in names]
+        )
+
+    def simplified(self, law: Law) -> Law:
+        """The law with parameters of several terms that mean the same as one, where it then scores better."""
+        each = distinct(law.terms)
+        apart = [item.symbol for term in each for item in term.nonlinear]
+        value = dict(zip(apart, law.own_nonlinear, strict=True))
+        kept = [item.symbol for term in distinct(law.terms, True) for item in term.nonlinear]
+        if len(set(kept)) == len(apart):
+            return law
+        start = np.array([value[symbol] for symbol in dict.fromkeys(kept)])
+        shared = self.refitted(law, law.terms, start, shared=True)
+        return law if shared is None or shared.candidate.score > law.candidate.score else shared
+
+    def past_steps(self, structure: Structure, nonlinear: np.ndarray, first: int) -> np.ndarray:
+        """Nonlinear parameters improved one by one without derivatives: errors change by steps where a force switches."""
+        data = self.experiment.training
+        force = data.counted(data.force)
+
+        def squared_error(point: np.ndarray) -> float:
+            design = data.counted(structure.design(data.motion, point))
+            return float(np.sum((force - design @ solve_linear(design, force, structure.signs)) ** 2))
+
+        best = nonlinear.copy()
+        for index, factors in product(range(first, len(nonlinear)), _STEPS):
+            tried = best[index] * factors
+            errors = np.array([squared_error(_with(best, index, value)) for value in tried])
+            # On a step all values are alike: its middle is the likeliest.
+            best[index] = np.median(tried[errors <= errors.min() * (1 + _SAME)])
+        return best
+
+    def worthwhile(self, before: Law, after: Law) -> bool:
+        """Whether a term more explains a share worth its place, on the training record and on unseen blocks."""
+        removed = before.candidate.train_rms**2 - after.candidate.train_rms**2
+        floor = self.experiment.floor
+        noise = 0.0 if floor is None else floor.rms**2
+        explainable = max(after.start.train_rms**2 - noise, 0.0)
+        if removed < max(WORTHWHILE * explainable, _LEAST * noise):
+            return False
+        return unseen_improvement(before.candidate, after.candidate, self.experiment) > UNSEEN
+
+    def laws(self, start: Candidate) -> list[Law]:
+        """The best law of every length that is worth it, the shortest first; none where none is."""
+        beam = [Law(start, (), start)]
+        best: list[Law] = []
+        for _ in range(MOST_TERMS):
+            longer = sorted(
+                (item for law in beam for item in self.lengthened(law)), key=lambda item: item.candidate.score
+            )
+            before = best[-1] if best else beam[0]
+            longer = [item for item in longer if self.worthwhile(before, item)]
+            if not longer:
+                break
+            best.append(self.simplified(self.exchanged(longer[0])))
+            beam = longer[:BEAM]
+            if is_adequate(best[-1].candidate, self.experiment):
+                break
+        return best
+
+
+def _with(point: np.ndarray, index: int, value: float) -> np.ndarray:
+    """A point with one of its coordinates changed."""
+    changed = point.copy()
+    changed[index] = value
+    return changed
+
+
+def _at_bound(found: Fit, data: FitData, first: int) -> bool:
+    """Whether a nonlinear parameter of the terms ends at a bound."""
+    low, high = shape_bounds(found.structure, data, found.nonlinear)
+    value = found.nonlinear
+    at = (value <= low * (1 + _AT_BOUND)) | (value >= high * (1 - _AT_BOUND))
+    return bool(at[first:].any())
+
+
+def _shortened(experiment: Experiment) -> FitData:
+    """The training record, cut after a few periods where it does nothing but repeat."""
+    training, floor = experiment.training, experiment.floor
+    if floor is None or floor.structured_rms > 0 or isinstance(training, JointData):
+        return training
+    time = training.own(training.motion.time)
+    share = _PERIODS * floor.period / (time[-1] - time[0])
+    return training.split(share)[0] if share < 1 else training
+
+
+def _explained(columns: np.ndarray, residual: np.ndarray) -> float:
+    """Squares of the residual that columns explain."""
+    size = np.sqrt(np.sum(columns**2, axis=0))
+    if not np.all(size > 1e-6 * np.sqrt(len(columns)) * 1e-6):
+        return 0.0
+    scaled = (columns / size).astype(float)
+    if scaled.shape[1] == 1:
+        return float((scaled[:, 0] @ residual) ** 2)
+    fitted = scaled @ np.linalg.lstsq(scaled, residual, rcond=1e-6)[0]
+    return float(fitted @ fitted)

@@ -1,0 +1,219 @@
+"""Whether records have input and output exchanged (force in, motion out) or one sign the other way, by what no tissue can do.
+
+A tissue that is moved only takes energy, over a record, and its force has at least the detail of its motion. So of records
+whose roles are right ∮ output d(input) > 0 and the input is the smoother channel; of exchanged ones the integral is negative
+and the output is the smoother one; of a wrong sign the integral alone is negative. A spring takes no energy: there the slope of
+force over position tells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.settings.layout import ColumnLayout, ColumnSettings
+from lumbar.settings.tissue import TissueSettings
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.signals.spectral_edge import spectral_edge
+
+_SURE = 4.0
+"""Standard errors by which an energy must differ from 0."""
+_LOSS = 0.1
+"""Energy, as the correlation of force and speed, that is no longer a sensor's lag or backlash."""
+_ROUGHER, _SMOOTHER, _MUCH_SMOOTHER = 1.1, 0.95, 0.6
+"""Detail of the input in that of the output from which on it is the rougher or the smoother one, or beyond any spring."""
+_BEYOND_MASS = 0.1
+"""By how much a correlation must exceed that of a mass: its force is −|ẋ|²/(|x||ẍ|), correlated with its position."""
+_ALONG = 0.3
+"""Correlation of force and position above which energy given may be a lag."""
+_BLOCKS = 12
+_FEWEST_RESTING = 0.5
+"""Share of the steps of a command held between jumps in which it rests."""
+_BIG_JUMP = 0.5
+"""Share of its range by which a designed command jumps from one sample to the next; no position does."""
+_FOLLOWS = 0.6
+"""Largest step of the output in such a jump, as shares of their ranges, of a response that is moved by it."""
+FORWARD = "improvement: {forward: true}"
+"""Line of a study's YAML for records that were driven by the force."""
+_BAND_POWER = 0.95
+_PER_CYCLE = 8
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """How input and output of one record lie to each other; all without unit.
+
+    `energy` is the correlation of the output with the input's speed and `swapped_energy` that of the input with the
+    output's, `blocks` and `swapped_blocks` these energies in stretches of the record, `roughness` the detail of the
+    input in that of the output, `correlation` that of both, `spread` how broad the input's band is (|x||ẍ|/|ẋ|², 1 of
+    a sine), `jump` and `follows` the largest steps of both.
+    """
+
+    energy: float
+    swapped_energy: float
+    blocks: np.ndarray
+    swapped_blocks: np.ndarray
+    roughness: float
+    correlation: float
+    spread: float
+    jump: float
+    follows: float
+    held: bool
+
+
+def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None) -> Finding | None:
+    """Say whether input and output are exchanged or a sign is the other way, where that is sure.
+
+    For tissues: a pendulum's gravity may have either sign.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    layout : ColumnLayout, optional
+        How the records were read, for the lines of YAML; default the reference's.
+
+    Returns
+    -------
+    Finding or None
+        Of kind ``direction`` or ``sign``; its sentence ends with the lines to put into the study's YAML.
+    """
+    pairs = [
+        _compared(record.own(record.motion.position), record.own(record.force))
+        for record in _records(experiment)
+    ]
+    layout = layout or TissueSettings().layout
+    if all(pair.held and pair.jump > _BIG_JUMP and pair.follows < _FOLLOWS for pair in pairs):
+        jump = float(np.median([pair.jump for pair in pairs]))
+        reason = (
+            f"the {experiment.input_quantity} jumps between levels, by {100 * jump:.0f} % of its range from one sample to the "
+            f"next, and the {experiment.output_quantity} follows it smoothly: no position moves so, a command does"
+        )
+        return _direction(experiment, layout, reason, jump)
+    energy, swapped, roughness, correlation, spread = (
+        float(np.median([getattr(pair, name) for pair in pairs]))
+        for name in ("energy", "swapped_energy", "roughness", "correlation", "spread")
+    )
+    surely_taken = _standard_errors([pair.swapped_blocks for pair in pairs]) > _SURE
+    if surely_taken and swapped > _LOSS and roughness > _ROUGHER:
+        reason = (
+            f"the {experiment.input_quantity} has {roughness:.2g} times the detail of the {experiment.output_quantity}, "
+            "and if it were the motion the material would give energy in place of taking it (or the output passes a "
+            "sensor slower than the motion)"
+        )
+        return _direction(experiment, layout, reason, roughness)
+    surely_given = _standard_errors([pair.blocks for pair in pairs]) < -_SURE
+    detailed = roughness < _MUCH_SMOOTHER or (roughness < _SMOOTHER and correlation < _ALONG)
+    against = roughness < _ROUGHER and correlation < -_ALONG
+    if surely_given and energy < -_LOSS and (detailed or against):
+        reason = (
+            f"over the records the material gives energy in place of taking it (correlation of {experiment.output_quantity} "
+            f"and speed {energy:+.2f})"
+        )
+        return _sign(experiment, layout, reason, energy)
+    if correlation < -(1 / spread + _BEYOND_MASS):
+        reason = (
+            f"the {experiment.output_quantity} falls where the {experiment.input_quantity} grows (correlation "
+            f"{correlation:+.2f}), and no material at rest pulls away from its rest"
+        )
+        return _sign(experiment, layout, reason, correlation)
+    return None
+
+
+def _records(experiment: Experiment) -> list[FitData]:
+    training = experiment.training
+    return [*(training.parts if isinstance(training, JointData) else (training,)), *experiment.tests]
+
+
+def _compared(position: np.ndarray, force: np.ndarray) -> _Pair:
+    steps = np.abs(np.diff(position))
+    jump, follows = (float(np.abs(np.diff(signal)).max() / np.ptp(signal)) for signal in (position, force))
+    edges = [spectral_edge(signal - signal.mean(), _BAND_POWER) for signal in (position, force)]
+    window = max(round(1 / (_PER_CYCLE * max(edges))), 1)
+    first, second = _smooth(position, window), _smooth(force, window)
+    speed, rate = np.gradient(first), np.gradient(second)
+    first, second = first - first.mean(), second - second.mean()
+    return _Pair(
+        energy=_correlation(second, speed),
+        swapped_energy=_correlation(first, rate),
+        blocks=_in_blocks(second * speed),
+        swapped_blocks=_in_blocks(first * rate),
+        roughness=_detail(first, speed) / _detail(second, rate),
+        correlation=_correlation(first, second),
+        spread=_detail(speed, np.gradient(speed)) / _detail(first, speed),
+        jump=jump,
+        follows=follows,
+        held=bool(np.mean(steps == 0) > _FEWEST_RESTING),
+    )
+
+
+def _smooth(signal: np.ndarray, window: int) -> np.ndarray:
+    taps = np.hanning(2 * window + 1)[1:-1]
+    taps = taps[: len(signal) // 2]
+    return np.convolve(signal, taps / taps.sum(), "valid")
+
+
+def _detail(signal: np.ndarray, rate: np.ndarray) -> float:
+    """Size of the rate of a signal over that of the signal."""
+    return max(float(np.std(rate)), 1e-300) / max(float(np.std(signal)), 1e-300)
+
+
+def _correlation(one: np.ndarray, other: np.ndarray) -> float:
+    size = float(np.sqrt((one @ one) * (other @ other)))
+    return float(one @ other) / size if size > 0 else 0.0
+
+
+def _in_blocks(power: np.ndarray) -> np.ndarray:
+    """Energy taken in each stretch of a record, relative to the record's size."""
+    size = max(float(np.sqrt(np.mean(power**2))), 1e-300)
+    return np.array([block.mean() / size for block in np.array_split(power, _BLOCKS)])
+
+
+def _standard_errors(stretches: list[np.ndarray]) -> float:
+    """Mean energy of the stretches of all records over its standard error."""
+    blocks = np.concatenate(stretches)
+    spread = float(np.std(blocks, ddof=1)) / np.sqrt(len(blocks))
+    return float(blocks.mean()) / spread if spread > 0 else 0.0
+
+
+def _direction(experiment: Experiment, layout: ColumnLayout, reason: str, value: float) -> Finding:
+    sentence = (
+        f"Input and output seem to be exchanged: {reason}. A tissue's input is its motion and its output the force. If the "
+        "test was driven by the force (force in, motion out), say --forward, or put this into the study's YAML:\n"
+        f"{FORWARD}\n"
+        "If only the columns are the wrong way round, put this there instead:\n"
+        + _yaml(input=layout.columns["output"], output=layout.columns["input"])
+    )
+    return Finding("direction", sentence, value, "")
+
+
+def _sign(experiment: Experiment, layout: ColumnLayout, reason: str, value: float) -> Finding:
+    output = layout.columns["output"]
+    flipped = replace(output, scale=-output.scale, offset=-output.offset or 0.0)
+    sentence = (
+        f"The sign of the {experiment.output_quantity} seems to be the other way: {reason}. Force counts positive along the "
+        "motion of the tool; if it is the force on the tool, put this into the study's YAML:\n"
+        + _yaml(output=flipped)
+    )
+    return Finding("sign", sentence, value, "")
+
+
+def _yaml(**columns: ColumnSettings) -> str:
+    """Lines of a study's YAML that read these roles."""
+    lines = ["tissue:", "  layout:", "    columns:"]
+    for role, column in columns.items():
+        entries = [f"column: {_scalar(column.column)}"]
+        entries += [f"quantity: {_scalar(column.quantity)}"] * bool(column.quantity)
+        entries.append(f"unit: {_scalar(column.unit)}")
+        entries += [f"scale: {column.scale!r}"] * (column.scale != 1)
+        entries += [f"offset: {column.offset!r}"] * (column.offset != 0)
+        lines.append(f"      {role}: {{{', '.join(entries)}}}")
+    return "\n".join(lines)
+
+
+def _scalar(value: str | int) -> str:
+    """A name as YAML reads it back; quoted where it holds more than letters, digits, _, / and ·."""
+    plain = isinstance(value, int) or (value[:1].isalpha() and all(c.isalnum() or c in "_/·" for c in value))
+    return str(value) if plain else "'" + value.replace("'", "''") + "'"

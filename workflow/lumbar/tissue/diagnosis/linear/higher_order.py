@@ -1,0 +1,323 @@
+"""The best linear time-invariant model from position to force, of an order that the training record asks for.
+
+What such a model explains needs no nonlinear effect. Two kinds are tried, each beside a constant (a sensor's zero), a
+spring, a dashpot and a mass:
+
+- a Prony series, relaxing branches of non-negative stiffness on a grid of time constants from the sampling interval to the
+  record's length, which comes near any passive viscoelastic material, springpots included (Park and Schapery, Int. J. Solids
+  Struct. 36 (1999) 1653-1675);
+- an output-error model of a few free poles, real or complex, and free residues, by separable least squares (Golub and
+  Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman's Jacobian), without and with a pure delay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.joint_fit import solve_linear
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.linear.decimation import decimated
+from lumbar.tissue.diagnosis.linear.pole_relocation import relocated_poles
+from lumbar.tissue.diagnosis.linear.poles import Poles, forces, slope_forces
+from lumbar.tissue.models.held_input import is_held
+from lumbar.tissue.models.joined_motions import JoinedMotions
+from lumbar.tissue.models.motion import Motion
+
+ORDERS = (1, 2, 3, 4, 6)
+"""Numbers of poles that are tried, one after the other while the criterion falls."""
+_PER_DECADE = 5
+"""Time constants of the Prony series in a decade."""
+_DELAYED_ORDER = 1
+"""Poles of the model that is also tried behind a delay; higher orders come near small delays by themselves."""
+_DELAYS = (1.0, 4.0, 16.0)
+"""Starting delays in samples."""
+_LONGEST_DELAY = 0.3
+"""Seconds."""
+_EVALUATIONS = 15
+_WORTHWHILE = 0.997
+"""Share of the squared error that a higher order must leave at most for a still higher one to be tried."""
+_LARGEST_SPRING = 10.0
+"""Largest force of the spring in forces measured, both as standard deviations."""
+_LONG = 12_000
+"""Samples on which poles are searched at most."""
+_LINE_WIDTH = 2.0
+"""(ΣS)²/ΣS² of one sine through Hann's window."""
+_SMALLEST = 1e-12
+"""Share of the force's power below which an error is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearDynamics:
+    """A fitted linear model; simulates and errs like `lumbar.tissue.diagnosis.fitting.joint_fit.Fit`.
+
+    Attributes
+    ----------
+    kind : str
+        ``prony``, ``rational`` or ``delayed``.
+    poles : Poles
+    held : bool
+        Whether the input is held between jumps: a discrete model, without derivatives of the input.
+    linear, nonlinear : numpy.ndarray
+        Constant, stiffness, viscosity and mass (what of them acts), then of sections and branches; and what was
+        searched beside them.
+    squared_error : float
+        Sum of squared (whitened) errors over the samples of the training record that count.
+    train_rms, test_rms : float
+        Free-run simulation errors in the output's unit.
+    """
+
+    kind: str
+    poles: Poles
+    held: bool
+    linear: np.ndarray
+    nonlinear: np.ndarray
+    squared_error: float
+    train_rms: float = np.nan
+    test_rms: float = np.nan
+
+    @property
+    def order(self) -> int:
+        """Number of poles; of a Prony series, branches that are not zero."""
+        return self.poles.order
+
+    @property
+    def constant(self) -> float:
+        """Force of the sensor's zero, in the output's unit."""
+        return float(self.linear[0])
+
+    def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
+        """Free-run simulation from rest at the first position, shape (samples,)."""
+        return forces(motion, self.poles, self.held) @ self.linear
+
+    def rms(self, *records: FitData) -> float:
+        """Root mean square of the simulation error over all samples that count of these records together."""
+        return float(np.sqrt(np.mean(np.concatenate([self.errors(item) for item in records]) ** 2)))
+
+    def errors(self, record: FitData) -> np.ndarray:
+        """Free-run simulation error of the samples that count."""
+        return record.error(self.simulate(record.motion))
+
+    def whitened_errors(self, record: FitData) -> np.ndarray:
+        """Free-run simulation error of the samples that count, through the record's whitening filter."""
+        return record.whitened_error(self.simulate(record.motion))
+
+
+def linear_dynamics(experiment: Experiment) -> LinearDynamics:
+    """Fit linear models of rising order to the training record and return the one that its criterion favours.
+
+    The test records have no say. Long records are fitted at a lower rate; errors are those at the full one.
+
+    Parameters
+    ----------
+    experiment : Experiment
+
+    Returns
+    -------
+    LinearDynamics
+    """
+    data = decimated(experiment.training)
+    best = _chosen(list(_candidates(data)), data)
+    whitened = best.whitened_errors(experiment.training)
+    return replace(
+        best,
+        squared_error=float(whitened @ whitened),
+        train_rms=best.rms(experiment.training),
+        test_rms=best.rms(*experiment.tests),
+    )
+
+
+def rational_of_order(data: FitData, order: int) -> LinearDynamics:
+    """Fit an output-error model of so many free poles and free residues to a record.
+
+    Parameters
+    ----------
+    data : FitData
+    order : int
+
+    Returns
+    -------
+    LinearDynamics
+    """
+    static = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), is_held(data.motion))
+    return _rational(data, order, static)
+
+
+def _chosen(candidates: list[LinearDynamics], data: FitData) -> LinearDynamics:
+    """The candidate of the lowest information criterion (Schwarz, Ann. Statist. 6 (1978) 461-464).
+
+    What a model of any order leaves of a nonlinear force is coloured, often a few lines: it holds fewer independent errors
+    than samples, and pays for fewer parameters.
+    """
+    candidates = [item for item in candidates if _is_bounded(item, data)]
+    least = min(candidates, key=lambda item: item.squared_error)
+    errors = least.whitened_errors(data)
+    independent = max(_independent_share(errors) * len(errors), 2.0)
+
+    def criterion(item):
+        parameters = len(item.linear) + len(item.nonlinear)
+        return independent * np.log(item.squared_error) + parameters * np.log(independent)
+
+    return min(candidates, key=criterion)
+
+
+def _is_bounded(model: LinearDynamics, data: FitData) -> bool:
+    """Whether the spring is of the size of the forces measured.
+
+    A pole slower than the record and a spring can cancel on a record that begins at 0, however large both are; they do not
+    on one that begins elsewhere.
+    """
+    return abs(model.linear[1]) * np.std(data.motion.position) <= _LARGEST_SPRING * np.std(data.force)
+
+
+def _independent_share(errors: np.ndarray) -> float:
+    """Degrees of freedom per sample of the variance of coloured errors: 2 (ΣS)²/(n ΣS²) of the periodogram S, 1 if white."""
+    power = np.abs(np.fft.rfft(errors)) ** 2
+    square = float(np.sum(power**2))
+    return min(2 * float(power.sum()) ** 2 / (len(power) * square), 1.0) if square > 0 else 1.0
+
+
+def _candidates(data: FitData) -> Iterator[LinearDynamics]:
+    held = is_held(data.motion)
+    yield _prony(data, held)
+    best = lower = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), held)
+    yield best
+    yield from (_solved("rational", data, replace(best.poles, direct=direct), held) for direct in (2, 3))
+    lines = _excited_lines(data)
+    for order in (order for order in ORDERS if order == 1 or order < lines):
+        fitted = _on_all(data, lambda part, order=order, lower=lower: _rational(part, order, lower))
+        yield fitted
+        if order == 1:
+            yield _on_all(data, lambda part, fitted=fitted: _without_derivatives(part, fitted))
+        if order == _DELAYED_ORDER and not held:
+            yield _on_all(data, lambda part, fitted=fitted: _delayed(part, fitted))
+        if order > 2 and fitted.squared_error > _WORTHWHILE * best.squared_error:
+            break
+        lower = fitted
+        best = min(best, fitted, key=lambda item: item.squared_error)
+
+
+def _excited_lines(data: FitData) -> float:
+    """How many frequencies the motion holds at all: a line determines two parameters, and so one more pole at most.
+
+    (ΣS)²/ΣS² of the power spectrum S of the position's steps, over that of a single line seen through the window.
+    """
+    steps = np.diff(data.motion.position)
+    power = np.abs(np.fft.rfft((steps - steps.mean()) * np.hanning(len(steps)))) ** 2
+    return float(power.sum()) ** 2 / float(np.sum(power**2)) / _LINE_WIDTH
+
+
+def _on_all(data: FitData, fit: Callable[[FitData], LinearDynamics]) -> LinearDynamics:
+    """Search poles, on the beginning of what is still long at its lower rate, and solve for the rest on all of it."""
+    if data.size <= _LONG:
+        return fit(data)
+    settling = data.length - data.size
+    found = fit(data.split((settling + _LONG) / data.length)[0])
+    return _solved(found.kind, data, found.poles, found.held)
+
+
+def _rates_seen(data: FitData) -> tuple[float, float]:
+    """Rates (1/s) that a record can show: of its length and of its sampling."""
+    return 1 / data.scale("duration"), 1 / data.motion.sampling_time
+
+
+def _prony(data: FitData, held: bool) -> LinearDynamics:
+    low, high = _rates_seen(data)
+    rates = np.geomspace(low, high, 1 + round(_PER_DECADE * np.log10(high / low)))
+    every = Poles(rates, np.zeros((0, 2)))
+    columns = forces(data.motion, every, held)
+    direct = columns.shape[1] - len(rates)
+    linear = solve_linear(
+        data.counted(columns), data.counted(data.force), (0,) + (1,) * (columns.shape[1] - 1)
+    )
+    kept = linear[direct:] > 0
+    poles = replace(every, rates=rates[kept])
+    return _model("prony", data, poles, held, np.concatenate([linear[:direct], linear[direct:][kept]]))
+
+
+def _rational(data: FitData, order: int, lower: LinearDynamics) -> LinearDynamics:
+    """Refine poles from the last iterations of their relocation, or from those of a lower order and some more."""
+    low, high = _rates_seen(data)
+    more = np.geomspace(low, high, order - lower.order + 2)[1:-1]
+    starts = relocated_poles(data, order, low, high, lower.held)[-2:]
+    starts.append(Poles.of(np.concatenate([lower.poles.to_array(), -more])))
+    found = [_solved("rational", data, poles, lower.held) for poles in starts]
+    return _refined(data, min(found, key=lambda item: item.squared_error))
+
+
+def _without_derivatives(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
+    """The same poles beside constant and spring only, refined: of one pole it is the Kelvin–Boltzmann model."""
+    return _refined(data, _solved("rational", data, replace(fitted.poles, direct=2), fitted.held))
+
+
+def _delayed(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
+    """The same poles behind a pure delay, both refined."""
+    step = data.motion.sampling_time
+    delays = [delay * step for delay in _DELAYS if delay * step < _LONGEST_DELAY]
+    found = [_solved("delayed", data, replace(fitted.poles, delay=delay), fitted.held) for delay in delays]
+    return _refined(data, min(found, key=lambda item: item.squared_error))
+
+
+def _refined(data: FitData, start: LinearDynamics) -> LinearDynamics:
+    """Search poles and delay, linear parameters solved for at each."""
+    from scipy.optimize import least_squares
+
+    force, vector = data.counted(data.force), start.poles.to_vector()
+    low, high = _rates_seen(data)
+    bounds = _bounds(start.poles, low, 10 * high)
+
+    @lru_cache(maxsize=1)
+    def solution(numbers):
+        values = np.frombuffer(numbers)
+        poles = start.poles.replaced(values)
+        design = data.counted(forces(data.motion, poles, start.held))
+        return poles, design, *_solution(design, force)
+
+    def error(values):
+        _, design, linear, _ = solution(values.tobytes())
+        return design @ linear - force
+
+    def jacobian(values):
+        poles, design, linear, basis = solution(values.tobytes())
+        slopes = data.counted(slope_forces(data.motion, poles, linear, start.held))
+        directions = design @ basis
+        return slopes - directions @ (directions.T @ slopes)
+
+    found = least_squares(
+        error, np.clip(vector, *bounds), jacobian, bounds=bounds, xtol=1e-5, ftol=1e-5, max_nfev=_EVALUATIONS
+    )
+    refined = _solved(start.kind, data, start.poles.replaced(found.x), start.held)
+    return min(refined, start, key=lambda item: item.squared_error)
+
+
+def _bounds(poles: Poles, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    delay = [(1e-2 / high, 2 * _LONGEST_DELAY)] if poles.delay else []
+    pairs = [(0.1 * low, 10 * high), (low**2, high**2)] * len(poles.sections)
+    bounds = np.array([*delay, *pairs, *[(low, high)] * len(poles.rates)])
+    return np.log(bounds[:, 0]) - 1e-9, np.log(bounds[:, 1]) + 1e-9
+
+
+def _solution(design: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares, and a basis that makes the columns orthonormal; directions that rounding hides are left out."""
+    normal = design.T @ design
+    size = np.sqrt(np.diag(normal))
+    size[size == 0] = 1.0
+    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    kept = values > 1e-13 * values[-1]
+    basis = vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
+    return basis @ (basis.T @ (design.T @ force)), basis
+
+
+def _solved(kind: str, data: FitData, poles: Poles, held: bool) -> LinearDynamics:
+    columns = forces(data.motion, poles, held)
+    return _model(kind, data, poles, held, _solution(data.counted(columns), data.counted(data.force))[0])
+
+
+def _model(kind: str, data: FitData, poles: Poles, held: bool, linear: np.ndarray) -> LinearDynamics:
+    found = LinearDynamics(kind, poles, held, linear, np.exp(poles.to_vector()), np.inf)
+    error, force = found.whitened_errors(data), data.counted(data.force)
+    return replace(found, squared_error=max(float(error @ error), _SMALLEST * float(force @ force)))

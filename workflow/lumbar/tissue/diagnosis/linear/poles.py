@@ -1,0 +1,169 @@
+"""Poles of a linear time-invariant model from position to force, and its forces, one per linear parameter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.tissue.models.joined_motions import JoinedMotions
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.operators import relaxation
+
+_STEP = 1e-5
+"""Relative step of derivatives by poles and delay."""
+_APART = 1e-3
+"""Relative distance of two real poles below which they count as that far apart: their responses differ else too little."""
+
+
+@dataclass(frozen=True, eq=False)
+class Poles:
+    """Poles of a strictly stable model, in the left half-plane by construction.
+
+    Attributes
+    ----------
+    rates : numpy.ndarray, shape (branches,)
+        Real poles at −rate (1/s): each a relaxing (Maxwell) branch of time constant 1/rate.
+    sections : numpy.ndarray, shape (sections, 2)
+        Pairs of poles, roots of s² + a₁ s + a₀ with a₁ (1/s) and a₀ (1/s²) positive: complex or real.
+    delay : float
+        Seconds by which the force follows the position late.
+    direct : int
+        How many of the constant, the position and its two derivatives act beside the poles, in this order.
+    """
+
+    rates: np.ndarray
+    sections: np.ndarray
+    delay: float = 0.0
+    direct: int = 4
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+        return len(self.rates) + 2 * len(self.sections)
+
+    @classmethod
+    def of(cls, values: np.ndarray) -> Poles:
+        """Poles at these places (1/s), unstable ones reflected."""
+        values = np.asarray(values, dtype=complex)
+        tiny = 1e-6 * np.abs(values)
+        upper = values[values.imag > tiny]
+        real = np.sort(np.maximum(np.abs(values[np.abs(values.imag) <= tiny].real), 1e-9))
+        damped = np.maximum(np.abs(upper.real), 1e-6 * np.abs(upper))
+        pairs = [(2 * alpha, alpha**2 + pole.imag**2) for alpha, pole in zip(damped, upper, strict=True)]
+        pairs += [(slow + fast, slow * fast) for slow, fast in zip(real[0:-1:2], real[1::2], strict=True)]
+        return cls(real[len(real) - len(real) % 2 :], np.array(pairs).reshape(-1, 2))
+
+    def to_array(self) -> np.ndarray:
+        """Places of the poles (1/s), complex."""
+        pairs = [np.roots([1.0, *section]) for section in self.sections]
+        return np.concatenate([-self.rates, *pairs]).astype(complex)
+
+    def to_vector(self) -> np.ndarray:
+        """Logarithms of all that is searched: the delay where there is one, sections, rates."""
+        delay = [self.delay] if self.delay else []
+        return np.log([*delay, *self.sections.ravel(), *self.rates])
+
+    def replaced(self, vector: np.ndarray) -> Poles:
+        """Poles of the same kind with other values, as `to_vector` gives them."""
+        values, late = np.exp(vector), int(self.delay > 0)
+        paired = late + self.sections.size
+        return replace(
+            self,
+            rates=values[paired:],
+            sections=values[late:paired].reshape(-1, 2),
+            delay=float(values[0]) if late else 0.0,
+        )
+
+
+def direct_forces(motion: Motion | JoinedMotions, delay: float, held: bool) -> list[np.ndarray]:
+    """Forces of a constant, of the position and of its derivatives.
+
+    An input that is held between jumps acts through its present and its last value in place of its derivatives. Behind a delay
+    there is no acceleration: small delays are nearly what it does.
+    """
+    motion = _late(motion, delay)
+    one, position = np.ones(len(motion)), motion.position
+    if held:
+        return [one, position, np.append(position[:1], position[:-1])]
+    return [one, position, motion.velocity, *([] if delay else [motion.acceleration])]
+
+
+def pole_forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> list[np.ndarray]:
+    """Forces of the sections, two each, and of the branches."""
+    motion = _late(motion, poles.delay)
+    sections = [column for section in poles.sections for column in section_forces(motion, section, held)]
+    return sections + [_branch(motion, rate, held) for rate in poles.rates]
+
+
+def forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> np.ndarray:
+    """Forces one per linear parameter at size 1, all from rest at the first position.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples, parameters)
+        Of `direct_forces`, then of `pole_forces`.
+    """
+    if isinstance(motion, JoinedMotions):
+        return np.concatenate([forces(part, poles, held) for part in motion.parts])
+    direct = direct_forces(motion, poles.delay, held)[: poles.direct]
+    return np.column_stack([*direct, *pole_forces(motion, poles, held)])
+
+
+def slope_forces(motion: Motion | JoinedMotions, poles: Poles, linear: np.ndarray, held: bool) -> np.ndarray:
+    """Derivatives of the force by what `Poles.to_vector` gives, linear parameters kept; by differences.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples, searched parameters)
+    """
+    if isinstance(motion, JoinedMotions):
+        return np.concatenate([slope_forces(part, poles, linear, held) for part in motion.parts])
+    slopes = []
+    if poles.delay:
+        later = replace(poles, delay=poles.delay * (1 + _STEP))
+        difference = forces(motion, later, held) - forces(motion, poles, held)
+        slopes.append(difference @ linear / _STEP)
+    late = _late(motion, poles.delay)
+    gains = linear[len(linear) - poles.order :]
+    for index, section in enumerate(poles.sections):
+        own = gains[2 * index : 2 * index + 2]
+        present = np.column_stack(section_forces(late, section, held)) @ own
+        for which in (0, 1):
+            moved = section * (1 + _STEP * np.eye(2)[which])
+            slopes.append((np.column_stack(section_forces(late, moved, held)) @ own - present) / _STEP)
+    for rate, gain in zip(poles.rates, gains[2 * len(poles.sections) :], strict=True):
+        slopes.append((_branch(late, rate * (1 + _STEP), held) - _branch(late, rate, held)) * gain / _STEP)
+    return np.column_stack(slopes)
+
+
+def _late(motion: Motion, delay: float) -> Motion:
+    return motion.remembered("late", np.array([delay]), lambda: motion.delayed(delay)) if delay else motion
+
+
+def section_forces(motion: Motion, section: np.ndarray, held: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Responses of a₀/(s² + a₁ s + a₀) and √a₀ s/(s² + a₁ s + a₀) to the velocity, times 1/√a₀, from two branches."""
+    damping, square = section
+    scale = np.sqrt(square)
+    root = np.sqrt(complex(damping**2 / 4 - square))
+    if abs(root) < _APART * scale:
+        root = _APART * scale * (1 if root.imag == 0 else 1j)
+    first, second = -damping / 2 + root, -damping / 2 - root
+    if root.imag:
+        response = _branch(motion, -first, held)
+        slow = response.imag / root.imag
+        fast = (first * response).imag / root.imag
+    else:
+        one, other = _branch(motion, -first.real, held), _branch(motion, -second.real, held)
+        slow = (one - other) / (2 * root.real)
+        fast = (first.real * one - second.real * other) / (2 * root.real)
+    return scale * slow, fast
+
+
+def _branch(motion: Motion, rate: complex, held: bool) -> np.ndarray:
+    """Response of 1/(s + rate) to the velocity; the rate may be complex."""
+    if not held:
+        return relaxation(motion, 1 / rate)
+    from scipy.signal import lfilter
+
+    return lfilter([1.0], [1.0, -np.exp(-rate * motion.sampling_time)], motion.increments)

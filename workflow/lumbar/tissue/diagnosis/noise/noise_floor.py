@@ -1,0 +1,303 @@
+"""The noise floor of a periodic record: what no model of its input can explain.
+
+Of P periods the first is the transient; the spread of the others about their mean is noise, provided that
+nothing else keeps them from repeating. Drift, softening or a disturbance at a frequency of its own raise that
+spread many times; they are found and taken out first (`lumbar.tissue.diagnosis.noise.nonrepeating`) and reported.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lumbar.records.record import Record
+from lumbar.tissue.diagnosis.noise.bursts import Bursts, find_bursts
+from lumbar.tissue.diagnosis.noise.noise_spectrum import excess, line_power, smooth_power
+from lumbar.tissue.diagnosis.noise.nonrepeating import AMPLITUDE, DRIFT, LINE, OTHER, Part, remove_structure
+from lumbar.tissue.diagnosis.noise.periods import Folding, find_period, fold_periods, repeats
+
+__all__ = ["NoiseFloor", "find_period", "noise_floor"]
+
+WHITENING_ORDER = 12
+"""Highest order of the autoregressive model of the noise."""
+_NEARLY = 0.998
+"""Share of the highest order's prediction gain that a lower order must reach."""
+_INPUT_REPEATS_EXACTLY = 1e-4
+_DIGITS = 1e-9
+"""Share of the response below which a record's digits say nothing."""
+_MOST = 0.5
+"""Share of the variance of bursts from which on few changes without a name explain it, and it is none."""
+_NORMAL_975 = 1.959964
+_NORMAL_99 = 2.326348
+_NORMAL_999 = 3.090232
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseFloor:
+    """What of an output does not repeat with a periodic input, less what is structured in it.
+
+    Attributes
+    ----------
+    rms, low, high : float
+        Noise per sample and its 95 % interval (χ²), in the output's unit.
+    structured : tuple of (str, float)
+        In words, and RMS, of every part that does not repeat and is no noise, the largest first. The words
+        begin with ``drift``, ``amplitude change``, ``off-grid line``, ``other change`` or ``bursts``.
+    structured_rms : float
+        RMS of all of them together; 0 where none is significant.
+    input_driven_rms : float
+        RMS of the deviations that follow the input's own deviations from its mean period: a simulation with
+        the measured input explains them.
+    spectrum : tuple of numpy.ndarray
+        Frequency (Hz) and one-sided power spectral density (unit²/Hz) of the noise at the multiples of
+        1/period.
+    degrees_of_freedom : float
+        Of `rms`, the noise's colour taken into account.
+    period, sampling_time : float
+        Seconds.
+    periods : int
+        Periods used, the transient left out.
+    exact : bool
+        Whether the periods are alike to the last digit: `rms` is then what the digits leave open.
+    """
+
+    rms: float
+    low: float
+    high: float
+    structured: tuple[tuple[str, float], ...]
+    structured_rms: float
+    input_driven_rms: float
+    spectrum: tuple[np.ndarray, np.ndarray]
+    degrees_of_freedom: float
+    period: float
+    sampling_time: float
+    periods: int
+    exact: bool = False
+
+    @cached_property
+    def whitening(self) -> np.ndarray:
+        """FIR filter that makes the noise white and keeps its variance; ``[1]`` where it is white already.
+
+        Autoregressive, by the Yule–Walker equations, of the lowest order that predicts the noise nearly as well as
+        order `WHITENING_ORDER`. It is used where it predicts the noise better than it would white noise by chance.
+        """
+        density = self.spectrum[1].copy()
+        density[0] *= 2  # one-sided: the lines at 0 and, of an even number, at the end count once
+        if round(self.period / self.sampling_time) % 2 == 0:
+            density[-1] *= 2
+        covariance = np.fft.irfft(density, round(self.period / self.sampling_time))
+        order = min(WHITENING_ORDER, len(covariance) // 4)
+        full_gain = prediction_error_filter(covariance[: order + 1])[1]
+        # Degrees of freedom that white noise would have: those of coloured noise are fewer just because it is coloured.
+        white = (self.periods - 1) * round(self.period / self.sampling_time)
+        if full_gain <= 1 + (order + 4 * np.sqrt(2 * order)) / white:
+            return np.ones(1)
+        filters = (prediction_error_filter(covariance[: lower + 1]) for lower in range(1, order + 1))
+        return next(taps * np.sqrt(gain) for taps, gain in filters if gain >= _NEARLY * full_gain)
+
+    @property
+    def surely_structured_rms(self) -> float:
+        """`structured_rms` without a drift that wandering noise may be taken for (99 %)."""
+        wandering = self.rms * np.sqrt(_NORMAL_99 * np.sqrt(2 / self.degrees_of_freedom))
+        if all(words.startswith(DRIFT) and rms <= wandering for words, rms in self.structured):
+            return 0.0
+        return self.structured_rms
+
+    def largest_ratio(self, samples: int) -> float:
+        """Largest ratio to `rms` (99.9 %) of the RMS of so many samples of the same noise: coloured noise scatters."""
+        share = self.degrees_of_freedom / (self.periods * round(self.period / self.sampling_time))
+        return float(np.sqrt(1 + _NORMAL_999 * np.sqrt(2 / (share * samples) + 2 / self.degrees_of_freedom)))
+
+    def density(self, frequency: np.ndarray) -> np.ndarray:
+        """Noise level at any frequencies (Hz): the spectrum smoothed over bands, for whitening; unit²/Hz."""
+        lines, density = self.spectrum
+        level = smooth_power(density, max(self.periods - 1, 1))
+        return np.interp(frequency, lines[1:], level[1:])
+
+
+def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
+    """Yule–Walker: coefficients 1, −a₁, …, −aₙ of the prediction error, and variance over that of the error.
+
+    Parameters
+    ----------
+    covariance : numpy.ndarray, shape (n + 1,)
+        Of a signal, at lags 0 to n samples.
+    """
+    order = len(covariance) - 1
+    if order < 1 or covariance[0] <= 0:
+        return np.ones(1), 1.0
+    lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
+    coefficients = np.linalg.lstsq(covariance[lags], covariance[1:], rcond=1e-12)[0]
+    error = covariance[0] - coefficients @ covariance[1:]
+    return np.concatenate([[1.0], -coefficients]), float(covariance[0] / max(error, 1e-12 * covariance[0]))
+
+
+def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | None:
+    """Return the noise floor of a periodic record, or None where its input, or another input beside it, does not repeat.
+
+    Parameters
+    ----------
+    record : Record
+    period : float, optional
+        Seconds; by default the record's own, else found by `find_period`.
+
+    Raises
+    ------
+    InputError
+        If a period is given that the record is too short for, or with which its input does not repeat.
+    """
+    period = period or record.period or find_period(record)
+    if period is None:
+        return None
+    folding = fold_periods(record, period)
+    beside = record.channels.keys() - {"output", "input"}
+    if not all(repeats(record, folding, other) for other in beside):
+        return None  # what was measured beside the input moves the output too, and does not repeat
+    folded = folding.fold(record["output"])
+    mean_period = folded.mean(axis=0)
+    deviations, input_driven = _without_input_deviations(folded - mean_period, record["input"], folding)
+    scale = np.abs(folded).max()
+    if np.abs(deviations).max() <= 1e-12 * scale:
+        deviations = np.zeros_like(deviations)
+    noise, parts, degrees = remove_structure(
+        deviations, mean_period, folding.fold(record["input"]).mean(axis=0)
+    )
+    exact = not np.any(noise)
+    variance = _resolution(mean_period) ** 2 if exact else float(np.sum(noise**2)) / degrees
+    noise, parts, degrees, bursts = _bursts_beside(noise, parts, degrees)
+    if bursts is not None:
+        noise, degrees, variance = noise * bursts.quiet, degrees * bursts.quiet.mean(), bursts.variance
+    power = line_power(noise, degrees / folding.samples)
+    if bursts is not None:
+        power *= variance / power.mean()
+    if exact:
+        power = np.full_like(power, variance)
+    effective = degrees * _share_of_white(power, degrees / folding.samples)
+    spread = 2 / (9 * effective)
+    low, high = (variance / (1 - spread + sign * _NORMAL_975 * np.sqrt(spread)) ** 3 for sign in (1, -1))
+    return NoiseFloor(
+        rms=float(np.sqrt(variance)),
+        low=float(np.sqrt(low)),
+        high=float(np.sqrt(high)),
+        structured=_described(parts, bursts, variance, record, folding),
+        structured_rms=float(np.hypot(_rms_together(parts, variance), bursts.rms if bursts else 0.0)),
+        input_driven_rms=input_driven,
+        spectrum=_density(power, folding.samples, record.sampling_time),
+        degrees_of_freedom=float(effective),
+        period=float(period),
+        sampling_time=record.sampling_time,
+        periods=len(folded),
+        exact=exact,
+    )
+
+
+def _bursts_beside(
+    noise: np.ndarray, parts: list[Part], degrees: float
+) -> tuple[np.ndarray, list[Part], float, Bursts | None]:
+    """Look for bursts in the noise and the changes without a name: what these explain of bursts is theirs by chance."""
+    changes = [part for part in parts if part.kind == OTHER]
+    changing = sum((part.values for part in changes), np.zeros_like(noise))
+    rows = len(noise) - 1
+    together = degrees * rows / max(rows - len(changes), 1)
+    bursts = find_bursts(noise + changing, together)
+    if bursts is None or np.mean(changing**2) > _MOST * bursts.rms**2:
+        return noise, parts, degrees, None
+    return noise + changing, [part for part in parts if part.kind != OTHER], together, bursts
+
+
+def _resolution(mean_period: np.ndarray) -> float:
+    """RMS of rounding to the smallest step between values (B. Widrow, AIEE Trans. 79, 1961: step/√12)."""
+    steps = np.diff(np.unique(mean_period))
+    step = float(steps.min()) / np.sqrt(12) if steps.size else 0.0
+    return max(step, _DIGITS * float(np.abs(mean_period).max()))
+
+
+def _without_input_deviations(
+    deviations: np.ndarray, excitation: np.ndarray, folding: Folding
+) -> tuple[np.ndarray, float]:
+    """Take out of the output what its input's own deviations cause, by a few filters fitted to them."""
+    folded = folding.fold(excitation)
+    cause = folded - folded.mean(axis=0)
+    if np.std(cause) <= _INPUT_REPEATS_EXACTLY * np.std(folded):
+        return deviations, 0.0
+    columns = [_relaxed(cause, samples) for samples in (0, 1, 4, 16, 64) if samples < folding.samples / 4]
+    regressors = np.column_stack([column.ravel() for column in (np.gradient(cause, axis=1), *columns)])
+    regressors /= np.maximum(regressors.std(axis=0), 1e-300)
+    fitted = regressors @ np.linalg.lstsq(regressors, deviations.ravel(), rcond=1e-8)[0]
+    fitted = fitted.reshape(deviations.shape)
+    rest = deviations - fitted
+    variance = np.sum(rest**2) / max(deviations.size - folding.samples - regressors.shape[1], 1)
+    if variance > 0 and excess(np.sum(fitted**2) / variance, regressors.shape[1]) < 3:
+        return deviations, 0.0
+    return rest, float(np.sqrt(np.mean(fitted**2)))
+
+
+def _relaxed(rows: np.ndarray, samples: int) -> np.ndarray:
+    """Rows through a first-order low-pass of this time constant, circularly; unchanged for 0."""
+    if samples == 0:
+        return rows
+    frequency = 2 * np.pi * np.fft.rfftfreq(rows.shape[1])
+    return np.fft.irfft(np.fft.rfft(rows, axis=1) / (1 + 1j * frequency * samples), rows.shape[1], axis=1)
+
+
+def _share_of_white(power: np.ndarray, rows: float) -> float:
+    """How many degrees of freedom the variance of coloured noise has, relative to white: (ΣS)²/(n ΣS²)."""
+    level = smooth_power(power, rows)[1:]
+    if not level.size or power.max() <= 0:
+        return 1.0
+    return float(level.sum() ** 2 / (level.size * np.sum(level**2)))
+
+
+def _rms_together(parts: list[Part], variance: float) -> float:
+    if not parts:
+        return 0.0
+    kind = "all"
+    return Part(kind, sum(part.values for part in parts), sum(part.degrees for part in parts)).rms(variance)
+
+
+def _density(power: np.ndarray, samples: int, sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
+    density = 2 * power * sampling_time
+    density[0] /= 2
+    if samples % 2 == 0:
+        density[-1] /= 2
+    return np.fft.rfftfreq(samples, sampling_time), density
+
+
+def _described(
+    parts: list[Part], bursts: Bursts | None, variance: float, record: Record, folding: Folding
+) -> tuple[tuple[str, float], ...]:
+    unit = record.channels["output"].unit
+    mean_period = folding.fold(record["output"]).mean(axis=0)
+    described = [
+        (_words(part, mean_period, unit, record.sampling_time), part.rms(variance)) for part in parts
+    ]
+    if bursts is not None:
+        share = 100 * (1 - bursts.quiet.mean())
+        words = f"bursts: {share:.2g} % of the period, always the same places, in which the force drops or slips by other amounts"
+        described.append((words, bursts.rms))
+    return tuple(sorted(described, key=lambda item: -item[1]))
+
+
+def _words(part: Part, mean_period: np.ndarray, unit: str, sampling_time: float) -> str:
+    """Say what a part is, with its size; periods are counted from the record's last, as from 2."""
+    last = len(part.values) + 1
+    if part.kind == DRIFT:
+        level = part.values.mean(axis=1)
+        return (
+            f"drift: the level changes by {level[-1] - level[0]:+.3g} {unit} from period 2 to period {last}"
+        )
+    if part.kind == AMPLITUDE:
+        response = mean_period - mean_period.mean()
+        gain = 100 * (part.values @ response) / np.sum(response**2)
+        return f"amplitude change: {gain[-1] - gain[0]:+.3g} % from period 2 to period {last}"
+    if part.kind == LINE:
+        harmonics = f" with harmonics up to the {part.harmonics}th" if part.harmonics > 1 else ""
+        frequency = part.frequency / sampling_time
+        return f"off-grid line at {frequency:.4g} Hz{harmonics}, amplitude {part.amplitude:.3g} {unit}"
+    energy = np.sum(part.values**2, axis=1)
+    odd_one = int(energy.argmax())
+    if energy[odd_one] > 0.7 * energy.sum():
+        return f"other change: period {odd_one + 2} differs from the others"
+    return "other change over the periods"

@@ -1,0 +1,149 @@
+"""The period of an excitation: found by comparing the input with itself shifted, and cutting records by it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.records.record import Record
+
+REPEATS_WITHIN = 0.02
+"""An input repeats if one period differs from another by less than this share of its RMS about the mean."""
+FEWEST_PERIODS = 3
+"""The first is the transient; two are the least that show what does not repeat."""
+
+_MISSING_END = 0.02
+"""Share of a period by which a record may end early (a sample is often lost at an end)."""
+_ANOTHER_MINIMUM = 3.0
+"""Lags whose mismatch is within this factor of the best, in power, repeat equally well: the shortest is it."""
+
+
+@dataclass(frozen=True)
+class Folding:
+    """Where the whole periods of a record lie.
+
+    Attributes
+    ----------
+    period : float
+        Seconds.
+    samples : int
+        Samples per period.
+    rows : numpy.ndarray of int, shape (periods, samples)
+        Indices of the samples of every period that is used, counted from the record's end so that the
+        transient at its start is left out.
+    """
+
+    period: float
+    samples: int
+    rows: np.ndarray
+
+    def fold(self, values: np.ndarray) -> np.ndarray:
+        """Return `values` as one row per period, shape (periods, samples)."""
+        return values[self.rows]
+
+
+def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
+    """How far a signal differs from itself shifted by 0, 1, …, `lags` samples.
+
+    Returns
+    -------
+    numpy.ndarray, shape (lags + 1,)
+        Σ(u[n+l] − u[n])² over the overlap, per sample and relative to twice the variance: 0 where the signal
+        repeats, about 1 where the two are unrelated. For noise of variance σ² on a periodic signal it is
+        σ²/variance at the period.
+    """
+    size = len(values)
+    centred = values - values.mean()
+    length = 1 << (size + lags).bit_length()
+    spectrum = np.fft.rfft(centred, length)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, length)[: lags + 1]
+    energy = np.concatenate([[0.0], np.cumsum(centred**2)])
+    lag = np.arange(lags + 1)
+    overlapping = energy[size - lag] + energy[size] - energy[lag]
+    variance = energy[size] / size
+    if variance == 0.0:
+        return np.full(lags + 1, np.inf)
+    return np.maximum(overlapping - 2.0 * products, 0.0) / (2.0 * variance * (size - lag))
+
+
+def find_period(record: Record) -> float | None:
+    """Return the period of the input in seconds, or None where it does not repeat.
+
+    The shortest lag at which the input agrees with itself as well as at any other, within
+    `REPEATS_WITHIN`. Noise in a measured position is allowed for: it limits the agreement at every multiple
+    of the period alike. A record has to hold `FEWEST_PERIODS` periods.
+
+    Parameters
+    ----------
+    record : Record
+    """
+    values = record["input"]
+    lags = int(len(values) * (1 + _MISSING_END) / FEWEST_PERIODS)
+    if lags < 3:
+        return None
+    difference = mismatch(values, lags + 1)
+    inner = difference[1:-1]
+    is_minimum = (inner <= difference[:-2]) & (inner <= difference[2:])
+    # A smooth signal resembles itself at short lags; its period comes after it has become unlike itself.
+    unlike = np.flatnonzero(difference > 0.1)
+    if not unlike.size:
+        return None
+    candidates = np.flatnonzero(is_minimum) + 1
+    candidates = candidates[(candidates > unlike[0]) & (difference[candidates] < REPEATS_WITHIN**2)]
+    if not candidates.size:
+        return None
+    rounding = 1e-12  # of values written with six digits, and of the transform
+    enough = _ANOTHER_MINIMUM * difference[candidates].min() + rounding
+    return float(candidates[difference[candidates] <= enough][0] * record.sampling_time)
+
+
+def fold_periods(record: Record, period: float) -> Folding:
+    """Cut a record into the whole periods after its first one.
+
+    Parameters
+    ----------
+    record : Record
+    period : float
+        Seconds.
+
+    Raises
+    ------
+    InputError
+        If the record holds fewer than `FEWEST_PERIODS` periods, or its input does not repeat with `period`.
+    """
+    name, size = record.source or record.name, len(record)
+    length = period / record.sampling_time
+    if not length >= 2:
+        raise InputError(f"{name}: a period of {period:g} s is less than two samples")
+    periods = int(size / length + _MISSING_END)
+    if periods < FEWEST_PERIODS:
+        raise InputError(
+            f"{name}: {record.duration:g} s hold {size / length:.3g} periods of {period:g} s; at least "
+            f"{FEWEST_PERIODS} are needed, the first of them as transient: record for longer, or leave the "
+            "period out"
+        )
+    samples = round(length)
+    starts = size - np.round(length * np.arange(periods - 1, 0, -1)).astype(int)
+    starts = np.minimum(starts, size - samples)
+    folding = Folding(period, samples, starts[:, None] + np.arange(samples))
+    unlike = _unlike(folding.fold(record["input"]))
+    # A period that is no whole number of samples is cut up to half a sample beside its place.
+    if unlike > 5 * REPEATS_WITHIN:
+        raise InputError(
+            f"{name}: the input does not repeat after {period:g} s, its periods differ by {100 * unlike:.2g} % "
+            "of its RMS: correct the period, or leave it out to have it found"
+        )
+    return folding
+
+
+def repeats(record: Record, folding: Folding, role: str) -> bool:
+    """Whether a further channel repeats with a record's periods, or rests."""
+    return _unlike(folding.fold(record[role])) <= 5 * REPEATS_WITHIN
+
+
+def _unlike(folded: np.ndarray) -> float:
+    """How far periods differ from their mean, as a share of the RMS about it; 0 of a channel that rests."""
+    variance = float(np.var(folded))
+    return float(np.sqrt(np.mean((folded - folded.mean(axis=0)) ** 2) / variance)) if variance > 0 else 0.0

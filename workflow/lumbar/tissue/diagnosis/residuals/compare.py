@@ -1,0 +1,349 @@
+"""How well a free-run simulation agrees with a record, and how much of its error a better model could explain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.records.record import Record
+from lumbar.tables.table import Table
+from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING
+from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
+from lumbar.tissue.identification.metrics import (
+    fit_ratio,
+    mean_residual,
+    normalized_mean_squared_error,
+    variance_accounted_for,
+)
+
+RESAMPLES = 300
+CONFIDENCE = 0.95
+_FEWEST_BLOCKS = 8
+_BLOCK = 3
+"""Blocks are this many times as long as energies are correlated."""
+_REST = 1e-12
+"""Share of a mean square that a variance is by rounding alone."""
+
+
+@dataclass(frozen=True)
+class EstimateWithInterval:
+    """A figure of merit and its interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One record against one simulation.
+
+    Attributes
+    ----------
+    record : str
+    unit : str
+        Of the output.
+    samples : int
+        Samples that count: from `start` on.
+    start : float
+        Seconds at the record's beginning that are left out.
+    rms, vaf, fit, mean_residual : EstimateWithInterval
+        Of the free run, by the definitions of `lumbar.tissue.identification.metrics`; rms is √(mean squared residual).
+    output_variance : float
+    floor : NoiseFloor or None
+        Noise of this record or, where it does not repeat, of one recorded with the same set-up.
+    floor_from : str
+        Name of the record that the floor comes from; empty without one.
+    nmse_one_step : float or None
+        Of a one-step-ahead prediction, where one was given. It says little about a model.
+    """
+
+    record: str
+    unit: str
+    samples: int
+    start: float
+    rms: EstimateWithInterval
+    vaf: EstimateWithInterval
+    fit: EstimateWithInterval
+    mean_residual: EstimateWithInterval
+    output_variance: float
+    floor: NoiseFloor | None
+    floor_from: str
+    nmse_one_step: float | None = None
+
+    @property
+    def explainable_rms(self) -> float | None:
+        """RMS of the error that is not noise: √(RMS² − floor²); None without a floor."""
+        if self.floor is None:
+            return None
+        return float(np.sqrt(max(self.rms.value**2 - self.floor.rms**2, 0.0)))
+
+    @property
+    def explainable_percent(self) -> float | None:
+        """Share of the output's variance that a better model could still explain, %."""
+        return None if self.floor is None else 100.0 * self.explainable_rms**2 / self.output_variance
+
+    @property
+    def explainable_vaf(self) -> float | None:
+        """Share of the output's variance less the noise's that the model explains, %."""
+        if self.floor is None or self.output_variance <= self.floor.rms**2:
+            return None
+        return 100.0 * (1.0 - self.explainable_rms**2 / (self.output_variance - self.floor.rms**2))
+
+    @property
+    def is_noise(self) -> bool | None:
+        """Whether the error is no larger than noise may be; None without a floor."""
+        return None if self.floor is None else self.rms.low <= self.floor.high
+
+    @property
+    def sentence(self) -> str:
+        """The comparison in words."""
+        words = (
+            f"{self.record}: the model explains {self.vaf.value:.4g} % of the output's variance "
+            f"({self.vaf.low:.4g} to {self.vaf.high:.4g} %); its error is {self.rms.value:.3g} {self.unit} RMS"
+        )
+        if self.floor is None:
+            return f"{words}; no record repeats, so how much of it is noise is unknown."
+        noise = f"{self.floor.rms:.3g} {self.unit} of noise"
+        if self.is_noise:
+            return f"{words}, no more than the {noise}."
+        return (
+            f"{words} beside {noise}: {self.explainable_rms:.3g} {self.unit}, {self.explainable_percent:.2g} % of the "
+            "variance, is left for a better model to explain."
+        )
+
+
+def compare_record(
+    record: Record,
+    simulated: np.ndarray,
+    floor: NoiseFloor | None = None,
+    floor_from: str = "",
+    one_step: np.ndarray | None = None,
+    start: float = SETTLING,
+    seed: int = 0,
+) -> Comparison:
+    """Compare a free-run simulation with a record.
+
+    The intervals say what another excitation of the same kind would give. They come from resampling blocks of time
+    (Künsch, Annals of Statistics 17, 1989), each longer than the energy of error and output is correlated. Where the record
+    repeats, blocks are parts of the period and all periods of a part go together: an error that comes back with
+    the period is no new evidence.
+
+    Parameters
+    ----------
+    record : Record
+    simulated : numpy.ndarray, shape (samples,)
+        Free run over the whole record.
+    floor : NoiseFloor, optional
+        See `lumbar.tissue.diagnosis.noise.noise_floor.noise_floor`.
+    floor_from : str
+        Name of the record that `floor` comes from; default this one.
+    one_step : numpy.ndarray, optional
+        One-step-ahead prediction over the whole record.
+    start : float
+        Seconds left out at the beginning, where the initial state is not known.
+    seed : int
+        Of the resampling.
+
+    Raises
+    ------
+    InputError
+        If the simulation does not fit the record, is not finite, or too little is left after `start`.
+    NumericalError
+        If the output does not move.
+    """
+    first = counted_from(record, simulated, start)
+    measured, modelled = record["output"][first:], np.asarray(simulated, dtype=float)[first:]
+    repeats = floor is not None and floor_from in ("", record.name)
+    period = round(floor.period / record.sampling_time) if repeats else None
+    estimates = _estimates(measured, modelled, period, seed)
+    return Comparison(
+        record=record.name,
+        unit=record.channels["output"].unit,
+        samples=measured.size,
+        start=start,
+        **dict(zip(("rms", "vaf", "fit", "mean_residual"), estimates, strict=True)),
+        output_variance=float(np.var(measured)),
+        floor=floor,
+        floor_from=(floor_from or record.name) if floor is not None else "",
+        nmse_one_step=None
+        if one_step is None
+        else normalized_mean_squared_error(measured, np.asarray(one_step, dtype=float)[first:]),
+    )
+
+
+def counted_from(record: Record, simulated: np.ndarray, start: float) -> int:
+    """Index of the first sample that counts; raise where simulation and record do not go together."""
+    name = record.source or record.name
+    if np.shape(simulated) != record.time.shape:
+        raise InputError(f"{name}: simulation of shape {np.shape(simulated)} for {len(record)} samples")
+    bad = np.flatnonzero(~np.isfinite(simulated))
+    if bad.size:
+        raise InputError(
+            f"{name}: the simulation is {np.asarray(simulated)[bad[0]]} from {record.time[bad[0]]:g} s on: the "
+            "model is unstable or was not fitted"
+        )
+    first = round(start / record.sampling_time)
+    if len(record) - first < 2 * _FEWEST_BLOCKS:
+        raise InputError(
+            f"{name}: {record.duration:g} s leave {max(len(record) - first, 0)} samples after the first {start:g} s; "
+            f"at least {2 * _FEWEST_BLOCKS} are needed"
+        )
+    return first
+
+
+def root_mean_square(measured: np.ndarray, modelled: np.ndarray) -> float:
+    """√(mean squared residual), in the output's unit."""
+    return float(np.sqrt(np.mean((measured - modelled) ** 2)))
+
+
+def _estimates(
+    measured: np.ndarray, modelled: np.ndarray, period: int | None, seed: int
+) -> list[EstimateWithInterval]:
+    """RMS, VAF, FIT and mean residual with bootstrap intervals."""
+    figures = (root_mean_square, variance_accounted_for, fit_ratio, mean_residual)
+    values = [figure(measured, modelled) for figure in figures]
+    residual, output = modelled - measured, measured - measured.mean()
+    groups = block_groups([residual, output], period)
+    draws = np.random.default_rng(seed).integers(len(groups), size=(RESAMPLES, len(groups)))
+    # A resample has the sums of its groups, each as often as it was drawn.
+    often = np.stack([np.bincount(draw, minlength=len(groups)) for draw in draws])
+    powers = np.stack([np.ones(len(output)), residual, residual**2, np.abs(residual), output, output**2])
+    sums = often @ np.stack([powers[:, group].sum(axis=1) for group in groups])
+    resampled = _figures_of_means(*(sums[:, 1:] / sums[:, :1]).T)
+    tail = (1 - CONFIDENCE) / 2
+    low, high = np.quantile(resampled, [tail, 1 - tail], axis=1)
+    return [EstimateWithInterval(*map(float, triple)) for triple in zip(values, low, high, strict=True)]
+
+
+def _figures_of_means(residual, square, absolute, output, energy) -> np.ndarray:
+    """The same four from means over samples: of residual, its square and size, output and its square.
+
+    Raises
+    ------
+    NumericalError
+        If an output does not move.
+    """
+    variance = energy - output**2
+    if np.any(variance <= _REST * energy):
+        raise NumericalError("the output does not move in most of the record: its intervals are not known")
+    unexplained = (square - residual**2) / variance
+    rms = np.sqrt(square)
+    return np.stack([rms, 100 * (1 - unexplained), 100 * (1 - rms / np.sqrt(variance)), absolute])
+
+
+def block_groups(signals: list[np.ndarray], period: int | None) -> list[np.ndarray]:
+    """Indices of the samples that are resampled together.
+
+    Blocks of equal length, three times as long as the energy of any of the signals is correlated but at least eight to a record
+    or period.
+    """
+    size = len(signals[0])
+    span = period if period and period < size else size
+    correlated = max(_correlated_samples(signal[:span]) for signal in signals)
+    length = max(min(_BLOCK * correlated, span // _FEWEST_BLOCKS), 1)
+    blocks = span // length
+    position = np.arange(size) % span
+    block = np.minimum(position * blocks // span, blocks - 1)
+    order = np.argsort(block, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(block[order])) + 1)
+
+
+def _correlated_samples(signal: np.ndarray) -> int:
+    """Samples over which a signal's square stays correlated: 1 + 2 Σρ up to the first ρ below 0.05."""
+    energy = signal**2 - np.mean(signal**2)
+    length = 1 << (2 * energy.size).bit_length()
+    covariance = np.fft.irfft(np.abs(np.fft.rfft(energy, length)) ** 2, length)[: energy.size // 4 + 1]
+    if covariance[0] <= 0:
+        return 1
+    correlation = covariance / covariance[0]
+    ends = np.flatnonzero(correlation < 0.05)
+    stop = ends[0] if ends.size else correlation.size
+    return int(np.ceil(1 + 2 * correlation[1:stop].sum()))
+
+
+def comparison_table(comparisons: list[Comparison], data: str) -> Table:
+    """Table of all records, as ``compare.csv`` publishes it."""
+    import pandas as pd
+
+    frame = pd.DataFrame([_row(item) for item in comparisons])
+    if all(item.nmse_one_step is None for item in comparisons):
+        frame = frame.drop(columns="nmse_one_step")
+    return Table(
+        title="Free-run simulation against every record.",
+        frame=frame,
+        definitions=_DEFINITIONS,
+        data=data,
+        notes=(
+            f"The first {comparisons[0].start:g} s of every record are left out: the initial state is not known.",
+            f"_low, _high: {100 * CONFIDENCE:g} % interval from {RESAMPLES} resamples of blocks of time, of a repeating "
+            "record blocks of its period: what another excitation of the same kind would give.",
+        ),
+        may_be_empty=_EMPTY,
+        headers={
+            "rms": "RMS error",
+            "noise_floor_rms": "RMS of the noise",
+            "explainable_rms": "RMS that is explainable",
+        },
+        first=("record", "unit", "rms", "vaf_percent", "fit_percent", "noise_floor_rms", "explainable_rms"),
+    )
+
+
+def _row(item: Comparison) -> dict:
+    row = {"record": item.record, "samples": item.samples, "unit": item.unit}
+    for name in ("rms", "vaf", "fit", "mean_residual"):
+        estimate = getattr(item, name)
+        suffix = "_percent" if name in ("vaf", "fit") else ""
+        row |= {f"{name}{suffix}": estimate.value, f"{name}_low": estimate.low, f"{name}_high": estimate.high}
+    floor = item.floor
+    return row | {
+        "noise_floor_rms": floor.rms if floor else None,
+        "noise_floor_low": floor.low if floor else None,
+        "noise_floor_high": floor.high if floor else None,
+        "noise_floor_from": item.floor_from or None,
+        "explainable_rms": item.explainable_rms,
+        "explainable_percent": item.explainable_percent,
+        "explainable_vaf_percent": item.explainable_vaf,
+        "nmse_one_step": item.nmse_one_step,
+    }
+
+
+_EMPTY = frozenset(
+    {
+        "noise_floor_rms",
+        "noise_floor_low",
+        "noise_floor_high",
+        "noise_floor_from",
+        "explainable_rms",
+        "explainable_percent",
+        "explainable_vaf_percent",
+        "nmse_one_step",
+    }
+)
+_DEFINITIONS = {
+    "record": "record of the set",
+    "samples": "samples that count",
+    "unit": "unit of the output: of rms, mean_residual, noise_floor and explainable_rms",
+    "rms": "root mean square of the residual of the free run",
+    "rms_low": "lower end of the interval",
+    "rms_high": "upper end of the interval",
+    "vaf_percent": "Eq. 3.12: 100 (1 − var(residual)/var(output)), free run",
+    "vaf_low": "lower end of the interval, %",
+    "vaf_high": "upper end of the interval, %",
+    "fit_percent": "Eq. 3.11: 100 (1 − rms(residual)/σ(output)), free run",
+    "fit_low": "lower end of the interval, %",
+    "fit_high": "upper end of the interval, %",
+    "mean_residual": "Eq. 3.10: mean of the absolute residual, free run",
+    "mean_residual_low": "lower end of the interval",
+    "mean_residual_high": "upper end of the interval",
+    "noise_floor_rms": "noise per sample: spread of the periods about their mean without what is structured in it",
+    "noise_floor_low": "lower end of its 95 % interval (χ²)",
+    "noise_floor_high": "upper end of its 95 % interval (χ²)",
+    "noise_floor_from": "record that the noise floor comes from",
+    "explainable_rms": "√(rms² − noise floor²), 0 where the error is below the floor",
+    "explainable_percent": "100 explainable_rms²/var(output)",
+    "explainable_vaf_percent": "100 (1 − explainable_rms²/(var(output) − noise floor²))",
+    "nmse_one_step": "Eq. 3.13 of the one-step-ahead prediction: beside the free run only, it says little about a model",
+}

@@ -1,0 +1,218 @@
+"""Where in frequency a model fails, and whether the lines say an even or an odd nonlinearity."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual
+from lumbar.tissue.diagnosis.residuals.residual_diagnostic import View, percent, probability
+
+EXCITED, EVEN, ODD, ABOVE, BELOW, BETWEEN = (
+    "excited lines",
+    "even lines",
+    "odd lines left out",
+    "above the excited band",
+    "below the excited band",
+    "excited band",
+)
+_WEAKEST_LINE = 1e-2
+"""Lines of the input weaker than this share of its strongest one are not excited (amplitudes)."""
+_FEWEST_LINES = 4
+_BAND_POWER = 0.998
+"""Share of the input's power in the band of a record without lines."""
+
+
+def excited_lines(mean_period: np.ndarray) -> np.ndarray:
+    """Multiples of 1/period, from 1 on, that the input excites."""
+    amplitude = np.abs(np.fft.rfft(mean_period - mean_period.mean()))
+    return np.flatnonzero(amplitude > _WEAKEST_LINE * amplitude.max())
+
+
+def line_classes(excited: np.ndarray, count: int) -> np.ndarray:
+    """Class of the lines 0, 1, …, count − 1.
+
+    Where all excited lines are odd, an even line can only hold what an even nonlinearity (or an offset) puts there,
+    and an odd line that was left out only what an odd one does (Pintelon and Schoukens, System Identification: A
+    Frequency Domain Approach, 2012, section 4.3). On other grids the lines above and below the band show
+    nonlinearity without telling its kind.
+    """
+    lines = np.arange(count)
+    if np.all(excited % 2 == 1):
+        classes = np.where(lines % 2 == 0, EVEN, ODD).astype(object)
+    else:
+        classes = np.where(lines > excited.max(), ABOVE, np.where(lines < excited.min(), BELOW, BETWEEN))
+        classes = classes.astype(object)
+    classes[excited] = EXCITED
+    return classes
+
+
+def frequency_view(residual: Residual) -> View:
+    """Spectrum of the residual beside that of the noise.
+
+    Columns ``frequency`` (Hz), ``rms`` and ``noise_rms`` (of the residual and of noise alone, in the line or band)
+    and ``kind``, its class; of bands also ``width`` (Hz).
+    """
+    return _bands(residual) if residual.folding is None else _lines(residual)
+
+
+def _lines(residual: Residual) -> View:
+    folding = residual.folding
+    periods, samples = len(folding.rows), folding.samples
+    mean = folding.fold(residual.values).mean(axis=0)
+    excited = excited_lines(folding.fold(residual.position).mean(axis=0))
+    frequency = np.fft.rfftfreq(samples, residual.sampling_time)
+    sides = np.full(len(frequency), 2.0)
+    sides[0] = 1.0
+    if samples % 2 == 0:
+        sides[-1] = 1.0
+    power = sides * np.abs(np.fft.rfft(mean)) ** 2 / samples**2
+    noise = sides * residual.noise_power(frequency) / (samples * periods)
+    classes = line_classes(excited, len(frequency))
+    table = {"frequency": frequency, "rms": np.sqrt(power), "noise_rms": np.sqrt(noise), "kind": classes}
+    shares, p_values = _by_class(residual, classes, power, noise, sides)
+    numbers = {"excited_lines": len(excited), "lines_are_odd": bool(np.all(excited % 2 == 1))}
+    numbers |= {f"share {kind}": share for kind, share in shares.items()}
+    beyond = {kind: share for kind, share in shares.items() if kind not in (EXCITED, BELOW)}
+    nonlinear_p = min((p_values[kind] for kind in beyond), default=1.0)
+    share = sum(shares.values())
+    p_value = min(1.0, len(p_values) * min(p_values.values()))  # Bonferroni
+    if p_value >= SIGNIFICANT:
+        sentence = "Over frequency: no line stands out of the noise."
+    else:
+        lower, upper = _quartiles(power - noise, frequency)
+        sentence = (
+            f"Over frequency: half of the repeating error lies from {lower:.2g} to {upper:.2g} Hz. "
+            + _line_sentence(residual, shares, p_values, excited, classes, power - noise)
+        )
+    numbers["nonlinear_p"] = nonlinear_p
+    return View("frequency", residual.share(share * residual.explainable), p_value, sentence, table, numbers)
+
+
+def _by_class(residual: Residual, classes, power, noise, sides) -> tuple[dict[str, float], dict[str, float]]:
+    from scipy.special import chdtrc
+
+    shares, p_values = {}, {}
+    for kind in dict.fromkeys(classes):
+        mine = classes == kind
+        shares[kind] = residual.share(float(np.sum((power - noise)[mine])))
+        statistic = float(np.sum((sides * power / noise)[mine])) if np.all(noise[mine] > 0) else np.inf
+        p_values[kind] = float(chdtrc(sides[mine].sum(), statistic)) if np.isfinite(statistic) else 0.0
+        if p_values[kind] >= SIGNIFICANT:
+            shares[kind] = 0.0
+    return shares, p_values
+
+
+def _quartiles(power: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
+    summed = np.cumsum(np.maximum(power, 0.0))
+    quarter, three = np.searchsorted(summed / summed[-1], [0.25, 0.75])
+    return float(frequency[quarter]), float(frequency[three])
+
+
+def _line_sentence(residual: Residual, shares, p_values, excited, classes, excess) -> str:
+    base = residual.base_words
+    offset = shares.get(BELOW, 0.0)
+    steady = f", {percent(offset)} is a constant offset or lies below them" if offset > 0.01 else ""
+    if not np.all(excited % 2 == 1):
+        above = shares.get(ABOVE, 0.0)
+        told = (
+            f"{percent(above)} lies above them ({probability(p_values[ABOVE])}), where only a nonlinear force can put it"
+            if above > 0
+            else "above them nothing exceeds the noise"
+        )
+        return (
+            f"{percent(shares[EXCITED])} of the {base} lies on the {len(excited)} excited lines{steady}; {told}. The grid "
+            "excites even and odd lines alike, so their kinds cannot be separated: an odd grid with detection lines would."
+        )
+    even, odd = shares.get(EVEN, 0.0), shares.get(ODD, 0.0)
+    parts = [
+        f"{percent(shares[EXCITED])} of the {base} lies on the {len(excited)} excited lines",
+        f"{percent(even)} on even multiples of the fundamental"
+        + (
+            " (even nonlinearity: a force that is not mirrored when the motion is, such as one-sided contact or z²)"
+            if even > 0.05
+            else ""
+        ),
+        f"{percent(odd)} on odd multiples that were left out"
+        + (" (odd nonlinearity: a mirrored force, such as friction or z³)" if odd > 0.05 else ""),
+    ]
+    inside = (classes == ODD) & (np.arange(len(classes)) <= excited.max())
+    if odd > 0 and len(excited) > 1 and inside.sum() > 1:
+        hidden = residual.share(len(excited) * float(np.mean(excess[inside])))
+        parts.append(
+            f"were it as strong on the excited lines, odd nonlinearity would account for {percent(min(hidden, shares[EXCITED]))} "
+            "of the error there and linear dynamics for the rest"
+        )
+    if even == 0 and odd == 0:
+        parts = [parts[0], "no nonlinearity exceeds the noise on the lines that were left out"]
+    return "; ".join(parts) + "."
+
+
+def _bands(residual: Residual) -> View:
+    """Bands of a record without lines."""
+    size = len(residual.values)
+    frequency = np.fft.rfftfreq(size, residual.sampling_time)
+    window = np.hanning(size + 2)[1:-1]
+    window /= np.sqrt(np.mean(window**2))
+    power = 2 * np.abs(np.fft.rfft(residual.values * window)) ** 2 / size**2
+    noise = 2 * residual.noise_power(frequency) / size
+    excitation = np.abs(np.fft.rfft((residual.position - residual.position.mean()) * window)) ** 2
+    edge = int(np.searchsorted(np.cumsum(excitation) / excitation.sum(), _BAND_POWER))
+    pairs = _band_bounds(len(frequency), edge + 1)
+    table = {
+        "frequency": np.array([frequency[low:high].mean() for low, high in pairs]),
+        "rms": np.array([np.sqrt(power[low:high].sum()) for low, high in pairs]),
+        "noise_rms": np.array([np.sqrt(noise[low:high].sum()) for low, high in pairs]),
+        "width": np.array([high - low for low, high in pairs]) * frequency[1],
+        "kind": np.array([BETWEEN if low <= edge else ABOVE for low, high in pairs], dtype=object),
+    }
+    inside = table["kind"] == BETWEEN
+    numbers = {"band_Hz": float(frequency[edge])}
+    where = f"in the input's band up to {frequency[edge]:.2g} Hz"
+    if residual.floor is None:
+        total = table["rms"] ** 2 / np.sum(table["rms"] ** 2)
+        sentence = (
+            f"Over frequency: {percent(float(total[inside].sum()))} of the error lies {where}, "
+            f"{percent(float(total[~inside].sum()))} above it; how much of that is noise is not known, because no record repeats."
+        )
+        return View("frequency", 0.0, 1.0, sentence, table, numbers)
+    p_values = [_band_p(power[low:high].sum(), noise[low:high].sum(), high - low) for low, high in pairs]
+    p_value = min(1.0, len(p_values) * min(p_values))  # Bonferroni: the smallest of so many bands
+    if p_value >= SIGNIFICANT:
+        sentence = "Over frequency: no band stands out of the noise."
+        return View("frequency", 0.0, p_value, sentence, table, numbers)
+    excess = np.maximum(table["rms"] ** 2 - table["noise_rms"] ** 2, 0.0)
+    within, above = float(excess[inside].sum() / excess.sum()), float(excess[~inside].sum() / excess.sum())
+    above_p = _band_p(power[edge + 1 :].sum(), noise[edge + 1 :].sum(), len(power) - edge - 1)
+    lower, upper = _quartiles((power - noise)[1:], frequency[1:])
+    told = (
+        f"{percent(above)} above it ({probability(above_p)}), where only a nonlinear force can put it"
+        if above_p < SIGNIFICANT
+        else "above it nothing exceeds the noise"
+    )
+    sentence = (
+        f"Over frequency: half of the {residual.base_words} lies from {lower:.2g} to {upper:.2g} Hz; {percent(within)} lies "
+        f"{where}, {told}."
+    )
+    numbers |= {f"share {BETWEEN}": within, f"share {ABOVE}": above}
+    return View("frequency", residual.share(float(excess.sum())), p_value, sentence, table, numbers)
+
+
+def _band_bounds(lines: int, edge: int) -> list[tuple[int, int]]:
+    """Bands of lines from 1 on, a seventh of their frequency wide but never narrow, one of them ending at `edge`."""
+    bounds = [1]
+    for stop in (min(edge, lines), lines):
+        while bounds[-1] < stop:
+            width = max(_FEWEST_LINES, bounds[-1] // 7)
+            bounds.append(stop if stop - bounds[-1] < 2 * width else bounds[-1] + width)
+    return list(pairwise(bounds))
+
+
+def _band_p(power: float, noise: float, lines: int) -> float:
+    from scipy.special import chdtrc
+
+    # A Hann window correlates the power of neighbouring lines by (2/3)², of next ones by (1/6)².
+    repeated = 1 + 2 * (4 / 9 * (lines - 1) + max(lines - 2, 0) / 36) / lines
+    degrees = 2 * lines / repeated
+    return float(chdtrc(degrees, degrees * power / noise)) if noise > 0 else 0.0

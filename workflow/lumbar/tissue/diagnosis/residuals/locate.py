@@ -1,0 +1,187 @@
+"""Where a model fails: along time, over frequency, in the motion, and what its error is related to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.records.record import Record
+from lumbar.tables.table import Table
+from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING
+from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
+from lumbar.tissue.diagnosis.noise.periods import Folding, fold_periods
+from lumbar.tissue.diagnosis.residuals.compare import counted_from
+from lumbar.tissue.diagnosis.residuals.cycle_diagnostic import cycle_view
+from lumbar.tissue.diagnosis.residuals.frequency_diagnostic import frequency_view
+from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, steady_velocity
+from lumbar.tissue.diagnosis.residuals.residual_diagnostic import View, percent
+from lumbar.tissue.diagnosis.residuals.residual_tests import correlation_view, linear_view, whiteness_view
+from lumbar.tissue.diagnosis.residuals.state_diagnostics import depth_view, map_view, reversal_view
+from lumbar.tissue.diagnosis.residuals.time_diagnostic import time_view
+
+VIEWS = (
+    time_view,
+    cycle_view,
+    frequency_view,
+    map_view,
+    depth_view,
+    reversal_view,
+    linear_view,
+    whiteness_view,
+    correlation_view,
+)
+_ALL_BUT_NOISE = 1.05
+_RANKED = ("time", "position and velocity", "depth", "reversals", "linear dynamics")
+"""Views whose shares compete; that of the spectrum is about all of a repeating error."""
+
+
+@dataclass(frozen=True, eq=False)
+class Location:
+    """All views of one record's error.
+
+    Attributes
+    ----------
+    record : str
+    residual : Residual
+    views : dict of str to View
+        By name, in the order in which they are told.
+    """
+
+    record: str
+    residual: Residual
+    views: dict[str, View]
+
+    @property
+    def ranking(self) -> list[View]:
+        """Views by the share of the explainable error they account for, the largest first."""
+        ranked = [self.views[name] for name in _RANKED]
+        return sorted(ranked, key=lambda view: -view.share)
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether no view shows more than noise would, allowing for their number.
+
+        Where the noise is unknown its colour is too, and whiteness does not count. Cycles never do: in coloured noise
+        short ones scatter more than long ones.
+        """
+        uncounted = {"cycles"} if self.residual.floor is not None else {"cycles", "whiteness"}
+        counted = [view for view in self.views.values() if view.name not in uncounted]
+        return min(view.p_value for view in counted) * len(counted) >= SIGNIFICANT
+
+    @property
+    def headline(self) -> str:
+        """The main finding in one sentence."""
+        residual = self.residual
+        if self.is_noise:
+            return f"{self.record}: no view shows more than noise would."
+        if residual.floor is not None and residual.variance < (_ALL_BUT_NOISE * residual.floor.rms) ** 2:
+            return (
+                f"{self.record}: the error is all but noise, {np.sqrt(residual.variance):.3g} {residual.unit} beside a floor of "
+                f"{residual.floor.rms:.3g} {residual.unit}; the views that stand out concern the rest."
+            )
+        listed = [f"{view.name} ({percent(view.share)})" for view in self.ranking if view.share >= 0.005]
+        told = (
+            f"most of it is seen along {', then '.join(listed[:3])}" if listed else "no view accounts for it"
+        )
+        offset = residual.share(float(np.mean(residual.values)) ** 2)
+        if offset > 0.05:
+            told += f"; a constant offset of {np.mean(residual.values):+.3g} {residual.unit} is {percent(offset)} of it"
+        if residual.floor is None:
+            return f"{self.record}: of the error's {np.sqrt(residual.variance):.3g} {residual.unit}, {told}; the views overlap."
+        return (
+            f"{self.record}: {np.sqrt(residual.explainable):.3g} {residual.unit} of the error's {np.sqrt(residual.variance):.3g} "
+            f"{residual.unit} are not noise; {told}; the views overlap."
+        )
+
+    @property
+    def sentences(self) -> list[str]:
+        """What is seen, in plain English."""
+        return [self.headline, *(view.sentence for view in self.views.values())]
+
+
+def locate(
+    record: Record,
+    simulated: np.ndarray,
+    floor: NoiseFloor | None = None,
+    floor_from: str = "",
+) -> Location:
+    """See where a free-run simulation fails.
+
+    Parameters
+    ----------
+    record : Record
+    simulated : numpy.ndarray, shape (samples,)
+        Free run over the whole record.
+    floor : NoiseFloor, optional
+        Noise of this record, or of another one with the same set-up.
+    floor_from : str
+        Name of the record that `floor` comes from; default this one.
+
+    Raises
+    ------
+    InputError
+        If the simulation does not fit the record, is not finite, or nothing is left after the settling time.
+    """
+    residual = residual_of(record, simulated, floor, floor_from)
+    found = [view(residual) for view in VIEWS]
+    return Location(record.name, residual, {view.name: view for view in found})
+
+
+def residual_of(
+    record: Record, simulated: np.ndarray, floor: NoiseFloor | None = None, floor_from: str = ""
+) -> Residual:
+    """What a simulation leaves of a record, from the settling time on; arguments and errors as of `locate`."""
+    first = counted_from(record, simulated, SETTLING)
+    own_floor = floor is not None and floor_from in ("", record.name)
+    folding = _counted_folding(fold_periods(record, floor.period), first) if own_floor else None
+    return Residual(
+        values=(record["output"] - simulated)[first:],
+        time=record.time[first:] - record.time[0],
+        position=record["input"][first:],
+        velocity=steady_velocity(record["input"], record.sampling_time)[first:],
+        sampling_time=record.sampling_time,
+        unit=record.channels["output"].unit,
+        position_unit=record.channels["input"].unit,
+        moved=record.channels["input"].quantity,
+        floor=floor,
+        folding=folding,
+    )
+
+
+def _counted_folding(folding: Folding, first: int) -> Folding | None:
+    """Folding of the part that counts: periods that begin before it are left out."""
+    rows = folding.rows[folding.rows[:, 0] >= first] - first
+    return replace(folding, rows=rows) if len(rows) >= 2 else None
+
+
+def location_table(locations: list[Location], data: str) -> Table:
+    """Share, p-value and sentence of every view of every record, as ``location.csv`` publishes it."""
+    import pandas as pd
+
+    rows = [
+        {
+            "record": location.record,
+            "view": view.name,
+            "share": view.share if view.name in (*_RANKED, "frequency") else None,
+            "p_value": view.p_value,
+            "finding": view.sentence,
+        }
+        for location in locations
+        for view in location.views.values()
+    ]
+    return Table(
+        title="Where the model fails.",
+        frame=pd.DataFrame(rows),
+        definitions={
+            "record": "record of the set",
+            "view": "what the error is seen along",
+            "share": "share of the explainable error's variance (of all of it where the noise is unknown) that the view "
+            "accounts for, noise taken off; views overlap, shares do not add up",
+            "p_value": "probability that noise alone shows as much",
+            "finding": "the view in words",
+        },
+        data=data,
+        decimals={"share": 3},
+        may_be_empty=frozenset({"share"}),
+    )

@@ -1,0 +1,221 @@
+"""The residual of a free-run simulation, and what noise alone would make of any average of it.
+
+Every view asks the same question: is a weighted sum of the residual (a bin's mean, a correlation) larger than
+noise would make it? Noise of spectrum S gives Σ wₙeₙ the variance ∫ S |W|² df, whatever its colour; that and nothing
+else decides what is significant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, prediction_error_filter
+from lumbar.tissue.diagnosis.noise.periods import Folding
+
+SIGNIFICANT = 0.01
+"""Views are called significant at this level."""
+_SHIFTS = 41
+_ORDER = 20
+"""Of the autoregressive model that stands for unknown noise."""
+
+
+@dataclass(frozen=True)
+class Average:
+    """Means of the residual over groups of samples.
+
+    Attributes
+    ----------
+    mean, deviation : numpy.ndarray, shape (groups,)
+        Mean, and the standard deviation that noise alone would give it.
+    count : numpy.ndarray of int, shape (groups,)
+    share : float
+        Share of the explainable variance that these means account for, beyond chance: see
+        `Residual.share_beyond_chance`.
+    p_value : float
+        Probability of such means from noise alone.
+    """
+
+    mean: np.ndarray
+    deviation: np.ndarray
+    count: np.ndarray
+    share: float
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """Measured less simulated output, from the first sample that counts.
+
+    Attributes
+    ----------
+    values : numpy.ndarray, shape (samples,)
+        Output's unit.
+    time : numpy.ndarray, shape (samples,)
+        Seconds.
+    position, velocity : numpy.ndarray, shape (samples,)
+        Of the input, in its unit and per second.
+    sampling_time : float
+    unit, position_unit : str
+    moved : str
+        What the input measures, e.g. ``"position"`` or ``"angle"``.
+    floor : NoiseFloor or None
+    folding : Folding or None
+        Whole periods, as indices into `values`; None where the record does not repeat.
+    """
+
+    values: np.ndarray
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    sampling_time: float
+    unit: str
+    position_unit: str
+    moved: str
+    floor: NoiseFloor | None
+    folding: Folding | None
+
+    @cached_property
+    def variance(self) -> float:
+        """Mean squared residual."""
+        return float(np.mean(self.values**2))
+
+    @cached_property
+    def explainable(self) -> float:
+        """Mean squared residual less the noise's variance; all of it where the noise is unknown."""
+        noise = self.floor.rms**2 if self.floor is not None else 0.0
+        return max(self.variance - noise, 0.0)
+
+    @property
+    def base_words(self) -> str:
+        """What shares are shares of."""
+        return "explainable error" if self.floor is not None else "error"
+
+    def share(self, variance: float) -> float:
+        """Share of the explainable variance, between 0 and 1."""
+        if self.explainable <= 0:
+            return 0.0
+        return float(np.clip(variance / self.explainable, 0.0, 1.0))
+
+    @cached_property
+    def whitening(self) -> np.ndarray:
+        """FIR filter that makes the noise white; ``[1]`` where it is white or unknown, or known at another rate only."""
+        if self.floor is None or abs(self.floor.sampling_time / self.sampling_time - 1) > 1e-3:
+            return np.ones(1)
+        return self.floor.whitening
+
+    @cached_property
+    def _noise_model(self) -> tuple[np.ndarray, float]:
+        """Whitening filter and variance that stand for the noise.
+
+        Without a noise floor those of the residual itself: tests are then cautious, because what a model could explain
+        counts as noise too.
+        """
+        if self.floor is not None:
+            return self.whitening, self.floor.rms**2
+        size = len(self.values)
+        order = min(_ORDER, size // 10)
+        length = 1 << (2 * size).bit_length()
+        covariance = np.fft.irfft(np.abs(np.fft.rfft(self.values, length)) ** 2, length)[: order + 1]
+        prediction, gain = prediction_error_filter(covariance)
+        return prediction * np.sqrt(gain), self.variance
+
+    def noise_power(self, frequency: np.ndarray) -> np.ndarray:
+        """Noise spectrum as variance per sample (white noise: its variance everywhere), frequency in Hz."""
+        whitening, variance = self._noise_model
+        delays = np.arange(len(whitening))
+        gain = np.exp(-2j * np.pi * np.outer(frequency, delays) * self.sampling_time) @ whitening
+        return variance / np.abs(gain) ** 2
+
+    def covariance(self, weights: np.ndarray) -> np.ndarray:
+        """Covariance of the sums Σₙ weights[i, n] eₙ under noise alone; shape (sums, sums)."""
+        if self.floor is not None and len(self.whitening) == 1:
+            return self.floor.rms**2 * (weights @ weights.T)
+        length = 1 << int(np.ceil(np.log2(weights.shape[1])))
+        transform = np.fft.rfft(weights, length, axis=1)
+        power = self.noise_power(np.fft.rfftfreq(length, self.sampling_time)) * 2 / length
+        power[[0, -1]] /= 2
+        return ((transform * power) @ transform.conj().T).real
+
+    def averages(self, groups: np.ndarray, count: int) -> Average:
+        """Means over groups of samples; `groups` holds each sample's group, from 0 on, −1 for none."""
+        inside = groups >= 0
+        number = np.bincount(groups[inside], minlength=count)
+        filled = np.flatnonzero(number)
+        found = np.bincount(groups[inside], self.values[inside], count)[filled] / number[filled]
+        covariance = self._covariance_of_means(groups, filled, number)
+        variance = np.diag(covariance)
+        mean, deviation = np.full(count, np.nan), np.full(count, np.nan)
+        mean[filled], deviation[filled] = found, np.sqrt(variance)
+
+        def explained(values: np.ndarray) -> float:
+            sums = np.bincount(groups[inside], values[inside], count)[filled]
+            return float(np.sum(sums**2 / number[filled])) / values.size
+
+        noise = float(number[filled] @ variance) / len(self.values)
+        share = self.share_beyond_chance(explained, noise)
+        return Average(mean, deviation, number, share, chi_square_p(found, covariance))
+
+    def _covariance_of_means(self, groups: np.ndarray, filled: np.ndarray, number: np.ndarray) -> np.ndarray:
+        """Covariance of the means over the groups that are filled; disjoint ones are unrelated in white noise."""
+        if self.floor is not None and len(self.whitening) == 1:
+            return np.diag(self.floor.rms**2 / number[filled])
+        return self.covariance((groups == filled[:, None]) / number[filled, None])
+
+    def share_beyond_chance(self, explained, noise: float) -> float:
+        """Share of the explainable variance that a relation accounts for beyond chance.
+
+        An error that is smooth in time resembles any smooth signal to some extent, and its mean resembles all. What
+        the relation explains of the same error shifted in time, round the end, is that chance: (S − S₀)/(1 − S₀), with
+        S₀ the mean over shifts, as in Cohen's κ.
+
+        Parameters
+        ----------
+        explained : callable
+            Mean square that the relation explains of a signal of the residual's length.
+        noise : float
+            Mean square that it explains of noise.
+        """
+        if self.explainable <= 0:
+            return 0.0
+        span = self.folding.samples if self.folding is not None else len(self.values)
+        shifts = np.unique(np.linspace(0.1, 0.9, _SHIFTS) * span).astype(int)
+        found = (explained(self.values) - noise) / self.explainable
+        chance = (
+            np.mean([explained(np.roll(self.values, shift)) for shift in shifts]) - noise
+        ) / self.explainable
+        chance = min(max(float(chance), 0.0), 1.0)
+        return float(np.clip((found - chance) / (1 - chance), 0.0, 1.0)) if chance < 0.999 else 0.0
+
+
+def chi_square_p(sums: np.ndarray, covariance: np.ndarray, smallest: float = 1e-6) -> float:
+    """Probability that noise of this covariance gives sums as large; directions without variance are left out."""
+    from scipy.special import chdtrc
+
+    if not sums.size:
+        return 1.0
+    values, vectors = np.linalg.eigh(covariance)
+    if values[-1] <= 0:
+        return 1.0
+    kept = values > smallest * values[-1]
+    statistic = np.sum((sums @ vectors[:, kept]) ** 2 / values[kept])
+    return float(chdtrc(kept.sum(), statistic))
+
+
+def steady_velocity(position: np.ndarray, sampling_time: float) -> np.ndarray:
+    """Velocity by central differences, over more samples where noise in the position asks for it.
+
+    The span grows until the noise (from third differences, which smooth motion hardly has) gives less than 1 % of
+    the velocity's variance.
+    """
+    noise = np.mean(np.diff(position, 3) ** 2) / 20
+    span, longest = 1, max(len(position) // 50, 1)
+    while True:
+        slope = (position[2 * span :] - position[: -2 * span]) / (2 * span * sampling_time)
+        if span >= longest or noise / (2 * (span * sampling_time) ** 2) < 0.01 * np.var(slope):
+            break
+        span += 1
+    before, after = np.full(span, slope[0]), np.full(span, slope[-1])
+    return np.concatenate([before, slope, after])

@@ -1,0 +1,195 @@
+"""Which base model the data ask for, and where the surface of a tissue lies that the tool is not fastened to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.selection.forward_selection import (
+    Candidate,
+    best_by_effect,
+    evaluate,
+    extend,
+    is_adequate,
+    is_worthwhile,
+)
+from lumbar.tissue.diagnosis.selection.thresholds import TIED
+from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA
+from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.structure import Structure
+
+TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
+"""Bases of a fastened tool that are tried."""
+CONTACT_BASES = ("KB-contact", "KV-contact", "LE-contact")
+"""Bases of a tool that is not fastened to the tissue."""
+_SURFACES = 40
+"""Depths at which the surface is looked for."""
+_SEARCHED = 0.06
+"""Share of the range about the first surface in which the best one is sought."""
+_SPRINGS = 0.9
+"""Squared error of a spring that is met, in those of a fastened one, up to which contact is tried."""
+_WITH_EFFECT = 3
+"""Effects, those with the best screening, with which the surface is sought again."""
+_LEAST_SHARE = 0.03
+"""Share of the samples that must lie above the surface."""
+_FLAT = 0.1
+"""Spread of the force above the surface, in those of the whole record, up to which nothing is touched there."""
+
+
+def choose_base(
+    experiment: Experiment, name: str, catalogue: dict[str, Effect]
+) -> tuple[Experiment, Candidate]:
+    """Fit the base that is named, or the one that the data ask for.
+
+    By the likelihood of all records and the number of parameters. A base with contact must beat a fastened one with any
+    single effect: one that likewise loses the tissue, or one that clips the force.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    name : str
+        A key of `lumbar.tissue.models.bases.BASES`, or `CHOSEN_BY_DATA`.
+    catalogue : dict of str to Effect
+
+    Returns
+    -------
+    Experiment
+        Its positions counted from the tissue's surface where the base is one with contact.
+    Candidate
+    """
+    # Surfaces are positions as recorded, also where a base is chosen again.
+    experiment = experiment.counted_from(0.0)
+    if name != CHOSEN_BY_DATA:
+        if BASES[name].contact:
+            return _surface_of_refined(*at_surface(experiment, (name,)), catalogue)
+        return experiment, _fitted(experiment, name)
+    fastened = min((_fitted(experiment, base) for base in TISSUE_BASES), key=lambda item: item.score)
+    if not _springs_show_contact(experiment):
+        return experiment, fastened
+    rivals = [fastened, *extend(fastened, catalogue, experiment)]
+    if any(is_adequate(item, experiment) for item in rivals):
+        return experiment, fastened
+    from_surface, touching = at_surface(experiment, CONTACT_BASES)
+    from_surface, touching = _surface_of_refined(from_surface, touching, catalogue)
+    if touching.score < min(item.score for item in rivals):
+        return from_surface, touching
+    return experiment, fastened
+
+
+def _springs_show_contact(experiment: Experiment) -> bool:
+    """Whether a spring that is met at a surface leaves less than a fastened one, by more than a clipped response would."""
+    surface = first_surface(experiment)
+    if surface is None:
+        return False
+    fastened, touched = _fitted(experiment, "LE"), _fitted(experiment.counted_from(surface), "LE-contact")
+    return touched.fit.squared_error < _SPRINGS * fastened.fit.squared_error
+
+
+def base_beside(model: Candidate, experiment: Experiment) -> str | None:
+    """Name of the base that surely explains all records better with the same effects; None where there is none.
+
+    What a model lacks may have passed for a Maxwell branch as long as it was lacking. A base without fewer parameters
+    must be worth them as a further effect must: a branch can take up a little of any model's error, and its spring then tells on
+    the other parameters (a mass m beside a dashpot b is m + bτ beside a branch).
+    """
+    mine = model.fit.structure.base
+    _, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
+    forms = model.fit.structure.forms
+    found = []
+    for name in CONTACT_BASES if mine.contact else TISSUE_BASES:
+        other = BASES[name]
+        if other is mine:
+            continue
+        bare = fit_base(Structure(other), experiment.training)
+        start = np.concatenate([bare.nonlinear, *(parts[form.key] for form in forms)])
+        found.append(evaluate(fit(Structure(other, forms), experiment.training, start), experiment))
+    bare = _fitted(experiment, mine.name)
+    found = [
+        item
+        for item in found
+        if item.score < model.score - TIED
+        and (_parameters(item) < _parameters(model) or is_worthwhile(bare, model, item, experiment))
+    ]
+    best = min(found, key=lambda item: item.score, default=None)
+    return best and best.fit.structure.base.name
+
+
+def _parameters(model: Candidate) -> int:
+    return len(model.fit.structure.linear) + len(model.fit.structure.nonlinear)
+
+
+def _fitted(experiment: Experiment, name: str) -> Candidate:
+    return evaluate(fit_base(Structure(BASES[name]), experiment.training), experiment)
+
+
+def first_surface(experiment: Experiment) -> float | None:
+    """Position from which on a spring explains the training record best, or None where nothing is flat above it."""
+    training = experiment.training
+    position, force = (training.settled(item) for item in (training.motion.position, training.force))
+    reach = np.ptp(position)
+    if reach == 0:
+        return None
+    trials = position.min() + reach * np.linspace(0.02, 0.8, _SURFACES)
+    ones = np.ones(len(position))
+
+    def left(surface: float) -> float:
+        columns = np.column_stack([ones, np.maximum(position - surface, 0.0)])
+        solution, *_ = np.linalg.lstsq(columns, force, rcond=None)
+        return float(np.sum((columns @ solution - force) ** 2)) if solution[1] > 0 else np.inf
+
+    errors = [left(surface) for surface in trials]
+    if not np.isfinite(min(errors)):
+        return None
+    surface = float(trials[int(np.argmin(errors))])
+    above = position < surface - 0.02 * reach
+    if np.mean(above) < _LEAST_SHARE or np.std(force[above]) > _FLAT * np.std(force):
+        return None
+    return surface
+
+
+def at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experiment, Candidate]:
+    """Find the surface of the tissue, and the best of several bases with contact from there."""
+    start = first_surface(experiment)
+    if start is None:
+        start = float(experiment.training.motion.position.min())
+    first = experiment.counted_from(start)
+    best = min((_fitted(first, name) for name in names), key=lambda item: item.fit.squared_error)
+    experiment, best = with_surface(experiment, best, start)
+    found = [_fitted(experiment, name) for name in names if name != best.fit.structure.base.name]
+    return experiment, min([best, *found], key=lambda item: item.score)
+
+
+def _surface_of_refined(
+    experiment: Experiment, base: Candidate, catalogue: dict[str, Effect]
+) -> tuple[Experiment, Candidate]:
+    """Surface that fits best with the best single effect: what the base lacks moves it."""
+    singles = best_by_effect(extend(base, catalogue, experiment, most=_WITH_EFFECT, all_forms=False))
+    refined = [with_surface(experiment, item, experiment.surface) for item in singles[:_WITH_EFFECT]]
+    refined = [pair for pair in refined if pair[1].score < base.score - TIED]
+    if not refined:
+        return experiment, base
+    moved, _ = min(refined, key=lambda pair: pair[1].score)
+    return moved, evaluate(fit(base.fit.structure, moved.training, base.fit.nonlinear), moved)
+
+
+def with_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
+    """Refit a model with contact together with the position of the surface.
+
+    Brent's bounded method on the error that is left at each surface, the model's parameters fitted anew.
+    """
+    from scipy.optimize import minimize_scalar
+
+    reach = _SEARCHED * float(np.ptp(experiment.training.motion.position))
+
+    def refitted(surface: float):
+        return fit(
+            model.fit.structure, experiment.counted_from(surface).training, model.fit.nonlinear
+        ).squared_error
+
+    found = minimize_scalar(
+        refitted, bounds=(start - reach, start + reach), method="bounded", options={"xatol": 1e-3 * reach}
+    )
+    moved = experiment.counted_from(float(found.x))
+    refit = fit(model.fit.structure, moved.training, model.fit.nonlinear)
+    return moved, evaluate(refit, moved)

@@ -1,0 +1,147 @@
+"""Which physical effect a model is missing: from records to a verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from lumbar.records.record import Record
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
+from lumbar.tissue.diagnosis.linear.frequency_response import nonlinear_share
+from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_base
+from lumbar.tissue.diagnosis.selection.forward_selection import (
+    Candidate,
+    evaluate,
+    is_adequate,
+)
+from lumbar.tissue.diagnosis.selection.linear_gate import linear_alternative, linear_finding
+from lumbar.tissue.diagnosis.selection.null_distribution import shipped
+from lumbar.tissue.diagnosis.selection.offsets import offsets
+from lumbar.tissue.diagnosis.selection.selection import Selection
+from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.effects.catalogue import without_channels
+from lumbar.tissue.models.bases import CHOSEN_BY_DATA
+
+_NONLINEAR = 0.1
+"""Share of what the best linear model leaves that is surely not linear, from which on something nonlinear is missing."""
+_ZEROS_HELP = 0.9
+"""Factor on the unseen error below which a zero of its own for every record is taken."""
+
+
+def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -> Verdict:
+    """Diagnose what a base model is missing on a set of records.
+
+    Parameters
+    ----------
+    records : list of Record
+        One per excitation, with channels ``input`` and ``output``.
+    settings : DiagnosisSettings, optional
+
+    Returns
+    -------
+    Verdict
+
+    Raises
+    ------
+    InputError
+        For an unknown base and for records that cannot be used (`prepare`).
+    """
+    settings = settings or DiagnosisSettings()
+    if settings.forward:
+        from lumbar.tissue.diagnosis.forward.forward_diagnosis import diagnose_forward
+
+        return diagnose_forward(records, settings)
+    experiment = prepare_for(records, settings)
+    usable, not_tried = without_channels(settings.candidates, experiment.training.motion.channels)
+    settings = replace(settings, catalogue=usable)
+    if settings.system == "tissue":
+        # As recorded: a command that jumps between levels would be taken for a coarse sensor, and smoothed.
+        as_recorded = settings.prepared(records) if experiment.faults else experiment
+        turned = direction_or_sign(as_recorded)
+        if turned is not None:
+            return replace(_turned(as_recorded, settings, turned), not_tried=not_tried)
+    found = _searched(experiment, settings)
+    if experiment.error_dwarfs_noise(found.model.train_rms):
+        found = _searched(experiment.unwhitened(), settings)
+    found = _with_own_zeros(found, settings)
+    found, linear = _beside_linear(found, settings)
+    return replace(found, not_tried=not_tried, findings=(*experiment.faults, *offsets(found), *linear))
+
+
+def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> Verdict:
+    """Search again with a zero of its own for every record, where the model or a smaller one does much better with them.
+
+    Where records differ in their zeros, what accumulates (a drift) may pass for the difference.
+    """
+    experiment = found.experiment
+    if settings.system != "tissue" or experiment.own_zeros:
+        return found
+    with_zeros = experiment.with_own_zeros()
+
+    def helps(item: Candidate) -> bool:
+        again = evaluate(refit(item.fit.structure, with_zeros.training, item.fit.nonlinear), with_zeros)
+        return again.test_rms < _ZEROS_HELP * item.test_rms
+
+    accumulating = any(settings.candidates[name].accumulates for name in found.selected)
+    if not (accumulating or any(helps(item) for item in found.path)):
+        return found
+    searched = _searched(with_zeros, settings)
+    better = searched.model.test_rms < _ZEROS_HELP * found.model.test_rms
+    simpler = len(searched.selected) < len(found.selected)
+    as_good = searched.model.test_rms < found.model.test_rms / _ZEROS_HELP
+    return searched if better or (simpler and as_good) else found
+
+
+def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
+    """Ask whether linear dynamics of higher order explain more than the effects that were selected.
+
+    If so, and nothing nonlinear is left beside them, only linear effects are searched for. If something nonlinear is, no
+    effect of the catalogue explains it.
+    """
+    experiment = found.experiment
+    if settings.system != "tissue" or is_adequate(found.model, experiment):
+        return found, []
+    linear = linear_alternative(found.model, experiment)
+    if linear is None:
+        return found, []
+    said = [linear_finding(linear, found.model, experiment)]
+    if (nonlinear_share(experiment, linear.fit) or 0.0) > _NONLINEAR:
+        return replace(found, verdict="unexplained", tied_with=[]), said
+    only = {name: effect for name, effect in settings.candidates.items() if effect.linear}
+    if not set(found.selected) <= set(only):
+        found = _searched(experiment, replace(settings, catalogue=only))
+        if linear_alternative(found.model, experiment) is None:
+            return found, said
+    return replace(found, verdict="unexplained", tied_with=[]), said
+
+
+def _turned(experiment: Experiment, settings: DiagnosisSettings, turned: Finding) -> Verdict:
+    """No effect is looked for in records whose input and output, or a sign, are the wrong way round."""
+    experiment, base = choose_base(experiment, settings.base, settings.candidates)
+    return Verdict(
+        experiment,
+        base,
+        "unexplained",
+        [base],
+        [],
+        [],
+        0.0,
+        "unexplained",
+        findings=(turned,),
+    )
+
+
+def _searched(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
+    """Choose the base and select effects; once they are known, choose the base again."""
+    null = shipped(settings.system)
+    experiment, base = choose_base(experiment, settings.base, settings.candidates)
+    found = Selection(experiment, base, settings, null).diagnosis()
+    if settings.base != CHOSEN_BY_DATA or found.model is found.base:
+        return found
+    other = base_beside(found.model, experiment)
+    if other is None:
+        return found
+    return Selection(*choose_base(experiment, other, settings.candidates), settings, null).diagnosis()

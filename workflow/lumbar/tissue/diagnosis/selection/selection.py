@@ -1,0 +1,281 @@
+"""Effects selected one after the other, what they are tied with, their ranking, and the verdict on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.joint_fit import add
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
+from lumbar.tissue.diagnosis.selection.contradictions import contradictions
+from lumbar.tissue.diagnosis.selection.forward_selection import (
+    REFITTED,
+    Candidate,
+    best_by_effect,
+    evaluate,
+    exchange,
+    extend,
+    is_adequate,
+    is_worthwhile,
+    later_improvement,
+    likelihood_ratio,
+    pairs,
+    unseen_improvement,
+)
+from lumbar.tissue.diagnosis.selection.null_distribution import NullDistribution
+from lumbar.tissue.diagnosis.selection.thresholds import (
+    BLIND,
+    COMPLETE,
+    LEVEL,
+    STRUCTURED,
+    TIED,
+    UNSEEN,
+)
+from lumbar.tissue.diagnosis.selection.verdict import Ranked, Verdict, in_order
+from lumbar.tissue.models.structure import Structure
+
+_AKAIKE = 2.0
+_SHOWN = 10
+"""How many sets of effects a ranking shows."""
+
+
+class Selection:
+    """One diagnosis under way: the candidates tried so far and what was selected."""
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        base: Candidate,
+        settings: DiagnosisSettings,
+        null: NullDistribution,
+        singles: list[Candidate] | None = None,
+    ):
+        self.experiment = experiment
+        self.base = base
+        self.settings = settings
+        self.null = null
+        self.forms = sum(len(effect.forms) for effect in settings.catalogue.values())
+        self.singles = extend(base, settings.catalogue, experiment) if singles is None else singles
+        self.tried = list(self.singles)
+        self.contradicting: dict[Candidate, bool] = {}
+
+    def diagnosis(self) -> Verdict:
+        """Select effects and judge what was selected."""
+        path = self.selected_path()
+        model = path[-1]
+        tied = self.tied(model)
+        share = self.share_removed(model)
+        verdict = self.verdict(model, tied, share)
+        further = self.further(model)
+        return Verdict(
+            experiment=self.experiment,
+            base=self.base,
+            verdict=verdict,
+            path=path,
+            tied_with=tied,
+            ranking=self.ranking(model),
+            explainable_share_removed=share,
+            verdict_after=verdict if model is self.base else self.verdict_after(model, further),
+            further=further,
+        )
+
+    def p_value(self, before: Candidate, after: Candidate) -> float:
+        """Probability that the best of all forms gains as much where nothing is missing."""
+        return self.null.p_value(likelihood_ratio(before, after, self.experiment), self.forms)
+
+    def passes(self, before: Candidate, after: Candidate) -> bool:
+        """Whether an effect may be selected: no false alarm in training, and surely better on unseen records."""
+        largest = before.test_rms if self.experiment.floor else BLIND * before.test_rms
+        if after.test_rms >= largest or self.p_value(before, after) > LEVEL:
+            return False
+        return self.surely_better(before, after) and not self.contradicts_itself(after)
+
+    def surely_better(self, before: Candidate, after: Candidate) -> bool:
+        """Whether the loss on unseen records falls, or for effects that accumulate that on what follows in training."""
+        if unseen_improvement(before, after, self.experiment) > UNSEEN:
+            return True
+        added = set(after.effects) - set(before.effects)
+        accumulating = any(self.settings.catalogue[name].accumulates for name in added)
+        return accumulating and later_improvement(before, after, self.experiment) > UNSEEN
+
+    def contradicts_itself(self, candidate: Candidate) -> bool:
+        """Whether a name does not agree with its own parameters."""
+        if candidate not in self.contradicting:
+            self.contradicting[candidate] = bool(contradictions(candidate.fit, self.experiment))
+        return self.contradicting[candidate]
+
+    def worthwhile(self, before: Candidate, after: Candidate) -> bool:
+        """Whether a further effect explains more than what the smaller model has being slightly wrong."""
+        return is_worthwhile(self.base, before, after, self.experiment)
+
+    def selected_path(self) -> list[Candidate]:
+        """Select effects one after the other; return the path from the base to the model."""
+        if is_adequate(self.base, self.experiment) and not self.any_passes(self.base, self.singles):
+            return [self.base]
+        model = next((item for item in self.singles if self.passes(self.base, item)), None)
+        if model is not None and is_adequate(model, self.experiment):
+            return [self.base, model]
+        if self.settings.most_effects < 2:
+            return [self.base] if model is None else [self.base, model]
+        pair = self.best_pair(model)
+        if pair is None:
+            return [self.base] if model is None else [self.base, model]
+        return self.further_path(pair)
+
+    def any_passes(self, before: Candidate, candidates: list[Candidate]) -> bool:
+        """Whether any of several larger models may be selected."""
+        return any(self.passes(before, item) for item in candidates)
+
+    def best_pair(self, single: Candidate | None) -> Candidate | None:
+        """Return the best pair if it is worth a second effect; pairs are tried even where no single effect passes."""
+        found = pairs(self.base, self.singles, self.settings.catalogue, self.experiment)
+        self.tried += found
+        before = single or self.base
+        found = [item for item in found if self.passes(before, item) and self.worthwhile(before, item)]
+        if not found:
+            return None
+        best = exchange(found[0], self.settings.catalogue, self.experiment)
+        return best if best.test_rms <= found[0].test_rms * 1.001 else found[0]
+
+    def further_path(self, pair: Candidate) -> list[Candidate]:
+        """Add effects to a pair while they are worth it, drop what has become needless, order what is left."""
+        model = pair
+        while len(model.effects) < self.settings.most_effects and not is_adequate(model, self.experiment):
+            more = extend(model, self.settings.catalogue, self.experiment, most=4)
+            self.tried += more
+            best = next(
+                (item for item in more if self.passes(model, item) and self.worthwhile(model, item)), None
+            )
+            if best is None:
+                break
+            model = best
+        return self.ordered_path(model)
+
+    def ordered_path(self, model: Candidate) -> list[Candidate]:
+        """Models from the base to the model: each adds the effect that helps most; needless ones are dropped."""
+        forms = list(model.fit.structure.forms)
+        path = [self.base]
+        while forms:
+            found = [
+                evaluate(add(path[-1].fit, form, self.experiment.training), self.experiment) for form in forms
+            ]
+            best = min(found, key=lambda item: item.score)
+            forms = [form for form in forms if form.effect != best.effects[-1]]
+            if not forms and best.score > model.score:
+                # The last one is the model itself, with its effects in the order in which they help.
+                best = self.in_order(model, best.effects)
+            path.append(best)
+        while len(path) > 2 and not self.passes(path[-2], path[-1]):
+            path.pop()
+        return path
+
+    def in_order(self, model: Candidate, names: Sequence[str]) -> Candidate:
+        """The same fitted model with its forms in another order."""
+        fit = model.fit
+        base = fit.structure.base
+        forms = tuple(next(form for form in fit.structure.forms if form.effect == name) for name in names)
+        first, parts = fit.structure.nonlinear_of(fit.nonlinear)
+        linear, position = {}, len(base.linear)
+        for form in fit.structure.forms:
+            linear[form.key] = fit.linear[position : position + len(form.linear)]
+            position += len(form.linear)
+        ordered = replace(
+            fit,
+            structure=Structure(base, forms),
+            linear=np.concatenate([fit.linear[: len(base.linear)], *(linear[form.key] for form in forms)]),
+            nonlinear=np.concatenate([first, *(parts[form.key] for form in forms)]),
+        )
+        return Candidate(ordered, model.train_rms, model.test_rms, model.score)
+
+    def tied(self, model: Candidate) -> list[Candidate]:
+        """Other sets of as many effects that explain all records as well."""
+        if model is self.base:
+            return []
+        return [
+            item
+            for item in best_by_effect([*self.tried, model])
+            if set(item.effects) != set(model.effects)
+            and len(item.effects) <= len(model.effects)
+            and self.lead(model, item) < TIED
+        ]
+
+    def lead(self, model: Candidate, other: Candidate) -> float:
+        """By how much a model is more likely than another one, in twice the log-likelihood.
+
+        Each parameter that the other one has more counts 2 (Akaike, IEEE Trans. Autom. Control 19 (1974) 716-723), not the
+        logarithm of the records' size: how often the sensors are read must not tell apart what explains all records alike.
+        """
+        experiment = self.experiment
+        size = experiment.training.size + sum(item.size for item in experiment.tests)
+        more = max(other.parameters - model.parameters, 0)
+        return other.score - model.score - more * (float(np.log(size)) - _AKAIKE)
+
+    def share_removed(self, model: Candidate) -> float:
+        """Share of the base's explainable variance on unseen records that the effects remove."""
+        # Where the noise is unknown nothing better than the best model met is known to be possible.
+        reached = min(item.test_rms for item in [*self.tried, model])
+        floor = self.experiment.floor.rms if self.experiment.floor else reached
+        explainable = max(self.base.test_rms**2 - floor**2, 0.0)
+        removed = max(self.base.test_rms**2 - model.test_rms**2, 0.0)
+        return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
+
+    def verdict(self, model: Candidate, tied: list[Candidate], share: float) -> str:
+        """Verdict on the base (see `Verdict`)."""
+        if model is self.base:
+            floor = self.experiment.floor
+            # Periods that differ by more than noise show that something is missing, even where it raises the floor.
+            differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
+            lacking = differing or not is_adequate(self.base, self.experiment)
+            return "unexplained" if lacking else "adequate"
+        if share < 0.5 and not is_adequate(model, self.experiment):
+            return "unexplained"
+        return "tied" if tied else "named"
+
+    def further(self, model: Candidate) -> Candidate | None:
+        """Diagnose the refined model: what one more step of the search would add, however many effects it has.
+
+        Nothing is looked for beyond a model that leaves only noise, nor beyond the base, whose every single effect has
+        been tried. A step that the search has made from this very model is not made again.
+        """
+        if model is self.base or is_adequate(model, self.experiment):
+            return None
+        forms = {form.key for form in model.fit.structure.forms}
+        made = [item for item in self.tried if {form.key for form in item.fit.structure.forms[:-1]} == forms]
+        found = made or extend(model, self.settings.catalogue, self.experiment, REFITTED)
+        found = [item for item in found if self.passes(model, item) and self.worthwhile(model, item)]
+        return min(found, key=lambda item: item.score, default=None)
+
+    def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
+        """Verdict on the refined model."""
+        if further is not None:
+            return "named"
+        return "adequate" if self.leaves_noise(model) else "unexplained"
+
+    def leaves_noise(self, model: Candidate) -> bool:
+        """Whether a refined model leaves noise alone, and periods that differ are explained by an effect of time or path."""
+        floor = self.experiment.floor
+        differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
+        if differing and not any(self.settings.catalogue[name].changes for name in model.effects):
+            return False
+        return is_adequate(model, self.experiment, COMPLETE)
+
+    def ranking(self, model: Candidate) -> list[Ranked]:
+        """The selected set first, then every other set tried, best first."""
+        sets = in_order(best_by_effect([*self.tried, *([model] if model is not self.base else [])]))
+        others = [item for item in sets if set(item.effects) != set(model.effects)]
+        chosen = [] if model is self.base else [model]
+        return [self.ranked(item) for item in [*chosen, *others][:_SHOWN]]
+
+    def ranked(self, candidate: Candidate) -> Ranked:
+        """A set of effects with its evidence."""
+        experiment = self.experiment
+        units = experiment.input_unit, experiment.output_unit
+        return Ranked(
+            candidate,
+            self.p_value(self.base, candidate),
+            estimates(candidate.fit, experiment.training, *units),
+        )

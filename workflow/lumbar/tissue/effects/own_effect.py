@@ -1,0 +1,349 @@
+"""Effects that a user adds: a YAML file with one effect as equations, or a Python file."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import re
+from collections.abc import Callable, Collection
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lumbar.base.errors import InputError, Problems
+from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
+from lumbar.tissue.effects.signature import standard_motion
+from lumbar.tissue.models.form import Effect, Form, Place
+from lumbar.tissue.models.parameter import SCALES, Constant, LinearParameter, NonlinearParameter
+from lumbar.tissue.models.parsing import parse
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_NAME_RULE = "letters a to z, digits and _, a letter first"
+_SIGNS = {"positive": 1, "negative": -1, "any": 0}
+_FORM_KEYS = ("equation", "state", "parameters", "constants", "place")
+_EFFECT_KEYS = ("name", "mechanism", "source", "experiment", "accumulates", "forms")
+_LINEAR_KEYS = ("name", "unit", "latex", "sign")
+_NONLINEAR_KEYS = ("name", "unit", "latex", "start", "scale", "points", "reach")
+_FREQUENCY = 0.5
+"""Hz; of the standard motion on which an equation must stay finite."""
+
+
+def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
+    """Read a user's effects.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        ``.yaml`` or ``.yml``: one effect, which is data and runs nothing. Else Python: every module-level `Effect` counts;
+        the file is code the user names in their own configuration, and data files never reach it.
+    taken : collection of str
+        Names that an effect in YAML may not have. One in Python may replace another.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or imported, defines no effect, or has an equation that cannot be used: all problems at
+        once.
+    """
+    if path.suffix in (".yaml", ".yml"):
+        effect = _from_yaml(path, taken)
+        return {effect.name: effect}
+    return _from_python(path)
+
+
+def check_name(name: str, taken: Collection[str] = ()) -> None:
+    """Refuse what cannot be the name of an effect of one's own.
+
+    Raises
+    ------
+    InputError
+    """
+    if not _NAME.fullmatch(name):
+        raise InputError(f"effect {name!r}: {_NAME_RULE}")
+    if name in taken:
+        raise InputError(f"effect {name!r} is taken by an effect of the catalogue; choose another name")
+
+
+def _from_python(path: Path) -> dict[str, Effect]:
+    specification = importlib.util.spec_from_file_location(f"lumbar_user_effects_{path.stem}", path)
+    if specification is None or not path.is_file():
+        raise InputError(f"{path}: not a Python file with effects (improvement.effect_files)")
+    module = importlib.util.module_from_spec(specification)
+    try:
+        specification.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"{path}: cannot be imported ({type(error).__name__}: {error})") from error
+    found = {item.name: item for item in vars(module).values() if isinstance(item, Effect)}
+    if not found:
+        raise InputError(f"{path}: defines no Effect; assign one to a module-level name")
+    problems = Problems(str(path))
+    for form in (form for effect in found.values() for form in effect.forms):
+        for where, said in form.problems():
+            problems.add(f"{form.key}, {where}", said)
+    problems.raise_if_any()
+    return found
+
+
+def _from_yaml(path: Path, taken: Collection[str]) -> Effect:
+    """One effect from a YAML file."""
+    problems = Problems(f"effect {path.name}")
+    file = read_yaml(path, problems, anchors=False)
+    problems.raise_if_any()
+    content, read = file.content, _Reading(problems, file)
+    single = "forms" not in content
+    read.keys(content, "", (*_EFFECT_KEYS, *(_FORM_KEYS if single else ())))
+    name = read.name(content, "")
+    if name in taken:
+        read.problem("name", f"{name!r} is taken by an effect of the catalogue", "choose another")
+    texts = {
+        key: read.text(content, key, key == "mechanism") for key in ("mechanism", "source", "experiment")
+    }
+    accumulates = content.get("accumulates", False)
+    if not isinstance(accumulates, bool):
+        read.problem("accumulates", repr(accumulates), "true or false")
+    if single:
+        forms = [
+            read.form({**{key: content[key] for key in _FORM_KEYS if key in content}, "name": "equation"}, "")
+        ]
+    else:
+        forms = read.forms(content["forms"])
+    problems.raise_if_any()
+    effect = Effect(
+        name=name,
+        mechanism=texts["mechanism"],
+        forms=tuple(form for form in forms if form is not None),
+        source=texts["source"] or str(path.name),
+        experiment=texts["experiment"],
+        accumulates=accumulates,
+    )
+    for index, form in enumerate(effect.forms):
+        where = "equation" if single else f"forms.{index}.equation"
+        for found, allowed in _numerical_problems(form):
+            read.problem(where, found, allowed)
+    problems.raise_if_any()
+    return effect
+
+
+class _Reading:
+    """Reads the parts of an effect's file and notes what is wrong, with key and line."""
+
+    def __init__(self, problems: Problems, file: YamlFile):
+        self.problems = problems
+        self.file = file
+
+    def problem(self, place: str, found: str, allowed: str = "") -> None:
+        """Note a problem at a key, with its line or that of the key it belongs to."""
+        self.problems.add(self.file.place(way_of(place)), found, allowed)
+
+    def mapping(self, value: Any, place: str, needed: str) -> dict:
+        """The value if it is a mapping; else an empty one, and a problem."""
+        if isinstance(value, dict):
+            return value
+        self.problem(place, repr(value), needed)
+        return {}
+
+    def keys(self, content: dict, place: str, allowed: Collection[str]) -> None:
+        """Note keys that are not known."""
+        for key in content:
+            if key not in allowed:
+                self.problem(f"{place}.{key}".strip("."), "unknown key", f"allowed are {', '.join(allowed)}")
+
+    def text(self, content: dict, key: str, needed: bool, place: str = "") -> str:
+        """A text; a problem where it is needed and absent."""
+        value = content.get(key, "")
+        where = f"{place}.{key}".strip(".")
+        if not isinstance(value, str):
+            self.problem(where, repr(value), "a text is needed; put it in quotes")
+            return ""
+        if needed and not value.strip():
+            self.problem(where, "is missing", "a text is needed")
+        return " ".join(value.split())
+
+    def name(self, content: dict, place: str) -> str:
+        """A name, as results and C code call it."""
+        name = self.text(content, "name", True, place)
+        if name and not _NAME.fullmatch(name):
+            self.problem(f"{place}.name".strip("."), repr(name), _NAME_RULE)
+        return name
+
+    def forms(self, content: Any) -> list[Form | None]:
+        """Several forms with names of their own."""
+        if not isinstance(content, list) or not content:
+            self.problem("forms", repr(content), "a list of forms: name, equation, parameters …")
+            return []
+        forms = []
+        for index, item in enumerate(content):
+            place = f"forms.{index}"
+            item = self.mapping(item, place, "name, equation, parameters …")
+            self.keys(item, place, ("name", *_FORM_KEYS))
+            forms.append(self.form(item, place))
+            self.name(item, place)
+        names = [str(item.get("name")) for item in content if isinstance(item, dict)]
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            self.problem("forms", f"{name} is there twice", "each form needs a name of its own")
+        return forms
+
+    def form(self, content: dict, place: str) -> Form | None:
+        """One form; None where something is wrong with it."""
+        before = len(self.problems.entries)
+
+        def at(key: str) -> str:
+            return f"{place}.{key}".strip(".")
+
+        state = self.mapping(content.get("state", {}), at("state"), 'r: "v/d*(1 - r*sign(v))" …')
+        given = self.mapping(content.get("parameters", {}), at("parameters"), "symbol: {name: …, unit: …} …")
+        constants = self.mapping(
+            content.get("constants", {}), at("constants"), "symbol: {value: …, unit: …} …"
+        )
+        parameters = [self.parameter(symbol, item, at("parameters")) for symbol, item in given.items()]
+        names = [item.name for item in parameters if item]
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            self.problem(at("parameters"), f"{name} is there twice", "each parameter needs a name of its own")
+        where = content.get("place", "parallel")
+        if where not in ("parallel", "output"):
+            self.problem(
+                at("place"),
+                repr(where),
+                "parallel (a force beside the tissue) or output (what is measured of F)",
+            )
+        arguments = {
+            "equation": self.text(content, "equation", True, place),
+            "state": tuple((str(name), self.text(state, name, True, at("state"))) for name in state),
+            "constants": tuple(
+                self.constant(symbol, item, at("constants")) for symbol, item in constants.items()
+            ),
+        }
+        if len(self.problems.entries) > before:
+            for key, text in (("equation", arguments["equation"]), *arguments["state"]):
+                self.readable(at(key if key == "equation" else f"state.{key}"), text)
+            return None
+        form = Form(
+            name=str(content.get("name")),
+            place=Place(where),
+            linear=tuple(item for item in parameters if isinstance(item, LinearParameter)),
+            nonlinear=tuple(item for item in parameters if isinstance(item, NonlinearParameter)),
+            **arguments,
+        )
+        for key, found in form.problems():
+            self.problem(at("parameters" if key == "symbol" else key), found)
+        return form
+
+    def readable(self, place: str, text: str) -> None:
+        """Note an expression that cannot be read, whatever its symbols mean."""
+        try:
+            parse(text)
+        except InputError as error:
+            self.problem(place, str(error))
+
+    def parameter(self, symbol: Any, content: Any, place: str) -> LinearParameter | NonlinearParameter | None:
+        """One parameter: nonlinear if it has a range of starting values."""
+        place = f"{place}.{symbol}"
+        content = self.mapping(
+            content, place, "name: …, unit: … and, if nonlinear, start: [low, high], scale: …"
+        )
+        nonlinear = "start" in content or "scale" in content
+        self.keys(content, place, _NONLINEAR_KEYS if nonlinear else _LINEAR_KEYS)
+        named = {
+            "name": self.name(content, place),
+            "unit": self.unit(content, place),
+            "symbol": str(symbol),
+            "latex": self.text(content, "latex", False, place),
+        }
+        if nonlinear:
+            return self.nonlinear(named, content, place)
+        sign = content.get("sign", "positive")
+        if sign not in _SIGNS:
+            self.problem(f"{place}.sign", repr(sign), f"allowed are {', '.join(_SIGNS)}")
+        return LinearParameter(**named, sign=_SIGNS.get(sign, 0))
+
+    def unit(self, content: dict, place: str) -> str:
+        """A unit in terms of {x} and {y}."""
+        unit = self.text(content, "unit", True, place)
+        if re.sub(r"\{[xy]\}", "", unit).count("{") or re.sub(r"\{[xy]\}", "", unit).count("}"):
+            self.problem(
+                f"{place}.unit", repr(unit), "units are those of the input {x} and the output {y}, s, 1 …"
+            )
+        return unit
+
+    def nonlinear(self, named: dict, content: dict, place: str) -> NonlinearParameter | None:
+        """A nonlinear parameter with where its fit begins and how far it may go."""
+        before = len(self.problems.entries)
+        low, high = self.pair(
+            content.get("start"),
+            f"{place}.start",
+            "two numbers above 0, the lower first",
+            lambda a, b: 0 < a <= b,
+        )
+        reach = self.pair(
+            content.get("reach", [0.1, 10.0]),
+            f"{place}.reach",
+            "how far below and above the fit may go, as factors, e.g. [0.1, 10]",
+            lambda a, b: 0 < a <= 1 <= b,
+        )
+        scale, points = content.get("scale"), content.get("points", 5)
+        if scale not in SCALES:
+            self.problem(f"{place}.scale", repr(scale), f"allowed are {', '.join(SCALES)}")
+        if isinstance(points, bool) or not isinstance(points, int) or not 1 <= points <= 20:
+            self.problem(f"{place}.points", repr(points), "a whole number from 1 to 20")
+        if len(self.problems.entries) > before:
+            return None
+        return NonlinearParameter(**named, scale=scale, low=low, high=high, points=points, reach=reach)
+
+    def pair(
+        self, value: Any, place: str, allowed: str, holds: Callable[[float, float], bool]
+    ) -> tuple[float, float]:
+        """Two finite numbers of which something holds."""
+        if isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)) and holds(*value):
+            return float(value[0]), float(value[1])
+        self.problem(place, repr(value), allowed)
+        return 1.0, 1.0
+
+    def constant(self, symbol: Any, content: Any, place: str) -> Constant:
+        """A number that an equation calls by a symbol."""
+        place = f"{place}.{symbol}"
+        content = self.mapping(content, place, "value: …, unit: …")
+        self.keys(content, place, ("value", "unit", "latex"))
+        value = content.get("value")
+        if not _is_number(value):
+            self.problem(f"{place}.value", repr(value), "a finite number is needed")
+            value = 1.0
+        latex = self.text(content, "latex", False, place)
+        return Constant(str(symbol), float(value), self.unit(content, place), latex)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _numerical_problems(form: Form) -> list[tuple[str, str]]:
+    """Numbers that are not finite on a standard motion, and parameters that do nothing there."""
+    if form.channels:
+        return []
+    motion = standard_motion(_FREQUENCY)
+    force = 2 * motion.position
+    for point in product(*(item.grid(1.0)[[0, -1]] for item in form.nonlinear)):
+        nonlinear = np.array(point)
+        with np.errstate(all="ignore"):
+            if form.place is Place.OUTPUT:
+                found = [form.output_transform(force, motion, nonlinear)]
+            else:
+                found = form.columns(motion, nonlinear)
+        for values, item in zip(found, form.linear or (None,), strict=True):
+            wrong = np.flatnonzero(~np.isfinite(values))
+            given = ", ".join(
+                f"{item.name} = {value:g}" for item, value in zip(form.nonlinear, point, strict=True)
+            )
+            if len(wrong):
+                at = motion.time[wrong[0]], motion.position[wrong[0]], motion.velocity[wrong[0]]
+                said = "is {} at t = {:.3g}, z = {:.3g}, v = {:.3g}".format(values[wrong[0]], *at)
+                return [
+                    (
+                        f"{said}{', ' + given if given else ''}",
+                        "it must be finite for every position and velocity",
+                    )
+                ]
+            if item and not values.any():
+                return [(f"{item.name} has no influence on a sine of amplitude 1", "it must have one")]
+    return []

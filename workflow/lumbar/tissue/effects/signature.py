@@ -1,0 +1,124 @@
+"""What an effect's force looks like: its definition simulated on a standard motion, beside a standard base."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.form import Effect, Form, Place
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
+
+
+@dataclass(frozen=True)
+class Standard:
+    """A base with the numbers it is pictured with, in arbitrary units."""
+
+    base: str
+    linear: tuple[float, ...]
+    nonlinear: tuple[float, ...]
+
+
+STANDARDS = {
+    "tissue": Standard("KB", (1.0, 1.0), (0.1,)),
+    "pendulum": Standard("pendulum", (0.05, 0.1, 1.0), ()),
+}
+"""By system: what effects are pictured beside."""
+SHARE = 0.3
+"""RMS of the force that a pictured effect adds, as a share of the tissue's own."""
+RATES = (0.5, 2.0)
+"""Frequencies of the standard motion, Hz."""
+_SAMPLING_TIME = 0.01
+_DURATION = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class Signature:
+    """Forces of one form on one motion.
+
+    Attributes
+    ----------
+    motion : Motion
+        A sine of amplitude 1 whose size grows over the first cycle.
+    base : numpy.ndarray, shape (samples,)
+        Force of the tissue alone.
+    force : numpy.ndarray, shape (samples,)
+        With the effect.
+    """
+
+    motion: Motion
+    base: np.ndarray
+    force: np.ndarray
+
+    @property
+    def added(self) -> np.ndarray:
+        """What the effect adds."""
+        return self.force - self.base
+
+
+def standard_motion(frequency: float) -> Motion:
+    """Sine of amplitude 1 that grows from rest over its first cycle."""
+    time = _SAMPLING_TIME * np.arange(round(_DURATION / _SAMPLING_TIME))
+    size = np.minimum(time * frequency, 1.0)
+    return Motion(time, size * np.sin(2 * np.pi * frequency * time), _SAMPLING_TIME)
+
+
+def pictured_form(effect: Effect) -> Form | None:
+    """First form of an effect that the standard motion can show; None where all need further channels."""
+    return next((form for form in effect.forms if not form.channels), None)
+
+
+def signatures(effect: Effect, form: Form | None = None, system: str = "tissue") -> list[Signature]:
+    """Simulate an effect, by default in its first form that needs no further channel, at the standard rates.
+
+    Nonlinear parameters are taken from the middle of their starting range, linear ones so that the effect adds `SHARE`
+    of the base's RMS at the lower rate; of forms without linear parameters the starting value that comes
+    nearest to it is taken.
+    """
+    form, standard = form or pictured_form(effect), STANDARDS[system]
+    bare = Structure(BASES[standard.base])
+    structure = bare.with_form(form)
+    motions = [standard_motion(frequency) for frequency in RATES]
+    own = np.array(standard.linear), np.array(standard.nonlinear)
+    bases = [bare.simulate(motion, *own) for motion in motions]
+    linear, nonlinear = _pictured(structure, form, standard, motions[0], bases[0])
+    return [
+        Signature(motion, base, structure.simulate(motion, linear, nonlinear))
+        for motion, base in zip(motions, bases, strict=True)
+    ]
+
+
+def _pictured(
+    structure: Structure, form: Form, standard: Standard, motion: Motion, base: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Linear and nonlinear parameters of the picture."""
+    wanted = SHARE * _rms(base)
+    if form.place is Place.PARALLEL:
+        middle = [
+            np.sqrt(shape.low * shape.high) * _scale(shape.scale, motion, base) for shape in form.nonlinear
+        ]
+        nonlinear = np.concatenate([standard.nonlinear, middle])
+        directions = np.array([linear_parameter.sign or 1 for linear_parameter in form.linear], dtype=float)
+        columns = np.array(form.columns(motion, np.array(middle))).T
+        sizes = directions / np.maximum([_rms(column) for column in columns.T], 1e-12)
+        scale = wanted / _rms(columns @ sizes)
+        return np.concatenate([standard.linear, scale * sizes]), nonlinear
+    best = None
+    for point in product(*(shape.grid(_scale(shape.scale, motion, base)) for shape in form.nonlinear)):
+        nonlinear = np.array([*standard.nonlinear, *point])
+        force = structure.simulate(motion, np.array(standard.linear), nonlinear)
+        distance = abs(_rms(force - base) - wanted)
+        if best is None or distance < best[0]:
+            best = (distance, nonlinear)
+    return np.array(standard.linear), best[1]
+
+
+def _scale(kind: str, motion: Motion, base: np.ndarray) -> float:
+    return float(np.abs(base).max()) if kind == "force" else motion.scale(kind)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,121 @@
+"""documentation/index.html of an FMU: equation, variables, fit, timing, and where the data come from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar import __version__
+from lumbar.base.templates import template
+from lumbar.tissue.fmu.build.description import (
+    AUTHOR,
+    feedthrough_text,
+    guards_text,
+    model_version,
+    variables,
+)
+from lumbar.tissue.fmu.build.effect_model import Term
+from lumbar.tissue.fmu.build.equation_svg import equation_svg
+from lumbar.tissue.fmu.build.export_model import ExportModel
+from lumbar.tissue.fmu.build.linear_model import LinearModel
+from lumbar.tissue.fmu.build.meaning import range_text, rate_text, sign_text
+from lumbar.tissue.fmu.build.reference_plot import reference_plot
+from lumbar.tissue.models.form import Place
+
+
+def documentation_html(
+    model: ExportModel, version: str, data: str, push: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> str:
+    """Return a page of its own: no script, no outside resource.
+
+    Parameters
+    ----------
+    model : ExportModel
+    version : str
+        Of FMI.
+    data : str
+        Where the model's data come from.
+    push : tuple of numpy.ndarray
+        Time, input and output of the embedded reference, drawn.
+    """
+    from markupsafe import Markup
+
+    x, y = model.input, model.output
+    linear = isinstance(model.dynamics, LinearModel)
+    return template("tissue/fmu/build/documentation.html.jinja").render(
+        name=model.name,
+        version=version,
+        data=data,
+        input=x,
+        output=y,
+        linear_equations=model.dynamics.equations() if linear else [],
+        terms=[] if linear else [_term(model, term) for term in model.dynamics.terms],
+        averaged=_averaged(model),
+        guards=guards_text(model),
+        stable=model.stable,
+        largest_pole=f"{model.dynamics.largest_pole:.6g}",
+        sampling=f"{model.sampling_time:g}",
+        feedthrough=feedthrough_text(model, version),
+        sign=sign_text(model),
+        valid=range_text(model),
+        rate=rate_text(model),
+        made_by=f"lumbar {__version__}",
+        model_version=model_version(model),
+        author=AUTHOR,
+        on_device=model.on_device,
+        variables=[
+            (
+                item.name,
+                item.kind,
+                item.unit or "1",
+                *map(_number, (item.start, item.low, item.high)),
+                item.description,
+            )
+            for item in variables(model)
+        ],
+        fit=model.fit,
+        plot=Markup(reference_plot(push[0], [(x.label, push[1]), (y.label, push[2])])),
+    )
+
+
+def _averaged(model: ExportModel) -> str:
+    """What u[k] is, and what it was before the start."""
+    x, samples = model.input.variable, model.moving_average
+    text = f"u[k] = {x} − {x}_offset"
+    if samples > 1:
+        milliseconds = 1000 * samples * model.sampling_time
+        text = (
+            f"u[k] is the mean of the last {samples} samples ({milliseconds:g} ms) of {x} − {x}_offset, the newest "
+            "included"
+        )
+    rest = "has always been where it is" if model.starts_at_rest else "rested at its offset before"
+    return f"{text}; at the first sample the {model.input.quantity} counts as one that {rest}."
+
+
+_ACTS = {
+    Place.INPUT: "the position, before it reaches the tissue",
+    Place.PARALLEL: "adds to the force",
+    Place.OUTPUT: "the sum of the forces",
+}
+
+
+def _term(model: ExportModel, term: Term) -> tuple:
+    """One row of the table of forms."""
+    from markupsafe import Markup
+
+    equation = Markup(equation_svg(term.form.latex))
+    return term.form.key, _ACTS[term.form.place], equation, _numbers(model, term)
+
+
+def _numbers(model: ExportModel, term: Term) -> str:
+    """Parameters of a form with units, to six digits."""
+    parameters = (*term.form.linear, *term.form.nonlinear)
+    return ", ".join(
+        f"{item.name} = {value:.6g} {item.unit.format(x=model.input.unit, y=model.output.unit)}".removesuffix(
+            " 1"
+        )
+        for item, value in zip(parameters, (*term.linear, *term.nonlinear), strict=True)
+    )
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:g}"

@@ -1,0 +1,336 @@
+"""What is exported: a model with its signals, limits and fit, checked before anything is compiled."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from lumbar.base.errors import NumericalError, Problems
+from lumbar.tissue.fmu.agreed import slow_push
+from lumbar.tissue.fmu.build.effect_entry import effect_model
+from lumbar.tissue.fmu.build.effect_model import EffectModel
+from lumbar.tissue.fmu.build.guards import UNGUARDED, Guards
+from lumbar.tissue.fmu.build.linear_model import LinearModel
+from lumbar.tissue.fmu.build.resampled_model import at_rate
+from lumbar.tissue.fmu.build.units import work_units
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.model_data import GIVEN, MotionRange, Port, identifier
+
+if TYPE_CHECKING:
+    from lumbar.settings.runtime import RuntimeSettings
+
+MAX_HISTORY = 512
+"""Earlier inputs that an FMU keeps, for its moving average and its delay."""
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+"""What no file can be called on Windows, whatever its ending."""
+
+
+@dataclass(frozen=True)
+class ExportModel:
+    """A model ready for export.
+
+    Attributes
+    ----------
+    name : str
+        As in file names, e.g. ``"KB+coulomb_friction"``.
+    dynamics : LinearModel or EffectModel
+        From deviations of the input to deviations of the output.
+    sampling_time : float
+        Seconds.
+    input, output : Port
+    moving_average : int
+        Samples of the input's moving average, the newest included; 1 is off.
+    output_limit : float
+        Largest magnitude of the output, in its unit.
+    gain_limit : float
+        Largest factor on the output that a user may set.
+    fit : dict of str to str
+        How the model was found, for the documentation: label and text.
+    guards : Guards
+        What is done to the force before the device receives it.
+    starts_at_rest : bool
+        Whether the model rests at the first input; else it rested at the input's offset before.
+    prescribed : bool
+        Whether it was given, as IL is, not identified.
+    valid_for : MotionRange or None
+        Motion that the model was fitted to, where it is known.
+    on_device : tuple of str
+        What it does on the device of the study, for the documentation; empty where that was not asked.
+    """
+
+    name: str
+    dynamics: LinearModel | EffectModel
+    sampling_time: float
+    input: Port
+    output: Port
+    moving_average: int
+    output_limit: float
+    gain_limit: float
+    fit: dict[str, str]
+    guards: Guards = UNGUARDED
+    starts_at_rest: bool = True
+    prescribed: bool = False
+    valid_for: MotionRange | None = None
+    on_device: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        problems = Problems(f"model {self.name!r}")
+        if not _NAME.fullmatch(self.name) or _DEVICE.fullmatch(self.name):
+            allowed = "a letter, then letters, digits, _ . + -, at most 200, and no device of Windows"
+            problems.add("name", repr(self.name), f"{allowed} (it becomes a file name)")
+        if not (self.moving_average >= 1 and self.history <= MAX_HISTORY):
+            problems.add(
+                "runtime.moving_average_ms",
+                f"{self.moving_average} samples, and {self.dynamics.delay} of delay, at {1 / self.sampling_time:g} Hz",
+                f"at least 1, and {MAX_HISTORY} in all, fit into an FMU",
+            )
+        for problem in (*self.dynamics.problems(), *self.guards.problems()):
+            problems.add(*problem)
+        if self.guards.passive and self.work_units is None:
+            problems.add(
+                "runtime.device_damping",
+                f"{self.input.unit} times {self.output.unit} is no energy",
+                "a length and a force or an angle and a torque are needed; leave the key empty",
+            )
+        if self.starts_at_rest and not self.dynamics.rests_anywhere:
+            problems.add(
+                "runtime.start",
+                "a pole at 1: the model rests at no other input than its offset",
+                "say runtime.start: offset",
+            )
+        for label, value in (
+            ("sampling_time_s", self.sampling_time),
+            ("runtime.output_limit", self.output_limit),
+            ("runtime.gain_limit", self.gain_limit),
+        ):
+            if not (math.isfinite(value) and value > 0):
+                problems.add(label, f"{value}", "a finite number above 0 is needed")
+        if self.gain_limit < 1:
+            problems.add(
+                "runtime.gain_limit", f"{self.gain_limit}", "at least 1, the gain a simulation starts with"
+            )
+        if self.input.variable == self.output.variable:
+            problems.add(
+                "quantities", f"input and output are both {self.input.quantity!r}", "they need two names"
+            )
+        if not abs(self.output.offset) <= self.output_limit:
+            problems.add(
+                "output_offset",
+                f"{self.output.offset}",
+                f"it must lie within ±{self.output_limit} (the limit)",
+            )
+        problems.raise_if_any()
+
+    @property
+    def identifier(self) -> str:
+        """FMI's model identifier: a name that C allows."""
+        return identifier(self.name)
+
+    @property
+    def feedthrough(self) -> bool:
+        """Whether the output depends on the input of the same sample."""
+        return self.dynamics.feedthrough or self.guards.active
+
+    @property
+    def waits_for_input(self) -> bool:
+        """Whether an output without the input of its sample would be meaningless."""
+        return self.dynamics.waits_for_input or self.guards.active
+
+    @property
+    def history(self) -> int:
+        """Earlier inputs kept."""
+        return self.moving_average - 1 + self.dynamics.delay
+
+    @property
+    def work_units(self) -> tuple[float, float, str] | None:
+        """Input and output in SI units and the unit of damping; None where their product is no energy."""
+        return work_units(self.input.unit, self.output.unit)
+
+    @property
+    def input_unit(self) -> float:
+        """The input's unit in m or rad; 1 where energies mean nothing."""
+        return (self.work_units or (1.0,))[0]
+
+    @property
+    def output_unit(self) -> float:
+        """The output's unit in N or N·m; 1 where energies mean nothing."""
+        return (self.work_units or (1.0, 1.0))[1]
+
+    @property
+    def damping_unit(self) -> str:
+        """Of the device's damping."""
+        return (self.work_units or (1.0, 1.0, "1"))[2]
+
+    @cached_property
+    def resistance(self) -> float:
+        """Sign of the output that resists where it is displayed, 1 or −1.
+
+        A prescribed model is displayed like the others, whatever its sign: an inverted one is active, and draws the tool in.
+        """
+        return 1.0 if self.prescribed else float(self.resisting_sign)
+
+    @cached_property
+    def resisting_sign(self) -> int:
+        """Sign of the output that resists a growing input: 1, or −1 of an inverted model."""
+        return -1 if self.dynamics.response(slow_push(self.sampling_time)).mean() < 0 else 1
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles lie strictly inside the unit circle."""
+        return self.dynamics.largest_pole < 1.0
+
+
+def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
+    """Pick the models to export from the identified ones.
+
+    Parameters
+    ----------
+    fitted : list of FittedModel
+        Those of ``tissue/models.json``.
+    settings : RuntimeSettings
+
+    Returns
+    -------
+    list of ExportModel
+        In the order of ``settings.models``. A model without a training record (IL is prescribed, not
+        identified) is taken whatever ``trained_on`` and ``estimator`` say.
+
+    Raises
+    ------
+    InputError
+        A model is not there, or cannot be exported: all problems at once.
+    NumericalError
+        A model is unstable and ``unstable`` is ``"refuse"``.
+    """
+    return export_models(find_models(fitted, settings), settings)
+
+
+def find_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[FittedModel]:
+    """Pick the identified models that the settings name; parameters and errors as of `select_models`."""
+    problems = Problems("runtime.models")
+    for text in _duplicate_identifiers(settings.models):
+        problems.add("", text, "rename one: both would have the same name in C")
+    found = [_find(fitted, name, settings, problems) for name in settings.models]
+    problems.raise_if_any()
+    return [model for model in found if model is not None]
+
+
+def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
+    """Make fitted models ready for export; parameters and errors as of `select_models`."""
+    models = [_export_model(model, settings) for model in fitted]
+    if settings.unstable == "refuse":
+        _refuse_unstable(models)
+    return models
+
+
+def _duplicate_identifiers(names: list[str]) -> list[str]:
+    first: dict[str, str] = {}
+    return [
+        f"{name!r} and {first[identifier(name)]!r}"
+        for name in names
+        if first.setdefault(identifier(name), name) != name
+    ]
+
+
+def _find(
+    models: list[FittedModel], name: str, settings: RuntimeSettings, problems: Problems
+) -> FittedModel | None:
+    named = [model for model in models if model.name == name]
+    fitting = [
+        model
+        for model in named
+        if model.trained_on is None
+        or (
+            model.trained_on == settings.trained_on
+            # A model with effects has one fit, by the error of its free run.
+            and (not model.discrete or model.estimator == settings.estimator)
+        )
+    ]
+    if len(fitting) == 1:
+        return fitting[0]
+    if not named:
+        known = ", ".join(dict.fromkeys(model.name for model in models))
+        problems.add(name, "no such model in tissue/models.json", f"there are: {known}")
+    else:
+        there = "; ".join(f"{model.estimator} on {model.trained_on}" for model in named)
+        problems.add(
+            name,
+            f"{len(fitting)} fits by {settings.estimator!r} on {settings.trained_on!r}",
+            f"set runtime.estimator and runtime.trained_on to one of: {there}",
+        )
+    return None
+
+
+def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
+    """Model at the rate asked for."""
+    wanted = model.sampling_time if settings.rate_Hz is None else 1.0 / settings.rate_Hz
+    if model.discrete:
+        linear = LinearModel(model.structure.numerator, model.structure.denominator, name=model.name)
+        dynamics = at_rate(linear, model.sampling_time, wanted)
+    else:
+        dynamics = effect_model(model, wanted)
+    return ExportModel(
+        name=model.name,
+        dynamics=dynamics,
+        sampling_time=wanted,
+        input=model.input,
+        output=model.output,
+        moving_average=averaged_samples(model.name, settings.moving_average_ms, wanted),
+        output_limit=float(settings.output_limit),
+        gain_limit=float(settings.gain_limit),
+        fit=_fit_texts(model),
+        guards=Guards(
+            contact=settings.contact,
+            rate_limit=float(settings.output_rate_limit or 0.0),
+            device_damping=float(settings.device_damping or 0.0),
+            energy_reserve=float(settings.energy_reserve),
+        ),
+        starts_at_rest=settings.start == "first_position",
+        prescribed=model.estimator == GIVEN,
+        valid_for=model.valid_for,
+    )
+
+
+def averaged_samples(name: str, milliseconds: float, sampling_time: float) -> int:
+    """Samples of the moving average, to the nearest whole number; an average of none is an error."""
+    samples = milliseconds / (1000 * sampling_time)
+    if milliseconds > 0 and samples < 0.5:
+        problems = Problems(f"model {name!r}")
+        problems.add(
+            "runtime.moving_average_ms",
+            f"{milliseconds:g} ms is less than a sample at {1 / sampling_time:g} Hz",
+            f"0 is off; the thesis's three samples are {3000 * sampling_time:g}",
+        )
+        problems.raise_if_any()
+    return max(1, round(samples))
+
+
+def _fit_texts(model: FittedModel) -> dict[str, str]:
+    texts = {"Identified from": "nothing: the coefficients are prescribed"}
+    if model.trained_on:
+        texts["Identified from"] = f"record {model.trained_on}, estimator {model.estimator}"
+    if model.alpha is not None:
+        texts["Ridge parameter"] = f"{model.alpha:.6g}"
+    if model.scores.vaf_percent is not None:
+        texts["VAF of the free run on the training record"] = f"{model.scores.vaf_percent:.2f} %"
+    for item in model.parameters:
+        interval = "" if item.low is None else f" ({item.low:.4g} to {item.high:.4g})"
+        texts[item.key] = f"{item.value:.6g} {item.unit}{interval}"
+    return texts
+
+
+def _refuse_unstable(models: list[ExportModel]) -> None:
+    unstable = [model for model in models if not model.stable]
+    if unstable:
+        found = ", ".join(
+            f"{model.name} (largest |pole| {model.dynamics.largest_pole:.6g})" for model in unstable
+        )
+        raise NumericalError(
+            f"unstable, not exported: {found}. Take the model out of runtime.models, use another "
+            "runtime.trained_on or runtime.estimator, or set runtime.unstable: export "
+            "(the output then runs into its limit)"
+        )

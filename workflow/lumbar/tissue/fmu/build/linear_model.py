@@ -1,0 +1,190 @@
+"""A linear model: the transfer function of an identified model, and its C data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.tissue.models.state_space import observer_form
+from lumbar.tissue.models.transfer_function import TransferFunction
+
+if TYPE_CHECKING:
+    import control
+
+MAX_STATES = 16
+_NEAR_ONE = 1e-9
+"""A pole this close to 1 counts as an integrator."""
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """H(z) from deviations of the input to deviations of the output.
+
+    Attributes
+    ----------
+    numerator, denominator : tuple of float
+        Coefficients of z⁰, z⁻ᵖ, z⁻²ᵖ, … with p phases.
+    name : str
+        Stands in messages.
+    delay : int
+        Samples by which the input is late.
+    phases : int
+        Samples between those that the model itself knows: it runs as many times over, each on its own samples.
+    """
+
+    numerator: tuple[float, ...]
+    denominator: tuple[float, ...]
+    name: str = "model"
+    delay: int = 0
+    phases: int = 1
+
+    c_source = "model_linear.c"
+    headers = ()
+    waits_for_input = False
+    histories = ()
+
+    @cached_property
+    def state_space(self) -> control.StateSpace:
+        """The model as Eqs 3.17 and 3.18 of the thesis."""
+        return observer_form(TransferFunction(self.numerator, self.denominator))
+
+    @property
+    def states(self) -> int:
+        """Numbers that the model keeps from one of its samples to the next."""
+        return self.state_space.nstates
+
+    @property
+    def kept(self) -> int:
+        """The same: the model itself knows no earlier sample."""
+        return self.states
+
+    @property
+    def largest_pole(self) -> float:
+        """Largest magnitude of a pole, per sample of the FMU; 0 without poles."""
+        return float(np.abs(self.state_space.poles()).max(initial=0.0)) ** (1 / self.phases)
+
+    @property
+    def rests_anywhere(self) -> bool:
+        """Whether there is a state at rest for every input: no pole at 1."""
+        return bool(np.all(np.abs(self.state_space.poles() - 1.0) > _NEAR_ONE))
+
+    @property
+    def rest_gain(self) -> float:
+        """Output at rest at an input of 1."""
+        return sum(self.numerator) / sum(self.denominator)
+
+    @property
+    def feedthrough(self) -> bool:
+        """Whether the output depends on the input of the same sample."""
+        return self.numerator[0] != 0.0 and self.delay == 0
+
+    def problems(self) -> list[tuple[str, str, str]]:
+        """What keeps the model from being exported: place, what was found, what is allowed."""
+        if self.states <= MAX_STATES:
+            return []
+        return [("order", f"{self.states} states", f"at most {MAX_STATES} fit into an FMU")]
+
+    def response(self, inputs: np.ndarray) -> np.ndarray:
+        """Return the output by the transfer function itself, from rest; shape (samples,)."""
+        from scipy.signal import lfilter
+
+        late = np.concatenate([np.zeros(self.delay), inputs])[: len(inputs)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return lfilter(self._spread(self.numerator), self._spread(self.denominator), late)
+
+    @property
+    def transfer_function(self) -> TransferFunction:
+        """H(z) at the FMU's own samples, delay and phases included."""
+        return TransferFunction(
+            (*[0.0] * self.delay, *self._spread(self.numerator).tolist()),
+            tuple(self._spread(self.denominator).tolist()),
+        )
+
+    def _spread(self, coefficients: tuple[float, ...]) -> np.ndarray:
+        """Coefficients of the powers of 1/z, without a gap."""
+        spread = np.zeros((len(coefficients) - 1) * self.phases + 1)
+        spread[:: self.phases] = coefficients
+        return spread
+
+    def response_from_rest(self, inputs: np.ndarray, late: bool) -> np.ndarray:
+        """Return the output of a model that rests at the first input; shape (samples,)."""
+        respond = self.late_response if late else self.response
+        return self.rest_gain * inputs[0] + respond(inputs - inputs[0])
+
+    def late_response(self, inputs: np.ndarray) -> np.ndarray:
+        """Return what an FMI 2.0 client reads: the feed-through one sample late, except at the start."""
+        if not self.feedthrough:
+            return self.response(inputs)
+        through = self.numerator[0] / self.denominator[0] * inputs
+        return self.response(inputs) - through + np.concatenate([through[:1], through[:-1]])
+
+    def rounding_bound(self, inputs: np.ndarray, outputs: np.ndarray) -> float:
+        """Error relative to the largest output that rounding alone may cause.
+
+        Every step rounds each of its terms by up to machine epsilon, and the poles carry each rounding on: their
+        effect is at most the 1-norm of the impulse response of 1/denominator times that of one step.
+        """
+        from scipy.signal import lfilter
+
+        impulse = np.zeros(len(inputs))
+        impulse[0] = 1.0
+        amplification = np.abs(lfilter([1.0], self.denominator, impulse)).sum()
+        largest = np.abs(outputs).max()
+        terms = np.abs(self.numerator).sum() * np.abs(inputs).max() + np.abs(self.denominator).sum() * largest
+        return float(np.finfo(float).eps * amplification * terms / largest) if largest else 0.0
+
+    def equations(self) -> list[str]:
+        """Return the equations in plain text, one per line, numbers to six digits."""
+        system, rows, late = self.state_space, [], f"−{self.delay}" if self.delay else ""
+        for index in range(system.nstates):
+            terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.A[index])]
+            rows.append(
+                f"x{index + 1}[k+{self.phases}] = {_sum([*terms, (system.B[index, 0], f'u[k{late}]')])}"
+            )
+        terms = [(value, f"x{j + 1}[k]") for j, value in enumerate(system.C[0])]
+        return [*rows, f"y[k] = {_sum([*terms, (system.D[0, 0], f'u[k{late}]')])}"]
+
+    @property
+    def rest_state(self) -> np.ndarray:
+        """State at rest at an input of 1, or of 0 where a pole at 1 leaves no other; shape (states,) or (1,)."""
+        system = self.state_space
+        if not system.nstates or not self.rests_anywhere:
+            return np.zeros(max(1, system.nstates))
+        return np.linalg.solve(np.eye(system.nstates) - system.A, system.B[:, 0])
+
+    def c_data(self) -> list[str]:
+        """Lines of model_data.h: hexadecimal floats are exact, and the same text on every machine."""
+        system = self.state_space
+        # C has no arrays of length 0: a static gain gets one unused element.
+        missing = (0, 0 if system.nstates else 1)
+        matrix, column, row = (
+            np.pad(system.A, missing),
+            np.pad(system.B[:, 0], missing),
+            np.pad(system.C[0], missing),
+        )
+        size = len(matrix)
+        return [
+            f"#define LINEAR_STATES {system.nstates}",
+            f"static const double MODEL_A[{size}][{size}] = {{{', '.join(map(hex_row, matrix))}}};",
+            f"static const double MODEL_B[{size}] = {hex_row(column)};",
+            f"static const double MODEL_C[{size}] = {hex_row(row)};",
+            f"static const double MODEL_REST[{size}] = {hex_row(np.resize(self.rest_state, size))};",
+            f"#define MODEL_D {float(system.D[0, 0]).hex()}",
+        ]
+
+
+def hex_row(values) -> str:
+    """Return a C initialiser of hexadecimal floats."""
+    return "{" + ", ".join(float(value).hex() for value in values) + "}"
+
+
+def _sum(terms: list[tuple[float, str]]) -> str:
+    text = ""
+    for value, symbol in terms:
+        if value != 0.0:
+            sign = ("−" if value < 0 else "") if not text else (" − " if value < 0 else " + ")
+            text += f"{sign}{symbol}" if abs(value) == 1.0 else f"{sign}{abs(value):.6g} {symbol}"
+    return text or "0"

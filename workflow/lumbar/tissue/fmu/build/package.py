@@ -1,0 +1,159 @@
+"""Building FMU files, the same bytes at every build."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from lumbar.base.errors import InputError
+from lumbar.base.files import replacing
+from lumbar.base.progress import track
+from lumbar.tissue.fmu.build.compiler import TARGETS, library_of, resolve_targets, warm_cache
+from lumbar.tissue.fmu.build.description import FMI_VERSIONS, build_description, model_description
+from lumbar.tissue.fmu.build.documentation import documentation_html
+from lumbar.tissue.fmu.build.export_model import ExportModel
+from lumbar.tissue.fmu.build.extras import attachments, resources
+from lumbar.tissue.fmu.build.mach_o import universal_library
+from lumbar.tissue.fmu.build.reference_response import reference_push
+from lumbar.tissue.fmu.build.sources import c_files, source_files
+
+_COMPRESSION = 9
+_EARLIEST = (1980, 1, 1, 0, 0, 0)
+"""The earliest date a ZIP file can hold: FMUs carry no date."""
+
+
+def compile_model(model: ExportModel, targets: Sequence[str], cache: Path) -> dict[str, bytes]:
+    """Compile one library per target; it serves both FMI versions.
+
+    Parameters
+    ----------
+    model : ExportModel
+    targets : list of str
+        Platforms, keys of `lumbar.tissue.fmu.build.compiler.TARGETS`, or ``"host"``.
+    cache : Path
+        Folder of the compiler's cache.
+
+    Returns
+    -------
+    dict of str to bytes
+        Contents of the library by target.
+
+    Raises
+    ------
+    InputError
+        Unknown target, no compiler, no room for the sources, or sources that do not compile.
+    """
+    sources = tuple(sorted((file, text.encode("utf-8")) for file, text in source_files(model).items()))
+    return {
+        target: library_of(
+            sources, tuple(c_files(model)), f"{model.identifier}{TARGETS[target].suffix}", target, cache
+        )
+        for target in resolve_targets(targets)
+    }
+
+
+def fmu_contents(
+    model: ExportModel, version: str, data: str, libraries: dict[str, bytes]
+) -> dict[str, bytes]:
+    """Return the files of an FMU by their path in the archive."""
+    push = reference_push(model, version)
+    contents = {f"sources/{name}": text for name, text in source_files(model).items()}
+    contents["modelDescription.xml"] = model_description(model, version, data)
+    contents["documentation/index.html"] = documentation_html(model, version, data, push)
+    if version == "3.0":
+        contents["sources/buildDescription.xml"] = build_description(model)
+    contents.update(resources(model, version, push))
+    files = {path: text.encode("utf-8") for path, text in contents.items()}
+    return {**files, **attachments(model, version), **_binaries(model, version, libraries)}
+
+
+def _binaries(model: ExportModel, version: str, libraries: dict[str, bytes]) -> dict[str, bytes]:
+    files = {}
+    for target, library in libraries.items():
+        platform = TARGETS[target]
+        folder = platform.fmi2 if version == "2.0" else platform.fmi3
+        files[f"binaries/{folder}/{model.identifier}{platform.suffix}"] = library
+    macs = [target for target in ("x86_64-darwin", "aarch64-darwin") if target in libraries]
+    if version == "2.0" and len(macs) == 2:
+        # FMI 2.0 has one folder for macOS, whatever the processor.
+        for target in macs:
+            del files[f"binaries/{TARGETS[target].fmi2}/{model.identifier}.dylib"]
+        both = universal_library([libraries[target] for target in macs])
+        files[f"binaries/darwin64/{model.identifier}.dylib"] = both
+    return files
+
+
+def write_fmu(path: Path, files: dict[str, bytes]) -> None:
+    """Write an FMU, whole or not at all.
+
+    Entries are sorted and undated; the same library of compression gives the same bytes. Another version of it may
+    pack the same contents differently: the model's token does not depend on that.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+    try:
+        with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+            # The model description comes first: tools that stream an FMU find it at once.
+            for name in sorted(files, key=lambda item: (item != "modelDescription.xml", item)):
+                entry = zipfile.ZipInfo(name, _EARLIEST)
+                entry.create_system = 3
+                entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+                archive.writestr(entry, files[name], zipfile.ZIP_DEFLATED, _COMPRESSION)
+    except OSError as error:
+        raise InputError(
+            f"{path}: the FMU cannot be written ({error.strerror}); check the folder's rights and free space"
+        ) from error
+
+
+def export_fmus(
+    models: list[ExportModel],
+    folder: Path,
+    data: str,
+    targets: Sequence[str],
+    cache: Path,
+    versions: Sequence[str] = FMI_VERSIONS,
+) -> list[Path]:
+    """Compile each model once and write its FMUs, ``<name>_fmi2.fmu`` and ``<name>_fmi3.fmu``; say how far it is.
+
+    Parameters
+    ----------
+    models : list of ExportModel
+    folder : Path
+        Where the FMUs are written.
+    data : str
+        Where the models' data come from; stands in description and documentation.
+    targets : list of str
+        Platforms, keys of `lumbar.tissue.fmu.build.compiler.TARGETS`, or ``"host"``.
+    cache : Path
+        Folder of the compiler's cache.
+    versions : sequence of str
+        Of FMI.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    InputError
+        As `compile_model` and `write_fmu`.
+    """
+    written = []
+    warm_cache(targets, cache)
+    for model in track(models, "FMUs compiled"):
+        libraries = compile_model(model, targets, cache)
+        for version in versions:
+            path = folder / fmu_name(model.name, version)
+            write_fmu(path, fmu_contents(model, version, data, libraries))
+            written.append(path)
+    return written
+
+
+def fmu_name(model: str, version: str) -> str:
+    """File name of a model's FMU: ``KB_fmi2.fmu`` for FMI 2.0."""
+    return f"{model}_fmi{version[0]}.fmu"

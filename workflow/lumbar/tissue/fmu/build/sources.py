@@ -1,0 +1,104 @@
+"""The C sources of an FMU: the fixed files of this package, FMI's headers, and the numbers of one model."""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from functools import cache
+from pathlib import Path
+
+from lumbar.tissue.fmu.build.export_model import ExportModel
+from lumbar.tissue.fmu.c import c_source
+
+_C_FILES = ("sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
+_HEADERS = ("model.h", "sampled_force.h")
+_FMI_HEADERS = (
+    "fmi2Functions.h",
+    "fmi2FunctionTypes.h",
+    "fmi2TypesPlatform.h",
+    "fmi3Functions.h",
+    "fmi3FunctionTypes.h",
+    "fmi3PlatformTypes.h",
+)
+
+
+def c_files(model: ExportModel) -> tuple[str, ...]:
+    """What is compiled; ``sampled_force.c`` includes the model itself."""
+    return _C_FILES
+
+
+@cache
+def _fixed_source(name: str) -> str:
+    import fmpy
+
+    if name not in _FMI_HEADERS:
+        return c_source(name)
+    header = Path(fmpy.__file__).parent / "c-code" / name
+    return header.read_text(encoding="utf-8").replace("\r\n", "\n")
+
+
+def _fixed_sources(model: ExportModel) -> dict[str, str]:
+    names = (*c_files(model), model.dynamics.c_source, *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
+    return {name: _fixed_source(name) for name in names}
+
+
+def source_files(model: ExportModel) -> dict[str, str]:
+    """Return all sources of a model's library by file name; ``model_data.h`` holds the numbers."""
+    return {
+        **_fixed_sources(model),
+        "model_size.h": _model_size(model),
+        "model_data.h": _model_data(model, content_token(model)),
+    }
+
+
+def content_token(model: ExportModel) -> str:
+    """FMI's GUID and instantiation token: a hash of all sources, the model's numbers and variables."""
+    digest = hashlib.sha256()
+    for name, text in sorted(_fixed_sources(model).items()):
+        digest.update(f"{name}\0{text}\0".encode())
+    names = (model.name, model.input.quantity, model.input.unit, model.output.quantity, model.output.unit)
+    digest.update("\0".join((*names, _model_size(model), _model_data(model, ""))).encode())
+    return str(uuid.UUID(bytes=digest.digest()[:16]))
+
+
+def _model_size(model: ExportModel) -> str:
+    """What loops and memory depend on, exactly: they are what a step costs. C has no arrays of length 0."""
+    sizes = {
+        "MODEL_STATES": max(1, model.dynamics.states),
+        "MODEL_PHASES": model.dynamics.phases,
+        "MODEL_WINDOW": model.moving_average,
+        "MODEL_DELAY": model.dynamics.delay,
+        "MODEL_HISTORY": max(1, model.history),
+        "MODEL_RINGS": len(model.dynamics.histories),
+        "MODEL_RING": max(model.dynamics.histories, default=0),
+        "MODEL_SOURCE": f'"{model.dynamics.c_source}"',
+    }
+    lines = [f"#define {name} {size}" for name, size in sizes.items()]
+    return "\n".join(["/* Sizes of a model, written at export. */", *lines, ""])
+
+
+def _model_data(model: ExportModel, token: str) -> str:
+    """Numbers as hexadecimal floats: exact, and the same text on every machine."""
+    guards = model.guards
+    constants = {
+        "token": f'"{token}"',
+        "sampling_time": model.sampling_time.hex(),
+        "input_offset": model.input.offset.hex(),
+        "output_offset": model.output.offset.hex(),
+        "output_limit": model.output_limit.hex(),
+        "gain_limit": model.gain_limit.hex(),
+        "rate_limit": guards.rate_limit.hex(),
+        "device_damping": guards.device_damping.hex(),
+        "energy_reserve": guards.energy_reserve.hex(),
+        "input_unit": model.input_unit.hex(),
+        "output_unit": model.output_unit.hex(),
+        "resistance": model.resistance.hex(),
+        "contact": str(int(guards.contact)),
+        "guarded": str(int(guards.active)),
+        "starts_at_rest": str(int(model.starts_at_rest)),
+        "feedthrough": str(int(model.feedthrough)),
+        "waits_for_input": str(int(model.dynamics.waits_for_input)),
+    }
+    entries = ", \\\n    ".join(f".{key} = {value}" for key, value in constants.items())
+    lines = ["/* Numbers of one model, written at export. */", *model.dynamics.c_data()]
+    return "\n".join([*lines, f"#define MODEL_CONSTANTS {{ \\\n    {entries}}}", ""])

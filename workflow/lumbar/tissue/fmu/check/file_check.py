@@ -1,0 +1,167 @@
+"""Checking one FMU file by itself: what it says, what its library does, and what its sources give."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import xml.etree.ElementTree as ElementTree
+import zipfile
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lumbar.base.errors import InputError, Problems
+from lumbar.tissue.fmu.build.compiler import TARGETS, host_target, library_of
+from lumbar.tissue.fmu.check.lint import lint_fmu
+from lumbar.tissue.fmu.check.playing import played
+
+
+@dataclass(frozen=True)
+class FileCheck:
+    """What was found in one file.
+
+    Attributes
+    ----------
+    path : Path
+    problems : tuple of str
+        One sentence each: variable or file in the FMU, what was found, what is expected.
+    played : bool
+        Whether there was a library for this machine to play; only then was it built anew from the sources.
+    same_bytes : bool
+        Whether the library built from the sources is the shipped one to the byte; else its forces are.
+    """
+
+    path: Path
+    problems: tuple[str, ...]
+    played: bool = False
+    same_bytes: bool = False
+
+    def __str__(self) -> str:
+        """One line for a sound file."""
+        if not self.played:
+            return f"{self.path.name}: sound as a file; it has no library for this machine to play"
+        built = "the same library" if self.same_bytes else "a library of the same forces"
+        return f"{self.path.name}: sound; plays its reference, and its sources give {built}"
+
+
+def check_file(path: Path, cache: Path) -> FileCheck:
+    """Check an FMU: files and description first, then, where these are sound, library and sources.
+
+    Parameters
+    ----------
+    path : Path
+    cache : Path
+        Folder of the compiler's cache.
+
+    Returns
+    -------
+    FileCheck
+
+    Raises
+    ------
+    InputError
+        The file is not there, or there is no compiler.
+    """
+    return checked([path], cache)[0]
+
+
+def checked(paths: list[Path], cache: Path) -> list[FileCheck]:
+    """Check files as `check_file` does; what is slow to start is started once for all."""
+    for path in paths:
+        if not path.is_file():
+            raise InputError(f"{path}: no such file")
+    checks = [FileCheck(path, tuple(lint_fmu(path) or _validated(path))) for path in paths]
+    with tempfile.TemporaryDirectory(prefix="lumbar-check-") as name:
+        work = Path(name)
+        libraries = {}
+        for number, check in enumerate(checks):
+            if not check.problems:
+                with zipfile.ZipFile(check.path) as archive:
+                    archive.extractall(work / f"shipped-{number}")
+                libraries[number] = _library(work / f"shipped-{number}")
+        playable = [number for number, library in libraries.items() if library is not None]
+        found = played([(work / f"shipped-{number}",) for number in playable], work)
+        for number, problems in zip(playable, found, strict=True):
+            checks[number] = FileCheck(paths[number], tuple(problems), played=True)
+        sound = [number for number in playable if not checks[number].problems]
+        for number in sound:
+            checks[number] = _built_anew(checks[number], work, number, libraries[number], cache)
+    return checks
+
+
+def _built_anew(check: FileCheck, work: Path, number: int, library: Path, cache: Path) -> FileCheck:
+    """The check with what the FMU's own sources give: the same bytes, or the same forces."""
+    shipped, folder = work / f"shipped-{number}", work / f"built-{number}"
+    try:
+        built = _built(shipped, library, folder, cache)
+    except InputError as error:
+        return replace(check, problems=(f"sources: {error}",))
+    if built.read_bytes() == library.read_bytes():
+        return replace(check, same_bytes=True)
+    return replace(check, problems=tuple(played([(shipped, folder)], work)[0]))
+
+
+def check_files(paths: Iterable[Path], cache: Path) -> list[FileCheck]:
+    """Check FMUs and raise one error with all problems of all of them; parameters as of `check_file`."""
+    checks = checked(list(paths), cache)
+    wrong = [check for check in checks if check.problems]
+    problems = Problems(wrong[0].path.name if len(wrong) == 1 else "FMUs that must not be used")
+    for check in wrong:
+        for text in check.problems:
+            problems.add("" if len(wrong) == 1 else check.path.name, text)
+    problems.raise_if_any()
+    return checks
+
+
+def check_new_files(paths: list[Path], cache: Path) -> None:
+    """Check files that were just written, and remove them all where one has a problem; parameters as of `check_file`."""
+    try:
+        check_files(paths, cache)
+    except InputError:
+        for path in paths:
+            path.unlink()
+        raise
+
+
+def _validated(path: Path) -> list[str]:
+    """Problems that fmpy finds by the standard's schema; a file that it cannot read is one."""
+    from fmpy.validation import validate_fmu
+
+    try:
+        return [f"modelDescription.xml: {text}" for text in validate_fmu(str(path))]
+    except Exception as error:  # fmpy raises plain ones with the schema's words
+        return [f"modelDescription.xml: {error}"]
+
+
+def _library(folder: Path) -> Path | None:
+    """Library of this machine's platform."""
+    try:
+        target = TARGETS[host_target()]
+    except InputError:
+        return None  # a platform that FMUs are not built for
+    found = (folder / "binaries" / name for name in (target.fmi2, target.fmi3))
+    files = [file for place in found if place.is_dir() for file in place.glob(f"*{target.suffix}")]
+    return files[0] if files else None
+
+
+def _built(shipped: Path, library: Path, folder: Path, cache: Path) -> Path:
+    """Build the library from the FMU's own sources into a copy of the FMU without them."""
+    shutil.copytree(shipped, folder, ignore=shutil.ignore_patterns("sources", "binaries", "documentation"))
+    built = folder / "binaries" / library.parent.name / library.name
+    built.parent.mkdir(parents=True)
+    # buildDescription.xml is FMI 3.0's alone and nothing to compile.
+    files = sorted(file for file in (shipped / "sources").iterdir() if file.suffix != ".xml")
+    sources = tuple((file.name, file.read_bytes()) for file in files)
+    built.write_bytes(library_of(sources, _listed(shipped), library.name, host_target(), cache))
+    return built
+
+
+def _listed(folder: Path) -> tuple[str, ...]:
+    """C files that the FMU says it is built of, in its order."""
+    build = folder / "sources" / "buildDescription.xml"
+    if build.is_file():
+        names = [item.get("name", "") for item in ElementTree.parse(build).iter("SourceFile")]
+    else:
+        root = ElementTree.parse(folder / "modelDescription.xml").getroot()
+        names = [item.get("name", "") for item in root.iterfind("CoSimulation/SourceFiles/File")]
+    return tuple(names)

@@ -1,0 +1,212 @@
+"""Checking finished FMUs: schema, lint, and simulation against the identified transfer function."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lumbar.base.errors import Problems
+from lumbar.tissue.fmu.build.description import FMI_VERSIONS
+from lumbar.tissue.fmu.build.export_model import ExportModel
+from lumbar.tissue.fmu.build.package import fmu_name
+from lumbar.tissue.fmu.build.reference_response import (
+    moving_average,
+    reference_output,
+    samples_within_range,
+    scale_to,
+)
+from lumbar.tissue.fmu.check.lint import lint_fmu
+
+TOLERANCE = 1e-12
+"""Largest error of a sound FMU, relative to the largest output."""
+_SHARE_OF_LIMIT = 0.8
+"""The test input is scaled so that the output stays within this share of its limit."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """What was found for one FMU.
+
+    Attributes
+    ----------
+    file : str
+    largest_output : float
+        In the output's unit.
+    largest_error : float
+        Relative to `largest_output`.
+    tolerance : float
+        What `largest_error` may be at most.
+    schema, lint : list of str
+        Problems that fmpy's validation and `lint_fmu` found.
+    """
+
+    file: str
+    model: ExportModel
+    version: str
+    samples: int
+    largest_output: float
+    largest_error: float
+    tolerance: float
+    schema: list[str]
+    lint: list[str]
+
+    def problems(self) -> list[str]:
+        """Reasons why the FMU must not be used."""
+        found = [f"schema: {text}" for text in self.schema] + [f"lint: {text}" for text in self.lint]
+        if not self.largest_error <= self.tolerance:
+            found.append(
+                f"simulated output is off by {self.largest_error:.3g} of its largest; "
+                f"allowed is {self.tolerance:.3g}"
+            )
+        return found
+
+
+def simulate_fmu(path: Path, time: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """Simulate an FMU through fmpy and return its output at every sample instant.
+
+    FMI 3.0 FMUs are driven in event mode; of the values recorded at one instant the last, after the event,
+    counts.
+
+    Parameters
+    ----------
+    path : Path
+    time : numpy.ndarray, shape (samples,)
+        ``k`` times the sampling time.
+    inputs : numpy.ndarray, shape (samples,)
+        Set at these instants.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+    """
+    import fmpy
+
+    description = fmpy.read_model_description(str(path))
+    # The force is the first output; a passive model has its energy as another.
+    names = {variable.causality: variable.name for variable in reversed(description.modelVariables)}
+    signal = np.zeros(len(time), dtype=[("time", float), (names["input"], float)])
+    signal["time"], signal[names["input"]] = time, inputs
+    step = float(time[1] - time[0])
+    # Messages of the FMU go to fmpy's own logger, which prints. A logger passed to fmpy is no alternative: it
+    # keeps one pointer to it for the whole process, and calls it after Python has freed it.
+    with contextlib.redirect_stdout(io.StringIO()), _next_events_by_bisection():
+        result = fmpy.simulate_fmu(
+            str(path),
+            start_time=0.0,
+            stop_time=float(time[-1]),
+            output_interval=step,
+            input=signal,
+            output=[names["output"]],
+            use_event_mode=description.fmiVersion.startswith("3"),
+        )
+    outputs = np.empty(len(time))
+    # Assignment goes in order: a later row of the same instant replaces an earlier one.
+    for instant, value in zip(
+        np.rint(result["time"] / step).astype(int), result[names["output"]], strict=True
+    ):
+        outputs[instant] = value
+    return outputs
+
+
+@contextlib.contextmanager
+def _next_events_by_bisection() -> Iterator[None]:
+    """Let fmpy find the next change of the input by bisection.
+
+    It looks at every change from the first one on, at each of as many steps: most of the time of a simulation.
+    """
+    from fmpy.simulation import Input
+
+    def next_event(self: Input, time: float) -> float:
+        if self.t is None:
+            return math.inf
+        later = self.t_events[np.searchsorted(self.t_events, time, side="right") :]
+        return next((event for event in later if not math.isclose(event, time)), math.inf)
+
+    original, Input.nextEvent = Input.nextEvent, next_event
+    try:
+        yield
+    finally:
+        Input.nextEvent = original
+
+
+def check_input(model: ExportModel, samples: int, seed: int) -> np.ndarray:
+    """Return a random walk about the rest position that drives the output to a set share of its limit.
+
+    Parameters
+    ----------
+    model : ExportModel
+    samples : int
+    seed : int
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        Input in its unit.
+    """
+    walk = np.cumsum(np.random.default_rng([seed, samples]).standard_normal(samples))
+    room = _SHARE_OF_LIMIT * model.output_limit - abs(model.output.offset)
+    averaged = moving_average(walk, model.moving_average)
+    return model.input.offset + scale_to(model, averaged, room) * walk
+
+
+def check_fmu(path: Path, model: ExportModel, version: str, samples: int, seed: int) -> Check:
+    """Validate, lint and simulate one FMU."""
+    from fmpy.validation import validate_fmu
+
+    samples = samples_within_range(model, samples)
+    inputs = check_input(model, samples, seed)
+    reference = reference_output(model, inputs, version)
+    simulated = simulate_fmu(path, np.arange(samples) * model.sampling_time, inputs)
+    largest = float(np.abs(reference).max())
+    return Check(
+        file=path.name,
+        model=model,
+        version=version,
+        samples=samples,
+        largest_output=largest,
+        largest_error=float(np.abs(simulated - reference).max() / (largest or 1.0)),
+        tolerance=max(TOLERANCE, model.dynamics.rounding_bound(inputs, reference)),
+        schema=list(validate_fmu(str(path))),
+        lint=lint_fmu(path),
+    )
+
+
+def check_fmus(models: list[ExportModel], folder: Path, samples: int, seed: int) -> list[Check]:
+    """Check both FMUs of every model.
+
+    Parameters
+    ----------
+    models : list of ExportModel
+    folder : Path
+        Where the FMUs lie.
+    samples : int
+        Length of the simulation.
+    seed : int
+        Of the input.
+
+    Returns
+    -------
+    list of Check
+
+    Raises
+    ------
+    InputError
+        If any FMU has a problem, with all of them.
+    """
+    checks = [
+        check_fmu(folder / fmu_name(model.name, version), model, version, samples, seed)
+        for model in models
+        for version in FMI_VERSIONS
+    ]
+    problems = Problems("FMUs that must not be used")
+    for check in checks:
+        for text in check.problems():
+            problems.add(check.file, text)
+    problems.raise_if_any()
+    return checks

@@ -1,0 +1,199 @@
+"""Checks of a finished FMU that fmpy's validation leaves out: description, token, bounds, and what it refers to."""
+
+from __future__ import annotations
+
+import math
+import re
+import xml.etree.ElementTree as ElementTree
+import zipfile
+import zlib
+from collections import Counter
+from pathlib import Path
+
+from lumbar.tissue.fmu.check.lint_files import lint_binaries, lint_names, lint_resources, lint_sources, ports
+from lumbar.tissue.fmu.check.lint_meaning import lint_meaning
+from lumbar.tissue.fmu.check.lint_numbers import lint_constants, lint_page, lint_units
+
+_C_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+def lint_fmu(path: Path) -> list[str]:
+    """Return the problems found; an empty list for a sound FMU.
+
+    Looks for: a file that is no archive or is damaged; entries that leave the archive or stand twice; a description
+    that is no XML or has another version; a model identifier that C does not allow or that the binaries do not have;
+    binaries of another platform than their folder's, without FMI's functions or without the token; source files or
+    headers that are missing; variables that stand twice, have a start value outside min and max, numbers that are not
+    finite, a nominal value that is not positive, a variability that its kind does not have, a unit that is not defined
+    or not what its name says, or no place in the model structure; steps and stop times that are not positive;
+    capabilities that are not told; numbers that differ between description, sources and documentation; terminals
+    of variables that do not exist; no documentation, licence or reference signals.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            files = {name: archive.read(name) for name in names}
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
+        return [f"the archive cannot be read: {error}"]
+    problems = lint_names(names)
+    if "modelDescription.xml" not in files:
+        return [*problems, "there is no modelDescription.xml"]
+    for needed in ("documentation/index.html", "documentation/licenses/license.txt"):
+        if needed not in files:
+            problems.append(f"there is no {needed}")
+    try:
+        root = ElementTree.fromstring(files["modelDescription.xml"])
+    except ElementTree.ParseError as error:
+        return [*problems, f"modelDescription.xml is no XML: {error}"]
+    version, simulation = root.get("fmiVersion", ""), root.find("CoSimulation")
+    if version not in ("2.0", "3.0"):
+        problems.append(f"fmiVersion is {version!r}, neither 2.0 nor 3.0")
+    if simulation is None:
+        return [*problems, "there is no CoSimulation element"]
+    identifier = simulation.get("modelIdentifier", "")
+    token = root.get("guid" if version == "2.0" else "instantiationToken", "")
+    if not _C_IDENTIFIER.fullmatch(identifier):
+        problems.append(f"modelIdentifier {identifier!r} is no C identifier")
+    problems += lint_binaries(files, identifier, token, version)
+    problems += lint_sources(files, simulation, identifier, version)
+    steps, unsound = _steps(root, simulation)
+    variables = list(_variables(root))
+    problems += [*unsound, *_lint_capabilities(simulation, version), *_lint_variables(variables, root)]
+    problems += lint_units(root)
+    problems += lint_resources(files, variables, version, steps.get("stepSize"))
+    if not problems:
+        problems += [*lint_constants(files, variables, steps), *lint_page(files, root, variables)]
+        problems += lint_meaning(files, root, dict(variables)[ports(variables)["input"]].get("unit"))
+    return problems
+
+
+def _numbers(attributes: dict[str, str], keys: tuple[str, ...]) -> tuple[dict[str, float], list[str]]:
+    """Return the attributes that are finite numbers, and words on those that are not."""
+    given, problems = {}, []
+    for key in keys:
+        if key in attributes:
+            try:
+                given[key] = float(attributes[key])
+            except ValueError:
+                given[key] = math.nan
+            if not math.isfinite(given[key]):
+                problems.append(f"{key} is {attributes[key]}, no finite number")
+                del given[key]
+    return given, problems
+
+
+def _steps(root: ElementTree.Element, simulation: ElementTree.Element) -> tuple[dict[str, float], list[str]]:
+    """Return what the description says of the sampling time, and words on steps and times that cannot be."""
+    experiment = root.find("DefaultExperiment")
+    attributes = {**simulation.attrib, **(experiment.attrib if experiment is not None else {})}
+    names = ("stepSize", *(["fixedInternalStepSize"] if root.get("fmiVersion") == "3.0" else []))
+    given, problems = _numbers(attributes, (*names, "startTime", "stopTime"))
+    problems += [f"there is no {key}" for key in names if key not in attributes]
+    problems += [f"{key} is {given[key]:g}, not above 0" for key in names if not given.get(key, 1.0) > 0]
+    if not given.get("startTime", 0.0) < given.get("stopTime", math.inf):
+        problems.append(f"stopTime {given['stopTime']:g} is not after startTime")
+    return {key: given[key] for key in names if given.get(key, 0.0) > 0}, problems
+
+
+_CAPABILITIES = {
+    "2.0": (
+        "canHandleVariableCommunicationStepSize",
+        "canGetAndSetFMUstate",
+        "canSerializeFMUstate",
+        "providesDirectionalDerivative",
+    ),
+    "3.0": (
+        "canHandleVariableCommunicationStepSize",
+        "canGetAndSetFMUState",
+        "canSerializeFMUState",
+        "providesDirectionalDerivatives",
+        "mightReturnEarlyFromDoStep",
+        "hasEventMode",
+    ),
+}
+"""What every library here can do, by version of FMI."""
+
+
+def _lint_capabilities(simulation: ElementTree.Element, version: str) -> list[str]:
+    return [
+        f"{name} is {simulation.get(name, 'not there')}; the library can do it: true is needed"
+        for name in _CAPABILITIES.get(version, ())
+        if simulation.get(name) != "true"
+    ]
+
+
+def _variables(root: ElementTree.Element):
+    """Name and attributes of every variable, in both versions' layouts."""
+    for element in root.iterfind("ModelVariables/*"):
+        typed = element.find("Real") if element.tag == "ScalarVariable" else element
+        if typed is not None:
+            yield element.get("name", ""), {**element.attrib, **typed.attrib}
+
+
+def _lint_variables(variables: list[tuple[str, dict]], root: ElementTree.Element) -> list[str]:
+    problems = []
+    for label, values in (
+        ("the name", [name for name, _ in variables]),
+        ("the value reference", [attributes.get("valueReference", "") for _, attributes in variables]),
+    ):
+        problems += [
+            f"{label} {value!r} stands twice" for value, count in Counter(values).items() if count > 1
+        ]
+    causalities = Counter(attributes.get("causality") for _, attributes in variables)
+    if causalities["input"] != 1:
+        problems.append(f"there are {causalities['input']} inputs; a force model has one")
+    if not causalities["output"]:
+        problems.append("there is no output; a force model has one")
+    units = {unit.get("name") for unit in root.iterfind("UnitDefinitions/Unit")}
+    for name, attributes in variables:
+        problems += _lint_variable(name, attributes)
+        if attributes.get("unit", next(iter(units), None)) not in units:
+            problems.append(f"{name}: the unit {attributes['unit']!r} is not defined")
+    return problems + _lint_structure(variables, root)
+
+
+def _lint_structure(variables: list[tuple[str, dict]], root: ElementTree.Element) -> list[str]:
+    """Every output stands in the model structure, and nothing there refers to what does not exist."""
+    if root.get("fmiVersion") == "2.0":
+        known = {str(index): name for index, (name, _) in enumerate(variables, start=1)}
+        outputs = [item.get("index") for item in root.iterfind("ModelStructure/Outputs/Unknown")]
+    else:
+        known = {attributes.get("valueReference"): name for name, attributes in variables}
+        outputs = [item.get("valueReference") for item in root.iterfind("ModelStructure/Output")]
+    structure = root.find("ModelStructure")
+    named = [text for item in structure.iter() for text in item.get("dependencies", "").split()]
+    problems = [
+        f"the model structure names {number}, which is no variable"
+        for number in dict.fromkeys([*outputs, *named])
+        if number not in known
+    ]
+    missing = {name for name, attributes in variables if attributes.get("causality") == "output"}
+    missing -= {known.get(number) for number in outputs}
+    return problems + [f"the output {name} is not in the model structure" for name in sorted(missing)]
+
+
+_VARIABILITIES = {
+    "input": ("continuous", "discrete"),
+    "output": ("discrete",),
+    "parameter": ("tunable", "fixed"),
+    "independent": ("continuous",),
+}
+
+
+def _lint_variable(name: str, attributes: dict[str, str]) -> list[str]:
+    given, unsound = _numbers(attributes, ("min", "max", "start", "nominal"))
+    problems = [f"{name}: {text}" for text in unsound]
+    low, high = given.get("min", -math.inf), given.get("max", math.inf)
+    if not low <= high:
+        problems.append(f"{name}: min {low:g} above max {high:g}")
+    elif "start" in given and not low <= given["start"] <= high:
+        problems.append(f"{name}: start {given['start']:g} outside [{low:g}, {high:g}]")
+    if "start" not in attributes and attributes.get("causality") in ("input", "parameter"):
+        problems.append(f"{name}: no start value")
+    causality, variability = attributes.get("causality", ""), attributes.get("variability", "")
+    if causality in _VARIABILITIES and variability not in _VARIABILITIES[causality]:
+        allowed = " or ".join(_VARIABILITIES[causality])
+        problems.append(f"{name}: the {causality} has variability {variability!r}; {allowed} is needed")
+    if not given.get("nominal", 1.0) > 0:
+        problems.append(f"{name}: nominal {given['nominal']:g}, not above 0")
+    return problems

@@ -1,0 +1,159 @@
+"""The loop of model, hold, device and hand, exact at the sample instants: its poles and its largest stable gain.
+
+Device and hand are linear and the force is held, so that the loop is a difference equation without approximation
+(zero-order hold; K. J. Åström and B. Wittenmark, Computer-Controlled Systems, 3rd ed., chapter 3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lumbar.settings.device import DeviceSettings
+from lumbar.tissue.haptics.sampled_model import SampledModel, all_angles
+
+
+def propagation(device: DeviceSettings, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """Exact motion of device and hand over a time in which all forces are held.
+
+    Parameters
+    ----------
+    device : DeviceSettings
+        m ẍ + b ẋ + k x = f, with mass and damping of stylus and hand and the stiffness of the hand.
+    seconds : float
+
+    Returns
+    -------
+    transition : numpy.ndarray, shape (2, 2)
+        Of position in m and velocity in m/s.
+    by_force : numpy.ndarray, shape (2,)
+        What one newton adds to them.
+    """
+    from scipy.linalg import expm
+
+    mass = device.mass_kg + device.hand_mass_kg
+    damping = device.damping_N_s_m + device.hand_damping_N_s_m
+    held = np.zeros((3, 3))
+    held[0, 1], held[1] = 1.0, (-device.hand_stiffness_N_m / mass, -damping / mass, 1.0 / mass)
+    exact = expm(held * seconds)
+    return exact[:2, :2], exact[:2, 2]
+
+
+def period(model: SampledModel, device: DeviceSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Transition of device and hand over a sampling time, and what the new force and the one before it add."""
+    rest, by_new = propagation(device, model.sampling_time - model.delay)
+    first, by_old = propagation(device, model.delay)
+    return rest @ first, by_new, rest @ by_old
+
+
+def closed_loop_matrix(model: SampledModel, device: DeviceSettings, gain: float = 1.0) -> np.ndarray:
+    """Transition matrix of the closed loop from one sample instant to the next.
+
+    Parameters
+    ----------
+    model : SampledModel
+    device : DeviceSettings
+    gain : float
+        Factor on the model's force.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, n)
+        Of position, velocity, the force of the sample before and the model's states in observer canonical form. All
+        eigenvalues lie inside the unit circle if and only if the loop is stable.
+    """
+    length = max(len(model.numerator), len(model.denominator))
+    numerator, denominator = (
+        np.pad(part, (0, length - len(part))) for part in (model.numerator, model.denominator)
+    )
+    order = length - 1
+    states = np.eye(order, k=1)
+    states[:, :1] = -denominator[1:, None]
+    column = numerator[1:] - denominator[1:] * numerator[0]
+    transition, by_new, by_old = period(model, device)
+    # The force against the motion: gain · (first model state + numerator[0] · position).
+    force = np.zeros(3 + order)
+    force[0] = gain * numerator[0]
+    if order:
+        force[3] = gain
+    loop = np.zeros((3 + order, 3 + order))
+    loop[:2, :2] = transition
+    loop[:2] -= np.outer(by_new, force)
+    loop[:2, 2] -= by_old
+    loop[2] = force
+    loop[3:, 3:], loop[3:, 0] = states, column
+    return loop
+
+
+def largest_pole(model: SampledModel, device: DeviceSettings, gain: float = 1.0) -> complex:
+    """Pole of the closed loop with the largest magnitude, in the upper half of the plane; parameters as `closed_loop_matrix`."""
+    poles = np.linalg.eigvals(closed_loop_matrix(model, device, gain))
+    largest = poles[np.abs(poles).argmax()]
+    return complex(largest.real, abs(largest.imag))
+
+
+def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.ndarray], np.ndarray]:
+    """Open-loop frequency response: the model times the sampled response of device and hand to its held force.
+
+    Parameters
+    ----------
+    model : SampledModel
+    device : DeviceSettings
+
+    Returns
+    -------
+    callable
+        From angles ωT in radians to complex numbers of the same shape; the closed loop has a pole at exp(jωT) where they
+        are −1.
+    """
+    transition, by_new, by_old = period(model, device)
+    # Row (1, 0) · (z − Φ)⁻¹ by Cramer's rule: Φ is two by two.
+    trace, determinant = transition[0, 0] + transition[1, 1], np.linalg.det(transition)
+
+    def response(angles: np.ndarray) -> np.ndarray:
+        forward = np.exp(1j * np.asarray(angles))
+        driven_by = [
+            (forward - transition[1, 1]) * column[0] + transition[0, 1] * column[1]
+            for column in (by_new, by_old)
+        ]
+        across = forward**2 - trace * forward + determinant
+        return model.response(angles) * (driven_by[0] + driven_by[1] / forward) / across
+
+    return response
+
+
+def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> tuple[float, float]:
+    """Largest factor on the model's force below which the loop is stable for every factor from 0 on.
+
+    Where the loop's frequency response crosses the negative real axis at −r, a factor 1/r puts a pole on the unit circle;
+    device and hand alone and the model alone are stable, so that the first such factor is the end of the stable ones.
+
+    Parameters
+    ----------
+    model : SampledModel
+    device : DeviceSettings
+
+    Returns
+    -------
+    gain : float
+        0 for an unstable model, infinite where no gain is too large.
+    frequency : float
+        At which the loop begins to oscillate there, in Hz.
+    """
+    from scipy.optimize import brentq
+
+    if not model.stable:
+        return 0.0, 0.0
+    angles, response = all_angles(), loop_response(model, device)
+    values = response(angles)
+    signs = np.signbit(values.imag)
+    crossings = [
+        brentq(lambda angle: response(angle).imag, angles[i], angles[i + 1], xtol=1e-12)
+        for i in np.nonzero(signs[1:] != signs[:-1])[0]
+        if min(values.real[i], values.real[i + 1]) < 0
+    ]
+    crossings.append(np.pi)  # real there
+    gains = [(float(-1.0 / response(angle).real), angle) for angle in crossings]
+    gain, angle = min((item for item in gains if item[0] > 0), default=(float("inf"), 0.0))
+    return gain, float(angle / (2.0 * np.pi * model.sampling_time))

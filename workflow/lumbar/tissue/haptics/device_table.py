@@ -1,0 +1,112 @@
+"""The table model × device: what every model asks of the device, and what the simulated loop does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lumbar.settings.device import DeviceSettings
+from lumbar.settings.runtime import RuntimeSettings
+from lumbar.tables.table import Table
+from lumbar.tissue.haptics.judgement import Judgement
+from lumbar.tissue.haptics.lowest_rate import FASTEST_HZ
+from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
+
+_DEFINITIONS = {
+    "model": "Name of the model",
+    "rate_Hz": "Rate at which the model samples the position and gives a new force, which is held in between",
+    "damping_needed_N_s_m": (
+        "Smallest damping of the device with which it is passive with the model in any passive hand: largest over all "
+        "frequencies of T/2 · Re{(1 − exp(−jωT)) H(exp(jωT))}/(1 − cos ωT), moving average and delays in H; of a model with "
+        "effects the largest of its linearisations"
+    ),
+    "passive": "Whether the device has that damping",
+    "largest_stable_gain": (
+        "Factor on the model's force below which the loop with device and hand is stable for every factor from 0 on; "
+        "exact for the held force; below 1 the model itself is unstable in this hand"
+    ),
+    "stable": "Whether it is above 1",
+    "lowest_passive_rate_Hz": (
+        f"Lowest rate, from that of identification to {FASTEST_HZ:g} Hz, from which on the device is passive with the model; "
+        "empty where there is none, where the model has no counterpart at other rates, or where it has effects"
+    ),
+    "lowest_stable_rate_Hz": "The same for a stable loop in this hand: the lowest safe rate where nothing else holds the device",
+    "oscillation_Hz": "Frequency of what the simulated loop keeps doing; empty where it comes to rest",
+    "oscillation_N": "Peak to peak force in the last quarter of the simulation",
+}
+
+
+def device_table(
+    judgements: Sequence[Judgement], refused: Sequence[str], settings: RuntimeSettings, data: str
+) -> Table:
+    """Return the table.
+
+    Parameters
+    ----------
+    judgements : sequence of Judgement
+    refused : sequence of str
+        Why models have no row at a rate.
+    settings : RuntimeSettings
+    data : str
+        Where the models' data come from.
+    """
+    import pandas as pd
+
+    rows = [
+        {
+            "model": item.analysis.name,
+            "rate_Hz": item.analysis.rate,
+            "damping_needed_N_s_m": item.analysis.damping,
+            "passive": _yes(item.analysis.passive),
+            "largest_stable_gain": item.analysis.gain,
+            "stable": _yes(item.analysis.stable),
+            "lowest_passive_rate_Hz": item.lowest_passive_rate,
+            "lowest_stable_rate_Hz": item.lowest_stable_rate,
+            "oscillation_Hz": item.run.frequency,
+            "oscillation_N": item.run.peak_to_peak,
+        }
+        for item in judgements
+    ]
+    optional = frozenset({"lowest_passive_rate_Hz", "lowest_stable_rate_Hz", "oscillation_Hz"})
+    frame = pd.DataFrame(rows, columns=list(_DEFINITIONS)).astype(dict.fromkeys(optional, float))
+    effects = "Models with effects are analysed through their linearisations and simulated as their FMUs. "
+    return Table(
+        title="Models in a person's hand: what they ask of the device of the study.",
+        frame=frame,
+        data=data,
+        definitions=_DEFINITIONS,
+        notes=(
+            device_text(settings.device),
+            f"Moving average of {settings.moving_average_ms:g} ms at the rate of export, over as many samples at every rate. "
+            f"Simulated: the hand pushes {PUSH_MM:g} mm in {PUSH_S:g} s and rests, {DURATION_S:g} s in all, the force within "
+            f"±{settings.output_limit:g} of the model's unit.",
+            "Forces count with the sign that resists the motion; a model that is inverted on purpose, as IL is, turned round.",
+            *([effects] if any(item.analysis.linearised for item in judgements) else []),
+            *refused,
+        ),
+        decimals={
+            "rate_Hz": 0,
+            "damping_needed_N_s_m": 2,
+            "largest_stable_gain": 2,
+            "lowest_passive_rate_Hz": 0,
+            "lowest_stable_rate_Hz": 0,
+            "oscillation_Hz": 1,
+            "oscillation_N": 2,
+        },
+        may_be_empty=optional,
+    )
+
+
+def device_text(device: DeviceSettings) -> str:
+    """One sentence on device and hand."""
+    hand = f"{device.hand_stiffness_N_m:g} N/m"
+    hand += f", {device.hand_damping_N_s_m:g} N·s/m" if device.hand_damping_N_s_m else ""
+    hand += f", {device.hand_mass_kg:g} kg" if device.hand_mass_kg else ""
+    delay = f", forces {device.delay_ms:g} ms late" if device.delay_ms else ""
+    return (
+        f"Device: {device.mass_kg:g} kg, {device.damping_N_s_m:g} N·s/m, servo at {device.rate_Hz:g} Hz, encoder of "
+        f"{device.encoder_um:g} µm{delay}; hand: {hand}."
+    )
+
+
+def _yes(holds: bool) -> str:
+    return "yes" if holds else "NO"

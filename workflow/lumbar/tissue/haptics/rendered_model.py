@@ -1,0 +1,227 @@
+"""An exported model as the device meets it: linear ones exactly, those with effects through their linearisations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.settings.device import DeviceSettings
+from lumbar.settings.runtime import RuntimeSettings
+from lumbar.tissue.fmu.build.export_model import ExportModel, averaged_samples, export_models
+from lumbar.tissue.fmu.build.linear_model import LinearModel
+from lumbar.tissue.fmu.build.units import work_units
+from lumbar.tissue.haptics.sampled_model import SampledModel
+from lumbar.tissue.haptics.simulation import Step
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.model_data import Port
+
+_LOOK_AHEAD_S = 1.0
+"""Within which a model's largest force after a step of the position tells which way it acts."""
+_WATCHED_S, _MOST_SAMPLES = 4.0, 4000
+"""How long the force after a small step is followed."""
+LARGE_STEP_MM, DEPTH_MM = 1.0, 2.0
+"""A model with effects is linearised about rest and about this depth, with steps of the encoder and with large ones."""
+
+
+def exported_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> ExportModel:
+    """Return a model as it would be exported at a rate in Hz, its moving average over as many samples at every rate.
+
+    Raises
+    ------
+    InputError
+        If it cannot be exported.
+    NumericalError
+        If it has no counterpart at this rate.
+    """
+    own = 1.0 / settings.rate_Hz if settings.rate_Hz else model.sampling_time
+    # The same milliseconds would be less than a sample at a low rate.
+    samples = averaged_samples(model.name, settings.moving_average_ms, own)
+    plain = replace(settings, rate_Hz=rate, moving_average_ms=0.0, unstable="export")
+    return replace(export_models([model], plain)[0], moving_average=samples)
+
+
+@dataclass(frozen=True)
+class RenderedModel:
+    """A model in the units of a device.
+
+    Attributes
+    ----------
+    name : str
+    loops : tuple of SampledModel
+        The model, or its linearisations, in N/m.
+    sampling_time : float
+        Seconds between two samples of the model itself.
+    servo_samples : int
+        Of the model within one tick of the servo; 1 where the servo is as fast or faster.
+    metre, newton : float
+        One unit of the model's input in m, one of its output in N with the sign that makes it positive against the motion.
+    input, output : Port
+    limit : float
+        Largest force in N.
+    """
+
+    name: str
+    loops: tuple[SampledModel, ...]
+    sampling_time: float
+    servo_samples: int
+    metre: float
+    newton: float
+    input: Port
+    output: Port
+    limit: float
+
+    @property
+    def linearised(self) -> bool:
+        """Whether the model has effects."""
+        return len(self.loops) > 1
+
+    def in_loop(self, force_of: Callable[[float], float]) -> Step:
+        """Return an FMU's step, in the model's units, as a loop takes it: from m to N against the motion."""
+
+        def step(position: float) -> float:
+            given = self.input.offset + position / self.metre
+            forces = [force_of(given) for _ in range(self.servo_samples)]
+            return self.newton * (forces[0] - self.output.offset)
+
+        return step
+
+
+def rendered(model: ExportModel, device: DeviceSettings, *, late: bool = False) -> RenderedModel:
+    """Return a model in the units of the device, with the hold, the average and the delays that it is rendered with.
+
+    Parameters
+    ----------
+    model : ExportModel
+    device : DeviceSettings
+    late : bool
+        Whether the client reads the force before it has set the position of the same sample, as FMI 2.0 has it: the
+        feed-through is one sample late, with effects the whole force.
+
+    Raises
+    ------
+    InputError
+        If the input is no length or the output no force.
+    NumericalError
+        If the force of a model with effects overflows.
+    """
+    dynamics = model.dynamics
+    if isinstance(dynamics, LinearModel):
+        whole = dynamics.transfer_function
+        numerator, denominator = np.array(whole.numerator), np.array(whole.denominator)
+        if late:
+            numerator = _fed_late(numerator, denominator)
+        found = [SampledModel(model.name, numerator, denominator, model.sampling_time)]
+    else:
+        unit = 1e3 * scale_of(model.name, model.input, model.output)[0]
+        found = linearisations(
+            lambda positions: dynamics.response(positions / unit), model.name, model.sampling_time, device
+        )
+        found = [item.scaled(unit).late(model.sampling_time if late else 0.0) for item in found]
+    average = np.full(model.moving_average, 1.0 / model.moving_average)
+    found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
+    return in_units(found, model.name, model.input, model.output, model.output_limit, device)
+
+
+def in_units(
+    found: list[SampledModel], name: str, input: Port, output: Port, limit: float, device: DeviceSettings
+) -> RenderedModel:
+    """Return a model, given in its own units, in those of the device.
+
+    Parameters
+    ----------
+    found : list of SampledModel
+        The model, or its linearisations.
+    name : str
+    input, output : Port
+    limit : float
+        In the output's unit.
+    device : DeviceSettings
+
+    Raises
+    ------
+    InputError
+        As `rendered`.
+    """
+    metre, newton = scale_of(name, input, output)
+    signed = direction(found[0]) * newton
+    servo_samples = max(1, round(1.0 / (device.rate_Hz * found[0].sampling_time)))
+    loops = tuple(
+        item.scaled(signed / metre).every(servo_samples).late(1e-3 * device.delay_ms) for item in found
+    )
+    return RenderedModel(
+        name, loops, found[0].sampling_time, servo_samples, metre, signed, input, output, newton * limit
+    )
+
+
+def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
+    """One unit of a model's input in m and one of its output in N; errors as of `rendered`."""
+    units = work_units(input.unit, output.unit)
+    if units is None or units[2] != "N·s/m":
+        raise InputError(
+            f"{name}: it takes {input.quantity} in {input.unit!r} and gives {output.quantity} in {output.unit!r}; the "
+            "device of runtime.device moves along a line and needs a length and a force"
+        )
+    return units[:2]
+
+
+def renderable(model: FittedModel | ExportModel) -> bool:
+    """Whether a model takes a length and gives a force, which is what a device that moves along a line needs."""
+    units = work_units(model.input.unit, model.output.unit)
+    return units is not None and units[2] == "N·s/m"
+
+
+def direction(model: SampledModel) -> float:
+    """1 where a position's force is positive with it, −1 where a model such as IL gives the force on the hand itself."""
+    from scipy.signal import lfilter
+
+    held = np.ones(max(2, round(_LOOK_AHEAD_S / model.sampling_time)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        force = lfilter(model.numerator, model.denominator, held)
+    force = force[np.isfinite(force)]
+    return -1.0 if len(force) and force[np.abs(force).argmax()] < 0 else 1.0
+
+
+def _fed_late(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
+    """Numerator with the feed-through one sample late, over the same denominator: H(z) − D + D/z."""
+    length = max(len(numerator), len(denominator)) + 1
+    numerator, denominator = (np.pad(part, (0, length - len(part))) for part in (numerator, denominator))
+    through = numerator[0] / denominator[0]
+    return numerator - through * denominator + through * np.roll(denominator, 1)
+
+
+def linearisations(
+    response: Callable[[np.ndarray], np.ndarray], name: str, sampling_time: float, device: DeviceSettings
+) -> list[SampledModel]:
+    """Impulse responses of a model that is not linear, about rest and about a depth, for small and large motion.
+
+    Half the difference of the forces after a step forth and a step back, over the step.
+
+    Parameters
+    ----------
+    response : callable
+        From positions in mm, the first held before, to forces, both of shape (samples,).
+    name : str
+    sampling_time : float
+        Seconds.
+    device : DeviceSettings
+
+    Returns
+    -------
+    list of SampledModel
+        In the model's unit of force per mm; one where all are the same, as those of a linear model are.
+    """
+    settled = followed = min(_MOST_SAMPLES, round(_WATCHED_S / sampling_time))
+    found = []
+    for depth in (0.0, DEPTH_MM):
+        for step in (max(device.encoder_um * 1e-3, 1e-3), LARGE_STEP_MM):
+            moved = np.concatenate([np.zeros(settled), np.full(followed, step)])
+            forth, back = (response(depth + sign * moved)[settled:] for sign in (1.0, -1.0))
+            impulse = np.diff((forth - back) / (2.0 * step), prepend=0.0)
+            label = f"{name} about {depth:g} mm, steps of {step:g} mm"
+            found.append(SampledModel(label, impulse, np.ones(1), sampling_time))
+    size = np.abs(found[0].numerator).max()
+    same = all(np.allclose(item.numerator, found[0].numerator, rtol=0.0, atol=1e-9 * size) for item in found)
+    return found[:1] if same else found

@@ -1,0 +1,246 @@
+"""The exhaustive search of the thesis: every structure and ridge coefficient, judged by its free run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.records.record import Record
+from lumbar.tissue.identification.metrics import (
+    fit_ratio,
+    mean_residual,
+    normalized_mean_squared_error,
+    variance_accounted_for,
+)
+from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath
+from lumbar.tissue.models.arx_structure import ArxStructure
+from lumbar.tissue.models.transfer_function import TransferFunction
+
+INPUT, OUTPUT = "input", "output"
+
+
+@dataclass(frozen=True)
+class IdentificationData:
+    """Demeaned input and output of one record.
+
+    Attributes
+    ----------
+    name : str
+    inputs, outputs : numpy.ndarray, shape (samples,)
+        Less their means.
+    input_offset, output_offset : float
+        The means.
+    sampling_time : float
+        Seconds.
+    skip : int
+        Samples at the start that no free-run error counts.
+    """
+
+    name: str
+    inputs: np.ndarray
+    outputs: np.ndarray
+    input_offset: float
+    output_offset: float
+    sampling_time: float
+    skip: int
+
+    @classmethod
+    def from_record(cls, record: Record, settling_s: float) -> IdentificationData:
+        """Demean a record with the channels ``input`` and ``output``.
+
+        Raises
+        ------
+        InputError
+            If nothing is left, or nothing moves, after the settling time.
+        """
+        skip = round(settling_s / record.sampling_time)
+        if len(record) - skip < 2:
+            raise InputError(
+                f"{record.source or record.name}: {record.duration:g} s long, but the first {settling_s:g} s "
+                "(tissue.settling_s) do not count; record for longer or shorten it"
+            )
+        inputs, outputs = record[INPUT], record[OUTPUT]
+        for role, values in ((INPUT, inputs), (OUTPUT, outputs)):
+            if np.ptp(values[skip:]) == 0:
+                raise InputError(
+                    f"{record.source or record.name}: the {role} does not move after the first "
+                    f"{settling_s:g} s (tissue.settling_s), which do not count; shorten it or cut the record"
+                )
+        return cls(
+            record.name,
+            inputs - inputs.mean(),
+            outputs - outputs.mean(),
+            float(inputs.mean()),
+            float(outputs.mean()),
+            record.sampling_time,
+            skip,
+        )
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """Errors of a simulation from the input alone, after the settling time."""
+
+    vaf_percent: float
+    fit_percent: float
+    mean_residual: float
+
+
+def free_run(model: TransferFunction, data: IdentificationData) -> FreeRun | None:
+    """Errors of the free run (Eqs 3.10–3.12); None for an unstable model, which has no free run."""
+    if not model.stable:
+        return None
+    modelled = model.simulate(data.inputs)[data.skip :]
+    measured = data.outputs[data.skip :]
+    return FreeRun(
+        variance_accounted_for(measured, modelled),
+        fit_ratio(measured, modelled),
+        mean_residual(measured, modelled),
+    )
+
+
+def one_step_nmse(model: TransferFunction, data: IdentificationData) -> float:
+    """NMSE (Eq. 3.13) of the one-step-ahead prediction."""
+    predicted = model.predict_one_step(data.inputs, data.outputs)
+    return normalized_mean_squared_error(data.outputs[model.largest_lag :], predicted)
+
+
+@dataclass(frozen=True)
+class ArxCandidate:
+    """One point of the grid: a structure with one ridge coefficient."""
+
+    model: str
+    structure: ArxStructure
+    alpha: float
+    path: RidgePath
+    transfer_function: TransferFunction
+    training: FreeRun | None
+    tests: Sequence[IdentificationData]
+
+    @cached_property
+    def test_vaf_percent(self) -> float | None:
+        """Mean %VAF of the free runs on the other records; None where there are none."""
+        if self.training is None or not self.tests:
+            return None
+        return float(np.mean([free_run(self.transfer_function, test).vaf_percent for test in self.tests]))
+
+    @property
+    def stable(self) -> bool:
+        """Whether its free run exists."""
+        return self.training is not None
+
+    def score(self, selection: str) -> float:
+        """Return the %VAF by which it is picked; −∞ where there is none."""
+        if self.training is None:
+            return -np.inf
+        if selection == "training":
+            return self.training.vaf_percent
+        return -np.inf if self.test_vaf_percent is None else self.test_vaf_percent
+
+
+def search(
+    model: str,
+    structures: Iterable[ArxStructure],
+    alphas: np.ndarray,
+    regression: ReducedRegression,
+    training: IdentificationData,
+    tests: list[IdentificationData],
+) -> list[ArxCandidate]:
+    """Every structure with every α, fitted by ridge ARX and simulated on the training record.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    structures : iterable of Structure
+    alphas : numpy.ndarray
+        Ridge coefficients.
+    regression : ReducedRegression
+        Of the training record.
+    training : IdentificationData
+    tests : list of IdentificationData
+        All other records.
+    """
+    candidates = []
+    for structure in structures:
+        path = regression.path(structure)
+        for alpha in alphas:
+            fitted = structure.transfer_function(path.solution(alpha))
+            trained = free_run(fitted, training)
+            candidates.append(ArxCandidate(model, structure, float(alpha), path, fitted, trained, tests))
+    return candidates
+
+
+def select(
+    candidates: list[ArxCandidate], selection: str, condition_max: float | None
+) -> tuple[ArxCandidate, str]:
+    """Pick the candidate of the highest %VAF with reasonable conditioning.
+
+
+    Parameters
+    ----------
+    candidates : list of ArxCandidate
+        Of one model.
+    selection : str
+        ``"training"``: %VAF of the free run on the training record (the thesis's way);
+        ``"test"``: mean %VAF of the free runs on the other records.
+    condition_max : float or None
+        Largest condition number; None where the structure is given and nothing is chosen by it.
+
+    Returns
+    -------
+    candidate : ArxCandidate
+    remark : str
+        What is particular about the choice; empty if nothing is.
+
+    Raises
+    ------
+    NumericalError
+        If there is no candidate.
+    """
+    if not candidates:
+        raise NumericalError("nothing to select from")
+    stable = [candidate for candidate in candidates if candidate.stable]
+    if not stable:
+        return candidates[0], "unstable for every alpha"
+    within = [item for item in stable if condition_max is None or _condition(item) <= condition_max]
+    if within:
+        chosen = max(within, key=lambda candidate: candidate.score(selection))
+        largest = max(candidate.alpha for candidate in candidates)
+        return chosen, "largest alpha of the grid" if chosen.alpha == largest else ""
+    best_conditioned = min(_condition(candidate) for candidate in stable)
+    least = [candidate for candidate in stable if _condition(candidate) == best_conditioned]
+    remark = f"every structure exceeds condition_max {condition_max:g}: the best conditioned one is shown"
+    return max(least, key=lambda candidate: candidate.score(selection)), remark
+
+
+def _condition(candidate: ArxCandidate) -> float:
+    value = candidate.path.condition_number
+    return np.inf if value is None else value
+
+
+def grid_row(candidate: ArxCandidate, trained_on: str, selected: bool) -> dict:
+    """One row of ``tissue/search.csv``; None where a number does not exist."""
+    run = candidate.training
+    return {
+        "trained_on": trained_on,
+        "model": candidate.model,
+        "order": candidate.structure.order,
+        "input_lag_first": candidate.structure.input_lags[0],
+        "input_lag_last": candidate.structure.input_lags[-1],
+        "alpha": candidate.alpha,
+        "parameters": candidate.structure.parameter_count,
+        "rank": candidate.path.rank,
+        "condition_number": candidate.path.condition_number,
+        "stable": candidate.stable,
+        "vaf_percent": run and run.vaf_percent,
+        "fit_percent": run and run.fit_percent,
+        "mean_residual": run and run.mean_residual,
+        "test_vaf_percent": candidate.test_vaf_percent,
+        "nmse_train": candidate.path.residual_sum_of_squares(candidate.alpha) / candidate.path.rows,
+        "selected": selected,
+    }

@@ -1,0 +1,364 @@
+"""Identification of every model on one record: ridge ARX as in the thesis, output error beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.records.record import Record, same_units
+from lumbar.tissue.identification.arx_search import (
+    INPUT,
+    OUTPUT,
+    ArxCandidate,
+    IdentificationData,
+    free_run,
+    grid_row,
+    one_step_nmse,
+    search,
+    select,
+)
+from lumbar.tissue.identification.bootstrap import block_bootstrap, central_spread
+from lumbar.tissue.identification.metrics import relative_uncertainties
+from lumbar.tissue.identification.output_error import fit_output_error, relaxation_starts
+from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath, ridge_grid
+from lumbar.tissue.models.arx_structure import ArxStructure, full_regressors
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.model_data import ARX, GIVEN, OUTPUT_ERROR, FittedParameter, Port, Scores, unit_of
+from lumbar.tissue.models.tissue_models import (
+    FIXED_STRUCTURE,
+    HO,
+    IL,
+    KB,
+    MODELS,
+    TissueModel,
+    higher_order_structures,
+    inverted_linear,
+)
+from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.signals.motion_range import motion_range
+
+if TYPE_CHECKING:
+    from lumbar.settings.tissue import TissueSettings
+
+
+def identify(
+    training: Record, tests: list[Record], settings: TissueSettings, seed: int
+) -> tuple[list[FittedModel], list[dict]]:
+    """Identify LE, MW, Maxwell, KB and HO on one record by both estimators.
+
+    Parameters
+    ----------
+    training : Record
+        Channels ``input`` and ``output``.
+    tests : list of Record
+        Records with another excitation; in the order of `Scores.tests`.
+    settings : TissueSettings
+    seed : int
+        Seed of the bootstrap.
+
+    Returns
+    -------
+    list of FittedModel
+        One per model and estimator, in the order of Table 3.1.
+    list of dict
+        One row per point of the search (``tissue/search.csv``).
+
+    Raises
+    ------
+    InputError
+        If records differ in units or sampling time, or the training record is too short.
+    """
+    fits, searched = _identification(training, tests, settings, seed).run()
+    grid = [grid_row(item, training.name, item is chosen) for every, chosen in searched for item in every]
+    return fits, grid
+
+
+def _identification(
+    training: Record, tests: list[Record], settings: TissueSettings, seed: int
+) -> _Identification:
+    same_units([training, *tests])
+    _same_sampling_time([training, *tests])
+    data = IdentificationData.from_record(training, settings.settling_s)
+    others = [IdentificationData.from_record(test, settings.settling_s) for test in tests]
+    if settings.search.selection == "test" and not others:
+        raise InputError(
+            "tissue.search.selection is 'test', but the study has a single record: use 'training'"
+        )
+    lag = settings.search.order_max
+    if len(training) - lag <= 2 * (2 * lag + 1):
+        raise InputError(
+            f"{training.source or training.name}: {len(training)} samples are too few for order {lag}"
+        )
+    return _Identification(training, data, others, settings, seed)
+
+
+def without_intervals(training: Record, tests: list[Record], settings: TissueSettings) -> list[FittedModel]:
+    """Identify all models as `identify` does, in a small part of its time: no bootstrap; the given model stands at the end.
+
+    Parameters and errors as of `identify`; physical parameters come with their intervals and are left out.
+    """
+    quick = replace(settings, bootstrap=replace(settings.bootstrap, resamples=0))
+    given = settings.inverted_linear
+    found, _ = _identification(training, tests, quick, seed=0).run()
+    return [*found, given_model(training, tests, settings.settling_s, given.force_max, given.travel)]
+
+
+def given_model(
+    training: Record, tests: list[Record], settling_s: float, force_max: float, travel: float
+) -> FittedModel:
+    """Return the inverted linear model with its errors on the records.
+
+    Parameters
+    ----------
+    training : Record
+        Record beside whose models it stands.
+    tests : list of Record
+        The other records.
+    settling_s : float
+        Seconds at the start that do not count.
+    force_max, travel : float
+        Largest force and the travel over which it is reached, in the units of output and input.
+    """
+    structure = inverted_linear(force_max, travel)
+    data = IdentificationData.from_record(training, settling_s)
+    others = [IdentificationData.from_record(test, settling_s) for test in tests]
+    return FittedModel(
+        IL.name,
+        structure,
+        data.sampling_time,
+        *ports_of(training, 0.0, 0.0),
+        base=IL.name,
+        estimator=GIVEN,
+        trained_on=training.name,
+        no_parameters_because=f"{IL.name}: {IL.no_parameters_because}",
+        scores=replace(scores_of(structure, data, others), free_parameters=0, rank=0),
+        remark="not identified",
+    )
+
+
+def distinct(models: list[FittedModel]) -> list[FittedModel]:
+    """Return the models of several identifications: what is not fitted stands at the end, once, without a record's scores."""
+    given = {model.name: model.unscored() for model in models if model.estimator == GIVEN}
+    return [*(model for model in models if model.estimator != GIVEN), *given.values()]
+
+
+def ports_of(record: Record, *offsets: float) -> tuple[Port, Port]:
+    """Input and output of a record with what they are at rest."""
+    channels = (record.channels[INPUT], record.channels[OUTPUT])
+    return tuple(
+        Port(channel.quantity, channel.unit, offset)
+        for channel, offset in zip(channels, offsets, strict=True)
+    )
+
+
+def scores_of(
+    structure: TransferFunction, data: IdentificationData, tests: list[IdentificationData]
+) -> Scores:
+    """Errors of a free run and of the prediction one step ahead, on training and test records."""
+    trained, tested = free_run(structure, data), [free_run(structure, test) for test in tests]
+    return Scores(
+        vaf_percent=trained and trained.vaf_percent,
+        fit_percent=trained and trained.fit_percent,
+        mean_residual=trained and trained.mean_residual,
+        nmse_train=one_step_nmse(structure, data),
+        tests=tuple(test.name for test in tests),
+        vaf_tests_percent=tuple(run and run.vaf_percent for run in tested),
+        nmse_tests=tuple(one_step_nmse(structure, test) for test in tests),
+    )
+
+
+def _same_sampling_time(records: list[Record]) -> None:
+    first = records[0]
+    for record in records[1:]:
+        if abs(record.sampling_time / first.sampling_time - 1) > 1e-4:
+            raise InputError(
+                f"{record.name} is sampled at {1 / record.sampling_time:g} Hz, {first.name} at "
+                f"{1 / first.sampling_time:g} Hz: a discrete model has one rate; set tissue.rate_Hz"
+            )
+
+
+class _Identification:
+    """One training record with what all its fits share."""
+
+    def __init__(
+        self,
+        record: Record,
+        data: IdentificationData,
+        tests: list[IdentificationData],
+        settings: TissueSettings,
+        seed: int,
+    ):
+        self.record = record
+        self.data = data
+        self.tests = tests
+        self.settings = settings
+        self.seed = seed
+        self.regression = ReducedRegression(data.inputs, data.outputs, settings.search.order_max)
+        self.block_rows = max(1, round(settings.bootstrap.block_s / data.sampling_time))
+
+    def run(self) -> tuple[list[FittedModel], list[tuple[list[ArxCandidate], ArxCandidate]]]:
+        """Fits in the order of Table 3.1; of every model the grid it was picked from, and the one that was."""
+        settings = self.settings
+        alphas = ridge_grid(settings.ridge.alpha_min, settings.ridge.alpha_max, settings.ridge.alpha_points)
+        fits, searched = [], []
+        nested: TransferFunction | None = None
+        for model in (*FIXED_STRUCTURE, HO):
+            structures = (
+                [model.structure] if model.structure else higher_order_structures(settings.search.order_max)
+            )
+            candidates = search(model.name, structures, alphas, self.regression, self.data, self.tests)
+            cap = None if model.structure else settings.search.condition_max
+            chosen, remark = select(candidates, settings.search.selection, cap)
+            searched.append((candidates, chosen))
+            fits.append(self.arx_fit(model, chosen, remark))
+            fit, found = self.output_error_fit(model, chosen, nested)
+            fits.append(fit)
+            nested = found if model is KB else nested
+        return fits, searched
+
+    def arx_fit(self, model: TissueModel, chosen: ArxCandidate, remark: str) -> FittedModel:
+        """Return the selected ridge ARX solution with its uncertainties."""
+        structure, path, alpha = chosen.structure, chosen.path, chosen.alpha
+        coefficients = path.solution(alpha)
+        lag = structure.largest_lag
+        regressors = full_regressors(self.data.inputs, self.data.outputs, lag) @ structure.combination(lag)
+        draws = self.bootstrap(
+            model, ARX, regressors / path.column_scale, self.data.outputs[lag:], alpha, path.rank
+        )
+        if draws is not None:
+            draws = draws / path.column_scale
+        deviations = path.standard_deviations(alpha)
+        if deviations is not None:
+            deviations = deviations * path.target_scale / path.column_scale
+        return replace(
+            self.described(model, ARX, structure, coefficients, draws, deviations, path, remark), alpha=alpha
+        )
+
+    def output_error_fit(
+        self, model: TissueModel, chosen: ArxCandidate, nested: TransferFunction | None
+    ) -> tuple[FittedModel, TransferFunction]:
+        """Fit the same structure to the free run, from ARX and from the simpler model it contains."""
+        structure = chosen.structure
+        starts = [
+            chosen.transfer_function,
+            *relaxation_starts(structure, self.data.inputs, self.data.outputs),
+        ]
+        if nested is not None and set(KB.structure.input_lags) <= set(structure.input_lags):
+            starts.append(nested)
+        found = fit_output_error(structure, self.data.inputs, self.data.outputs, starts, self.data.skip)
+        # Linearised about the minimum, the fit is a regression of the residuals on the sensitivities.
+        path = RidgePath.factorise(found.sensitivities, found.residuals, len(found.residuals))
+        draws = self.bootstrap(
+            model, OUTPUT_ERROR, found.sensitivities / path.column_scale, found.residuals, 0.0, path.rank
+        )
+        if draws is not None:
+            draws = found.coefficients + draws / path.column_scale
+        deviations = None
+        if path.rank == structure.parameter_count:
+            deviations = path.standard_deviations(0.0) * path.target_scale / path.column_scale
+        remark = "" if found.converged else "not converged: the record hardly determines the coefficients"
+        fit = self.described(
+            model, OUTPUT_ERROR, structure, found.coefficients, draws, deviations, path, remark
+        )
+        return fit, fit.structure
+
+    def bootstrap(self, model, estimator, regressors, target, alpha, rank) -> np.ndarray | None:
+        """Resample the coefficients; None where a rank deficient regression does not determine them, or none are wanted."""
+        if rank < regressors.shape[1] or not self.settings.bootstrap.resamples:
+            return None
+        models, estimators = sorted(MODELS), (ARX, OUTPUT_ERROR)
+        stream = [self.seed, models.index(model.name), estimators.index(estimator), *self.data.name.encode()]
+        rng = np.random.default_rng(stream)
+        return block_bootstrap(
+            regressors, target, self.block_rows, self.settings.bootstrap.resamples, rng, alpha
+        )
+
+    def described(
+        self,
+        model: TissueModel,
+        estimator: str,
+        structure: ArxStructure,
+        coefficients: np.ndarray,
+        draws: np.ndarray | None,
+        deviations: np.ndarray | None,
+        path: RidgePath,
+        remark: str,
+    ) -> FittedModel:
+        """Return one fitted model with its errors, uncertainties and parameters."""
+        fitted = structure.transfer_function(coefficients)
+        if structure.order == 1 and fitted.poles[0] < 0:
+            remark = "; ".join(filter(None, [remark, f"negative pole {fitted.poles[0]:.3f}: no relaxation"]))
+        parameters, refused = self.parameters(model, structure, fitted, draws)
+        return FittedModel(
+            model.name,
+            fitted,
+            self.data.sampling_time,
+            *ports_of(self.record, self.data.input_offset, self.data.output_offset),
+            base=model.name,
+            estimator=estimator,
+            trained_on=self.data.name,
+            parameters=parameters,
+            no_parameters_because=refused,
+            scores=replace(
+                scores_of(fitted, self.data, self.tests),
+                free_parameters=structure.parameter_count,
+                rank=path.rank,
+                condition_number=path.condition_number,
+                mru_percent=_largest(coefficients, deviations),
+                mru_bootstrap_percent=_largest(
+                    coefficients, None if draws is None else central_spread(draws)
+                ),
+            ),
+            remark=remark,
+            valid_for=motion_range(self.record["input"], self.data.sampling_time),
+        )
+
+    def parameters(
+        self, model: TissueModel, structure: ArxStructure, fitted: TransferFunction, draws: np.ndarray | None
+    ) -> tuple[tuple[FittedParameter, ...], str]:
+        """Parameters of the base and elements with bootstrap intervals, or the reason why there are none."""
+        sampling_time = self.data.sampling_time
+        try:
+            values = model.physical_parameters(fitted, sampling_time)
+        except NumericalError as error:
+            return (), str(error)
+        resampled, lost = [], 0
+        for draw in draws if draws is not None else []:
+            try:
+                resampled.append(model.physical_parameters(structure.transfer_function(draw), sampling_time))
+            except NumericalError:
+                lost += 1
+        tail = (1.0 - self.settings.bootstrap.confidence) / 2.0
+        if draws is None or lost > tail * len(draws):
+            reason = (
+                "rank deficient"
+                if draws is None
+                else f"{lost} of {len(draws)} resamples have no such parameters"
+            )
+            return (), f"{model.name}: not determined by this record ({reason})"
+        units = self.record.channels[INPUT].unit, self.record.channels[OUTPUT].unit
+        found = []
+        for item in (*model.base.linear, *model.base.nonlinear, *model.elements):
+            ends = np.quantile([sample[item.name] for sample in resampled], [tail, 1.0 - tail])
+            found.append(
+                FittedParameter(
+                    item.name,
+                    item.in_latex,
+                    unit_of(item.unit, *units),
+                    values[item.name],
+                    *map(float, ends),
+                    derived=item in model.elements,
+                )
+            )
+        return tuple(found), ""
+
+
+def _largest(coefficients: np.ndarray, deviations: np.ndarray | None) -> float | None:
+    """MRU: the largest relative uncertainty; None where there is none."""
+    if deviations is None:
+        return None
+    relative = relative_uncertainties(coefficients, deviations)
+    return float(relative.max()) if relative.size else None

@@ -1,0 +1,321 @@
+r"""The motion of a model that a force drives: R(z, ż, z̈, r, t) = F(t), ṙ = ρ(z, ż, r), with or without a mass.
+
+Collocation at Radau's three points (Radau IIA, order 5, stiffly accurate: Hairer and Wanner, Solving Ordinary Differential
+Equations II (1996), section IV.5), which also solves the balance where no mass is in it (section VI.1) and damps what is
+stiff. Newton's method for all steps at once: each iteration solves the linearised steps one by one and joins them by a
+linear recursion. What has converged from the start on is kept; where it does not, fewer steps are taken together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.tissue.models.force_balance import ForceBalance
+
+_ROOT = np.sqrt(6.0)
+POINTS = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
+"""Collocation points, as shares of a step."""
+_INTEGRAL = np.array(
+    [
+        [(88 - 7 * _ROOT) / 360, (296 - 169 * _ROOT) / 1800, (-2 + 3 * _ROOT) / 225],
+        [(296 + 169 * _ROOT) / 1800, (88 + 7 * _ROOT) / 360, (-2 - 3 * _ROOT) / 225],
+        [(16 - _ROOT) / 36, (16 + _ROOT) / 36, 1 / 9],
+    ]
+)
+_RATE = np.linalg.inv(_INTEGRAL)
+"""Derivatives at the points by the values there, less those at the step's beginning; per step."""
+_SUM = _RATE.sum(axis=1)
+_RATE2, _SUM2 = _RATE @ _RATE, _RATE @ _SUM
+_STAGES = len(POINTS)
+_ITERATIONS = 10
+"""After which only what has converged is kept, and fewer steps are taken together."""
+_SEARCHED = 40
+"""Iterations of a single step, damped."""
+_SHARES = 0.5 ** np.arange(12)
+_FEWER = 8
+_MOST_FAILURES = 100
+_TOLERANCE = 1e-7
+"""Largest change of the position in the last iteration, as a share of its size."""
+_TOGETHER = 400
+"""Steps that are taken together without a guess."""
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A motion that was found.
+
+    Attributes
+    ----------
+    position, velocity : numpy.ndarray, shape (steps + 1,)
+    states : numpy.ndarray, shape (states, steps + 1)
+    points : numpy.ndarray, shape (1 + states, steps, 3)
+        Position and states at the collocation points.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    states: np.ndarray
+    points: np.ndarray
+
+    @property
+    def finite(self) -> bool:
+        """Whether it was found at all."""
+        return bool(np.isfinite(self.points).all())
+
+
+@dataclass(frozen=True, eq=False)
+class ForceDrive:
+    """Balance and force that drives it.
+
+    Attributes
+    ----------
+    balance : ForceBalance
+    force : numpy.ndarray, shape (steps, 3)
+        At the collocation points of every step.
+    step : float
+        Seconds.
+    size : float
+        Of the positions.
+    """
+
+    balance: ForceBalance
+    force: np.ndarray
+    step: float
+    size: float
+
+    def motion(
+        self, parameters: Mapping[str, float], start: np.ndarray, guess: np.ndarray | None = None
+    ) -> Driven:
+        """Simulate from a start.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+            By the balance's symbols.
+        start : numpy.ndarray, shape (2 + states,)
+            Position, velocity and states at the beginning.
+        guess : numpy.ndarray, shape (1 + states, steps, 3), optional
+            To begin with.
+
+        Returns
+        -------
+        Driven
+            Not finite where no motion was found.
+        """
+        steps, states = len(self.force), len(self.balance.states)
+        points = np.zeros((1 + states, steps, _STAGES)) if guess is None else guess.copy()
+        begun, first, failures = np.asarray(start, dtype=float), 0, 0
+        together = min(steps, _TOGETHER) if guess is None else steps
+        with np.errstate(all="ignore"):
+            while first < steps:
+                last = min(first + together, steps)
+                window = slice(first, last)
+                if failures or guess is None:  # what is left of an iteration that failed is no guess
+                    points[:, window] = np.concatenate([begun[:1], begun[2:]])[:, None, None]
+                found, good = self._converged(parameters, begun, points[:, window], window)
+                points[:, first : first + good] = found[:, :good]
+                if good:
+                    begun = self._ends(found[:, :good], begun)[:, -1]
+                    first += good
+                if first < last:
+                    failures += 1
+                    together = max(min(together // _FEWER, 2 * good) if good else together // _FEWER, 1)
+                    if failures > _MOST_FAILURES or (not good and last - first <= 1):
+                        points[:] = np.nan
+                        break
+                elif together < _TOGETHER:
+                    together *= 2
+        ends = self._ends(points, np.asarray(start, dtype=float))
+        return Driven(ends[0], ends[1], ends[2:], points)
+
+    def _converged(self, parameters, begun, points, window) -> tuple[np.ndarray, int]:
+        """Newton's iterations over a window, and how many steps from its beginning have converged."""
+        good = 0
+        for _ in range(_ITERATIONS if len(points[0]) > 1 else _SEARCHED):
+            local, slope, driven = self._linearised(parameters, begun, points, window)[:3]
+            joined = recursion(slope, driven[:, :, None])[:, :, 0]
+            change = local[..., 0] + np.einsum("kij,kj->ki", local[..., 1:], joined[:-1])
+            change = change.reshape(len(change), -1, _STAGES).transpose(1, 0, 2)
+            share = 1.0 if len(points[0]) > 1 else self._damped(parameters, begun, points, change, window)
+            points = points + share * change
+            broken = ~(np.isfinite(points).all(axis=(0, 2)))
+            settled = np.abs(change[0]).max(axis=1) <= _TOLERANCE * self.size
+            wrong = np.flatnonzero(broken | ~settled)
+            good = len(settled) if not len(wrong) else int(wrong[0])
+            if not len(wrong):
+                break
+            if broken.all():
+                break
+            points[:, broken] = 0.0
+        return points, good
+
+    def _damped(self, parameters, begun, points, change, window) -> float:
+        """Share of Newton's change that lessens what the equations miss: friction that sticks sends it to and fro."""
+
+        def missed(share: float) -> float:
+            trial = points + share * change
+            known = self._known(parameters, begun, trial, window)
+            before = self._ends(trial, begun)[:, :-1]
+            return float(
+                np.abs(self._missed(self.balance.values(known, trial.shape[1:]), trial, before, window)).sum()
+            )
+
+        here = missed(0.0)
+        return next((share for share in _SHARES if missed(share) < here), 1.0)
+
+    def _ends(self, points: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """Position, velocity and states at the beginning and after every step, shape (2 + states, steps + 1)."""
+        position = np.append(start[0], points[0, :, -1])
+        speed = (points[0] @ _RATE[-1] - _SUM[-1] * position[:-1]) / self.step
+        states = np.column_stack([start[2:], points[1:, :, -1]])
+        return np.vstack([position, np.append(start[1], speed), states])
+
+    def _known(self, parameters, begun, points, window) -> dict:
+        """Values of all symbols at the collocation points."""
+        before = self._ends(points, begun)[:, :-1]
+        speed = (points[0] @ _RATE.T - before[0][:, None] * _SUM) / self.step
+        acceleration = (speed @ _RATE.T - before[1][:, None] * _SUM) / self.step
+        time = self.step * (np.arange(window.start, window.stop)[:, None] + POINTS)
+        named = dict(zip(self.balance.states, points[1:], strict=True))
+        return {**parameters, **named, "z": points[0], "v": speed, "a": acceleration, "t": time}
+
+    def _missed(self, values, points, before, window) -> np.ndarray:
+        """What the equations miss, shape (steps, 1 + states, 3)."""
+        rates = (points[1:] @ _RATE.T - before[2:, :, None] * _SUM) / self.step
+        return np.concatenate([values[:1] - self.force[window], rates - values[1:]]).transpose(1, 0, 2)
+
+    def _linearised(self, parameters, begun, points, window, beside: np.ndarray | None = None):
+        """Steps linearised: change within a step by 1 and by its beginning's, slope and rest of the recursion.
+
+        Parameters
+        ----------
+        beside : numpy.ndarray, shape (steps, 1 + states, 3, more), optional
+            Right-hand sides in place of what the equations miss.
+        """
+        known = self._known(parameters, begun, points, window)
+        steps, count, rate = points.shape[1], len(points), 1 / self.step
+        values, slopes = self.balance.slopes(known, points.shape[1:])
+        before = self._ends(points, begun)[:, :-1]
+        by_z, by_v, by_a, by_r = slopes[:, 0], slopes[:, 1], slopes[:, 2], slopes[:, 3:]
+        sign = np.array([1.0] + [-1.0] * (count - 1))[:, None, None]
+        matrix = np.zeros((steps, count, _STAGES, count, _STAGES))
+        start = np.zeros((steps, count, _STAGES, count + 1))
+        each = np.arange(_STAGES)
+        for row in range(count):
+            way = sign[row, 0, 0]
+            block = rate * by_v[row][:, :, None] * _RATE + rate**2 * by_a[row][:, :, None] * _RATE2
+            block[:, each, each] += by_z[row]
+            matrix[:, row, :, 0, :] = way * block
+            start[:, row, :, 0] = -way * (rate * by_v[row] * _SUM + rate**2 * by_a[row] * _SUM2)
+            start[:, row, :, 1] = -way * rate * by_a[row] * _SUM
+            for column in range(1, count):
+                matrix[:, row, each, column, each] += way * by_r[row, column - 1]
+            if row:
+                matrix[:, row, :, row, :] += rate * _RATE
+                start[:, row, :, row + 1] -= rate * _SUM
+        size = count * _STAGES
+        right = self._missed(values, points, before, window)[..., None] if beside is None else beside
+        more = right.shape[-1]
+        whole = np.concatenate(
+            [right.reshape(steps, size, more), start.reshape(steps, size, count + 1)], axis=2
+        )
+        try:
+            local = -np.linalg.solve(matrix.reshape(steps, size, size), whole)
+        except np.linalg.LinAlgError:
+            local = np.full(whole.shape, np.nan)
+        # Position, velocity and states at the end of a step.
+        last = slice(_STAGES - 1, None, _STAGES)
+        ends = np.insert(local[:, last], 1, rate * (_RATE[-1] @ local[:, :_STAGES]), axis=1)
+        driven, slope = ends[..., :more], ends[..., more:]
+        slope[:, 1, 0] -= rate * _SUM[-1]
+        if beside is None:
+            driven = driven[..., 0]
+        return local, slope, driven
+
+    def sensitivities(
+        self,
+        parameters: Mapping[str, float],
+        found: Driven,
+        changes: list[tuple[str, float]],
+        by_start: bool = False,
+    ) -> np.ndarray:
+        """Derivatives of the position by parameters, and by position, velocity and states at the start.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float
+        found : Driven
+        changes : list of (str, float)
+            Symbols, and the steps of central differences of the equations (not of the motion).
+        by_start : bool
+            Whether derivatives by the start follow those by the parameters.
+
+        Returns
+        -------
+        numpy.ndarray, shape (steps + 1, parameters)
+        """
+        steps, count = len(self.force), len(found.points)
+        start = np.concatenate([[found.position[0], found.velocity[0]], found.states[:, 0]])
+        window = slice(0, steps)
+        known = self._known(parameters, start, found.points, window)
+        beside = np.zeros((steps, count, _STAGES, len(changes)))
+        sign = np.array([1.0] + [-1.0] * (count - 1))[:, None, None]
+        with np.errstate(all="ignore"):
+            for column, (name, step) in enumerate(changes):
+                ends = [
+                    self.balance.values(
+                        {**known, name: parameters[name] + way * step}, found.points.shape[1:]
+                    )
+                    for way in (1, -1)
+                ]
+                beside[..., column] = (sign * (ends[0] - ends[1]) / (2 * step)).transpose(1, 0, 2)
+            _, slope, driven = self._linearised(parameters, start, found.points, window, beside)
+            first = np.zeros((count + 1, len(changes)))
+            if by_start:
+                driven = np.concatenate([driven, np.zeros((steps, count + 1, count + 1))], axis=2)
+                first = np.concatenate([first, np.eye(count + 1)], axis=1)
+            return recursion(slope, driven, first)[:, 0]
+
+
+def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:
+    """Solve yₖ₊₁ = Sₖ yₖ + dₖ for several right-hand sides.
+
+    Parameters
+    ----------
+    slope : numpy.ndarray, shape (steps, size, size)
+    driven : numpy.ndarray, shape (steps, size, columns)
+    first : numpy.ndarray, shape (size, columns), optional
+        y₀; default 0.
+
+    Returns
+    -------
+    numpy.ndarray, shape (steps + 1, size, columns)
+    """
+    from scipy.linalg.lapack import dtbtrs
+
+    steps, size, columns = driven.shape
+    lower = 2 * size - 1
+    bands = np.zeros((lower + 1, size * (steps + 1)))
+    bands[0] = 1.0
+    for row in range(size):
+        for column in range(size):
+            bands[size + row - column, column : size * steps : size] = -slope[:, row, column]
+    right = np.concatenate([np.zeros((1, size, columns)) if first is None else first[None], driven])
+    right = right.reshape(size * (steps + 1), columns)
+    if not (np.isfinite(bands).all() and np.isfinite(right).all()):
+        # What follows the first step that is not finite is unknown; what lies before it is not.
+        wrong = ~(np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(driven).all(axis=(1, 2)))
+        whole = int(np.argmax(wrong)) if wrong.any() else 0
+        found = np.full((steps + 1, size, columns), np.nan)
+        found[: whole + 1] = (
+            recursion(slope[:whole], driven[:whole], first)
+            if whole
+            else right[:size].reshape(1, size, columns)
+        )
+        return found
+    # Substitution forward, without pivoting: with slopes as large as sticking friction makes them that ends in a zero pivot.
+    solved, _ = dtbtrs(bands, right, uplo="L", diag="U")
+    return solved.reshape(steps + 1, size, columns)

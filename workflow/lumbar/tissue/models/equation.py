@@ -1,0 +1,364 @@
+"""One equation of a form, from which its simulation, its LaTeX and its C code follow."""
+
+from __future__ import annotations
+
+import cmath
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.models.c_step import CStep
+from lumbar.tissue.models.evaluation import Evaluator
+from lumbar.tissue.models.expression import (
+    OPERANDS,
+    Expression,
+    Number,
+    Operation,
+    Symbol,
+    expanded,
+    substituted,
+    symbols,
+    whole_power,
+)
+from lumbar.tissue.models.expression_checks import check_powers, linear_parts
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion_signals import FORCE, NEVER_NEGATIVE, SIGNALS
+from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter, Parameter
+from lumbar.tissue.models.parsing import parse
+from lumbar.tissue.models.printing import c_text, latex, portable, symbol_latex
+from lumbar.tissue.models.state_equation import MOST_STATES, STEP_SYMBOL, StateEquation
+
+_SYMBOL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+Solution = Callable[[Motion, np.ndarray], tuple[np.ndarray, ...]]
+
+
+@dataclass(frozen=True)
+class Equation:
+    """An equation and what its symbols stand for.
+
+    Attributes
+    ----------
+    text : str
+        Expression of the force, e.g. ``"Fc*tanh(v/vs)"``.
+    transforms : bool
+        Whether it makes a measured force of the force ``F``; else it is a force of its own.
+    linear, nonlinear : tuple
+        Parameters.
+    constants : tuple of Constant
+    states : tuple of (str, str)
+        Symbol and rate of change of every state.
+    """
+
+    text: str
+    transforms: bool
+    linear: tuple[LinearParameter, ...]
+    nonlinear: tuple[NonlinearParameter, ...]
+    constants: tuple[Constant, ...]
+    states: tuple[tuple[str, str], ...]
+
+    @cached_property
+    def written(self) -> Expression:
+        """The tree as it is written, sums unexpanded."""
+        return parse(self.text)
+
+    @cached_property
+    def force(self) -> Expression:
+        """The tree with sums written out."""
+        return expanded(self.written)
+
+    @cached_property
+    def slopes(self) -> dict[str, Expression]:
+        """Rate of change by state."""
+        return {name: expanded(parse(text)) for name, text in self.states}
+
+    @cached_property
+    def columns(self) -> tuple[Expression, ...]:
+        """What each linear parameter is multiplied by; the whole equation where there is none."""
+        if self.transforms:
+            return (self.force,)
+        found = linear_parts(self.force, [item.symbol for item in self.linear])
+        return tuple(found[item.symbol] for item in self.linear)
+
+    @cached_property
+    def state(self) -> StateEquation | None:
+        """Equations of the states, if there are any."""
+        return StateEquation(self.slopes) if self.states else None
+
+    def problems(self) -> list[tuple[str, str]]:
+        """What is wrong with it: where, and what was found and is allowed."""
+        found = self._symbol_problems()
+        trees = {}
+        for where, text in (
+            ("equation", self.text),
+            *((f"state.{name}", text) for name, text in self.states),
+        ):
+            try:
+                trees[where] = expanded(parse(text))
+                check_powers(trees[where], self._never_negative)
+            except InputError as error:
+                found.append((where, str(error)))
+        for where, tree in trees.items():
+            found += self._use_problems(where, tree)
+        if len(self.states) > MOST_STATES:
+            found.append(("state", f"{len(self.states)} states; at most {MOST_STATES} are allowed"))
+        return found or self._linear_problems()
+
+    @property
+    def _named(self) -> tuple[str, ...]:
+        """Symbols that it declares itself."""
+        return (*(item.symbol for item in self._declared), *(name for name, _ in self.states))
+
+    @property
+    def _declared(self) -> tuple[Parameter | Constant, ...]:
+        return (*self.linear, *self.nonlinear, *self.constants)
+
+    @property
+    def _never_negative(self) -> set[str]:
+        positive = {item.symbol for item in self.nonlinear}
+        positive |= {item.symbol for item in self.linear if item.sign > 0}
+        return NEVER_NEGATIVE | positive | {item.symbol for item in self.constants if item.value >= 0}
+
+    def _symbol_problems(self) -> list[tuple[str, str]]:
+        found = []
+        reserved = {*SIGNALS, *OPERANDS, FORCE, "pi", STEP_SYMBOL}
+        for symbol, count in Counter(self._named).items():
+            if not _SYMBOL.fullmatch(symbol):
+                found.append(
+                    ("symbol", f"{symbol!r} is no symbol; letters a to z, digits and _, a letter first")
+                )
+            elif symbol in reserved:
+                meaning = SIGNALS[symbol].meaning if symbol in SIGNALS else "a name of its own"
+                found.append(("symbol", f"{symbol} is taken: {meaning}; call it otherwise"))
+            if count > 1:
+                found.append(("symbol", f"{symbol} is declared {count} times; once is allowed"))
+        return found
+
+    def _use_problems(self, where: str, tree: Expression) -> list[tuple[str, str]]:
+        """Symbols that it uses and does not know, and linear parameters where none may be."""
+        used = symbols(tree)
+        known = {*self._named, *SIGNALS, *((FORCE,) if self.transforms else ())}
+        signals = f"signals {', '.join(name for name, item in SIGNALS.items() if not item.channel)}"
+        found = [
+            (
+                where,
+                f"unknown symbol {symbol}; known are the parameters and states "
+                f"{', '.join(self._named) or '(none)'} and the {signals}",
+            )
+            for symbol in sorted(used - known)
+        ]
+        if where != "equation":
+            linear = sorted(used & {item.symbol for item in self.linear})
+            found += [
+                (where, f"{symbol} is linear; a state knows nonlinear parameters only") for symbol in linear
+            ]
+            unsteady = sorted(used & {"a", "theta_ddot", *(n for n, item in SIGNALS.items() if item.channel)})
+            found += [
+                (where, f"{symbol} is not known between samples; a state may not use it")
+                for symbol in unsteady
+            ]
+        return found
+
+    def _linear_problems(self) -> list[tuple[str, str]]:
+        """Unused declarations, and a force that is not proportional to its linear parameters."""
+        used = symbols(self.force).union(*map(symbols, self.slopes.values()))
+        found = [
+            ("symbol", f"{symbol} is declared and never used") for symbol in self._named if symbol not in used
+        ]
+        if self.transforms and self.linear:
+            found.append(("equation", "a form that acts on the output has nonlinear parameters only"))
+        elif not found:
+            try:
+                _ = self.columns, self.state and self.state.matrix
+            except InputError as error:
+                found.append(("equation", str(error)))
+        return found
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Roles of channels beside input and output that it needs."""
+        needed = (SIGNALS[name].channel for name in sorted(symbols(self.force) & SIGNALS.keys()))
+        return tuple(dict.fromkeys(filter(None, needed)))
+
+    @cached_property
+    def _signals(self) -> tuple[tuple[str, Callable], ...]:
+        return tuple((name, SIGNALS[name].of) for name in sorted(symbols(self.force) & SIGNALS.keys()))
+
+    @cached_property
+    def _evaluator(self) -> Evaluator:
+        return Evaluator([substituted(column, self._given) for column in self.columns])
+
+    @cached_property
+    def _nonlinear_symbols(self) -> tuple[str, ...]:
+        return tuple(item.symbol for item in self.nonlinear)
+
+    @cached_property
+    def _steady(self) -> tuple[int, ...]:
+        """Columns that are one number for all samples."""
+        varying = {*SIGNALS, FORCE, *self.slopes}
+        return tuple(index for index, column in enumerate(self.columns) if not symbols(column) & varying)
+
+    def parameters(self, nonlinear: Iterable[float]) -> dict[str, float]:
+        """Nonlinear parameters and constants by symbol."""
+        named = zip(self._nonlinear_symbols, nonlinear, strict=True)
+        return {**dict(named), **{item.symbol: item.value for item in self.constants}}
+
+    def forces(
+        self,
+        motion: Motion,
+        nonlinear: np.ndarray,
+        solution: Solution | None = None,
+        force: np.ndarray | None = None,
+    ) -> list[np.ndarray]:
+        """Forces per linear parameter at size 1, or the transformed force; each of shape (samples,).
+
+        Parameters
+        ----------
+        motion : Motion
+        nonlinear : numpy.ndarray
+        solution : callable, optional
+            Of the states, in place of the solver's.
+        force : numpy.ndarray, optional
+            What a form that acts on the output transforms.
+        """
+        values: dict = dict(zip(self._nonlinear_symbols, nonlinear, strict=True))
+        if self.state is not None and solution is not None:
+            values.update(zip(self.slopes, solution(motion, nonlinear), strict=True))
+        elif self.state is not None:
+            values.update(self.state.trajectory(motion, self.parameters(nonlinear)))
+        for name, signal in self._signals:
+            values[name] = signal(motion)
+        if force is not None:
+            values[FORCE] = force
+        found = self._evaluator(values)
+        for index in self._steady:
+            found[index] = np.full(len(motion), float(found[index]))
+        return found  # type: ignore[return-value]  # what is one number for all samples was written out
+
+    @cached_property
+    def latex(self) -> str:
+        """The equation, those of its states, and what its constants are."""
+        names = {name: item.latex for name, item in SIGNALS.items() if item.latex}
+        for item in self._declared:
+            names[item.symbol] = item.in_latex
+        rates = [rf"\dot {symbol_latex(name)} = {latex(parse(text), names)}" for name, text in self.states]
+        said = [
+            rf"{names[item.symbol]} = {item.value:g}\,\mathrm{{{item.latex_unit}}}" for item in self.constants
+        ]
+        return r",\quad ".join([latex(self.written, names), *rates, *said])
+
+    @cached_property
+    def _given(self) -> dict[str, Expression]:
+        """Constants as numbers."""
+        return {item.symbol: Number(item.value) for item in self.constants}
+
+    @cached_property
+    def portable_terms(self) -> tuple[Expression, ...]:
+        """What C adds up, term by term, in operations with the same bits on every platform."""
+        terms = self.columns
+        if not self.transforms:
+            named = zip(self.linear, self.columns, strict=True)
+            terms = tuple(Operation("*", (Symbol(item.symbol), column)) for item, column in named)
+        return tuple(portable(substituted(term, self._given)) for term in terms)
+
+    def c_step(self, solution: str = "") -> CStep | None:
+        """The same in C; None where it needs a channel that a running loop does not have.
+
+        Parameters
+        ----------
+        solution : str, optional
+            Statements that write the states of the next sample, in place of the solver's.
+        """
+        if self.channels:
+            return None
+        names = {item.symbol: item.name for item in (*self.linear, *self.nonlinear)}
+        names |= {name: item.c_name for name, item in SIGNALS.items()} | {FORCE: "force"}
+        names |= {name: f"next[{row}]" for row, name in enumerate(self.slopes)}
+        names[STEP_SYMBOL] = STEP_SYMBOL
+        shared, values = _c_lines("shared", self.portable_terms, names)
+        steps = [solution] if solution or not self.state else self._c_state_steps(self.state, names)
+        statements = "\n".join(filter(None, [*steps, *shared]))
+        return CStep(" + ".join(values), statements, len(self.slopes), self._c_constants)
+
+    def _c_constants(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
+        """Sampling time, and the pole of the states that follow their equations without motion."""
+        if self.state is None:
+            return {}
+        values = self.parameters([parameters[item.name] for item in self.nonlinear])
+        slopes = self.state.at_rest(values, sampling_time)
+        found = {STEP_SYMBOL: sampling_time}
+        if np.isfinite(slopes).all() and slopes.any():
+            decays = [cmath.exp(value) for value in np.linalg.eigvals(slopes) if value != 0]
+            found["pole"] = float(max(map(abs, decays), default=0.0))
+        return found
+
+    def _c_state_steps(self, state: StateEquation, names: Mapping[str, str]) -> list[str]:
+        """Statements of the exponential Rosenbrock–Euler step."""
+        given = self._given
+        before = {name: f"memory[{row}]" for row, name in enumerate(state.names)}
+        begun = {
+            "position": "(position - step)",
+            "time": f"(time - {STEP_SYMBOL})",
+            "path": "(path - fabs(step))",
+        }
+        then = {symbol: begun.get(name, name) for symbol, name in names.items()} | before
+        if state.is_scalar:
+            shared, (value,) = _c_lines("begun", [portable(substituted(state.scalar_step, given))], then)
+            return [*shared, f"next[0] = first ? 0.0 : {value};"]
+        size, count = len(state.increments), len(state.names)
+        cells = [*state.increments, *(cell for row in state.matrix for cell in row)]
+        shared, values = _c_lines("begun", [portable(substituted(cell, given)) for cell in cells], then)
+        return [
+            *shared,
+            f"const double increments[] = {{{', '.join(values[:size])}}};",
+            f"const double matrix[] = {{{', '.join(values[size:])}}};",
+            f"linearised_step({count}, {size}, first, increments, matrix, memory, next);",
+        ]
+
+
+def _c_lines(stem: str, trees: Sequence[Expression], names: Mapping[str, str]) -> tuple[list[str], list[str]]:
+    """C declarations of what several operations use, and the values of the trees in terms of them."""
+    uses: Counter = Counter()
+    order: dict[Expression, None] = {}
+    for tree in trees:
+        _count_uses(tree, uses, order)
+    replaced: dict[Expression, Symbol] = {}
+    known = dict(names)
+    lines: list[str] = []
+    for part in order:
+        if uses[part] > 1:
+            name = f"{stem}_{len(lines)}"
+            lines.append(f"const double {name} = {c_text(_with(part, replaced), known)};")
+            known[name] = name
+            replaced[part] = Symbol(name)
+    return lines, [c_text(_with(tree, replaced), known) for tree in trees]
+
+
+def _count_uses(tree: Expression, uses: Counter, order: dict[Expression, None]) -> None:
+    """Count for every operation how many different ones use it; operands come first in the order."""
+    if not isinstance(tree, Operation) or tree.name in ("<", "<=", ">", ">="):
+        for operand in getattr(tree, "operands", ()):
+            _count_uses(operand, uses, order)
+        return
+    is_product = tree.name == "**" and whole_power(tree.operands[1])
+    uses[tree] += 1
+    if tree in order:
+        return
+    for operand in tree.operands:
+        _count_uses(operand, uses, order)
+        if is_product and isinstance(operand, Operation):
+            uses[operand] += 1
+    order[tree] = None
+
+
+def _with(tree: Expression, replaced: Mapping[Expression, Symbol]) -> Expression:
+    """The tree with names in place of what was computed before."""
+    if tree in replaced:
+        return replaced[tree]
+    if isinstance(tree, Operation):
+        return Operation(tree.name, tuple(_with(operand, replaced) for operand in tree.operands))
+    return tree

@@ -1,0 +1,188 @@
+"""A fitted or given model: simulated, turned into other representations, written and read, shown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.forward_structure import ForwardStructure
+from lumbar.tissue.models.measured_motion import with_measured_motion
+from lumbar.tissue.models.model_data import ModelData, Scores
+from lumbar.tissue.models.model_entry import entry_of, read_entry
+from lumbar.tissue.models.model_text import headline, in_html, in_text
+from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.transfer_function import TransferFunction
+
+if TYPE_CHECKING:
+    import control
+
+    from lumbar.records.record import Record
+
+
+@dataclass(frozen=True, repr=False)
+class FittedModel(ModelData):
+    """A model from deviations of the input about rest to deviations of the output; its data are those of `ModelData`.
+
+    Examples
+    --------
+    >>> model = FittedModel(
+    ...     "KB", TransferFunction((1.9, -1.2), (1, -0.45)), 0.01, Port("position", "mm"), Port("force", "N"), "KB"
+    ... )
+    >>> print(model)
+    KB, given
+    H(z) = (1.9 - 1.2 z^-1)/(1 - 0.45 z^-1), 100 Hz, position in mm to force in N
+    """
+
+    def simulate(self, record: Record) -> np.ndarray:
+        """Free run from a record's input alone.
+
+        Parameters
+        ----------
+        record : Record
+            Channel ``input`` and those that the effects need; a continuous model takes any sampling time.
+
+        Returns
+        -------
+        numpy.ndarray, shape (samples,)
+            In the output's unit.
+
+        Raises
+        ------
+        InputError
+            If the record's input has another unit or, for a discrete model, another sampling time.
+        NumericalError
+            If the model is unstable.
+        """
+        unit = record.channels["input"].unit
+        if unit != self.input.unit:
+            raise InputError(
+                f"{record.name}: the input is in {unit!r}, {self.name} takes {self.input.unit!r}"
+            )
+        if isinstance(self.structure, Structure):
+            return self._simulate_structure(self.structure, record) + self.output.offset
+        if abs(record.sampling_time / self.sampling_time - 1) > 1e-4:
+            raise InputError(
+                f"{record.name} is sampled at {1 / record.sampling_time:g} Hz, {self.name} is a difference equation at "
+                f"{1 / self.sampling_time:g} Hz: resample the record"
+            )
+        return self.structure.simulate(record["input"] - self.input.offset) + self.output.offset
+
+    def _simulate_structure(self, structure: Structure, record: Record) -> np.ndarray:
+        from lumbar.tissue.models.measured_angle import for_base
+        from lumbar.tissue.models.motion import Motion
+
+        parts = [self.values_of(structure.base), *map(self.values_of, structure.forms)]
+        linear, nonlinear = (np.concatenate([part[kind] for part in parts]) for kind in (0, 1))
+        if isinstance(structure, ForwardStructure):
+            seen = Motion.of(with_measured_motion(record), offset=self.input.offset)
+            return structure.simulate(seen, linear, nonlinear, self.output.offset)
+        motion = Motion.of(for_base(record, structure.base), offset=self.input.offset)
+        return structure.simulate(motion, linear, nonlinear)
+
+    def to_control(self) -> control.TransferFunction:
+        """Transfer function of python-control: in z with ``dt``, or in s for a base without effects.
+
+        The pendulum is linearised about θ = 0.
+
+        Raises
+        ------
+        NumericalError
+            If the model has effects: no transfer function holds them.
+        """
+        import control
+
+        if isinstance(self.structure, TransferFunction):
+            from lumbar.tissue.models.state_space import aligned
+
+            return control.TransferFunction(*aligned(self.structure), self.sampling_time)
+        if isinstance(self.structure, ForwardStructure):
+            raise NumericalError(
+                f"{self.name}: it goes from force to motion; no transfer function of it is made"
+            )
+        if self.structure.forms:
+            effects = ", ".join(self.structure.effects)
+            raise NumericalError(f"{self.name}: no transfer function holds its effects ({effects})")
+        base = self.structure.base
+        if base.contact:
+            raise NumericalError(f"{self.name}: no transfer function holds a contact that is lost")
+        values = {item.name: self[item.name].value for item in (*base.linear, *base.nonlinear)}
+        if base.system == "pendulum":
+            return control.TransferFunction(
+                [values["inertia"], values["damping"], values["gravity_moment"]], [1.0]
+            )
+        from lumbar.tissue.models.first_order import FirstOrder
+
+        mass = values.pop("mass", 0.0)
+        system = FirstOrder.of_base(**values)
+        above, below = [system.nu, system.k], [system.gamma, 1.0]
+        if mass:
+            above = np.polyadd(np.polymul([mass, 0.0, 0.0], below), above).tolist()
+        return control.TransferFunction(above, below)
+
+    def to_state_space(self) -> control.StateSpace:
+        """State space of python-control (Eqs 3.17 and 3.18 for a discrete model).
+
+        Raises
+        ------
+        NumericalError
+            If the model has effects, or is improper as Kelvin–Voigt and the pendulum are.
+        """
+        import control
+
+        if isinstance(self.structure, TransferFunction):
+            from lumbar.tissue.models.state_space import observer_form
+
+            return observer_form(self.structure, self.sampling_time)
+        system = self.to_control()
+        if len(system.num[0][0]) > len(system.den[0][0]):
+            raise NumericalError(
+                f"{self.name}: {system.num[0][0]} over {system.den[0][0]} is improper and has no state space; "
+                "take the inverse of to_control(), from output to input"
+            )
+        return control.ss(system)
+
+    def to_json(self) -> dict:
+        """Return the model as plain data, an entry of ``models.json``."""
+        return entry_of(self)
+
+    @classmethod
+    def from_json(cls, entry: dict, catalogues: Mapping[str, Mapping[str, Effect]]) -> FittedModel:
+        """Return the model of an entry of ``models.json``.
+
+        Parameters
+        ----------
+        entry : dict
+        catalogues : mapping of str to mapping
+            Effects by name for every system, as `lumbar.tissue.effects.catalogue.CATALOGUES`.
+
+        Raises
+        ------
+        InputError
+            With the place of everything that is missing, unknown or not allowed.
+        """
+        return cls(**read_entry(entry, catalogues))
+
+    def unscored(self) -> FittedModel:
+        """The model without what it owes to one record."""
+        return replace(
+            self,
+            trained_on=None,
+            scores=Scores(free_parameters=self.scores.free_parameters, rank=self.scores.rank),
+        )
+
+    def __repr__(self) -> str:
+        """One line: name, how it was found, how well it does."""
+        return f"<FittedModel {headline(self)}>"
+
+    def __str__(self) -> str:
+        """Equation, parameters with intervals, scores."""
+        return in_text(self)
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        return in_html(self)

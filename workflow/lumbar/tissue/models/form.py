@@ -1,0 +1,268 @@
+"""What an effect is: a mechanism with one or more mathematical forms.
+
+A model's force is composed in this order::
+
+    motion --(input forms: delay, play)--> motion' --> base force + parallel forms' forces --(output forms)--> force
+
+A form is one equation (`lumbar.tissue.models.parsing` says what may stand in it); its simulation, its LaTeX and its C code
+follow. A parallel form is a sum of terms that *linear parameters* are factors of, so that they can be solved for
+directly (separable least squares); what enters otherwise is a *nonlinear parameter*, positive, searched over decades. Output
+forms have nonlinear parameters only. What no equation can say (play, delay) is a `HandWritten` form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+
+from lumbar.base.errors import Problems
+from lumbar.tissue.models.c_step import CStep
+from lumbar.tissue.models.equation import Equation, Solution
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter
+
+
+class Place(StrEnum):
+    """Where an effect acts on the way from position to force."""
+
+    INPUT = "input"
+    PARALLEL = "parallel"
+    OUTPUT = "output"
+
+
+Columns = Callable[[Motion, np.ndarray], list[np.ndarray]]
+InputTransform = Callable[[Motion, np.ndarray], Motion]
+OutputTransform = Callable[[np.ndarray, Motion, np.ndarray], np.ndarray]
+Starts = Callable[[Motion, np.ndarray], list[np.ndarray]]
+Contradiction = Callable[[dict[str, float], Motion, np.ndarray, float, float | None], str]
+
+
+@dataclass(frozen=True)
+class HandWritten:
+    """Simulation and C code of a form that no equation can say, both by hand.
+
+    Attributes
+    ----------
+    columns : callable, optional
+        Parallel forms: from motion and nonlinear parameters to one force per linear parameter, each of shape (samples,).
+    input_transform, output_transform : callable, optional
+        Input forms: from motion and nonlinear parameters to the motion the tissue sees. Output forms: from force, motion and
+        nonlinear parameters to the measured force.
+    c_step : CStep, optional
+        The same in C, sample by sample; a form without it cannot be exported to a haptic device.
+    channels : tuple of str
+        Roles of channels beside input and output that it needs.
+    """
+
+    # Which of the three there is follows from the form's place.
+    columns: Columns = None  # type: ignore[assignment]
+    input_transform: InputTransform = None  # type: ignore[assignment]
+    output_transform: OutputTransform = None  # type: ignore[assignment]
+    c_step: CStep | None = None
+    channels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Form:
+    """One mathematical form of a mechanism.
+
+    Attributes
+    ----------
+    name : str
+        Unique within its effect, e.g. ``"cubic"``.
+    equation : str
+        Expression in the parameters' symbols and the signals of `lumbar.tissue.models.motion_signals`: the force that a
+        parallel form adds, or what an output form makes of the force ``F``. LaTeX where `hand_written`.
+    place : Place
+        Input forms are hand-written.
+    linear, nonlinear : tuple
+        Parameters.
+    state : tuple of (str, str)
+        Symbol of each state and its rate of change per second; 0 when a record begins.
+    constants : tuple of Constant
+    starts : callable, optional
+        Starting nonlinear parameters from the motion and the residual force, instead of the nonlinear parameters' grids.
+    solution : callable, optional
+        The states in closed form, from motion and nonlinear parameters; faster or more exact than the solver's.
+    c_solution : str
+        C statements that write the states of the next sample, where the solver's step is less exact.
+    hand_written : HandWritten, optional
+        Instead of the equation.
+    general : bool
+        Whether it holds other forms of its effect as special cases: a search takes it only where these leave much.
+    essential : tuple of str
+        Linear parameters without which the mechanism is not there; default any of them.
+    contradiction : callable, optional
+        From parameters by name, motion, measured force less the sensor's zero, RMS of the noise and the excitation's
+        period (s, None where it has none): in words, what of the record contradicts the parameters; else ``""``.
+    effect : str
+        Name of the effect, which sets it.
+
+    Its equation is read and checked when it is first needed: `check` does so at once.
+    """
+
+    name: str
+    equation: str
+    place: Place
+    linear: tuple[LinearParameter, ...] = ()
+    nonlinear: tuple[NonlinearParameter, ...] = ()
+    state: tuple[tuple[str, str], ...] = ()
+    constants: tuple[Constant, ...] = ()
+    starts: Starts | None = None
+    solution: Solution | None = None
+    c_solution: str = ""
+    hand_written: HandWritten | None = None
+    general: bool = False
+    essential: tuple[str, ...] = ()
+    contradiction: Contradiction | None = None
+    effect: str = field(default="", compare=True)
+
+    def with_constants(self, values: Mapping[str, float]) -> Form:
+        """The form with other values of constants, by symbol; what it has no constant for is left out."""
+        constants = tuple(
+            replace(item, value=values[item.symbol], given=True)
+            if values.get(item.symbol, item.value) != item.value
+            else item
+            for item in self.constants
+        )
+        return replace(self, constants=constants)
+
+    def check(self) -> None:
+        """Refuse an equation that cannot be used.
+
+        Raises
+        ------
+        InputError
+            If it uses symbols that nobody declares, or is not proportional to the linear parameters: all problems at
+            once.
+        """
+        problems = Problems(f"form {self.key.strip('/')}")
+        for where, found in self.problems():
+            problems.add(where, found)
+        problems.raise_if_any()
+
+    def problems(self) -> list[tuple[str, str]]:
+        """What is wrong with the equation: where, and what was found and is allowed."""
+        if self.hand_written:
+            return []
+        if self.place is Place.INPUT:
+            return [("place", "no equation transforms a motion; a form at the input is hand-written")]
+        return self._unchecked.problems()
+
+    @cached_property
+    def key(self) -> str:
+        """Name of effect and form, e.g. ``"hardening_stiffness/cubic"``."""
+        return f"{self.effect}/{self.name}"
+
+    @cached_property
+    def remembered_as(self) -> str:
+        """What a motion remembers its forces by: its key, and the constants that were given."""
+        return " ".join([self.key, *(f"{item.symbol}={item.value}" for item in self.constants if item.given)])
+
+    @cached_property
+    def _equation(self) -> Equation:
+        self.check()
+        return self._unchecked
+
+    @property
+    def parsed(self) -> Equation:
+        """The equation, read and checked; a hand-written form has none."""
+        assert not self.hand_written
+        return self._equation
+
+    @cached_property
+    def _unchecked(self) -> Equation:
+        transforms = self.place is Place.OUTPUT
+        return Equation(
+            self.equation, transforms, self.linear, self.nonlinear, self.constants, tuple(self.state)
+        )
+
+    @cached_property
+    def latex(self) -> str:
+        """What the form contributes or does, in LaTeX."""
+        if self.hand_written:
+            return self.equation
+        arrow = r"F \to " if self.place is Place.OUTPUT else ""
+        return arrow + self._equation.latex
+
+    @property
+    def text(self) -> str:
+        """The same in plain text, as a terminal shows it; of a hand-written form its name."""
+        if self.hand_written:
+            return self.name
+        states = (f"d{name}/dt = {rate}" for name, rate in self.state)
+        arrow = "F -> " if self.place is Place.OUTPUT else ""
+        return ", ".join([arrow + self.equation, *states])
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """Roles of channels beside input and output that it needs; without them it is left out of a search."""
+        return self.hand_written.channels if self.hand_written else self._equation.channels
+
+    @cached_property
+    def c_step(self) -> CStep | None:
+        """The same in C, sample by sample; None where it cannot be exported to a haptic device."""
+        return self.hand_written.c_step if self.hand_written else self._equation.c_step(self.c_solution)
+
+    def columns(self, motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
+        """Forces of a parallel form, one per linear parameter at size 1, each of shape (samples,)."""
+        if self.hand_written:
+            return self.hand_written.columns(motion, nonlinear)
+        return self._equation.forces(motion, nonlinear, self.solution)
+
+    def input_transform(self, motion: Motion, nonlinear: np.ndarray) -> Motion:
+        """Motion that an input form lets the tissue see."""
+        assert self.hand_written is not None  # no equation transforms a motion
+        return self.hand_written.input_transform(motion, nonlinear)
+
+    def output_transform(self, force: np.ndarray, motion: Motion, nonlinear: np.ndarray) -> np.ndarray:
+        """Measured force that an output form makes of a force."""
+        if self.hand_written:
+            return self.hand_written.output_transform(force, motion, nonlinear)
+        return self._equation.forces(motion, nonlinear, self.solution, force)[0]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical mechanism.
+
+    Attributes
+    ----------
+    name : str
+        E.g. ``"coulomb_friction"``.
+    mechanism : str
+        One sentence for the reader of a report.
+    forms : tuple of Form
+        Variants, the simplest first.
+    source : str
+        Reference.
+    experiment : str
+        Which excitation shows it best, for ties.
+    accumulates : bool
+        Whether it grows with time or path from each record's start, so that short records hardly show it.
+    unrepeated : bool
+        Whether it acts on a clock of its own, apart from the excitation's.
+    linear : bool
+        Whether a linear time-invariant model stays one with it.
+    """
+
+    name: str
+    mechanism: str
+    forms: tuple[Form, ...]
+    source: str
+    experiment: str = ""
+    accumulates: bool = False
+    unrepeated: bool = False
+    linear: bool = False
+
+    @property
+    def changes(self) -> bool:
+        """Whether it makes one period of an excitation differ from another."""
+        return self.accumulates or self.unrepeated
+
+    def __post_init__(self):
+        object.__setattr__(self, "forms", tuple(replace(form, effect=self.name) for form in self.forms))

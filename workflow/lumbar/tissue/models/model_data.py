@@ -1,0 +1,232 @@
+"""What a fitted model is: its structure, its parameters by name with intervals, and how well it does."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.models.bases import Base
+from lumbar.tissue.models.form import Form
+from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.transfer_function import TransferFunction
+
+ARX, OUTPUT_ERROR, GIVEN = "arx", "output_error", "given"
+"""Estimators; a given model is prescribed, not estimated."""
+
+
+def identifier(name: str) -> str:
+    """Return `name` as a C identifier: other characters become ``_``."""
+    cleaned = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return cleaned if re.match(r"[A-Za-z_]", cleaned) else f"_{cleaned}"
+
+
+def unit_of(template: str, input_unit: str, output_unit: str) -> str:
+    """Return the unit of a parameter, e.g. ``"N/mm"`` of ``"{y}/{x}"``."""
+    return template.replace("{x}", input_unit).replace("{y}", output_unit)
+
+
+@dataclass(frozen=True)
+class FittedParameter:
+    """A parameter with its value and interval.
+
+    Attributes
+    ----------
+    name, symbol, unit : str
+        E.g. ``"spring_stiffness"``, ``"k_e"`` (LaTeX), ``"N/mm"``.
+    value : float
+    low, high : float or None
+        Ends of the interval; None where none was estimated.
+    effect : str
+        Effect it belongs to; empty for the base's own.
+    derived : bool
+        Whether it follows from the other parameters, as k1 of Kelvin–Boltzmann does, and is not needed to simulate.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    value: float
+    low: float | None = None
+    high: float | None = None
+    effect: str = ""
+    derived: bool = False
+
+    @property
+    def key(self) -> str:
+        """Name within the model, e.g. ``"relaxation_time"`` or ``"coulomb_friction.coulomb_force"``."""
+        return f"{self.effect}.{self.name}" if self.effect else self.name
+
+
+@dataclass(frozen=True)
+class Port:
+    """Input or output of a model: quantity, unit, and its value at rest."""
+
+    quantity: str
+    unit: str
+    offset: float = 0.0
+
+    @property
+    def variable(self) -> str:
+        """The quantity as a variable's name."""
+        return identifier(self.quantity)
+
+    @property
+    def label(self) -> str:
+        """Axis label: quantity and unit."""
+        return f"{self.quantity.capitalize()} ({self.unit})"
+
+
+@dataclass(frozen=True)
+class MotionRange:
+    """Motion of the record that a model was fitted to: what the model is known to hold for.
+
+    Attributes
+    ----------
+    lowest, highest : float
+        Positions, in the input's unit.
+    speed : float
+        Below which 99 % of the samples were, in that unit per second.
+    lowest_Hz, highest_Hz : float
+        Band of 99 % of the position's power.
+    """
+
+    lowest: float
+    highest: float
+    speed: float
+    lowest_Hz: float
+    highest_Hz: float
+
+    def in_words(self, unit: str) -> str:
+        """E.g. ``"-2 to 2 mm, to 12.6 mm/s, 0.1 to 5 Hz"``."""
+        return (
+            f"{self.lowest:.3g} to {self.highest:.3g} {unit}, to {self.speed:.3g} {unit}/s, "
+            f"{self.lowest_Hz:.3g} to {self.highest_Hz:.3g} Hz"
+        )
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How well a model does and how well it is determined; None where a number does not exist.
+
+    Attributes
+    ----------
+    vaf_percent, fit_percent, mean_residual : float or None
+        Of the free run on the training record (Eqs 3.12, 3.11, 3.10).
+    nmse_train : float or None
+        Of the prediction one step ahead (Eq. 3.13).
+    tests : tuple of str
+        Names of the unseen records.
+    vaf_tests_percent, nmse_tests : tuple of (float or None)
+        On each of them.
+    train_rms, test_rms : float or None
+        Root mean square error of the free run in the output's unit, in training and on all unseen records together.
+    free_parameters, rank : int or None
+        Number of free coefficients, and how many of them the training record determines.
+    condition_number : float or None
+        Eq. 3.14.
+    mru_percent, mru_bootstrap_percent : float or None
+        Largest relative uncertainty (Eqs 3.15, 3.16), by covariance and by bootstrap.
+    """
+
+    vaf_percent: float | None = None
+    fit_percent: float | None = None
+    mean_residual: float | None = None
+    nmse_train: float | None = None
+    tests: tuple[str, ...] = ()
+    vaf_tests_percent: tuple[float | None, ...] = ()
+    nmse_tests: tuple[float | None, ...] = ()
+    train_rms: float | None = None
+    test_rms: float | None = None
+    free_parameters: int | None = None
+    rank: int | None = None
+    condition_number: float | None = None
+    mru_percent: float | None = None
+    mru_bootstrap_percent: float | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class ModelData:
+    """Everything that a fitted model is, as it is written to a file; `FittedModel` is what one does with it.
+
+    Attributes
+    ----------
+    name : str
+        E.g. ``"KB"`` or ``"KB+coulomb_friction"``.
+    structure : TransferFunction or Structure
+        Discrete: H(z) at `sampling_time`. Continuous: a base with effects, simulated at any rate.
+    sampling_time : float
+        Seconds; of the record it was fitted to.
+    input, output : Port
+    base : str
+        Name in `lumbar.tissue.models.tissue_models.MODELS` or `lumbar.tissue.models.bases.BASES`; empty for any
+        other transfer function.
+    estimator : str
+        `ARX`, `OUTPUT_ERROR` or `GIVEN`.
+    trained_on : str or None
+        Record; None for a given model.
+    alpha : float or None
+        Ridge coefficient (Eq. 3.7), where one is used.
+    parameters : tuple of FittedParameter
+        Of base and effects, then the derived ones.
+    no_parameters_because : str
+        Why there are none, or no derived ones.
+    scores : Scores
+    remark : str
+    valid_for : MotionRange or None
+        Motion of the record it was fitted to; None for a given model, and where a file does not say.
+    """
+
+    name: str
+    structure: TransferFunction | Structure
+    sampling_time: float
+    input: Port
+    output: Port
+    base: str = ""
+    estimator: str = GIVEN
+    trained_on: str | None = None
+    alpha: float | None = None
+    parameters: tuple[FittedParameter, ...] = ()
+    no_parameters_because: str = ""
+    scores: Scores = field(default_factory=Scores)
+    remark: str = ""
+    valid_for: MotionRange | None = None
+
+    @property
+    def discrete(self) -> bool:
+        """Whether it is a transfer function at one sampling time."""
+        return isinstance(self.structure, TransferFunction)
+
+    @property
+    def order(self) -> int:
+        """Poles of the transfer function, or relaxations of the base."""
+        if isinstance(self.structure, TransferFunction):
+            return len(self.structure.denominator) - 1
+        return len(self.structure.base.nonlinear)
+
+    @property
+    def stable(self) -> bool:
+        """Whether a free run exists; continuous models relax, hence are stable."""
+        return not isinstance(self.structure, TransferFunction) or self.structure.stable
+
+    def __getitem__(self, key: str) -> FittedParameter:
+        """Parameter by its name, with the effect's in front where it is not the base's: ``"drift.drift_rate"``.
+
+        Raises
+        ------
+        InputError
+            If there is none of this name.
+        """
+        found = next((item for item in self.parameters if item.key == key), None)
+        if found is None:
+            known = ", ".join(item.key for item in self.parameters) or f"none: {self.no_parameters_because}"
+            raise InputError(f"{self.name} has no parameter {key!r}; there are {known}")
+        return found
+
+    def values_of(self, part: Base | Form) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Linear and nonlinear parameters of the base or of an effect's form, in the part's own order."""
+        owner = f"{part.effect}." if isinstance(part, Form) else ""
+        linear, nonlinear = (
+            tuple(self[owner + item.name].value for item in kind) for kind in (part.linear, part.nonlinear)
+        )
+        return linear, nonlinear

@@ -1,0 +1,244 @@
+"""A fitted model as plain data and back, with everything that is wrong with the data said at once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import TYPE_CHECKING
+
+from lumbar.base.errors import Problems
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.form import Effect, Form
+from lumbar.tissue.models.forward_structure import ForwardStructure
+from lumbar.tissue.models.model_data import FittedParameter, ModelData, MotionRange, Port, Scores
+from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.tissue_models import MODELS
+from lumbar.tissue.models.transfer_function import TransferFunction
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
+Catalogues = Mapping[str, Mapping[str, Effect]]
+
+
+@dataclass(frozen=True)
+class _Added:
+    """An effect as it is written."""
+
+    effect: str
+    form: str
+    constants: dict[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class _Written:
+    """A structure as it is written: the coefficients of a discrete model, or the effects of a continuous one.
+
+    ``forward`` stands with one that goes from force to motion.
+    """
+
+    numerator: tuple[float, ...] | None = None
+    denominator: tuple[float, ...] | None = None
+    effects: tuple[_Added, ...] | None = None
+    forward: bool | None = None
+
+
+@dataclass(frozen=True)
+class _Entry(ModelData):
+    """A model as it is written: its fields are the schema of the file."""
+
+    structure: _Written  # type: ignore[assignment]  # what is written stands for what it means
+    __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012
+
+
+def entry_of(model: ModelData) -> dict:
+    """Return a model as plain data: its fields, with the structure as coefficients or as names of effects and forms."""
+    if isinstance(model.structure, TransferFunction):
+        written = _Written(model.structure.numerator, model.structure.denominator)
+    else:
+        forward = isinstance(model.structure, ForwardStructure) or None
+        written = _Written(effects=tuple(map(_added, model.structure.forms)), forward=forward)
+    plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
+    plain["structure"] = _without_none(plain["structure"])
+    return plain
+
+
+def _added(form: Form) -> _Added:
+    given = {item.symbol: item.value for item in form.constants if item.given}
+    return _Added(form.effect, form.name, given or None)
+
+
+def _without_none(written):
+    """Plain data without the keys whose value is None."""
+    if isinstance(written, dict):
+        return {key: _without_none(value) for key, value in written.items() if value is not None}
+    return [_without_none(item) for item in written] if isinstance(written, list) else written
+
+
+def _fields(model: ModelData) -> dict:
+    return {item.name: getattr(model, item.name) for item in fields(model)}
+
+
+@cache
+def _schema() -> TypeAdapter:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(_Entry)
+
+
+def read_entry(entry: dict, catalogues: Catalogues) -> dict:
+    """Return the fields of the model of an entry; see `lumbar.tissue.models.fitted_model.FittedModel.from_json`."""
+    name = entry.get("name") if isinstance(entry, dict) else None
+    problems = Problems(f"model {name!r}")
+    found = checked_entry(entry, catalogues, problems)
+    problems.raise_if_any()
+    assert found is not None  # else there were problems
+    return found
+
+
+def checked_entry(entry: dict, catalogues: Catalogues, problems: Problems) -> dict | None:
+    """Return the fields of the model of an entry, or None where something was added to `problems`."""
+    plain = _typed(entry, problems)
+    if plain is None:
+        return None
+    before = len(problems.entries)
+    structure: TransferFunction | Structure | None
+    if plain.structure.effects is None:
+        structure = _transfer_function(plain.structure, problems)
+    else:
+        structure = _structure(plain.base, plain.structure, catalogues, problems)
+    if structure is not None:
+        _check_parameters(plain.parameters, structure, plain.base, problems)
+    _check_range(plain.valid_for, problems)
+    if not plain.sampling_time > 0:
+        problems.add("sampling_time", f"{plain.sampling_time}", "seconds above 0 are needed")
+    if len(problems.entries) > before:
+        return None
+    return {**_fields(plain), "structure": structure}
+
+
+def _typed(entry, problems: Problems) -> _Entry | None:
+    """Return the entry with every value of the type that its field has, or None where one has not."""
+    from pydantic import ValidationError
+
+    try:
+        return _schema().validate_json(json.dumps(entry), strict=True)
+    except ValidationError as error:
+        for found in error.errors(include_url=False):
+            place = ".".join(map(str, found["loc"])) or "entry"
+            if found["type"] == "missing":
+                problems.add(place, "missing", "it is needed")
+            elif found["type"] == "unexpected_keyword_argument":
+                owner = next((part for part in found["loc"][-2::-1] if isinstance(part, str)), "")
+                known = ", ".join(item.name for item in fields(_KINDS[owner]))
+                problems.add(place, "unknown key", f"known are {known}")
+            else:
+                problems.add(place, repr(found["input"]), found["msg"])
+    return None
+
+
+_KINDS = {
+    "": ModelData,
+    "input": Port,
+    "output": Port,
+    "scores": Scores,
+    "valid_for": MotionRange,
+    "parameters": FittedParameter,
+    "structure": _Written,
+    "effects": _Added,
+}
+"""What is written under a key."""
+
+
+def _transfer_function(written: _Written, problems: Problems) -> TransferFunction | None:
+    if not (written.numerator and written.denominator):
+        problems.add("structure", "no coefficients", "it needs numerator and denominator, or effects")
+    elif written.denominator[0] != 1:
+        found = f"{written.denominator[0]:g}"
+        problems.add(
+            "structure.denominator.0", found, "1 is needed; 0 is improper: it needs future positions"
+        )
+    else:
+        return TransferFunction(written.numerator, written.denominator)
+    return None
+
+
+def _structure(base: str, written: _Written, catalogues: Catalogues, problems: Problems) -> Structure | None:
+    before = len(problems.entries)
+    if base not in BASES:
+        problems.add("base", repr(base), f"bases are {', '.join(BASES)}")
+        return None
+    catalogue = catalogues.get(BASES[base].system, {})
+    forms: list[Form] = []
+    for item in written.effects or ():
+        form = _form(item, catalogue, problems)
+        if form is not None and form.effect in [earlier.effect for earlier in forms]:
+            problems.add("structure.effects", f"{form.effect} is there twice", "once is allowed")
+        elif form is not None:
+            forms.append(form)
+    kind = ForwardStructure if written.forward else Structure
+    return None if len(problems.entries) > before else kind(BASES[base], tuple(forms))
+
+
+def _form(item: _Added, catalogue: Mapping[str, Effect], problems: Problems) -> Form | None:
+    effect = catalogue.get(item.effect)
+    if effect is None:
+        allowed = f"there are {', '.join(catalogue)}; effects of your own come from improvement.effect_files"
+        problems.add("structure.effects", f"unknown effect {item.effect!r}", allowed)
+        return None
+    form = next((form for form in effect.forms if form.name == item.form), None)
+    if form is None:
+        allowed = f"its forms are {', '.join(form.name for form in effect.forms)}"
+        problems.add(f"structure.effects.{effect.name}", f"unknown form {item.form!r}", allowed)
+        return None
+    known = [constant.symbol for constant in form.constants]
+    for symbol in item.constants or {}:
+        if symbol not in known:
+            allowed = f"constants of {form.key} are {', '.join(known) or 'none'}"
+            problems.add(f"structure.effects.{effect.name}", f"unknown constant {symbol!r}", allowed)
+    return form.with_constants(item.constants or {})
+
+
+def _check_range(covered: MotionRange | None, problems: Problems) -> None:
+    """A motion has a lower and an upper end."""
+    if covered is None:
+        return
+    for low, high in (("lowest", "highest"), ("lowest_Hz", "highest_Hz")):
+        if not getattr(covered, low) <= getattr(covered, high):
+            found = f"{getattr(covered, low):g} above {high} {getattr(covered, high):g}"
+            problems.add(f"valid_for.{low}", found, "it must not be")
+    if covered.speed < 0:
+        problems.add("valid_for.speed", f"{covered.speed:g}", "0 or more is needed")
+
+
+def _check_parameters(
+    parameters: tuple[FittedParameter, ...], structure, base: str, problems: Problems
+) -> None:
+    """A continuous model needs exactly its parameters; a discrete one may have those of its base. Elements may be beside."""
+    parts = (structure.base, *structure.forms) if isinstance(structure, Structure) else ()
+    needed = {key: positive for part in parts for key, positive in _keys(part)}
+    optional = {item.name for item in MODELS[base].elements} if base in MODELS else set()
+    if not parts and base in BASES:
+        optional |= {key for key, _ in _keys(BASES[base])}
+    found = [item.key for item in parameters]
+    allowed = f"there are {', '.join([*needed, *sorted(optional)]) or 'none'}"
+    for key in dict.fromkeys(found):
+        if key not in needed and key not in optional:
+            problems.add(f"parameters.{key}", "unknown parameter", allowed)
+        elif found.count(key) > 1:
+            problems.add(f"parameters.{key}", "it is there twice", "once is allowed")
+    for key in needed:
+        if key not in found:
+            problems.add(f"parameters.{key}", "missing", "every parameter of base and effects is needed")
+    for item in parameters:
+        if needed.get(item.key) and not item.value > 0:
+            problems.add(f"parameters.{item.key}", f"{item.value:g}", "a number above 0 is needed")
+
+
+def _keys(part) -> Iterator[tuple[str, bool]]:
+    """Key of every parameter of a base or form, and whether it must be positive."""
+    owner = f"{part.effect}." if isinstance(part, Form) else ""
+    yield from ((owner + item.name, False) for item in part.linear)
+    yield from ((owner + item.name, True) for item in part.nonlinear)

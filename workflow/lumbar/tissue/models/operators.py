@@ -1,0 +1,184 @@
+"""Operators with memory, exact between samples for the stated motion.
+
+Rate-independent operators (play, presliding) have closed forms along a monotone stretch of motion, so they are
+evaluated from reversal to reversal and not from sample to sample.
+"""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+
+from lumbar.tissue.models.motion import SUBSTEPS, Motion
+
+
+def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
+    """Elongation of the spring of a Maxwell branch with τ = b/k: q̇ = ẋ − q/τ, q(0) = 0.
+
+    Exact for a velocity that is a parabola between samples (from the spline's values at the samples and halfway); a
+    position that is not smooth is taken as linear between samples, or in steps between them (ramp-invariant). A branch as
+    fast as two samples would otherwise show the interpolation's error as a force.
+
+    Parameters
+    ----------
+    motion : Motion
+    time_constant : float or complex
+        τ in seconds; complex of one of a conjugate pair of poles at −1/τ.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        In the unit of the position.
+    """
+    from scipy.signal import lfilter
+
+    rate = motion.sampling_time / time_constant
+    constant = -np.expm1(-rate) / rate
+    if motion.smooth:
+        # Weights of the parabola's moments ∫e^{-(1-r)x} r^j dr, j = 0, 1, 2, with x the rate.
+        linear = (1 - constant) / rate
+        square = (1 - 2 * linear) / rate
+        weights = np.array([constant - 3 * linear + 2 * square, 4 * (linear - square), 2 * square - linear])
+        driven = (motion.sampling_time * weights) @ motion.velocities
+    elif motion.between is not None:
+        steps = np.diff(motion.between).reshape(-1, SUBSTEPS)
+        short = rate / SUBSTEPS
+        weights = -np.expm1(-short) / short * np.exp(-short * np.arange(SUBSTEPS - 1, -1, -1))
+        driven = np.concatenate([[0.0], steps @ weights])
+    else:
+        driven = constant * motion.increments
+    return lfilter([1.0], [1.0, -np.exp(-rate)], driven)
+
+
+def play(motion: Motion, gap: float) -> np.ndarray:
+    """Position behind a gap of half-width `gap` (backlash): it rests until the gap is closed.
+
+    Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989), the play operator; at rest in the middle first.
+    """
+    position = motion.position
+    turns = motion.turns
+    place = float(turns[0])
+    reached = [place]
+    for low, high in zip((turns[1:] - gap).tolist(), (turns[1:] + gap).tolist(), strict=True):
+        # Not min(max(...)): a search spends a twentieth of its time in this loop.
+        if place < low:
+            place = low
+        elif place > high:
+            place = high
+        reached.append(place)
+    start = np.array(reached)[motion.stretch]
+    return np.clip(start, position - gap, position + gap)
+
+
+def presliding(motion: Motion, distance: float) -> np.ndarray:
+    """Dahl's friction as a share of its limit: dr/dx = (1 − r·sign ẋ)/d, r(0) = 0.
+
+    P. Dahl, A solid friction model (1968), exponent 1; along a monotone stretch r approaches ±1 exponentially with
+    the presliding distance d.
+    """
+    position = motion.position
+    turns = motion.turns
+    steps = np.diff(turns)
+    direction = np.sign(steps)
+    share = [0.0]
+    for sign, decay in zip(direction.tolist(), np.exp(-np.abs(steps) / distance).tolist(), strict=True):
+        share.append(sign + (share[-1] - sign) * decay)
+    stretch = motion.stretch
+    start, sign = np.array(share)[stretch], direction[stretch]
+    return sign + (start - sign) * np.exp(-np.abs(position - turns[stretch]) / distance)
+
+
+def bouc_wen(motion: Motion, distance: float) -> np.ndarray:
+    """Bouc–Wen hysteresis with exponent 2 and β = γ as a share of its limit.
+
+    dr/dx = (1 − r²·[r ẋ > 0])/d: loading approaches the limit as a hyperbolic tangent, unloading is straight.
+    Y. Wen, J. Eng. Mech. Div. 102 (1976) 249-263, with n = 2, β = γ = 1/2.
+    """
+    position = motion.position
+    turns = motion.turns
+    steps = np.diff(turns)
+    direction = np.sign(steps)
+    share = [0.0]
+    for sign, travel in zip(direction.tolist(), (np.abs(steps) / distance).tolist(), strict=True):
+        share.append(sign * _loaded_once(sign * share[-1], travel))
+    stretch = motion.stretch
+    begun = direction * np.array(share[:-1])
+    sign, start, loaded = direction[stretch], begun[stretch], np.arctanh(np.maximum(begun, 0.0))[stretch]
+    travel = np.abs(position - turns[stretch]) / distance
+    unloading = np.minimum(start + travel, 0.0)
+    loading = loaded + np.maximum(travel + np.minimum(start, 0.0), 0.0)
+    return sign * np.where(start + travel < 0, unloading, np.tanh(loading))
+
+
+_NEARLY_ONE = 1 - 1e-12
+
+
+def _loaded_once(share: float, travel: float) -> float:
+    """Share after `travel` (in presliding distances) in the positive direction, from `share` > −1.
+
+    Below 0 it unloads in a straight line; above 0 it approaches 1 as a hyperbolic tangent.
+    """
+    if share + travel < 0:
+        return share + travel
+    if share < 0:
+        travel, share = travel + share, 0.0
+    return min(math.tanh(math.atanh(share) + travel), _NEARLY_ONE)
+
+
+def bouc_wen_general(motion: Motion, distance: float, unloading_share: float) -> np.ndarray:
+    """Bouc–Wen hysteresis with exponent 1 and any β, γ, δ, as a share of α/(2βγ).
+
+    ṙ = αv − β(γ|v|r + δv|r|) becomes dρ/dx = (1 + w|ρ| − [ρ ẋ > 0]|ρ|)/d, w = (γ − δ)/(2γ), d = 1/(2βγ) (the loop of the
+    benchmark of Noël and Schoukens 2016, n = 1). Unloading relaxes exponentially at w, loading at 1 − w; above w = 1 loading
+    gets steeper without a limit.
+
+    Parameters
+    ----------
+    motion : Motion
+    distance : float
+        d, in the unit of the position.
+    unloading_share : float
+        w > 0.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+    """
+    position = motion.position
+    turns = motion.turns
+    steps = np.diff(turns)
+    direction = np.sign(steps)
+    share = [0.0]
+    for sign, travel in zip(direction.tolist(), (np.abs(steps) / distance).tolist(), strict=True):
+        share.append(sign * _loaded_generally(sign * share[-1], travel, unloading_share, _SCALAR))
+    stretch = motion.stretch
+    sign = direction[stretch]
+    travel = np.abs(position - turns[stretch]) / distance
+    return sign * _loaded_generally(sign * np.array(share)[stretch], travel, unloading_share, np)
+
+
+_LARGEST_GROWTH = 50.0
+"""Of the exponent of a loop that has no limit, so that no trial of a search overflows."""
+
+
+_SCALAR = SimpleNamespace(maximum=max, minimum=min, log1p=math.log1p, expm1=math.expm1, exp=math.exp)
+"""For one number: ten times as fast as NumPy's."""
+
+
+def _loaded_generally(share, travel, unloading, library):
+    """Share after `travel` in the positive direction: 1 + w|ρ| decays below 0, 1 − (1 − w)ρ above."""
+    opposing, aiding = library.maximum(-share, 0.0), library.maximum(share, 0.0)
+    until_zero = library.log1p(unloading * opposing) / unloading
+    left = library.expm1(unloading * library.maximum(until_zero - travel, 0.0)) / unloading
+    beyond = library.maximum(travel - until_zero, 0.0)
+    growth = unloading - 1.0
+    exponent = library.minimum(growth * beyond, _LARGEST_GROWTH)
+    added = library.expm1(exponent) / growth if growth else beyond
+    return aiding * library.exp(exponent) + added - left
+
+
+def elastoplastic(motion: Motion, distance: float) -> np.ndarray:
+    """Jenkins element (spring and slider in series) as a share of its limit: x less its play, over the distance."""
+    return (motion.position - play(motion, distance)) / distance

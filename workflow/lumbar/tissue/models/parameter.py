@@ -1,0 +1,144 @@
+"""Parameters of equations: what a force is proportional to, what it depends on otherwise, and constants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lumbar.tissue.models.printing import symbol_latex
+
+SCALES = ("position", "speed", "path", "duration", "force", "time", "sampling", "one")
+"""Quantities that set the size of a nonlinear parameter."""
+
+
+_SHARE = 0.2
+"""Of the sampling interval and of the duration, to which the range of a time constant reaches."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A quantity of an equation that a fit finds.
+
+    Attributes
+    ----------
+    name : str
+        E.g. ``"coulomb_force"``.
+    unit : str
+        In terms of the output's unit ``{y}`` and the input's ``{x}``, e.g. ``"{y}/{x}^3"``.
+    symbol : str
+        How equations call it, e.g. ``"Fc"``.
+    latex : str
+        Its LaTeX; without, it follows from the symbol: ``F_c``.
+    """
+
+    name: str
+    unit: str
+    symbol: str = field(default="", kw_only=True)
+    latex: str = field(default="", kw_only=True)
+
+    @property
+    def in_latex(self) -> str:
+        """The symbol as LaTeX."""
+        return self.latex or symbol_latex(self.symbol)
+
+
+@dataclass(frozen=True)
+class LinearParameter(Parameter):
+    """A parameter the force is proportional to.
+
+    Attributes
+    ----------
+    name, unit, symbol, latex : str
+        As for `Parameter`.
+    sign : int
+        1: not negative, -1: not positive, 0: any.
+    """
+
+    sign: int = 1
+
+
+@dataclass(frozen=True)
+class NonlinearParameter(Parameter):
+    """A positive parameter the force depends on otherwise.
+
+    Attributes
+    ----------
+    name, unit, symbol, latex : str
+        As for `Parameter`.
+    scale : str
+        Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (largest
+        of the record), ``time`` (1 s), ``sampling`` (interval), ``one``.
+    low, high : float
+        Range in which starting values are looked for, in that scale.
+    points : int
+        Number of starting values, spaced evenly in the logarithm.
+    reach : tuple of float
+        How far below and above the range the fit may go, as factors.
+    lines : float or None
+        For frequencies: the fit stays within this many lines (1/duration) of its start.
+    follows_record : bool
+        For time constants: the range of the fit reaches from a fifth of the sampling interval to a fifth of the
+        record's duration where these are beyond the parameter's own, and starting values from two intervals on.
+    decisive : bool
+        Whether a value at the end of its range says that the mechanism is not there, or is another one.
+    """
+
+    scale: str
+    low: float
+    high: float
+    points: int
+    reach: tuple[float, float] = (0.1, 10.0)
+    lines: float | None = None
+    follows_record: bool = field(default=False, kw_only=True)
+    decisive: bool = field(default=False, kw_only=True)
+
+    def grid(self, size: float, sampling_time: float | None = None) -> np.ndarray:
+        """Return the starting values for a scale of this size, and for records sampled so."""
+        low, points = self.low * size, self.points
+        if self.follows_record and sampling_time and 2 * sampling_time < low:
+            # As dense as the range's own.
+            spacing = np.log(self.high / self.low) / max(self.points - 1, 1)
+            points += int(np.ceil(np.log(low / (2 * sampling_time)) / spacing))
+            low = 2 * sampling_time
+        return np.geomspace(low, self.high * size, points)
+
+    def bounds(
+        self, size: float, sampling_time: float | None = None, duration: float | None = None
+    ) -> tuple[float, float]:
+        """Return the bounds of the fit for a scale of this size, and for records of this sampling and duration."""
+        low, high = self.low * self.reach[0] * size, self.high * self.reach[1] * size
+        if self.follows_record and sampling_time and duration:
+            low, high = min(low, _SHARE * sampling_time), max(high, _SHARE * duration)
+        return low, high
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number that an equation calls by a symbol.
+
+    Attributes
+    ----------
+    symbol, unit, latex : str
+        As for `Parameter`.
+    value : float
+    given : bool
+        Whether the value was given in place of the catalogue's: it is then written with a model.
+    """
+
+    symbol: str
+    value: float
+    unit: str
+    latex: str = ""
+    given: bool = False
+
+    @property
+    def in_latex(self) -> str:
+        """The symbol as LaTeX."""
+        return self.latex or symbol_latex(self.symbol)
+
+    @property
+    def latex_unit(self) -> str:
+        """The unit as LaTeX; the input's and the output's own are called unit."""
+        unit = "unit" if self.unit in ("{x}", "{y}") else self.unit
+        return unit.format(x="unit", y="unit").replace(" ", r"\,")

@@ -1,0 +1,373 @@
+r"""States of a form that follow differential equations, for a position that is linear between samples.
+
+The step from sample to sample is the exponential Rosenbrock–Euler step (Hochbruck and Ostermann, Acta Numerica 19 (2010)
+209-286, section 2.4)::
+
+    r⁺ = r + h φ₁(hJ) f(r),    φ₁(x) = (eˣ − 1)/x,    J = ∂f/∂r,
+
+exact where the equations are linear in the states and of second order elsewhere. Equations that know position, path or
+time themselves get a clock as one state more, which makes them autonomous. NumPy solves all samples at once by Newton's method
+(each iteration is linear in the states and solved as a banded system), or one state with a clock sample by sample; C takes one
+step per sample.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import repeat
+
+import numpy as np
+
+from lumbar.tissue.models.derivative import derivative
+from lumbar.tissue.models.evaluation import MATH, NUMPY, Evaluator, Functions
+from lumbar.tissue.models.expression import (
+    COMPARISONS,
+    Expression,
+    Number,
+    Operation,
+    Symbol,
+    add,
+    multiply,
+    parts,
+    symbols,
+)
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion_signals import LINEAR, SIGNALS, STEADY
+from lumbar.tissue.models.printing import portable
+
+MOST_STATES = 4
+"""States of one form."""
+STEP_SYMBOL = "sampling_time"
+"""Symbol of the time from sample to sample in the equations of a step."""
+_MOST_ITERATIONS = 40
+_LARGEST_SLOPE = 50.0
+"""Exponent of what runs away in one step: beyond it nothing is known, and nothing overflows."""
+_SMALL = 1e-4
+"""Exponent below which φ₂ is its series: a difference would have no digits left."""
+_TOLERANCE = 1e-13
+"""Largest change in Newton's last iteration, as a share of the largest state."""
+_TERMS = 14
+"""Of φ₁'s series for matrices, whose norm is first halved to at most 1/2: it then ends below rounding."""
+_STEP = Symbol(STEP_SYMBOL)
+_RATES: dict[str, Expression] = {
+    **{symbol: Symbol("dz") for symbol in ("z", "theta")},
+    "s": Operation("abs", (Symbol("dz"),)),
+    "t": _STEP,
+}
+"""Change from sample to sample of what is linear in between."""
+
+
+def phi1(x):
+    """(eˣ − 1)/x, 1 at 0."""
+    zero = np.equal(x, 0.0)
+    return np.where(zero, 1.0, np.expm1(x) / np.where(zero, 1.0, x))
+
+
+STEP_FUNCTIONS = {**NUMPY, "phi1": phi1}
+
+
+@dataclass(frozen=True)
+class StateEquation:
+    """Differential equations of a form's states, at 0 when the motion begins.
+
+    Attributes
+    ----------
+    slopes : dict of str to Expression
+        Rate of change per second by state.
+    """
+
+    slopes: Mapping[str, Expression]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Symbols of the states."""
+        return tuple(self.slopes)
+
+    @cached_property
+    def apart(self) -> list[StateEquation]:
+        """The equations in groups that know nothing of each other's states."""
+        groups: list[set[str]] = []
+        for name, slope in self.slopes.items():
+            known = {name} | (symbols(slope) & set(self.names))
+            touched = [group for group in groups if group & known]
+            groups = [group for group in groups if not group & known] + [known.union(*touched)]
+        return [
+            StateEquation({name: slope for name, slope in self.slopes.items() if name in group})
+            for group in groups
+        ]
+
+    @cached_property
+    def used(self) -> set[str]:
+        """Signals in the equations."""
+        return set().union(*map(symbols, self.slopes.values())) & SIGNALS.keys()
+
+    @cached_property
+    def clocked(self) -> bool:
+        """Whether an equation knows what changes between two samples beside the states."""
+        return bool(self.used & LINEAR)
+
+    @cached_property
+    def is_scalar(self) -> bool:
+        """Whether a step is one expression."""
+        return len(self.slopes) == 1 and not self.clocked
+
+    @cached_property
+    def is_linear(self) -> bool:
+        """Whether a step is linear in the states."""
+        cells = [slope for row in self._jacobian for slope in row]
+        jumps = [
+            part
+            for slope in self.slopes.values()
+            for part in parts(slope)
+            if isinstance(part, Operation) and part.name in ("sign", *COMPARISONS)
+        ]
+        return not any(symbols(part) & set(self.names) for part in (*cells, *jumps))
+
+    @cached_property
+    def _jacobian(self) -> list[list[Expression]]:
+        return [[derivative(slope, name) for name in self.names] for slope in self.slopes.values()]
+
+    @cached_property
+    def increments(self) -> list[Expression]:
+        """What a step would add if the slopes stayed: h f, and 1 for the clock."""
+        found = [multiply(_STEP, slope) for slope in self.slopes.values()]
+        return [*found, Number(1.0)] if self.clocked else found
+
+    @cached_property
+    def matrix(self) -> list[list[Expression]]:
+        """Derivatives of the increments by states and clock."""
+        rows = [[multiply(_STEP, slope) for slope in row] for row in self._jacobian]
+        if not self.clocked:
+            return rows
+        for row, slope in zip(rows, self.slopes.values(), strict=True):
+            by_clock: Expression = Number(0.0)
+            for signal in sorted(self.used & LINEAR):
+                by_clock = add(by_clock, multiply(derivative(slope, signal), _RATES[signal]))
+            row.append(multiply(_STEP, by_clock))
+        return [*rows, [Number(0.0)] * (len(rows) + 1)]
+
+    @cached_property
+    def scalar_step(self) -> Expression:
+        """The state after a step, where it is one expression."""
+        (name, slope), ((jacobian,),) = *self.slopes.items(), self._jacobian
+        stretch = Operation("phi1", (multiply(_STEP, jacobian),))
+        gain = _STEP if jacobian == Number(0.0) else multiply(_STEP, stretch)
+        return add(Symbol(name), multiply(gain, slope))
+
+    def at_rest(self, values: Mapping[str, float], sampling_time: float) -> np.ndarray:
+        """Derivatives of the increments where nothing moves; shape (states, states)."""
+        given = dict.fromkeys((*self.names, *self.used), 0.0)
+        rows = [Evaluator(row, STEP_FUNCTIONS) for row in self._jacobian]
+        with np.errstate(all="ignore"):
+            return sampling_time * np.array(
+                [row({**values, **given, STEP_SYMBOL: sampling_time}) for row in rows], float
+            )
+
+    def trajectory(self, motion: Motion, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """States at every sample.
+
+        Parameters
+        ----------
+        motion : Motion
+        values : mapping of str to float
+            Parameters and constants by symbol.
+
+        Returns
+        -------
+        dict of str to numpy.ndarray, shape (samples,)
+            By state.
+        """
+        if len(self.apart) > 1:
+            found = {
+                name: path for part in self.apart for name, path in part.trajectory(motion, values).items()
+            }
+            return {name: found[name] for name in self.names}
+        known = {**values, **self._between(motion)}
+        one = len(self.names) == 1
+        # With a clock, two of Newton's iterations take longer than all samples one by one.
+        by_newton = self.is_linear or not (one and self.clocked)
+        states = self._newton(known, len(motion) - 1) if by_newton else None
+        if states is None:
+            states = (self._one_by_one if one else self.in_steps)(known, len(motion) - 1)
+        return dict(zip(self.names, states, strict=True))
+
+    def _between(self, motion: Motion) -> dict[str, np.ndarray | float]:
+        """Signals at the beginning of every step."""
+        found: dict[str, np.ndarray | float] = {STEP_SYMBOL: motion.sampling_time}
+        changed = motion.increments[1:]
+        for symbol in {*self.used, "dz"}:
+            if symbol == "dz":
+                found[symbol] = changed
+            elif symbol in STEADY:
+                found[symbol] = changed / motion.sampling_time
+            else:
+                found[symbol] = SIGNALS[symbol].of(motion)[:-1]
+        return found
+
+    @cached_property
+    def _stepper(self):
+        if self.is_scalar:
+            exponent = self.matrix[0][0]
+            return _ScalarStep(Evaluator([self.scalar_step, exponent], STEP_FUNCTIONS))
+        return _MatrixStep(
+            Evaluator([*self.increments, *(cell for row in self.matrix for cell in row)], STEP_FUNCTIONS),
+            self.names,
+            len(self.increments),
+        )
+
+    def _newton(self, known: Mapping, steps: int, begin: np.ndarray | None = None) -> np.ndarray | None:
+        """States from the first sample on, shape (states, steps + 1); None if the iteration does not end."""
+        begin = np.zeros(len(self.names)) if begin is None else begin
+        states = np.repeat(begin[:, None], steps + 1, axis=1)
+        with np.errstate(all="ignore"):
+            for _ in range(_MOST_ITERATIONS):
+                before = states[:, :-1]
+                after, slopes = self._stepper({**known, **dict(zip(self.names, before, strict=True))}, steps)
+                driven = after - np.einsum("ijk,jk->ik", slopes, before)
+                if not (np.isfinite(driven).all() and np.isfinite(slopes).all()):
+                    return None
+                driven[:, 0] += slopes[:, :, 0] @ begin
+                try:
+                    found = _recursion(slopes, driven)
+                except np.linalg.LinAlgError:  # slopes so large that the system overflows
+                    return None
+                if not np.isfinite(found).all():
+                    return None
+                found[:, 0] = begin
+                change = np.abs(found - states).max()
+                states = found
+                if self.is_linear or change <= _TOLERANCE * np.abs(states).max():
+                    return states
+        return None
+
+    def _one_by_one(self, known: Mapping, steps: int) -> np.ndarray:
+        """The same of one state in plain numbers, which is forty times as fast as by arrays of one.
+
+        With a clock the step is φ₁(x) h f + φ₂(x) g, x = hJ, where g is what the clock changes of h f.
+        """
+        cells = [self.increments[0], *self.matrix[0]]
+        evaluate = Evaluator(cells, MATH)
+        constants = {name: float(value) for name, value in known.items() if not np.ndim(value)}
+        series = {name: np.asarray(value).tolist() for name, value in known.items() if np.ndim(value)}
+        (symbol,) = self.names
+        state, found = 0.0, [0.0]
+        for now in zip(*series.values(), strict=True) if series else repeat((), steps):
+            try:
+                values = {**constants, **dict(zip(series, now, strict=True)), symbol: state}
+                added, slope, *by_clock = map(float, evaluate(values))  # type: ignore[arg-type]
+            except (OverflowError, ValueError):  # beyond the largest number, where NumPy would say so by one
+                break
+            slope = min(slope, _LARGEST_SLOPE)
+            first = math.expm1(slope) / slope if slope else 1.0
+            second = (first - 1.0) / slope if abs(slope) > _SMALL else 0.5 + slope / 6
+            state += first * added + (second * by_clock[0] if by_clock else 0.0)
+            found.append(state)
+        return np.array([found + [math.nan] * (steps + 1 - len(found))])
+
+    def in_steps(self, known: Mapping, steps: int, functions: Functions = STEP_FUNCTIONS) -> np.ndarray:
+        """The same one step after the other, shape (states, steps + 1), as C takes them.
+
+        Parameters
+        ----------
+        known : mapping of str to float or numpy.ndarray
+            Parameters, and signals at the beginning of every step.
+        steps : int
+        functions : mapping of str to callable
+            What computes the operations; other than NumPy's for scalar steps only, in their portable form.
+        """
+        stepper = self._stepper
+        if functions is not STEP_FUNCTIONS:
+            stepper = _ScalarStep(Evaluator([portable(self.scalar_step)] * 2, functions))
+        states = np.zeros((len(self.names), steps + 1))
+        series = {name: value for name, value in known.items() if np.ndim(value)}
+        with np.errstate(all="ignore"):
+            for k in range(steps):
+                now = {name: value[k : k + 1] for name, value in series.items()}
+                before = {name: states[row, k : k + 1] for row, name in enumerate(self.names)}
+                states[:, k + 1] = stepper({**known, **now, **before}, 1)[0][:, 0]
+        return states
+
+
+@dataclass(frozen=True)
+class _ScalarStep:
+    """From symbols to the state after each step and the slope of that by the state before."""
+
+    evaluator: Evaluator
+
+    def __call__(self, values: Mapping, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        after, exponent = self.evaluator(values)
+        slopes = np.broadcast_to(np.exp(exponent), (1, 1, steps))
+        return np.broadcast_to(after, (1, steps)), slopes
+
+
+@dataclass(frozen=True)
+class _MatrixStep:
+    """The same for several states, or with a clock."""
+
+    evaluator: Evaluator
+    names: tuple[str, ...]
+    size: int
+
+    def __call__(self, values: Mapping, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        found = np.array([np.broadcast_to(value, steps) for value in self.evaluator(values)], dtype=float)
+        increments = found[: self.size].T[..., None]
+        matrix = found[self.size :].reshape(self.size, self.size, steps).transpose(2, 0, 1)
+        states = len(self.names)
+        stretch = _stretches(matrix, states)
+        after = np.array([values[name] for name in self.names]) + (stretch @ increments)[:, :states, 0].T
+        slopes = np.eye(self.size) + matrix @ stretch
+        return after, slopes[:, :states, :states].transpose(1, 2, 0)
+
+
+def _stretches(matrix: np.ndarray, states: int) -> np.ndarray:
+    """φ₁ of matrices, shape (steps, size, size), of `states` states and perhaps a clock.
+
+    Linear equations have the same derivatives A by the states at every step. There φ₁([[A, c], [0, 0]]) =
+    [[φ₁(A), φ₂(A) c], [0, 1]], and φ₂ is part of φ₁([[A, I], [0, 0]]) (Al-Mohy and Higham, SIAM J. Sci. Comput. 33 (2011)
+    488-511, theorem 2.1), so that one matrix is enough.
+    """
+    by_states, by_clock = matrix[:, :states, :states], matrix[:, :states, states:]
+    if not (by_states == by_states[:1]).all():
+        return _matrix_phi1(matrix)
+    whole = np.zeros((1, 2 * states, 2 * states))
+    whole[0, :states] = np.hstack([by_states[0], np.eye(states)])
+    both = _matrix_phi1(whole)[0, :states]
+    found = np.zeros_like(matrix)
+    found[:, :states, :states] = both[:, :states]
+    found[:, :states, states:] = both[:, states:] @ by_clock
+    found[:, states:, states:] = 1.0
+    return found
+
+
+def _matrix_phi1(matrix: np.ndarray) -> np.ndarray:
+    """φ₁ of matrices, shape (steps, size, size): series of a fraction, then doubled."""
+    identity = np.eye(matrix.shape[-1])
+    norm = np.abs(matrix).sum(axis=2).max(initial=0.0)
+    halvings = max(0, int(np.ceil(np.log2(norm))) + 1) if np.isfinite(norm) and norm > 0 else 0
+    small = matrix / 2.0**halvings
+    found = np.broadcast_to(identity, matrix.shape)
+    for order in range(_TERMS, 1, -1):
+        found = identity + small @ found / order
+    for _ in range(halvings):
+        found = 0.5 * (2 * identity + small @ found) @ found
+        small = 2 * small
+    return found
+
+
+def _recursion(slopes: np.ndarray, driven: np.ndarray) -> np.ndarray:
+    """Solve rₖ = Sₖ rₖ₋₁ + dₖ from r₀ = 0: shapes (states, states, steps), (states, steps), (states, steps + 1)."""
+    from scipy.linalg import solve_banded
+
+    states, steps = driven.shape
+    lower = 2 * states - 1
+    bands = np.zeros((lower + 1, states * (steps + 1)))
+    bands[0] = 1.0
+    for row in range(states):
+        for column in range(states):
+            bands[states + row - column, column : states * steps : states] = -slopes[row, column]
+    right = np.concatenate([np.zeros(states), driven.T.ravel()])
+    solved = solve_banded((lower, 0), bands, right, overwrite_ab=True, overwrite_b=True, check_finite=False)
+    return solved.reshape(steps + 1, states).T

@@ -1,0 +1,272 @@
+"""The models of the thesis, defined once: mechanical analogue, equation, elements, discrete structure.
+
+Table 2.1, the schematics of Figure 3.2 and the identification all read these definitions. The continuous models are the
+bases of `lumbar.tissue.models.bases`, whose parameters they take; the thesis's elements (k, ν, γ, k1, k2, b) follow from them.
+A definition holds no data and no fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.tissue.models.arx_structure import ArxStructure
+from lumbar.tissue.models.bases import BASES, Base
+from lumbar.tissue.models.first_order import undiscretise
+from lumbar.tissue.models.network import Dashpot, Network, Parallel, Series, Spring
+from lumbar.tissue.models.parameter import Parameter
+from lumbar.tissue.models.printing import symbol_latex
+from lumbar.tissue.models.transfer_function import TransferFunction
+
+
+@dataclass(frozen=True)
+class Element(Parameter):
+    """A derived parameter: what the thesis calls a combination of a base's parameters.
+
+    Attributes
+    ----------
+    name, unit, symbol, latex : str
+        As for `lumbar.tissue.models.parameter.Parameter`; the name, such as ``"k1"``, is the symbol.
+    definition : str
+        What it is.
+    """
+
+    definition: str
+
+    @property
+    def in_latex(self) -> str:
+        """The name as LaTeX."""
+        return symbol_latex(self.name)
+
+
+@dataclass(frozen=True)
+class TissueModel:
+    """A tissue model as the thesis names it.
+
+    Attributes
+    ----------
+    name, title : str
+        Short and full name.
+    equation : str
+        Governing equation in plain text.
+    transfer : str
+        The discrete transfer function in plain text.
+    base : Base or None
+        The continuous model whose parameters it has; None for a model that has none.
+    elements : tuple of Element
+        Derived parameters of the base.
+    relations : tuple of str
+        How the equation's coefficients follow from the mechanical elements.
+    network : Network or None
+        Mechanical analogue; None for a black box.
+    structure : ArxStructure or None
+        Free coefficients of the discrete transfer function; None where the structure is searched for (HO),
+        fixed without a fit (IL) or improper (KV).
+    derive : callable or None
+        From the base's parameters by name to the values of `elements`.
+    no_parameters_because : str
+        Why no parameters are recovered from the transfer function, where they are not.
+    """
+
+    name: str
+    title: str
+    equation: str
+    transfer: str
+    base: Base | None = None
+    elements: tuple[Element, ...] = ()
+    relations: tuple[str, ...] = ()
+    network: Network | None = None
+    structure: ArxStructure | None = None
+    derive: Callable[..., dict[str, float]] | None = field(default=None, repr=False)
+    no_parameters_because: str = ""
+
+    def derived(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values of the elements.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            The base's parameters by name.
+
+        Raises
+        ------
+        NumericalError
+            If a parameter is not positive: no spring or dashpot has it.
+        """
+        for name, value in values.items():
+            if not value > 0:
+                raise NumericalError(
+                    f"{self.name}: {name} is {value:.4g}; springs and dashpots need more than 0"
+                )
+        return self.derive(**values) if self.derive else {}
+
+    def physical_parameters(
+        self, transfer_function: TransferFunction, sampling_time: float
+    ) -> dict[str, float]:
+        """Parameters of the base and elements of an identified model (ramp-invariant conversion, exact).
+
+        Raises
+        ------
+        NumericalError
+            With the reason, where the transfer function has no mechanical counterpart.
+        """
+        if self.structure is None or self.base is None:
+            raise NumericalError(f"{self.name}: {self.no_parameters_because}")
+        found = undiscretise(transfer_function, sampling_time).base_parameters()
+        values = {item.name: found[item.name] for item in (*self.base.linear, *self.base.nonlinear)}
+        return {**values, **self.derived(values)}
+
+
+def _linear_elastic_elements(spring_stiffness: float) -> dict[str, float]:
+    return {"k": spring_stiffness}
+
+
+def _maxwell_elements(branch_stiffness: float, relaxation_time: float) -> dict[str, float]:
+    return {"k": branch_stiffness, "b": branch_stiffness * relaxation_time, "alpha": relaxation_time}
+
+
+def _kelvin_voigt_elements(spring_stiffness: float, viscosity: float) -> dict[str, float]:
+    return {"k": spring_stiffness, "b": viscosity}
+
+
+def _kelvin_boltzmann_elements(
+    spring_stiffness: float, branch_stiffness: float, relaxation_time: float
+) -> dict[str, float]:
+    """Elements of the series form from those of the base: the same force from another arrangement of springs."""
+    k2 = spring_stiffness + branch_stiffness  # stiffness against fast motion: the dashpot is locked
+    k1 = spring_stiffness * k2 / branch_stiffness
+    return {
+        "k": spring_stiffness,
+        "nu": relaxation_time * k2,
+        "gamma": relaxation_time,
+        "k1": k1,
+        "k2": k2,
+        "b": relaxation_time * (k1 + k2),
+    }
+
+
+_STIFFNESS, _VISCOSITY = "{y}/{x}", "{y}·s/{x}"
+_K = Element("k", _STIFFNESS, "stiffness")
+_B = Element("b", _VISCOSITY, "viscosity of the dashpot")
+
+LE = TissueModel(
+    name="LE",
+    base=BASES["LE"],
+    title="Linear elastic",
+    equation="f(t) = k x(t)",
+    transfer="b0",
+    elements=(_K,),
+    network=Spring("k"),
+    structure=ArxStructure(order=0, input_lags=(0,)),
+    derive=_linear_elastic_elements,
+)
+MAXWELL = TissueModel(
+    name="Maxwell",
+    base=BASES["Maxwell"],
+    title="Maxwell",
+    equation="f(t) = b x'(t) − α f'(t)",
+    transfer="b (z − 1)/(z − a)",
+    elements=(_K, _B, Element("alpha", "s", "relaxation time")),
+    relations=("α = b/k",),
+    network=Series((Spring("k"), Dashpot("b"))),
+    structure=ArxStructure(order=1, input_lags=(0, 1), zero_static_gain=True),
+    derive=_maxwell_elements,
+)
+KV = TissueModel(
+    name="KV",
+    base=BASES["KV"],
+    title="Kelvin–Voigt",
+    equation="f(t) = k x(t) + b x'(t)",
+    transfer="b1 z − b0 (eq. 3.5, improper)",
+    elements=(_K, _B),
+    network=Parallel((Spring("k"), Dashpot("b"))),
+    derive=_kelvin_voigt_elements,
+    no_parameters_because="its transfer function b1 z − b0 (Eq. 3.5) is improper: it is not identified",
+)
+"""Eq. 3.5: improper, not identified."""
+KB = TissueModel(
+    name="KB",
+    base=BASES["KB"],
+    title="Kelvin–Boltzmann",
+    equation="f(t) = k x(t) + ν x'(t) − γ f'(t)",
+    transfer="(b1 z − b0)/(z − a0) (eq. 3.4)",
+    elements=(
+        Element("k", _STIFFNESS, "stiffness at rest"),
+        Element("nu", _VISCOSITY, "viscosity"),
+        Element("gamma", "s", "relaxation time"),
+        Element("k1", _STIFFNESS, "stiffness parallel to the dashpot"),
+        Element("k2", _STIFFNESS, "stiffness in series, felt by fast motion"),
+        _B,
+    ),
+    relations=("k = k1 k2/(k1 + k2)", "ν = b k2/(k1 + k2)", "γ = b/(k1 + k2)"),
+    network=Series((Parallel((Spring("k1"), Dashpot("b"))), Spring("k2"))),
+    structure=ArxStructure(order=1, input_lags=(0, 1)),
+    derive=_kelvin_boltzmann_elements,
+)
+"""Eq. 3.4."""
+MW = TissueModel(
+    name="MW",
+    title="Maxwell, Eq. 3.3",
+    equation="f[k] = a0 f[k−1] + b0 x[k−1]",
+    transfer="b0/(z − a0) (eq. 3.3)",
+    network=MAXWELL.network,
+    structure=ArxStructure(order=1, input_lags=(1,)),
+    no_parameters_because=(
+        "Eq. 3.3 has a static force, a spring and dashpot in series has none: "
+        "k and b are recovered from Maxwell only"
+    ),
+)
+"""Eq. 3.3, as published: no spring and dashpot in series, which is `MAXWELL`."""
+HO = TissueModel(
+    name="HO",
+    title="Higher order",
+    equation="f[k] = Σ b x[k−j] − Σ a f[k−i]",
+    transfer="eq. 3.9, n ≥ 2, proper or biproper",
+    no_parameters_because="a black box has no mechanical elements",
+)
+"""Eq. 3.9."""
+IL = TissueModel(
+    name="IL",
+    title="Inverted linear",
+    equation="f(t) = −(f_max/x_max) x(t)",
+    transfer="−f_max/x_max, not identified",
+    network=Spring("k"),
+    no_parameters_because="its slope is set by the device's largest force, not identified",
+)
+
+MODELS = {model.name: model for model in (LE, MAXWELL, KV, KB, MW, HO, IL)}
+"""Every model by its short name."""
+TABLE_2_1 = (LE, MAXWELL, KV, KB)
+"""The viscoelastic models of Table 2.1, in its order."""
+FIXED_STRUCTURE = (LE, MW, MAXWELL, KB)
+"""Models whose structure is given: only coefficients are identified."""
+
+
+def inverted_linear(force_max: float, travel: float) -> TransferFunction:
+    """Return the IL model: 0 at contact, `force_max` after `travel`, against the other models' direction.
+
+    Raises
+    ------
+    InputError
+        If either is not positive.
+    """
+    if force_max <= 0 or travel <= 0:
+        raise InputError(
+            f"tissue.inverted_linear: force_max {force_max:g}, travel {travel:g}; both must be > 0"
+        )
+    return TransferFunction((-force_max / travel,))
+
+
+def higher_order_structures(order_max: int) -> list[ArxStructure]:
+    """Structures of Eq. 3.9 that the search for HO goes through.
+
+    Orders n = 2 … `order_max`, numerators up to z⁻ⁿ; biproper (current position enters) and strictly proper.
+    """
+    structures = []
+    for order in range(2, order_max + 1):
+        for last in range(order + 1):
+            structures.append(ArxStructure(order, tuple(range(last + 1))))
+        for last in range(1, order + 1):
+            structures.append(ArxStructure(order, tuple(range(1, last + 1))))
+    return structures

@@ -1,0 +1,208 @@
+"""Multisine: which lines are excited, with which amplitudes and phases (thesis Eq. 3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.signals.crest_factor import clipped_phases, crest_factor, fine_samples, one_period
+
+GRIDS = ("full", "odd")
+PHASE_RULES = ("schroeder", "clipped", "zero")
+
+
+@dataclass(frozen=True)
+class Multisine:
+    """Σ A_k cos(2πk t/T + φ_k) over the excited lines k.
+
+    Attributes
+    ----------
+    period : float
+        T in seconds.
+    lines : numpy.ndarray of int, shape (lines,)
+        Excited multiples of 1/T, rising.
+    amplitudes : numpy.ndarray of float, shape (lines,)
+        mm.
+    phases : numpy.ndarray of float, shape (lines,)
+        Radians.
+    detection_even, detection_odd : numpy.ndarray of int
+        Lines of the band that are left out: power found there in a response is even or odd nonlinearity.
+    """
+
+    period: float
+    lines: np.ndarray
+    amplitudes: np.ndarray
+    phases: np.ndarray
+    detection_even: np.ndarray
+    detection_odd: np.ndarray
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Excited frequencies in Hz."""
+        return self.lines / self.period
+
+    @property
+    def rms(self) -> float:
+        """Root mean square over a period, mm."""
+        return float(np.sqrt(np.sum(self.amplitudes**2) / 2))
+
+    @property
+    def peak(self) -> float:
+        """Largest absolute value, between samples too, mm."""
+        return float(np.abs(self._fine()).max())
+
+    @property
+    def crest_factor(self) -> float:
+        """Peak over root mean square."""
+        return crest_factor(self._fine())
+
+    def _fine(self) -> np.ndarray:
+        return one_period(self.lines, self.amplitudes, self.phases, fine_samples(self.lines))
+
+    def sampled(self, rate: float, periods: int) -> np.ndarray:
+        """`periods` periods at `rate` Hz, from t = 0; shape (periods * period * rate,).
+
+        Raises
+        ------
+        InputError
+            A period is no whole number of samples: the periods would not repeat.
+        """
+        samples = round(self.period * rate)
+        if abs(samples - self.period * rate) > 1e-9 * samples:
+            raise InputError(
+                f"signals.multisine.period_s of {self.period:g} s is {self.period * rate:g} samples at "
+                f"{rate:g} Hz; a period must be a whole number of samples"
+            )
+        return np.tile(one_period(self.lines, self.amplitudes, self.phases, samples), periods)
+
+
+def excited_lines(
+    period: float, band: float, grid: str, detection_group: int, seed: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lines of a full or an odd grid, and the lines left out to detect nonlinearity.
+
+    On the odd grid one line, drawn at random, is left out of every `detection_group` consecutive odd lines:
+    random places keep products of regular gaps from hiding.
+
+    Parameters
+    ----------
+    period : float
+        Seconds; the lines lie 1/period Hz apart.
+    band : float
+        Upper end of the band in Hz, included.
+    grid : str
+        ``"full"`` or ``"odd"``.
+    detection_group : int
+        Odd lines of which one is left out.
+    seed : int
+
+    Returns
+    -------
+    excited, detection_even, detection_odd : numpy.ndarray of int
+
+    Raises
+    ------
+    InputError
+        The band holds too few lines.
+
+    References
+    ----------
+    R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach (2012), section 4.3.
+    """
+    highest = int(np.floor(band * period + 1e-9))
+    every = np.arange(1, highest + 1)
+    if grid == "full":
+        if highest < 1:
+            raise InputError(
+                f"a multisine of {period:g} s period has no line up to {band:g} Hz: lengthen period_s"
+            )
+        return every, np.array([], dtype=int), np.array([], dtype=int)
+    odd, even = every[::2], every[1::2]
+    if len(odd) < 2 * detection_group:
+        raise InputError(
+            f"an odd grid of {period:g} s period has {len(odd)} odd line(s) up to {band:g} Hz; at least "
+            f"{2 * detection_group} are needed with signals.multisine.detection_group {detection_group}"
+        )
+    rng = np.random.default_rng([seed, 2])
+    starts = range(0, len(odd) - detection_group + 1, detection_group)
+    left_out = np.array([odd[start + rng.integers(detection_group)] for start in starts])
+    return np.setdiff1d(odd, left_out), even, left_out
+
+
+def schroeder_phases(amplitudes: np.ndarray) -> np.ndarray:
+    """Schroeder's phases φ_k = −2π Σ_{n<k} (k−n) p_n, with p_n the share of the power in line n.
+
+    For N equal amplitudes φ_k = −π k(k−1)/N. The signal then sweeps through its lines like a chirp, each for
+    a time in proportion to its power. `k` counts the excited lines, so that a signal of odd lines sweeps in
+    half a period, as its odd symmetry demands.
+
+    Parameters
+    ----------
+    amplitudes : numpy.ndarray of float, shape (lines,)
+
+    Returns
+    -------
+    numpy.ndarray of float, shape (lines,)
+        Radians; the first is 0.
+
+    References
+    ----------
+    M. R. Schroeder, IEEE Trans. Inf. Theory 16 (1970) 85-89, eq. 11.
+    """
+    share = amplitudes**2 / np.sum(amplitudes**2)
+    below = np.concatenate([[0.0], np.cumsum(share)[:-1]])
+    return -2 * np.pi * np.cumsum(below)
+
+
+def design_multisine(
+    period: float,
+    band: float,
+    grid: str = "full",
+    detection_group: int = 4,
+    phases: str = "schroeder",
+    amplitude_exponent: float = 0.0,
+    seed: int = 0,
+) -> Multisine:
+    """Design a multisine of unit RMS.
+
+    Parameters
+    ----------
+    period : float
+        Seconds.
+    band : float
+        Upper end of the band in Hz; the lowest line is 1/period.
+    grid : str
+        ``"full"`` (thesis) or ``"odd"``, see `excited_lines`.
+    detection_group : int
+        See `excited_lines`.
+    phases : str
+        ``"schroeder"`` (thesis), ``"clipped"`` (lowest crest factor, see
+        `lumbar.tissue.signals.crest_factor.clipped_phases`) or ``"zero"`` (an impulse train; only to compare with).
+    amplitude_exponent : float
+        Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1.
+    seed : int
+        For the detection lines.
+
+    Returns
+    -------
+    Multisine
+
+    Raises
+    ------
+    InputError
+        Unknown grid or phases, or too few lines.
+    """
+    if grid not in GRIDS or phases not in PHASE_RULES:
+        raise InputError(
+            f"multisine with grid {grid!r} and phases {phases!r}; grids: {', '.join(GRIDS)}; "
+            f"phases: {', '.join(PHASE_RULES)}"
+        )
+    lines, even, odd = excited_lines(period, band, grid, detection_group, seed)
+    shape = (lines / lines[0]) ** amplitude_exponent
+    amplitudes = shape / np.sqrt(np.sum(shape**2) / 2)
+    angles = np.zeros(len(lines)) if phases == "zero" else schroeder_phases(amplitudes)
+    if phases == "clipped":
+        angles = clipped_phases(lines, amplitudes, angles)
+    return Multisine(period, lines, amplitudes, angles, even, odd)

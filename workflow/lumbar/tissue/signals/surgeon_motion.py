@@ -1,0 +1,247 @@
+"""Bandwidth of the surgeons' tool motion: spectra of all trials, pooled, with an interval over surgeons."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.records.record import Record
+from lumbar.tissue.signals.bandwidth import level_frequency, power_share_frequency
+from lumbar.tissue.signals.welch import QUANTITIES, position_psd, velocity_psd
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.settings.surgeon import BandwidthSettings, WelchSettings
+
+POOLED = "pooled"
+"""Name of the mean of all trials in the table of spectra."""
+PSD_UNITS = {"position": "mm²/Hz", "velocity": "(mm/s)²/Hz"}
+
+
+@dataclass(frozen=True)
+class MotionSpectra:
+    """Spectra of all trials on one set of frequencies.
+
+    Attributes
+    ----------
+    names, surgeons : tuple of str
+        Trial and surgeon of every row.
+    frequency : numpy.ndarray of float, shape (lines,)
+        Hz.
+    psd : dict of str to numpy.ndarray of float, shape (trials, lines)
+        By quantity: ``"position"`` in mm²/Hz, ``"velocity"`` in (mm/s)²/Hz.
+    """
+
+    names: tuple[str, ...]
+    surgeons: tuple[str, ...]
+    frequency: np.ndarray
+    psd: dict[str, np.ndarray]
+
+    def pooled(self, quantity: str) -> np.ndarray:
+        """Mean over surgeons of the mean over each one's trials, shape (lines,)."""
+        return _surgeon_weights(self.surgeons) @ self.psd[quantity]
+
+
+def motion_spectra(
+    records: Sequence[Record], surgeons: Sequence[str], settings: WelchSettings
+) -> MotionSpectra:
+    """Spectra of position and velocity of every trial.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        With a channel ``position`` in mm.
+    surgeons : sequence of str
+        Who moved the tool, one per record.
+    settings : WelchSettings
+
+    Returns
+    -------
+    MotionSpectra
+
+    Raises
+    ------
+    InputError
+        A name stands twice; a trial is shorter than a segment, is not in mm, or its rate gives other
+        frequency lines than the rest.
+    """
+    names = [record.name for record in records]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        raise InputError(f"surgeon.records: {name!r} stands twice; names of trials must differ")
+    estimators = {"position": position_psd, "velocity": velocity_psd}
+    rows: dict[str, list[np.ndarray]] = {quantity: [] for quantity in QUANTITIES}
+    lines = None
+    for record in records:
+        if record.channels["position"].unit != "mm":
+            unit = record.channels["position"].unit
+            raise InputError(
+                f"{record.source}: position is in {unit!r}; mm is needed: give a scale in surgeon.layout"
+            )
+        for quantity in QUANTITIES:
+            try:
+                frequency, psd = estimators[quantity](record["position"], 1 / record.sampling_time, settings)
+            except InputError as error:
+                raise InputError(f"{record.source or record.name}: {error}") from None
+            lines = frequency if lines is None else lines
+            if len(frequency) != len(lines) or not np.allclose(frequency, lines, rtol=1e-4):
+                raise InputError(
+                    f"{record.source or record.name}: sampled at {1 / record.sampling_time:g} Hz, unlike "
+                    f"{records[0].name} at {1 / records[0].sampling_time:g} Hz: set surgeon.rate_Hz"
+                )
+            rows[quantity].append(psd)
+    return MotionSpectra(
+        names=tuple(names),
+        surgeons=tuple(surgeons),
+        frequency=lines,
+        psd={quantity: np.array(values) for quantity, values in rows.items()},
+    )
+
+
+def spectra_table(spectra: MotionSpectra) -> pd.DataFrame:
+    """Spectra as a tidy table, one row per record, quantity and frequency; the mean is called ``pooled``."""
+    import pandas as pd
+
+    parts = []
+    for quantity, rows in spectra.psd.items():
+        named = [*zip(spectra.names, spectra.surgeons, rows, strict=True)]
+        for name, surgeon, row in [*named, (POOLED, "all", spectra.pooled(quantity))]:
+            parts.append(
+                pd.DataFrame(
+                    {
+                        "record": name,
+                        "surgeon": surgeon,
+                        "quantity": quantity,
+                        "frequency_Hz": spectra.frequency,
+                        "psd": row,
+                        "unit": PSD_UNITS[quantity],
+                    }
+                )
+            )
+    return pd.concat(parts, ignore_index=True)
+
+
+def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed: int) -> dict:
+    """Bandwidths of the pooled spectra by both rules, with intervals, and those of every trial.
+
+    The interval comes from a two-stage bootstrap: surgeons are drawn with replacement, then trials of each
+    drawn surgeon, since trials of one surgeon are alike. With few surgeons plain percentiles of the draws are
+    too narrow. The distances of the 16 % and 84 % points from the value on a logarithmic scale (one standard
+    deviation for normal draws) are therefore multiplied by Student's t with one degree of freedom less than
+    there are surgeons. Over simulated populations the interval of 95 % held the truth in 90 % of cases for 4
+    and for 12 surgeons, percentiles in 76 % and 90 %. With one surgeon only trials are drawn and the interval
+    says nothing of other surgeons; with one trial there is none.
+
+    Parameters
+    ----------
+    spectra : MotionSpectra
+    settings : BandwidthSettings
+    seed : int
+        Seed of the bootstrap.
+
+    Returns
+    -------
+    dict
+        ``position`` and ``velocity``, each with ``power_share`` and ``level``: ``value_Hz``, ``low_Hz``,
+        ``high_Hz`` (``None``: not within the analysis band, or no interval). ``power_share`` has also
+        ``without_limit_Hz``: the same rule on the whole spectrum, tremor and noise included. Beside them
+        ``analysis_band_Hz``, ``rules``, ``interval`` and ``trials``.
+
+    References
+    ----------
+    A. C. Davison, D. V. Hinkley, Bootstrap Methods and their Application (1997), section 3.8.
+    """
+    weights = _bootstrap_weights(spectra.surgeons, settings.resamples, seed)
+    people = len(set(spectra.surgeons))
+    freedom = (people if people > 1 else len(spectra.names)) - 1
+    result: dict = {
+        "schema": "lumbar.bandwidth/1",
+        "analysis_band_Hz": [float(spectra.frequency[1]), settings.maximum_Hz],
+        "rules": {"power_share": settings.power_share, "level_dB": settings.level_dB},
+    }
+    for quantity in QUANTITIES:
+        pooled = spectra.pooled(quantity)
+        draws = [_by_rule(spectra.frequency, row, settings) for row in weights @ spectra.psd[quantity]]
+        result[quantity] = {}
+        for rule, value in _by_rule(spectra.frequency, pooled, settings).items():
+            low, high = _interval(
+                value, [draw[rule] for draw in draws], settings.confidence, freedom, settings.maximum_Hz
+            )
+            result[quantity][rule] = {"value_Hz": value, "low_Hz": low, "high_Hz": high}
+        result[quantity]["power_share"]["without_limit_Hz"] = power_share_frequency(
+            spectra.frequency, pooled, settings.power_share, float(spectra.frequency[-1])
+        )
+    result["interval"] = _interval_facts(spectra, settings, seed)
+    result["trials"] = [
+        {
+            "name": name,
+            "surgeon": surgeon,
+            **{q: _by_rule(spectra.frequency, spectra.psd[q][index], settings) for q in QUANTITIES},
+        }
+        for index, (name, surgeon) in enumerate(zip(spectra.names, spectra.surgeons, strict=True))
+    ]
+    return result
+
+
+def _by_rule(frequency: np.ndarray, psd: np.ndarray, settings: BandwidthSettings) -> dict[str, float | None]:
+    return {
+        "power_share": power_share_frequency(frequency, psd, settings.power_share, settings.maximum_Hz),
+        "level": level_frequency(frequency, psd, settings.level_dB, settings.maximum_Hz),
+    }
+
+
+def _interval_facts(spectra: MotionSpectra, settings: BandwidthSettings, seed: int) -> dict:
+    count = len(set(spectra.surgeons))
+    resampled = "surgeons, then their trials" if count > 1 else "trials" if len(spectra.names) > 1 else None
+    return {
+        "confidence": settings.confidence,
+        "resamples": settings.resamples,
+        "resampled": resampled,
+        "surgeons": count,
+        "trials": len(spectra.names),
+        "seed": seed,
+    }
+
+
+def _surgeon_weights(surgeons: Sequence[str]) -> np.ndarray:
+    """Weight of every trial in the pooled spectrum: surgeons count alike, however many trials each has."""
+    names = sorted(set(surgeons))
+    return np.array([1 / (len(names) * surgeons.count(surgeon)) for surgeon in surgeons])
+
+
+def _bootstrap_weights(surgeons: Sequence[str], resamples: int, seed: int) -> np.ndarray:
+    """Weights of the trials in every resample, shape (resamples, trials); no rows for a single trial."""
+    if len(surgeons) < 2:
+        return np.empty((0, len(surgeons)))
+    rng = np.random.default_rng([seed, 1])
+    trials = [np.flatnonzero(np.array(surgeons) == name) for name in sorted(set(surgeons))]
+    weights = np.zeros((resamples, len(surgeons)))
+    for row in weights:
+        for surgeon in rng.integers(len(trials), size=len(trials)):
+            own = trials[surgeon]
+            np.add.at(row, own[rng.integers(len(own), size=len(own))], 1 / (len(trials) * len(own)))
+    return weights
+
+
+def _interval(
+    value: float | None, draws: list[float | None], confidence: float, freedom: int, maximum: float
+) -> tuple[float | None, float | None]:
+    """Return the ends of an interval; ``None`` where there is no end within the analysis band.
+
+    A draw that did not reach its level lies above all others.
+    """
+    from scipy.stats import norm, t
+
+    if value is None or not draws:
+        return None, None
+    # "closest_observation" picks a draw: interpolating towards an infinite one would give NaN.
+    ordered = np.array([np.inf if draw is None else draw for draw in draws])
+    below, above = np.quantile(ordered, norm.cdf([-1.0, 1.0]), method="closest_observation")
+    widening = t.ppf((1 + confidence) / 2, freedom)
+    low = value * min(below / value, 1.0) ** widening
+    high = value * max(above / value, 1.0) ** widening
+    return float(low), (float(high) if high <= maximum else None)

@@ -1,0 +1,289 @@
+"""The within-subject analysis of the ratings: every participant rated every model, and the tests use it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import NumericalError
+from lumbar.records.ratings import Ratings
+from lumbar.tables.table import Table
+from lumbar.tissue.survey.signed_rank import SignedRank, signed_rank_test
+from lumbar.tissue.survey.table_3_2 import Overall, holm, pairs, reality_notes
+
+if TYPE_CHECKING:
+    from lumbar.settings.survey import SurveySettings
+
+
+def friedman(ratings: Ratings) -> tuple[Overall, float]:
+    """Friedman's test with tie correction, and Kendall's coefficient of concordance.
+
+    Returns
+    -------
+    Overall
+        Chi-square approximation of Friedman's test.
+    float
+        Kendall's W = chi2 / (participants (models − 1)): 0 where the participants rank the models at random,
+        1 where all rank them alike.
+
+    Raises
+    ------
+    NumericalError
+        With fewer than three models, or if no participant tells any two models apart.
+    """
+    from scipy.stats import friedmanchisquare
+
+    participants, models = ratings.scores.shape
+    if models < 3:
+        raise NumericalError(f"Friedman's test: {models} models; it needs at least 3")
+    if (np.ptp(ratings.scores, axis=1) == 0).all():
+        raise NumericalError(
+            "Friedman's test: every participant rated all models alike; there is nothing to rank"
+        )
+    result = friedmanchisquare(*ratings.scores.T)
+    dof = models - 1
+    overall = Overall(float(result.statistic), dof, float(result.pvalue))
+    return overall, overall.statistic / (participants * dof)
+
+
+def vargha_delaney(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Probability that a rating of the first model exceeds one of the second, ties counted half.
+
+    Parameters
+    ----------
+    first, second : numpy.ndarray, shape (..., points)
+        How often each point of the scale was given, in rising order.
+
+    Returns
+    -------
+    numpy.ndarray, shape (...)
+        Â of A. Vargha and H. D. Delaney, J. Educ. Behav. Stat. 25 (2000) 101-132: 1/2 where neither tends to
+        be rated higher.
+    """
+    below = np.cumsum(second, axis=-1) - second
+    return (first * (below + second / 2)).sum(axis=-1) / (first.sum(axis=-1) * second.sum(axis=-1))
+
+
+def resampled_counts(ratings: Ratings, resamples: int, seed: list[int]) -> np.ndarray:
+    """Rating counts of bootstrap samples of participants.
+
+    Each sample draws whole participants with replacement, so ratings of one person stay together.
+    Participants with the same answers are drawn as one class (multinomially), which costs the same for 45
+    participants as for 45 000.
+
+    Parameters
+    ----------
+    resamples : int
+        Number of samples.
+    seed : list of int
+        Seed of `numpy.random.default_rng`.
+
+    Returns
+    -------
+    numpy.ndarray of float, shape (resamples, models, scale_points)
+    """
+    answers, frequency = np.unique(ratings.scores, axis=0, return_counts=True)
+    drawn = np.random.default_rng(seed).multinomial(len(ratings), frequency / len(ratings), size=resamples)
+    points = np.arange(1, ratings.scale_points + 1)
+    given = (answers[:, :, None] == points).astype(float)
+    return np.tensordot(drawn.astype(float), given, axes=1)
+
+
+def superiority_interval(first: np.ndarray, second: np.ndarray, confidence: float) -> np.ndarray:
+    """Percentile bootstrap intervals of Vargha and Delaney's Â.
+
+    Parameters
+    ----------
+    first, second : numpy.ndarray, shape (resamples, points)
+        Rating counts of the two models in the same bootstrap samples.
+    confidence : float
+        E.g. 0.95.
+
+    Returns
+    -------
+    numpy.ndarray, shape (4,)
+        In rising order: the outer two are the interval, the inner two that of confidence 1 − 2 (1 −
+        confidence), which serves the two one-sided tests of equivalence.
+    """
+    tail = 1 - confidence
+    return np.quantile(vargha_delaney(first, second), [tail / 2, tail, 1 - tail, 1 - tail / 2])
+
+
+@dataclass(frozen=True)
+class PairedComparison:
+    """Two models rated by the same participants.
+
+    Attributes
+    ----------
+    first, second : str
+        The models.
+    higher, equal, lower : int
+        Participants who rated the first model higher than, like, or lower than the second.
+    test : SignedRank
+        Wilcoxon's test of the differences.
+    p_holm : float
+        Its p-value after Holm's correction over all pairs.
+    superiority : float
+        Vargha and Delaney's Â of the first model over the second.
+    low, high : float
+        Interval of Â at the confidence asked for.
+    narrow_low, narrow_high : float
+        Interval that serves the two one-sided tests of equivalence, of confidence 1 − 2 (1 − confidence).
+    """
+
+    first: str
+    second: str
+    higher: int
+    equal: int
+    lower: int
+    test: SignedRank
+    p_holm: float
+    superiority: float
+    low: float
+    high: float
+    narrow_low: float
+    narrow_high: float
+
+    def equivalent(self, margin: float) -> bool:
+        """Whether two one-sided tests show Â to lie within `margin` of 1/2 (inclusion of the interval)."""
+        return 0.5 - margin <= self.narrow_low and self.narrow_high <= 0.5 + margin
+
+
+def compare_pairs(
+    ratings: Ratings, zeros: str, confidence: float, resamples: int, seed: int
+) -> list[PairedComparison]:
+    """Compare every pair of models within participants.
+
+    Parameters
+    ----------
+    zeros : {"pratt", "wilcox"}
+        See `lumbar.tissue.survey.signed_rank.signed_rank_test`.
+    confidence : float
+        Of the percentile bootstrap intervals of Â, e.g. 0.95.
+    resamples : int
+        Bootstrap samples of participants.
+    seed : int
+        Seed of the bootstrap.
+
+    Returns
+    -------
+    list of PairedComparison
+        In the order of `lumbar.tissue.survey.table_3_2.pairs`.
+    """
+    differences = {pair: ratings.of(pair[0]) - ratings.of(pair[1]) for pair in pairs(ratings)}
+    tests = {pair: signed_rank_test(difference, zeros) for pair, difference in differences.items()}
+    adjusted = holm(np.array([test.p_value for test in tests.values()]))
+    counts = dict(zip(ratings.models, ratings.counts(), strict=True))
+    drawn = np.moveaxis(resampled_counts(ratings, resamples, [seed, 1]), 1, 0)
+    samples = dict(zip(ratings.models, drawn, strict=True))
+    comparisons = []
+    for (pair, difference), p_holm in zip(differences.items(), adjusted, strict=True):
+        low, narrow_low, narrow_high, high = superiority_interval(
+            samples[pair[0]], samples[pair[1]], confidence
+        )
+        comparisons.append(
+            PairedComparison(
+                first=pair[0],
+                second=pair[1],
+                higher=int((difference > 0).sum()),
+                equal=int((difference == 0).sum()),
+                lower=int((difference < 0).sum()),
+                test=tests[pair],
+                p_holm=float(p_holm),
+                superiority=float(vargha_delaney(counts[pair[0]], counts[pair[1]])),
+                low=float(low),
+                high=float(high),
+                narrow_low=float(narrow_low),
+                narrow_high=float(narrow_high),
+            )
+        )
+    return comparisons
+
+
+def paired_table(
+    ratings: Ratings, comparisons: list[PairedComparison], settings: SurveySettings, data: str
+) -> Table:
+    """Table of the within-subject analysis: one row per pair of models.
+
+    Parameters
+    ----------
+    settings : SurveySettings
+    """
+    import pandas as pd
+
+    margin = settings.negligible_A
+    frame = pd.DataFrame(
+        {
+            "model_a": [item.first for item in comparisons],
+            "model_b": [item.second for item in comparisons],
+            "a_higher": [item.higher for item in comparisons],
+            "equal": [item.equal for item in comparisons],
+            "a_lower": [item.lower for item in comparisons],
+            "rank_sum": [item.test.statistic for item in comparisons],
+            "rank_sum_expected": [item.test.expected for item in comparisons],
+            "p_wilcoxon": [item.test.p_value for item in comparisons],
+            "p_holm": [item.p_holm for item in comparisons],
+            "distribution": ["exact" if item.test.exact else "normal" for item in comparisons],
+            "A": [item.superiority for item in comparisons],
+            "A_low": [item.low for item in comparisons],
+            "A_high": [item.high for item in comparisons],
+            "equivalent": ["yes" if item.equivalent(margin) else "not shown" for item in comparisons],
+        }
+    )
+    return Table(
+        title="Ratings of the force-feedback models compared within participants.",
+        frame=frame,
+        definitions=_definitions(settings),
+        data=data,
+        notes=_notes(ratings, comparisons, margin),
+        decimals=dict.fromkeys(("A", "A_low", "A_high"), 3) | {"rank_sum": 1, "rank_sum_expected": 1},
+    )
+
+
+def _definitions(settings: SurveySettings) -> dict[str, str]:
+    percent = f"{100 * settings.confidence:g} %"
+    zeros = {
+        "pratt": "zero differences are ranked with the others and their ranks dropped (Pratt)",
+        "wilcox": "zero differences are dropped before ranking (Wilcoxon)",
+    }[settings.zeros]
+    bound = f"{percent} percentile bootstrap interval of A, {settings.resamples} samples of participants"
+    margin = settings.negligible_A
+    return {
+        "model_a": "First model of the pair",
+        "model_b": "Second model of the pair",
+        "a_higher": "Participants who rated the first model higher",
+        "equal": "Participants who rated both alike",
+        "a_lower": "Participants who rated the first model lower",
+        "rank_sum": "Wilcoxon's signed-rank statistic: sum of the ranks of the positive differences",
+        "rank_sum_expected": "Its mean if the two models were rated alike",
+        "p_wilcoxon": f"Two-sided p-value of Wilcoxon's signed-rank test; {zeros}",
+        "p_holm": "The same after Holm's correction over all pairs",
+        "distribution": "exact: distribution counted over all signs of the tied ranks; normal: approximation",
+        "A": "Vargha and Delaney's A: probability that a rating of the first model exceeds one of the "
+        "second, ties "
+        "half; 0.5 is no difference",
+        "A_low": f"Lower end of the {bound}",
+        "A_high": "Upper end of the same interval",
+        "equivalent": f"yes: A is shown to lie within 0.5 ± {margin:g} (two one-sided tests at "
+        f"{1 - settings.confidence:.2g})",
+    }
+
+
+def _notes(ratings: Ratings, comparisons: list[PairedComparison], margin: float) -> tuple[str, ...]:
+    overall, concordance = friedman(ratings)
+    notes = [
+        f"Friedman's test over {len(ratings.models)} models: chi-square = {overall.statistic:.2f}, "
+        f"{overall.dof} "
+        f"degrees of freedom, p = {overall.p_value:#.2g}; Kendall's W = {concordance:.3f}; "
+        f"{len(ratings)} participants."
+    ]
+    for item in comparisons:
+        if item.test.p_value >= 0.05 and not item.equivalent(margin):
+            notes.append(
+                f"{item.first} and {item.second}: p = {item.test.p_value:#.2g} is not equivalence; A may lie "
+                f"anywhere "
+                f"from {item.low:.2f} to {item.high:.2f}."
+            )
+    return (*notes, *reality_notes(ratings))

@@ -1,0 +1,209 @@
+"""Table 3.2 as the thesis computed it: medians, modes, Kruskal-Wallis, Mann-Whitney, Holm.
+
+The tests treat the ratings of two models as independent samples, although every participant rated all models;
+`lumbar.tissue.survey.paired_analysis` holds the analysis that uses the pairing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from lumbar.base.errors import NumericalError
+from lumbar.records.ratings import NOT_REAL, Ratings
+from lumbar.tables.table import Table
+
+
+@dataclass(frozen=True)
+class Overall:
+    """A test of all models at once.
+
+    Attributes
+    ----------
+    statistic : float
+        Test statistic, corrected for ties.
+    dof : int
+        Degrees of freedom of its chi-square approximation.
+    p_value : float
+        Probability of a statistic at least as large if all models were rated alike.
+    """
+
+    statistic: float
+    dof: int
+    p_value: float
+
+
+def reality_notes(ratings: Ratings) -> tuple[str, ...]:
+    """Remark for every table of answers that were reconstructed and never given; empty for real answers."""
+    if NOT_REAL not in ratings.sources:
+        return ()
+    return (
+        "The answers are reconstructed: their margins (how often each rating and each pick was given) fit "
+        "the "
+        "published table, but which answers belong to one participant is not known. Results that use the "
+        "pairing "
+        "are a demonstration here, not evidence.",
+    )
+
+
+def pairs(ratings: Ratings) -> list[tuple[str, str]]:
+    """All pairs of models in the order of the table."""
+    return list(combinations(ratings.models, 2))
+
+
+def holm(p_values: np.ndarray) -> np.ndarray:
+    """Holm's step-down adjustment of a family of p-values (S. Holm, Scand. J. Stat. 6, 1979, 65-70)."""
+    from statsmodels.stats.multitest import multipletests
+
+    return multipletests(p_values, method="holm")[1]
+
+
+def kruskal_wallis(ratings: Ratings) -> Overall:
+    """Kruskal-Wallis H-test with tie correction (section 3.2.3.2 of the thesis).
+
+    Raises
+    ------
+    NumericalError
+        If every participant gave every model the same rating.
+    """
+    from scipy.stats import kruskal
+
+    if np.ptp(ratings.scores) == 0:
+        raise NumericalError("Kruskal-Wallis test: all ratings are equal, so there is nothing to compare")
+    result = kruskal(*ratings.scores.T)
+    return Overall(float(result.statistic), len(ratings.models) - 1, float(result.pvalue))
+
+
+def mann_whitney(ratings: Ratings) -> np.ndarray:
+    """Two-sided Mann-Whitney p-value of every pair of models, shape (pairs,), in the order of `pairs`.
+
+    Normal approximation with correction for ties and for continuity: the exact distribution of the statistic
+    does not hold for tied ratings. Two models whose ratings are all one and the same value have p = 1.
+    """
+    from scipy.stats import mannwhitneyu
+
+    p_values = []
+    for a, b in pairs(ratings):
+        both = np.concatenate([ratings.of(a), ratings.of(b)])
+        if np.ptp(both) == 0:
+            p_values.append(1.0)
+            continue
+        result = mannwhitneyu(
+            ratings.of(a), ratings.of(b), alternative="two-sided", method="asymptotic", use_continuity=True
+        )
+        p_values.append(float(result.pvalue))
+    return np.array(p_values)
+
+
+def modes(counts: np.ndarray) -> str:
+    """Every rating that was given most often, e.g. ``"4"``, or ``"3/4"`` for two modes."""
+    return "/".join(str(point) for point in np.flatnonzero(counts == counts.max()) + 1)
+
+
+def printed(p_value: float) -> str:
+    """Write a p-value as the thesis prints it: ``<0.001``, ``<0.05`` or the value to one decimal.
+
+    A value from 0.05 to 0.1 keeps two significant digits, since one decimal would hide on which side it lies.
+    """
+    if p_value < 0.001:
+        return "<0.001"
+    if p_value < 0.05:
+        return "<0.05"
+    return f"{p_value:.1f}" if p_value >= 0.1 else f"{p_value:.2g}"
+
+
+def table_3_2(ratings: Ratings, data: str) -> Table:
+    """Table 3.2 of the thesis.
+
+    Parameters
+    ----------
+    ratings : Ratings
+    data : str
+        Label of the data.
+
+    Returns
+    -------
+    Table
+        One row per model; the p-value of a pair stands in the row of its first model.
+    """
+    import pandas as pd
+
+    counts, participants = ratings.counts(), len(ratings)
+    columns: dict[str, list] = {
+        "model": list(ratings.models),
+        "median": [float(np.median(ratings.of(model))) for model in ratings.models],
+        "mode": [modes(row) for row in counts],
+        "mode_count": counts.max(axis=1).tolist(),
+        "best_percent": (100 * ratings.picks() / participants).tolist(),
+    }
+    p_values = mann_whitney(ratings)
+    adjusted = holm(p_values)
+    for prefix, values in (
+        ("p", p_values.tolist()),
+        ("p_holm", adjusted.tolist()),
+        ("printed", [printed(value) for value in p_values]),
+    ):
+        by_pair = dict(zip(pairs(ratings), values, strict=True))
+        for second in ratings.models[1:]:
+            columns[f"{prefix}_vs_{second}"] = [by_pair.get((first, second)) for first in ratings.models]
+    return Table(
+        title="Table 3.2: ratings of the force-feedback models, with the tests of the thesis.",
+        frame=pd.DataFrame(columns),
+        definitions=_definitions(ratings),
+        data=data,
+        notes=_notes(ratings, p_values, adjusted),
+        decimals={"best_percent": 2},
+        may_be_empty=frozenset(name for name in columns if "_vs_" in name),
+        headers=_HEADERS
+        | {name: f"p against {name.rpartition('_')[2]}" for name in columns if "printed" in name},
+        first=tuple(name for name in columns if not name.startswith("p_")),  # the thesis's columns
+    )
+
+
+_HEADERS = {"mode_count": "Times the mode was given", "best_percent": "Picked as the best (%)"}
+
+
+def _definitions(ratings: Ratings) -> dict[str, str]:
+    definitions = {
+        "model": "Force-feedback model",
+        "median": f"Median of the ratings from 1 (strongly disagree) to {ratings.scale_points} (strongly "
+        f"agree) "
+        "that the forces resembled those of the tissue analogue",
+        "mode": "Rating given most often (several: joined by a slash)",
+        "mode_count": "Number of participants who gave the mode",
+        "best_percent": "Share of participants who picked the model as the closest to the analogue, in "
+        "percent",
+    }
+    for second in ratings.models[1:]:
+        definitions[f"p_vs_{second}"] = (
+            f"p-value of the two-sided Mann-Whitney U-test against {second} (normal approximation, "
+            f"corrected for "
+            "ties and continuity), not adjusted for the number of pairs"
+        )
+        definitions[f"p_holm_vs_{second}"] = (
+            f"The same after Holm's correction over all {len(pairs(ratings))} pairs"
+        )
+        definitions[f"printed_vs_{second}"] = f"p_vs_{second} as the thesis prints it"
+    return definitions
+
+
+def _notes(ratings: Ratings, p_values: np.ndarray, adjusted: np.ndarray) -> tuple[str, ...]:
+    overall = kruskal_wallis(ratings)
+    changed = [
+        f"{a} and {b}"
+        for (a, b), p, p_holm in zip(pairs(ratings), p_values, adjusted, strict=True)
+        if p < 0.05 <= p_holm
+    ]
+    return (
+        f"Kruskal-Wallis over {len(ratings.models)} models: H = {overall.statistic:.2f}, {overall.dof} "
+        f"degrees of "
+        f"freedom, p = {overall.p_value:#.2g}; {len(ratings)} participants.",
+        "Pairs that lose significance at 0.05 by Holm's correction: " + (", ".join(changed) or "none") + ".",
+        "Every participant rated all models, so the ratings are not independent samples as these tests "
+        "assume: "
+        "see the within-subject analysis (survey_paired).",
+        "A large p-value is no proof that two models are rated alike.",
+        *reality_notes(ratings),
+    )

@@ -1,0 +1,218 @@
+"""A cohort of synthetic lifters: people and their lifts drawn from declared distributions.
+
+The twin holds the truth; what a study knows of a person, mass and stature, is measured with an error. Every person and every
+lift has random numbers of its own, so that whoever is added, or does another trial, changes nobody else.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.twin import CohortGroup, SyntheticLift, SyntheticPerson, TrueEvents
+from lumbar.twin.lifting_recordings import write_lift
+
+if TYPE_CHECKING:
+    from lumbar.settings.twin import CohortSettings, SyntheticLiftingSettings
+
+FARTHEST_SD = 2.5
+"""Standard deviations beyond which nothing is drawn."""
+AFTER_RELEASE_S = 2.0
+"""How long a recording goes on."""
+POSTURES = tuple(
+    item.name
+    for item in fields(SyntheticLift)
+    if item.name in {own.name for own in fields(CohortGroup)} - {"foot_adjustment"}
+)
+"""Numbers of a lift that are drawn, in a fixed order."""
+_STREAMS = {"person": 11, "lift": 12, "noise": 13}
+
+
+@dataclass(frozen=True)
+class CohortPerson:
+    """One person of a cohort.
+
+    Attributes
+    ----------
+    name, group : str
+    sex : str
+    truth : SyntheticPerson
+        Mass and stature that move.
+    declared : SyntheticPerson
+        Mass and stature as measured.
+    habits : dict of str to float
+        The person's own mean of every number that is drawn.
+    """
+
+    name: str
+    group: str
+    sex: str
+    truth: SyntheticPerson
+    declared: SyntheticPerson
+    habits: dict[str, float]
+
+
+def _generator(seed: int, stream: str, name: str) -> np.random.Generator:
+    return np.random.default_rng([seed, _STREAMS[stream], zlib.crc32(name.encode())])
+
+
+def _normal(rng: np.random.Generator) -> float:
+    """Draw a standard normal number, without those beyond `FARTHEST_SD`."""
+    while abs(number := rng.standard_normal()) > FARTHEST_SD:
+        pass
+    return float(number)
+
+
+def person_names(cohort: CohortSettings) -> Iterator[tuple[str, str]]:
+    """Yield name and group of everybody, e.g. ``expert_0001``."""
+    for group, content in cohort.groups.items():
+        yield from ((f"{group}_{number:04d}", group) for number in range(1, content.persons + 1))
+
+
+def draw_person(cohort: CohortSettings, name: str, group: str, seed: int) -> CohortPerson:
+    """Draw one person.
+
+    Parameters
+    ----------
+    cohort : CohortSettings
+    name, group : str
+        As of `person_names`.
+    seed : int
+        The twin's.
+    """
+    rng, number = _generator(seed, "person", name), int(name.rsplit("_", 1)[1])
+    share = cohort.female_share
+    sex = "female" if math.floor(number * share) > math.floor((number - 1) * share) else "male"
+    tall, heavy = _normal(rng), _normal(rng)
+    correlation = cohort.stature_mass_correlation
+    heavy = correlation * tall + math.sqrt(1 - correlation**2) * heavy
+    (stature, stature_sd), (mass, mass_sd) = cohort.stature_m[sex], cohort.mass_kg[sex]
+    truth = SyntheticPerson(mass_kg=mass + mass_sd * heavy, height_m=stature + stature_sd * tall)
+    declared = SyntheticPerson(
+        mass_kg=round(truth.mass_kg + cohort.mass_error_kg * _normal(rng), 1),
+        height_m=round(truth.height_m + cohort.stature_error_m * _normal(rng), 3),
+    )
+    content = cohort.groups[group]
+    drawn = {item: getattr(content, item) for item in (*POSTURES, "tempo")}
+    habits = {item: max(mean + between * _normal(rng), 0.0) for item, (mean, between, _) in drawn.items()}
+    return CohortPerson(name, group, sex, truth, declared, habits)
+
+
+def lift_name(person: str, box_mass_kg: float, trial: int) -> str:
+    """Name of a lift, as a study names it."""
+    return f"{person}_{box_mass_kg:g}kg" + (f"_{trial}" if trial > 1 else "")
+
+
+def draw_lift(
+    cohort: CohortSettings, person: CohortPerson, box_mass_kg: float, trial: int, seed: int
+) -> SyntheticLift:
+    """Draw one lift of a person.
+
+    Parameters
+    ----------
+    cohort : CohortSettings
+    person : CohortPerson
+    box_mass_kg : float
+    trial : int
+        Counted from 1.
+    seed : int
+        The twin's.
+    """
+    rng = _generator(seed, "lift", lift_name(person.name, box_mass_kg, trial))
+    content = cohort.groups[person.group]
+    numbers = {
+        item: max(habit + getattr(content, item)[2] * _normal(rng), 0.0)
+        for item, habit in person.habits.items()
+    }
+    heavier = box_mass_kg - min(cohort.box_masses_kg)
+    # No movement lasts less than half of its usual time: the events keep their order.
+    slowness = max(numbers.pop("tempo"), 0.5) * (1 + cohort.slower_per_kg * heavier)
+    times = np.cumsum(np.multiply(slowness, cohort.durations_s))
+    return SyntheticLift(
+        person=person.name,
+        box_mass_kg=box_mass_kg,
+        foot_adjustment=bool(rng.random() < content.foot_adjustment),
+        events_s=TrueEvents(*(round(float(time), 3) for time in times)),
+        **numbers,
+    )
+
+
+def lifts_of(cohort: CohortSettings) -> Iterator[tuple[float, int]]:
+    """Yield box and number of every trial that a person does."""
+    for mass in cohort.box_masses_kg:
+        yield from ((mass, trial) for trial in range(1, cohort.trials + 1))
+
+
+def marker_file(person: str, box_mass_kg: float, trial: int) -> str:
+    """Marker file of a lift, below the recordings."""
+    return f"lifting/{person}/{lift_name(person, box_mass_kg, trial)}.c3d"
+
+
+def own_part(cohort: CohortSettings, group: str) -> CohortSettings:
+    """Return what one person's lifts hang on: neither other groups nor how many people there are."""
+    return replace(cohort, groups={group: replace(cohort.groups[group], persons=1)})
+
+
+def cohort_subjects(cohort: CohortSettings, seed: int) -> dict[str, SubjectSettings]:
+    """Return everybody as a study declares people: with measured mass and stature.
+
+    Parameters
+    ----------
+    cohort : CohortSettings
+    seed : int
+        The twin's.
+    """
+    subjects = {}
+    for name, group in person_names(cohort):
+        person = draw_person(cohort, name, group, seed)
+        trials = tuple(
+            TrialSettings(box_mass_kg=mass, markers=marker_file(name, mass, trial))
+            for mass, trial in lifts_of(cohort)
+        )
+        subjects[name] = SubjectSettings(
+            name=name, sex=person.sex, experience=group, trials=trials, **vars(person.declared)
+        )
+    return subjects
+
+
+def write_person(
+    settings: SyntheticLiftingSettings,
+    cohort: CohortSettings,
+    name: str,
+    group: str,
+    seed: int,
+    files: Mapping,
+) -> None:
+    """Move one person and write a marker file of every lift.
+
+    Parameters
+    ----------
+    settings : SyntheticLiftingSettings
+        Workplace, frames per second, noise and gaps.
+    cohort : CohortSettings
+    name, group : str
+        Of the person.
+    seed : int
+        The twin's.
+    files : mapping of (float, int) to path
+        C3D file of each box and trial.
+    """
+    person = draw_person(cohort, name, group, seed)
+    for (mass, trial), path in files.items():
+        lift = draw_lift(cohort, person, mass, trial, seed)
+        key = lift_name(name, mass, trial)
+        own = replace(
+            settings,
+            people={name: person.truth},
+            lifts={key: lift},
+            duration_s=math.ceil(lift.events_s.release + AFTER_RELEASE_S),
+        )
+        noise = [seed, _STREAMS["noise"], zlib.crc32(key.encode())]
+        write_lift(own, key, noise, Path(path), None)

@@ -1,0 +1,73 @@
+"""Recordings for examples, made in an instant: tissue tests in which base models miss dry friction, and a lift."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from lumbar.records.record import Channel, Record
+from lumbar.records.record_set import RecordSet
+from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, SyntheticPerson, TrueEvents
+from lumbar.twin.lifting_recordings import write_lift
+from lumbar.twin.tissue_recordings import tissue_force
+
+_STEP_S, _PERIOD_S = 0.02, 4.0
+
+
+def example_records() -> RecordSet:
+    """Return ``multisine``, six periods of 4 s, and ``other``, 16 s that never repeat: mm and N at 50 Hz.
+
+    A Kelvin–Boltzmann tissue (k1 1.8 N/mm, k2 0.9 N/mm, 0.15 s), dry friction of 0.4 N and noise of 0.01 N.
+
+    Examples
+    --------
+    >>> example_records()
+    2 records
+      multisine: 1200 samples at 50 Hz, 24 s; position (mm), force (N)
+      other: 800 samples at 50 Hz, 16 s; position (mm), force (N)
+    """
+    generator = np.random.default_rng(3)
+    lines = np.arange(1, 11) / _PERIOD_S
+    return RecordSet(
+        [
+            _test("multisine", lines, 6 * _PERIOD_S, generator),
+            _test("other", lines * np.sqrt(1.1), 16.0, generator),
+        ]
+    )
+
+
+def _test(name: str, frequencies: np.ndarray, duration: float, generator: np.random.Generator) -> Record:
+    time = np.arange(0, duration, _STEP_S)
+    turns = 2 * np.pi * np.outer(time, frequencies) + generator.uniform(0, 2 * np.pi, len(frequencies))
+    position = 0.5 * np.sin(turns).sum(axis=1)
+    speed = 0.5 * np.cos(turns) @ (2 * np.pi * frequencies)
+    force = tissue_force(time, position, 1.8, 0.9, 0.15, 0.0) + 0.4 * np.tanh(speed / 0.5)
+    force += 0.01 * generator.standard_normal(len(force))
+    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
+    return Record(name, time, channels, source="examples")
+
+
+def example_lift(path: str | os.PathLike) -> SubjectSettings:
+    """Write a lift of a box of 15 kg as a C3D file and return the person who lifts it."""
+    lift = SyntheticLift(
+        person="somebody",
+        box_mass_kg=15,
+        lift_flexion_deg=60,
+        lift_squat_m=0.33,
+        deposit_flexion_deg=23,
+        deposit_squat_m=0.06,
+        lateral_bending_deg=4,
+        lateral_sway_m=0.01,
+        hesitation_deg=0.4,
+        hesitation_Hz=1.3,
+        foot_adjustment=False,
+        events_s=TrueEvents(lift_off=2.3, toe_off=3.9, deposit_start=5.8, release=7.1),
+    )
+    person = SyntheticPerson(mass_kg=78, height_m=1.75)
+    settings = SyntheticLiftingSettings(people={"somebody": person}, lifts={"lift": lift})
+    write_lift(settings, "lift", [1], path, None)
+    trial = TrialSettings(box_mass_kg=15, markers=Path(path).name)
+    return SubjectSettings("somebody", "unknown", person.mass_kg, person.height_m, "expert", (trial,))

@@ -1,0 +1,53 @@
+"""All forms of all mechanisms, and the ones outside the catalogue."""
+
+from __future__ import annotations
+
+from lumbar.base.errors import InputError
+from lumbar.twin.hidden_effects import hidden_channel as channel
+from lumbar.twin.hidden_effects import hidden_damping as damping
+from lumbar.twin.hidden_effects import hidden_friction as friction
+from lumbar.twin.hidden_effects import hidden_stiffness as stiffness
+from lumbar.twin.hidden_effects import outside
+from lumbar.twin.hidden_effects.hidden_form import HiddenForm
+
+SINGLE = (*stiffness.FORMS, *friction.FORMS, *damping.FORMS, *channel.FORMS)
+"""Forms of the catalogue's mechanisms."""
+OUTSIDE_FORMS = outside.FORMS
+"""Forms of mechanisms that the catalogue does not hold."""
+MECHANISMS = tuple(dict.fromkeys(form.mechanism for form in SINGLE))
+"""Names of the mechanisms, as diagnoses name them."""
+PAIRS = (
+    ("coulomb_friction", "hardening_stiffness"),
+    ("drift", "quadratic_damping"),
+    ("quadratic_stiffness", "coulomb_friction"),
+    ("hysteresis", "inertia"),
+    ("delay", "hardening_stiffness"),
+    ("backlash", "quadratic_damping"),
+    ("contact_loss", "periodic_disturbance"),
+    ("second_relaxation", "hardening_stiffness"),
+    ("softening", "coulomb_friction"),
+    ("depth_dependent_damping", "saturation"),
+    ("inertia", "quadratic_stiffness"),
+    ("periodic_disturbance", "coulomb_friction"),
+)
+"""Mechanisms that occur together; the form of each is drawn."""
+
+
+def forms_of(mechanism: str) -> list[HiddenForm]:
+    """Forms of one mechanism."""
+    return [form for form in SINGLE if form.mechanism == mechanism]
+
+
+def form_named(label: str) -> HiddenForm:
+    """Form by its label ``mechanism:name``.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    for form in (*SINGLE, *OUTSIDE_FORMS):
+        if form.label == label:
+            return form
+    known = ", ".join(form.label for form in (*SINGLE, *OUTSIDE_FORMS))
+    raise InputError(f"form of a hidden effect: {label!r}; there are: {known}")

@@ -1,0 +1,96 @@
+"""Moment at the hip of a lifter, in which is hidden what Eq. 4.1 leaves out.
+
+Head, arms and trunk swing about the hip like a pendulum whose angle counts forward from straight up. The box in the hands
+and the stiffness of the passive tissues at the end of the range are no part of Eq. 4.1; `hidden` in the configuration says
+which of them there are.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.twin.lifter import Movement
+from lumbar.twin.swinging_body import Mass, Signal, Swing, constant, rate
+
+if TYPE_CHECKING:
+    from lumbar.settings.twin import SyntheticMomentSettings, SyntheticPerson, TrueEvents
+
+HAT_MASS, HAT_COM, HAT_GYRATION = 0.678, 0.626, 0.496
+"""Head, arms and trunk (Winter 2009, Table 4.1): share of body mass; distance of the centre of mass from the greater
+trochanter, and radius of gyration about the centre of mass, as shares of the distance from there to the glenohumeral
+joint."""
+TROCHANTER_TO_SHOULDER = 0.288
+"""Share of stature (Drillis and Contini, 1966)."""
+DECIMALS = {"time_s": 6, "angle_rad": 9, "moment_Nm": 3, "box_held": 9}
+"""Digits after the point that are recorded."""
+TAKE_OVER_S = 0.1
+"""How long the hands take to load the whole box."""
+
+
+def hip_moment(
+    time: np.ndarray,
+    angle: Signal,
+    held: Signal,
+    box_mass: float,
+    person: SyntheticPerson,
+    settings: SyntheticMomentSettings,
+    gravity_m_s2: float,
+    rng,
+):
+    """Record the hip moment of one movement.
+
+    Parameters
+    ----------
+    time : ndarray, shape (samples,)
+        Seconds.
+    angle, held : callable
+        Inclination of the trunk (rad) and share of the box that the hands carry, over time.
+    box_mass : float
+        kg.
+    person : SyntheticPerson
+    settings : SyntheticMomentSettings
+    gravity_m_s2 : float
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``time_s``, ``angle_rad``, ``moment_Nm``, ``box_held``.
+    """
+    import pandas as pd
+
+    hidden, segment = settings.hidden, TROCHANTER_TO_SHOULDER * person.height_m
+    mass = HAT_MASS * person.mass_kg
+    masses = [Mass(mass, constant(HAT_COM * segment))]
+    if hidden.hand_distance_m:
+        masses.append(Mass(box_mass, constant(hidden.hand_distance_m), held))
+    inertia = mass * (HAT_GYRATION * segment) ** 2
+    trunk = Swing(angle, tuple(masses), inertia, hanging=False, gravity=gravity_m_s2)
+    moment = trunk.moment(time) + settings.damping_N_m_s * rate(angle, time)
+    moment += hidden.stiffening_N_m * np.expm1(angle(time) / hidden.stiffening_angle_rad)
+    moment += rng.normal(0, settings.noise_N_m, len(time))
+    columns = {"time_s": time, "angle_rad": angle(time), "moment_Nm": moment, "box_held": held(time)}
+    # As an instrument writes: what rounding leaves in further digits differs between processors, and at rest, where it
+    # is all there is, a diagnosis would take it for motion. Adding zero turns −0 into 0.
+    return pd.DataFrame({name: np.round(column, DECIMALS[name]) + 0.0 for name, column in columns.items()})
+
+
+def trunk_angle(movement: Movement) -> Signal:
+    """Inclination of the trunk between the movement's frames, at rest before and after it."""
+    from scipy.interpolate import make_interp_spline
+
+    spline = make_interp_spline(movement.time, movement.hip_angle, k=5)
+    return lambda time: spline(np.clip(time, movement.time[0], movement.time[-1]))
+
+
+def box_held(events: TrueEvents) -> Signal:
+    """Share of the box that the hands carry: from lift-off to release."""
+
+    def held(time):
+        taken = np.clip((time - events.lift_off) / TAKE_OVER_S, 0, 1)
+        left = np.clip((time - events.release) / TAKE_OVER_S, 0, 1)
+        return np.sin(0.5 * np.pi * taken) ** 2 - np.sin(0.5 * np.pi * left) ** 2
+
+    return held

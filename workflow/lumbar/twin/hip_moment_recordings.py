@@ -1,0 +1,106 @@
+"""Trials of the hip moment alone: one lift of the synthetic twin again and again, with and without a box."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.base.files import write_csv
+from lumbar.twin.hip_moment import box_held, hip_moment, trunk_angle
+from lumbar.twin.lifter import Movement
+from lumbar.twin.lifting_recordings import true_movement
+from lumbar.twin.swinging_body import GRAVITY
+
+if TYPE_CHECKING:
+    from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, SyntheticPerson
+
+
+def trial_moment(
+    name: str,
+    settings: SyntheticLiftingSettings,
+    movement: Movement,
+    lift: SyntheticLift,
+    person: SyntheticPerson,
+    gravity_m_s2: float,
+    rng,
+):
+    """Record the hip moment of a trial: one lift again and again, faster or slower.
+
+    Parameters
+    ----------
+    name : str
+        Of the trial, in ``twin.lifting.hip_moment.trials``.
+    settings : SyntheticLiftingSettings
+    movement : Movement
+        Of the lift that is repeated.
+    lift : SyntheticLift
+    person : SyntheticPerson
+    gravity_m_s2 : float
+    rng : numpy.random.Generator
+        For the noise and for the differences between repetitions.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `hip_moment`.
+    """
+    trial = settings.hip_moment.trials[name]
+    once, cycle = trunk_angle(movement), settings.duration_s
+    scale = 1 + trial.variation * rng.standard_normal(trial.repetitions)
+    held_once = box_held(lift.events_s)
+
+    def phase(time):
+        """Which repetition, and the time within the lift."""
+        lifting = np.clip(time * trial.pace, 0, cycle * trial.repetitions - 1e-9)
+        return (lifting // cycle).astype(int), lifting % cycle
+
+    def angle(time):
+        repetition, within = phase(time)
+        return scale[repetition] * once(within)
+
+    def held(time):
+        return trial.with_box * held_once(phase(time)[1])
+
+    samples = round(cycle * trial.repetitions / trial.pace * settings.rate_Hz)
+    time = np.arange(samples) / settings.rate_Hz
+    return hip_moment(time, angle, held, lift.box_mass_kg, person, settings.hip_moment, gravity_m_s2, rng)
+
+
+def write_trials(
+    settings: SyntheticLiftingSettings,
+    names: list[str],
+    paths: list,
+    seed: list[int],
+    gravity_m_s2: float = GRAVITY,
+) -> None:
+    """Write the trials of a study as CSV files.
+
+    Parameters
+    ----------
+    settings : SyntheticLiftingSettings
+    names : list of str
+        Trials of ``hip_moment.trials``.
+    paths : list of path
+        File of each.
+    seed : list of int
+    gravity_m_s2 : float
+
+    Raises
+    ------
+    InputError
+        If the twin has no such trial, or a trial no such lift.
+    """
+    known = settings.hip_moment.trials
+    for name, path in zip(names, paths, strict=True):
+        if name not in known:
+            raise InputError(
+                f"twin.lifting.hip_moment.trials: no trial {name!r}; the twin has {', '.join(known)}: add it there"
+            )
+        lift = known[name].lift
+        movement = true_movement(settings, lift)
+        content = settings.lifts[lift]
+        rng = np.random.default_rng([*seed, list(known).index(name)])
+        person = settings.people[content.person]
+        write_csv(path, trial_moment(name, settings, movement, content, person, gravity_m_s2, rng))

@@ -1,0 +1,133 @@
+"""Lifting recordings of the synthetic twin: marker files (C3D) and the hip moment beside each."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.base.files import write_csv
+from lumbar.twin.c3d_writer import write_c3d
+from lumbar.twin.hip_moment import box_held, hip_moment, trunk_angle
+from lumbar.twin.lifter import Movement, simulate
+from lumbar.twin.swinging_body import GRAVITY
+
+if TYPE_CHECKING:
+    from lumbar.settings.twin import SyntheticLiftingSettings
+
+MAXIMUM_FRAMES = 65534
+"""The header of a C3D file counts frames in 16 bits, and its largest value means "more"."""
+
+
+def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
+    """Movement of one lift without noise or gaps.
+
+    Parameters
+    ----------
+    settings : SyntheticLiftingSettings
+    lift : str
+        E.g. ``"expert_23kg"``.
+
+    Raises
+    ------
+    InputError
+        If the twin knows no such lift or person, or its events are not in order.
+    """
+    if lift not in settings.lifts:
+        known = ", ".join(settings.lifts)
+        raise InputError(
+            f"twin.lifting.lifts: no lift {lift!r}; the twin has {known}: add its movement there"
+        )
+    content = settings.lifts[lift]
+    if content.person not in settings.people:
+        known = ", ".join(settings.people)
+        raise InputError(f"twin.lifting.lifts.{lift}.person: {content.person!r}; people: {known}")
+    events = content.events_s
+    order = [1.2, events.lift_off, events.toe_off, events.deposit_start, events.release]
+    if np.any(np.diff([*order, settings.duration_s - 0.3]) < 0.2):
+        raise InputError(
+            f"twin.lifting.lifts.{lift}.events_s: {vars(events)}; lift_off (from 1.4 s on), toe_off, "
+            "deposit_start and "
+            "release must follow at least 0.2 s apart and end 0.5 s before duration_s "
+            f"({settings.duration_s} s)"
+        )
+    frames = round(settings.duration_s * settings.rate_Hz)
+    if frames > MAXIMUM_FRAMES:
+        raise InputError(
+            f"twin.lifting: {settings.duration_s:g} s at {settings.rate_Hz:g} Hz are {frames} frames; "
+            f"a C3D file counts up to {MAXIMUM_FRAMES}: shorten duration_s or lower rate_Hz"
+        )
+    time = np.arange(frames) / settings.rate_Hz
+    return simulate(time, settings.people[content.person], content, settings.workplace)
+
+
+def write_lift(
+    settings: SyntheticLiftingSettings,
+    lift: str,
+    seed: list[int],
+    markers_path,
+    moment_path,
+    gravity_m_s2: float = GRAVITY,
+) -> None:
+    """Write one lift as a C3D file and the moment at the hip as a CSV file.
+
+    Parameters
+    ----------
+    settings : SyntheticLiftingSettings
+    lift : str
+    seed : list of int
+        Seed of the noise and the gaps.
+    markers_path : path
+        C3D file to write.
+    moment_path : path or None
+        CSV file to write; None leaves the moment out.
+    gravity_m_s2 : float
+        In the moment.
+    """
+    movement = true_movement(settings, lift)
+    rng = np.random.default_rng(seed)
+    measured = {
+        name: points + rng.normal(0, settings.marker_noise_mm * 1e-3, points.shape)
+        for name, points in movement.markers.items()
+    }
+    _open_gaps(measured, settings, rng)
+    write_markers(markers_path, measured, settings.rate_Hz, subject=settings.lifts[lift].person)
+    if moment_path is not None:
+        content = settings.lifts[lift]
+        person = settings.people[content.person]
+        held = box_held(content.events_s)
+        signals = movement.time, trunk_angle(movement), held
+        write_csv(
+            moment_path,
+            hip_moment(*signals, content.box_mass_kg, person, settings.hip_moment, gravity_m_s2, rng),
+        )
+
+
+def _open_gaps(markers: dict[str, np.ndarray], settings: SyntheticLiftingSettings, rng) -> None:
+    """Hide some markers for a moment, as behind an arm; never at the ends of the recording."""
+    rate, gaps = settings.rate_Hz, settings.gaps
+    longest = max(1, int(gaps.longest_s * rate))
+    margin = int(0.3 * rate)
+    for name in rng.choice(sorted(markers), size=min(gaps.count, len(markers)), replace=False):
+        length = int(rng.integers(1, longest + 1))
+        start = int(rng.integers(margin, len(markers[name]) - margin - length))
+        markers[name][start : start + length] = np.nan
+
+
+def write_markers(path: str | os.PathLike, markers: dict[str, np.ndarray], rate: float, subject: str) -> None:
+    """Write markers (metres) as a C3D file in millimetres, labels with the subject's prefix.
+
+    Parameters
+    ----------
+    path : path
+    markers : dict of str to ndarray, shape (n, 3)
+        NaN where a marker was not seen.
+    rate : float
+        Hertz.
+    subject : str
+        Prefix of the body's labels; those of the box carry ``box:``.
+    """
+    labels = [f"{'box' if name.startswith('BOX_') else subject}:{name}" for name in markers]
+    write_c3d(path, 1e3 * np.stack(list(markers.values()), axis=1), labels, float(rate), "mm")

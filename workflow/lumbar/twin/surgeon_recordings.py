@@ -1,0 +1,187 @@
+"""Synthetic tool motion of surgeons gaining access: approach, puncture, probing strokes of decreasing depth.
+
+The motion is a chain of point-to-point movements of minimum jerk (Flash and Hogan, J. Neurosci. 5 (1985)
+1688-1703) with rests between them; physiological tremor and the measuring noise of the device are added. How
+long a stroke takes is set in config/twin.yaml so that the velocity's bandwidth comes out near the thesis's
+2.5 Hz: the twin is built to show that number, it does not confirm it.
+"""
+
+from __future__ import annotations
+
+import zlib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.settings.twin import SyntheticSurgeon, SyntheticSurgeonSettings
+
+_RESOLUTION_DECIMALS = 4
+"""Digits of a millimetre that the recording keeps."""
+
+
+def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, seed: int) -> pd.DataFrame:
+    """One recording of the tool tip.
+
+    Parameters
+    ----------
+    name : str
+        Name of the trial: every trial has random numbers of its own, whatever other trials there are.
+    surgeon : str
+        One of ``settings.surgeons``.
+    settings : SyntheticSurgeonSettings
+    seed : int
+        Seed of the twin.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``time_s, x_mm, y_mm, z_mm``; z points into the body, its zero is the skin.
+
+    Raises
+    ------
+    InputError
+        The twin has no such surgeon.
+    """
+    import pandas as pd
+
+    known = settings.surgeons
+    if surgeon not in known:
+        raise InputError(
+            f"surgeon.records: {name} is by {surgeon!r}; twin.surgeon.surgeons has {', '.join(known)}"
+        )
+    person = known[surgeon]
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
+    samples = round(settings.duration_s * settings.rate_Hz)
+    time = np.arange(samples) / settings.rate_Hz
+    depth, twist = _movements(person, settings, rng)
+    radius = settings.lateral_mm
+    angle = np.radians(minimum_jerk_chain(time, *twist))
+    motion = {
+        "x_mm": radius * np.sin(angle),
+        "y_mm": radius * (1 - np.cos(angle)),
+        "z_mm": minimum_jerk_chain(time, *depth),
+    }
+    frame = {"time_s": np.round(time, 6)}
+    for axis, values in motion.items():
+        tremor = person.tremor_rms_mm * tremor_noise(
+            samples, settings.rate_Hz, person.tremor_Hz, settings.tremor_bandwidth_Hz, rng
+        )
+        noise = settings.noise_rms_mm * rng.standard_normal(samples)
+        frame[axis] = np.round(values + tremor + noise, _RESOLUTION_DECIMALS)
+    return pd.DataFrame(frame)
+
+
+def minimum_jerk_chain(
+    time: np.ndarray, start: np.ndarray, duration: np.ndarray, target: np.ndarray
+) -> np.ndarray:
+    """Position along a chain of minimum-jerk movements, each from rest to rest.
+
+    Parameters
+    ----------
+    time : numpy.ndarray of float, shape (samples,)
+        Seconds.
+    start, duration : numpy.ndarray of float, shape (movements,)
+        When each movement begins (rising) and how long it takes, s.
+    target : numpy.ndarray of float, shape (movements + 1,)
+        First position and the end of every movement.
+
+    Returns
+    -------
+    numpy.ndarray of float, shape (samples,)
+        In the unit of `target`.
+    """
+    if len(start) == 0:
+        return np.full(len(time), target[0])
+    current = np.searchsorted(start, time, side="right") - 1
+    moving = np.maximum(current, 0)
+    share = np.clip((time - start[moving]) / duration[moving], 0.0, 1.0)
+    share = np.where(current < 0, 0.0, share)
+    return target[moving] + (target[moving + 1] - target[moving]) * share**3 * (10 + share * (6 * share - 15))
+
+
+def tremor_noise(
+    samples: int, rate: float, centre: float, bandwidth: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Gaussian noise of expected RMS 1 with a bell-shaped spectrum about `centre` Hz.
+
+    Parameters
+    ----------
+    samples : int
+    rate : float
+        Samples per second, Hz.
+    centre, bandwidth : float
+        Centre and standard deviation of the bell, Hz.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    numpy.ndarray of float, shape (samples,)
+    """
+    frequency = np.fft.rfftfreq(samples, 1 / rate)
+    density = np.exp(-0.5 * ((frequency - centre) / bandwidth) ** 2)
+    density[0] = 0.0
+    phasors = rng.standard_normal(len(frequency)) + 1j * rng.standard_normal(len(frequency))
+    # E|phasor|² is 2; a line of complex amplitude c adds 2|c|² to the mean square of irfft(c·samples).
+    amplitudes = np.sqrt(density / (4 * density.sum()))
+    return np.fft.irfft(samples * amplitudes * phasors, samples)
+
+
+def _movements(
+    person: SyntheticSurgeon, settings: SyntheticSurgeonSettings, rng: np.random.Generator
+) -> tuple[tuple, tuple]:
+    """Plan of a trial: for the depth and the twist each start times, durations and targets."""
+
+    def varied(mean: float) -> float:
+        return float(mean * np.exp(settings.variation * rng.standard_normal()))
+
+    clock = varied(settings.pause_s)
+    depth, twist = _Plan(-settings.approach_mm), _Plan(0.0)
+    clock = depth.move(clock, varied(settings.approach_s), 0.0) + varied(settings.pause_s)
+    reached = settings.puncture_mm
+    clock = depth.move(clock, varied(settings.puncture_s), reached) + varied(settings.pause_s)
+    end = settings.duration_s - settings.pause_s
+    while clock < end:
+        # Between bouts the tool is set anew, off the depth reached: the slow, large part of the motion.
+        floor = reached + settings.reposition_mm * rng.standard_normal()
+        clock = depth.move(clock, varied(settings.reposition_s), floor) + varied(settings.pause_s)
+        for _ in range(1 + rng.poisson(settings.strokes_per_bout - 1)):
+            # Strokes become shallower as the access deepens.
+            done = min(clock / settings.duration_s, 1.0)
+            stroke = varied(person.stroke_mm) * (1 - (1 - settings.last_stroke_share) * done)
+            floor += settings.gain_mm_per_stroke
+            reached += settings.gain_mm_per_stroke
+            half = varied(person.stroke_s)
+            side = 1 if rng.random() < 0.5 else -1
+            twist.move(clock, half, side * varied(settings.twist_deg))
+            clock = depth.move(clock, half, floor + stroke)
+            half = varied(person.stroke_s)
+            twist.move(clock, half, 0.0)
+            clock = depth.move(clock, half, floor)
+            if clock >= end:
+                break
+        clock += varied(settings.pause_s)
+    return depth.arrays(), twist.arrays()
+
+
+class _Plan:
+    """Movements of one coordinate, in order of time."""
+
+    def __init__(self, first: float):
+        self.start: list[float] = []
+        self.duration: list[float] = []
+        self.target = [first]
+
+    def move(self, start: float, duration: float, target: float) -> float:
+        """Add a movement and return when it ends."""
+        self.start.append(start)
+        self.duration.append(duration)
+        self.target.append(target)
+        return start + duration
+
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.array(self.start), np.array(self.duration), np.array(self.target)

@@ -1,0 +1,132 @@
+"""Synthetic tissue tests: what a testing machine would record on a soft, slightly hardening tissue.
+
+The tissue is a Kelvin–Boltzmann solid (spring k1 parallel to a dashpot, both in series with spring k2) beside
+a cubic spring that no linear model can describe. The machine moves in ramps between the samples of its
+command, for which the relaxation has a closed form, so the recorded force carries no integration error.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.base.files import write_text
+
+if TYPE_CHECKING:
+    from lumbar.settings.twin import SyntheticTissueSettings
+
+
+def tissue_force(
+    time: np.ndarray, position: np.ndarray, k1: float, k2: float, relaxation_s: float, cubic: float
+) -> np.ndarray:
+    """Noise-free force on a tool that moves in ramps between samples, tissue at rest at first.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (samples,)
+        Seconds, evenly spaced.
+    position : numpy.ndarray, shape (samples,)
+        Millimetres.
+    k1, k2 : float
+        Stiffness parallel to the dashpot and in series with both, N/mm.
+    relaxation_s : float
+        Time constant b/(k1 + k2) of the relaxation at held position, seconds.
+    cubic : float
+        Hardening, N/mm³.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        Newton.
+
+    Notes
+    -----
+    Elongation w of k1 and the dashpot obeys ẇ = (w∞ − w)/τ with w∞ = k2 x/(k1 + k2). For x that moves at
+    speed v the particular solution lags by τ: w = k2 (x − τ v)/(k1 + k2). Force: k2 (x − w).
+    """
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    decay = math.exp(-step / relaxation_s)
+    share = k2 / (k1 + k2)
+    elongation = np.empty_like(position)
+    elongation[0] = share * position[0]
+    for sample in range(1, len(position)):
+        speed = (position[sample] - position[sample - 1]) / step
+        lagging_before = share * (position[sample - 1] - relaxation_s * speed)
+        lagging_now = share * (position[sample] - relaxation_s * speed)
+        elongation[sample] = lagging_now + (elongation[sample - 1] - lagging_before) * decay
+    return k2 * (position - elongation) + cubic * position**3
+
+
+def tissue_test(
+    time: np.ndarray, position: np.ndarray, tissue: SyntheticTissueSettings, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the recorded force: that of the tissue and white noise of the load cell.
+
+    Parameters
+    ----------
+    time, position : numpy.ndarray, shape (samples,)
+        Command of the testing machine, seconds and millimetres.
+    tissue : SyntheticTissueSettings
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples,)
+        Newton; noise makes up the share ``noise_variance_share`` of the variance.
+    """
+    force = tissue_force(
+        time,
+        position,
+        tissue.k1_N_per_mm,
+        tissue.k2_N_per_mm,
+        tissue.relaxation_s,
+        tissue.cubic_N_per_mm3,
+    )
+    share = tissue.noise_variance_share
+    noise = math.sqrt(share / (1.0 - share)) * force.std()
+    return force + noise * rng.standard_normal(len(force))
+
+
+def play(
+    signal: str | os.PathLike,
+    recording: str | os.PathLike,
+    tissue: SyntheticTissueSettings,
+    seed: int,
+    number: int,
+) -> None:
+    """Play one signal file on the synthetic tissue and write the recording.
+
+    Parameters
+    ----------
+    signal : path
+        CSV ``time_s,position_mm``.
+    recording : path
+        CSV ``time_s,position_mm,force_N`` that is written.
+    tissue : SyntheticTissueSettings
+    seed, number : int
+        Seed of the twin and number of the recording: every recording has noise of its own.
+
+    Raises
+    ------
+    InputError
+        If the signal has no such columns.
+    """
+    signal = Path(signal)
+    with signal.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.reader(stream))
+    if rows[0] != ["time_s", "position_mm"]:
+        raise InputError(f"{signal}: header {','.join(rows[0])}; a signal has time_s,position_mm")
+    time, position = np.array(rows[1:], dtype=float).T
+    force = tissue_test(time, position, tissue, np.random.default_rng([seed, _STREAM, number]))
+    lines = [f"{t},{x},{f:.6g}" for (t, x), f in zip(rows[1:], force, strict=True)]
+    write_text(recording, "\n".join(["time_s,position_mm,force_N", *lines]) + "\n")
+
+
+_STREAM = 2
+"""Keeps the tissue's random numbers apart from those of the twin's other recordings."""
