@@ -39,26 +39,17 @@ _LEARNING_S = 20.0
 
 @dataclass
 class Job:
-    """One job of the run.
-
-    Attributes
-    ----------
-    stage, message : str
-    name : str
-        Of its benchmark file below the study's folder of benchmarks.
-    log : str
-    expected_s : float or None
-        How long it took when it last ran; None where that is not known.
-    started : float or None
-        On the run's clock.
-    """
+    """One job of the run."""
 
     stage: str
     message: str
     name: str
+    """Of its benchmark file below the study's folder of benchmarks."""
     log: str
     expected_s: float | None = None
+    """How long it took when it last ran; None where that is not known."""
     started: float | None = None
+    """On the run's clock."""
 
 
 class RunLog(logging.Handler):
@@ -193,10 +184,6 @@ def watch(workflow, stages: dict[str, str], benchmarks: Path) -> RunLog:
         Name of a stage by the file of its rules, without suffix.
     benchmarks : Path
         Where earlier runs left the time that each job took.
-
-    Returns
-    -------
-    RunLog
     """
     from snakemake.logging import logger
 

@@ -20,20 +20,13 @@ _INTEGER = "tag:yaml.org,2002:int"
 
 @dataclass(frozen=True)
 class YamlFile:
-    """Content of one file; empty where it could not be read.
-
-    Attributes
-    ----------
-    path : str
-        As messages name it.
-    content : dict
-    lines : dict of tuple to int
-        Line of every key and every entry of a list, by the way to it: ``("tissue", "records", 0, "file")``.
-    """
+    """Content of one file; empty where it could not be read."""
 
     path: str
+    """As messages name it."""
     content: dict[str, Any] = field(default_factory=dict)
     lines: dict[tuple, int] = field(default_factory=dict)
+    """Line of every key and every entry of a list, by the way to it: ``("tissue", "records", 0, "file")``."""
 
     def line(self, way: tuple) -> int | None:
         """Line of a key, or of the nearest one above it that stands in the file."""
@@ -135,7 +128,6 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
 
     Parameters
     ----------
-    path : Path
     problems : Problems
         Takes what is wrong: no file, no UTF-8, no YAML, a tag, a key that stands twice, no mapping, too much nesting.
     name : str, optional

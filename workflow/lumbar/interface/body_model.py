@@ -23,23 +23,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LiftModel:
-    """A lift by the body model.
-
-    Attributes
-    ----------
-    name, data : str
-        Of the lift, and words for the source of its data.
-    pivot : str
-    modelled : lumbar.lifting.body_model.lift_model.ModelledLift
-    stability : StabilitySettings
-        Of the basins.
-    """
+    """A lift by the body model."""
 
     name: str
     data: str
+    """`name`, `data`: of the lift, and words for the source of its data."""
     pivot: str
     modelled: ModelledLift
     stability: StabilitySettings
+    """Of the basins."""
 
     @cached_property
     def states(self) -> pd.DataFrame:

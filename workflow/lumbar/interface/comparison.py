@@ -37,7 +37,6 @@ def compare(
 
     Parameters
     ----------
-    records : sequence of Record
     model : FittedModel
         Of `identify`, `refine` or `diagnose`, or read from a file.
     train : str or sequence of str, optional
@@ -50,10 +49,6 @@ def compare(
         Of the intervals.
     data : str
         Words for the source of the data; default the folder or file they were read from.
-
-    Returns
-    -------
-    Comparisons
 
     Raises
     ------
@@ -121,21 +116,13 @@ def _on_records(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OnRecords(ABC):
-    """A model beside every record, which is found by its name.
-
-    Attributes
-    ----------
-    model : FittedModel
-    simulated : list of Simulated
-    data : str
-    findings : tuple of Finding
-        Records that were too long or too fast, and what was used of them.
-    """
+    """A model beside every record, which is found by its name."""
 
     model: FittedModel
     simulated: list[Simulated]
     data: str
     findings: tuple[Finding, ...] = ()
+    """Records that were too long or too fast, and what was used of them."""
     stem: ClassVar[str]
     picture: ClassVar[str]
 

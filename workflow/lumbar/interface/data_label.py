@@ -16,7 +16,6 @@ def data_label(given: str, sources: Iterable[str]) -> str:
 
     Parameters
     ----------
-    given : str
     sources : iterable of str
         Files; empty for what was read from none.
 

@@ -21,10 +21,6 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
     effect_files : iterable of path, optional
         Files with effects of your own that the models have.
 
-    Returns
-    -------
-    list of FittedModel
-
     Raises
     ------
     InputError

@@ -79,10 +79,6 @@ def diagnose(
     data : str
         Words for the source of the data, for pages and figures; default the folder or file they were read from.
 
-    Returns
-    -------
-    Diagnosis
-
     Raises
     ------
     InputError
@@ -117,31 +113,19 @@ def diagnose(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis:
-    """What a base model is missing on a set of records, with the evidence.
-
-    Attributes
-    ----------
-    records : list of Record
-    settings : DiagnosisSettings
-    verdict : Verdict
-        Selected effects, selection path, ranking, ties.
-    machine : MachineSettings or None
-    seed : int
-    data : str
-    proposal : Proposal or None
-        The search of a law for what the catalogue leaves, where one was made.
-    tissue : TissueSettings
-        Of the thesis's models.
-    """
+    """What a base model is missing on a set of records, with the evidence."""
 
     records: list[Record]
     settings: DiagnosisSettings
     verdict: Verdict
+    """Selected effects, selection path, ranking, ties."""
     machine: MachineSettings | None
     seed: int
     data: str
     proposal: Proposal | None = None
+    """The search of a law for what the catalogue leaves, where one was made."""
     tissue: TissueSettings = field(default_factory=TissueSettings)
+    """Of the thesis's models."""
 
     @property
     def selected(self) -> tuple[str, ...]:

@@ -67,10 +67,6 @@ def doctor(
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
-    Returns
-    -------
-    Examined
-
     Raises
     ------
     InputError
@@ -130,18 +126,12 @@ def doctor(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Examined:
-    """What could have been seen in a set of records; an effect is found by its name.
-
-    Attributes
-    ----------
-    diagnosis : Diagnosis
-        Of the records themselves.
-    examination : Examination
-        What was put in and what was said of it.
-    """
+    """What could have been seen in a set of records; an effect is found by its name."""
 
     diagnosis: Diagnosis
+    """Of the records themselves."""
     examination: Examination
+    """What was put in and what was said of it."""
 
     def __getitem__(self, effect: str) -> EffectSize:
         """From what size on an effect, in the first form that was tried, would have been named."""

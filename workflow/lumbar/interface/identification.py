@@ -43,17 +43,12 @@ def identify(
         One per excitation, at one rate.
     train : str or sequence of str, optional
         Record to identify on, or several, each in turn; all others test. Default the settings', or the longest.
-    settings : TissueSettings, optional
     improvement : ImprovementSettings, optional
         Its ``effects`` are added to its ``base``: the model with them stands beside the others.
     seed : int
         Of the bootstrap.
     data : str
         Words for the source of the data; default the folder or file they were read from.
-
-    Returns
-    -------
-    Identification
 
     Raises
     ------
@@ -110,20 +105,12 @@ def _training(train, records: list[Record], named: Mapping[str, Record]) -> list
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification:
-    """Identified models, found by name.
-
-    Attributes
-    ----------
-    models : list of FittedModel
-        By training record, in the order of Table 3.1.
-    search : pandas.DataFrame
-        Every structure and ridge coefficient that was tried, one row each.
-    settings : TissueSettings
-    data : str
-    """
+    """Identified models, found by name."""
 
     models: list[FittedModel]
+    """By training record, in the order of Table 3.1."""
     search: pd.DataFrame
+    """Every structure and ridge coefficient that was tried, one row each."""
     settings: TissueSettings
     data: str
 

@@ -27,17 +27,10 @@ _SHOWN = 4
 
 @dataclass(frozen=True, eq=False)
 class ForeignFile:
-    """A recording's file as it was read, before anything is known of its meaning.
-
-    Attributes
-    ----------
-    name : str
-        Of the record.
-    table : RawTable
-    sha256 : str
-    """
+    """A recording's file as it was read, before anything is known of its meaning."""
 
     name: str
+    """Of the record."""
     table: RawTable
     sha256: str
 
@@ -149,12 +142,7 @@ def import_recordings(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ImportedRecordings(Sequence[ImportedRecording]):
-    """Recordings with what was guessed of each.
-
-    Attributes
-    ----------
-    recordings : tuple of ImportedRecording
-    """
+    """Recordings with what was guessed of each."""
 
     recordings: tuple[ImportedRecording, ...]
 

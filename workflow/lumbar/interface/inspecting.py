@@ -46,10 +46,6 @@ def inspect(
     height_m : float, optional
         Stature of the person: lengths of the body are compared with it.
 
-    Returns
-    -------
-    Inspected
-
     Raises
     ------
     InputError
@@ -181,35 +177,24 @@ def check_picture(path: Path) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Inspected:
-    """What is in a marker file.
-
-    Attributes
-    ----------
-    sheet : QualitySheet
-        What is in the file, what is wrong with it, what became of its markers.
-    axes : str
-        Which axes point up and forward.
-    plates : list of ForcePlate or str
-        Or why they cannot be read.
-    pipeline : (bool, str)
-        Whether the pipeline analyses it as a lift; the events it finds, or why not.
-    points : dict of str to ndarray, shape (n_frames, 3)
-        Measured markers by the file's labels; metres, x to the right, y forward, z up.
-    time : ndarray, shape (n_frames,)
-    meant : dict of str to str
-        Standard name to the label that alone fills it.
-    prefixes : tuple of str
-        Of subjects, taken off the labels.
-    """
+    """What is in a marker file."""
 
     sheet: QualitySheet
+    """What is in the file, what is wrong with it, what became of its markers."""
     axes: str
+    """Which axes point up and forward."""
     plates: list[ForcePlate] | str
+    """Or why they cannot be read."""
     pipeline: tuple[bool, str]
+    """Whether the pipeline analyses it as a lift; the events it finds, or why not."""
     points: dict[str, np.ndarray]
+    """Shape (n_frames, 3): measured markers by the file's labels; metres, x to the right, y forward, z up."""
     time: np.ndarray
+    """Shape (n_frames,)."""
     meant: dict[str, str]
+    """Standard name to the label that alone fills it."""
     prefixes: tuple[str, ...]
+    """Of subjects, taken off the labels."""
 
     def as_dict(self) -> dict:
         """Return all but the trajectories as data for JSON."""

@@ -40,15 +40,10 @@ def basins(
         Of `lift`, or a file ``pendulum.csv``.
     facts : mapping, optional
         With a file: what the pendulums are made of; default ``pendulum.json`` beside it.
-    settings : StabilitySettings, optional
     seed : int
         Of the simulated starts.
     data : str
         Words for the source of the data; default those of the lift.
-
-    Returns
-    -------
-    Basins
 
     Examples
     --------
@@ -104,15 +99,7 @@ def _read_table(path: Path) -> pd.DataFrame:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Basins:
-    """Basins of attraction of one lift.
-
-    Attributes
-    ----------
-    states : LiftStates
-    settings : StabilitySettings
-    seed : int
-    data : str
-    """
+    """Basins of attraction of one lift."""
 
     states: LiftStates
     settings: StabilitySettings

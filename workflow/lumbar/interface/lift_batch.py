@@ -31,20 +31,13 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class PlannedLift:
-    """One lift to be analysed: its marker file, its trial, and the name of its results.
-
-    Attributes
-    ----------
-    name : str
-    markers : Path or None
-        None where the folder does not hold the trial's file.
-    trial : TrialSettings or None
-        None for a file that is named by itself.
-    """
+    """One lift to be analysed: its marker file, its trial, and the name of its results."""
 
     name: str
     markers: Path | None
+    """None where the folder does not hold the trial's file."""
     trial: TrialSettings | None
+    """None for a file that is named by itself."""
 
     @property
     def lost(self) -> str:
@@ -103,11 +96,8 @@ def lift_all(
 
     Parameters
     ----------
-    lifts : sequence of PlannedLift
-    subject : SubjectSettings
     box_mass_kg : float, optional
         Default that of the trials.
-    settings : LiftingSettings
     output : Path
         Folder: a folder of its own for every lift, ``lifts.csv``, and ``movement_measures.csv`` with the measures of all.
     data : str, optional

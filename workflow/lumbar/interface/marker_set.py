@@ -70,18 +70,12 @@ _THIGH = ("LHIP", "RHIP")
 
 @dataclass(frozen=True)
 class MarkerSet:
-    """What is recognised in one file.
-
-    Attributes
-    ----------
-    aliases : dict of str to Alias
-        Standard name to the label or rule that fills it.
-    axes : tuple or None
-        Of `lumbar.records.marker_axes.find_axes`.
-    """
+    """What is recognised in one file."""
 
     aliases: dict[str, Alias]
+    """Standard name to the label or rule that fills it."""
     axes: tuple[str, str, float] | None
+    """Of `lumbar.records.marker_axes.find_axes`."""
 
 
 def marker_set(recording: MarkerRecording) -> MarkerSet:

@@ -57,9 +57,6 @@ def measure_person(
         Marker file of every lift.
     trials : mapping of str to TrialSettings
         By the same names.
-    subject : SubjectSettings
-    lifting : LiftingSettings
-    stability : StabilitySettings
     static : path, optional
         Marker file of a static trial.
     data : str

@@ -40,10 +40,6 @@ def measure_movement(
     data : str
         Words for the source of the data; default those of the lift.
 
-    Returns
-    -------
-    Measures
-
     Raises
     ------
     InputError
@@ -87,18 +83,10 @@ def _read_body(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Measures:
-    """Measures of one lift.
-
-    Attributes
-    ----------
-    body : pandas.DataFrame
-        Trajectories they are made of.
-    facts : mapping
-    settings : StabilitySettings
-    data : str
-    """
+    """Measures of one lift."""
 
     body: pd.DataFrame
+    """Trajectories they are made of."""
     facts: Mapping
     settings: StabilitySettings
     data: str

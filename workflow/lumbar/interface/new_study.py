@@ -46,39 +46,25 @@ NOTHING = MarkerSet({}, None)
 
 @dataclass(frozen=True)
 class FoundRecording:
-    """One marker file of the folder.
-
-    Attributes
-    ----------
-    path : str
-        Below the folder.
-    person : str
-    problem : str
-        Why it cannot be read; empty where it can.
-    seconds, rate : float
-    labels : frozenset of str
-        Of its markers, without subject prefixes.
-    static : bool
-        Whether nothing moves throughout.
-    events : str
-        Events that the file itself holds.
-    forces : str
-        File of ground reaction forces with the same name, below the folder; empty without one.
-    unit : str
-        Of length, by the body's size; empty where the file states it.
-    set : MarkerSet
-    """
+    """One marker file of the folder."""
 
     path: str
+    """Below the folder."""
     person: str
     problem: str = ""
+    """Why it cannot be read; empty where it can."""
     seconds: float = 0.0
     rate: float = 0.0
     labels: frozenset[str] = frozenset()
+    """Of its markers, without subject prefixes."""
     static: bool = False
+    """Whether nothing moves throughout."""
     events: str = ""
+    """Events that the file itself holds."""
     forces: str = ""
+    """File of ground reaction forces with the same name, below the folder; empty without one."""
     unit: str = ""
+    """Of length, by the body's size; empty where the file states it."""
     set: MarkerSet = NOTHING
 
     @property
@@ -90,18 +76,11 @@ class FoundRecording:
 
 @dataclass(frozen=True, repr=False)
 class NewStudy:
-    """What is known of a folder of recordings, as files that a person completes.
-
-    Attributes
-    ----------
-    name : str
-    files : dict of str to str
-        Text of every file by its path in the project.
-    recordings : list of FoundRecording
-    """
+    """What is known of a folder of recordings, as files that a person completes."""
 
     name: str
     files: dict[str, str]
+    """Text of every file by its path in the project."""
     recordings: list[FoundRecording]
 
     def save(self, project: str | os.PathLike = ".") -> list[Path]:
@@ -141,10 +120,6 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
         Marker files of one person, or a folder below it per person.
     name : str, optional
         Of the study; default the folder's.
-
-    Returns
-    -------
-    NewStudy
 
     Raises
     ------

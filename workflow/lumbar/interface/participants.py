@@ -31,15 +31,10 @@ def analyse_survey(
     ----------
     ratings : Ratings or path
         Answers, or the participants' sheet.
-    settings : SurveySettings, optional
     seed : int
         Of the bootstrap.
     data : str
         Words for the source of the data; default the folder or file they were read from.
-
-    Returns
-    -------
-    Survey
 
     Raises
     ------
@@ -73,18 +68,11 @@ def analyse_survey(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Survey:
-    """What a survey shows.
-
-    Attributes
-    ----------
-    ratings : Ratings
-    analysis : SurveyAnalysis
-        Tables, and all results as plain data.
-    settings : SurveySettings
-    """
+    """What a survey shows."""
 
     ratings: Ratings
     analysis: SurveyAnalysis
+    """Tables, and all results as plain data."""
     settings: SurveySettings
 
     def figures(self) -> dict[str, Figure]:

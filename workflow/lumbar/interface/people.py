@@ -40,15 +40,10 @@ def compare_groups(
         they are known ``unit`` and ``safer`` (``higher`` or ``lower``). Several CSV files are joined.
     groups : tuple of str, optional
         The first is compared with the second; default expert and novice or, where the table has other labels, these.
-    settings : PopulationSettings, optional
     seed : int
         Of the bootstrap.
     data : str
         Words for the source of the data.
-
-    Returns
-    -------
-    PeopleCompared
 
     Raises
     ------
@@ -110,15 +105,7 @@ def _groups_of(frame: pd.DataFrame) -> tuple[str, str]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PeopleCompared:
-    """What differs between groups and boxes.
-
-    Attributes
-    ----------
-    comparisons : tuple of Comparison
-    groups : tuple of str
-    settings : PopulationSettings
-    data : str
-    """
+    """What differs between groups and boxes."""
 
     comparisons: tuple[Comparison, ...]
     groups: tuple[str, str]

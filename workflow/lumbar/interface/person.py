@@ -59,7 +59,6 @@ def lift(
         file this is. A subject without trials needs none.
     name : str, optional
         Name of the lift; default that of the trial, as in a study.
-    settings : LiftingSettings, optional
     static : path, optional
         Marker file of a static trial; default the subject's, looked for below the folder that the trial's file lies below.
     forces : path, optional
@@ -67,10 +66,6 @@ def lift(
         file itself.
     data : str
         Words for the source of the data; default the folder or file they were read from.
-
-    Returns
-    -------
-    Lift
 
     Raises
     ------
@@ -136,29 +131,18 @@ def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Lift:
-    """One analysed lift.
-
-    Attributes
-    ----------
-    analysed : lumbar.lifting.movement.lift.AnalysedLift
-        Events, centres of mass, pendulum states.
-    subject : SubjectSettings
-    trial : TrialSettings
-    settings : LiftingSettings
-    data : str
-    quality : lumbar.lifting.quality.sheet.QualitySheet
-        What is in the recording and what in it cannot be a body: such stretches were left out.
-    forces : Path or None
-        File of the ground reaction forces, where it is not the recording's own.
-    """
+    """One analysed lift."""
 
     analysed: lifting.AnalysedLift
+    """Events, centres of mass, pendulum states."""
     subject: SubjectSettings
     trial: TrialSettings
     settings: LiftingSettings
     data: str
     quality: QualitySheet
+    """What is in the recording and what in it cannot be a body: such stretches were left out."""
     forces: Path | None = None
+    """File of the ground reaction forces, where it is not the recording's own."""
 
     @property
     def name(self) -> str:

@@ -16,20 +16,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ProposedLaw:
-    """A law for what is missing, or that no short formula was found.
-
-    Attributes
-    ----------
-    proposal : Proposal
-    candidates : dict of str to Effect
-        The catalogue that did not suffice, whose names the law cannot take.
-    data : str
-        What the records are, for the file and the picture.
-    """
+    """A law for what is missing, or that no short formula was found."""
 
     proposal: Proposal
     candidates: dict[str, Effect]
+    """The catalogue that did not suffice, whose names the law cannot take."""
     data: str
+    """What the records are, for the file and the picture."""
 
     @property
     def found(self) -> bool:

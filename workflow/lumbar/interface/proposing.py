@@ -26,10 +26,6 @@ def propose(
 ) -> ProposedLaw:
     """Diagnose, and look for a short formula for what the catalogue leaves; parameters as of `lumbar.diagnose`.
 
-    Returns
-    -------
-    ProposedLaw
-
     Raises
     ------
     InputError

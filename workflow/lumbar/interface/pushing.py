@@ -54,7 +54,6 @@ def push_states(
     Parameters
     ----------
     lifts : list of Lift or SavedLift
-    stability : StabilitySettings
     push_share : float
         Where the trunk is pushed, between hips and shoulders (``pushes.push.height_share``).
     """
@@ -93,17 +92,12 @@ def push_prediction(
     ----------
     lifts : list of Lift, or pandas.DataFrame
         Of `lift`, of several persons; or a table of `lumbar.interface.pushing.push_states`.
-    settings : PushesSettings, optional
     stability : StabilitySettings, optional
         Measures and basins.
     seed : int
         Of pushes, traits of the bodies and bootstrap.
     data : str
         Words for the source of the data.
-
-    Returns
-    -------
-    PushPrediction
 
     Raises
     ------
@@ -147,8 +141,6 @@ def push_outcomes(states: pd.DataFrame, settings: PushesSettings, seed: int) -> 
     ----------
     states : pandas.DataFrame
         Of `push_states`.
-    settings : PushesSettings
-    seed : int
 
     Returns
     -------
@@ -182,8 +174,6 @@ def pooled_prediction(
         CSV files of `push_outcomes`.
     states : list of path
         CSV files of `push_states`, in the same order.
-    settings : PushesSettings
-    seed : int
     data : str
         Words for the source of the data.
     """
@@ -237,21 +227,12 @@ def _scored(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PushPrediction:
-    """The contest of the measures.
-
-    Attributes
-    ----------
-    contest : lumbar.lifting.pushes.contest.Contest
-        Pushes, their outcomes, and what the measures said before.
-    followed : lumbar.lifting.pushes.prediction.Followed
-        Those that are followed with other bodies too.
-    settings : PushesSettings
-    seed : int
-    data : str
-    """
+    """The contest of the measures."""
 
     contest: Contest
+    """Pushes, their outcomes, and what the measures said before."""
     followed: Followed
+    """Those that are followed with other bodies too."""
     settings: PushesSettings
     seed: int
     data: str

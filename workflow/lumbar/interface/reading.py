@@ -150,7 +150,6 @@ def read_listed(
     ----------
     files : sequence of path
         Where each of them is.
-    listed : sequence of RecordSettings
     layout, rate
         As for `read`.
     """

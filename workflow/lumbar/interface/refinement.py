@@ -46,10 +46,6 @@ def refine(
     effects : iterable of str
         Names in the catalogue, in the order in which they are added; none gives the base alone.
 
-    Returns
-    -------
-    Refinement
-
     Raises
     ------
     InputError
@@ -92,28 +88,17 @@ def refined(records, effects, settings, seed, data) -> Refinement:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Refinement:
-    """A base model with named effects: the models on the way and their errors.
-
-    Attributes
-    ----------
-    records : list of Record
-    settings : DiagnosisSettings
-    experiment : Experiment
-    path : list of Candidate
-        Base, base and first effect, ….
-    seed : int
-    data : str
-    findings : tuple of Finding
-        Records that were too long or too fast, and what was used of them.
-    """
+    """A base model with named effects: the models on the way and their errors."""
 
     records: list[Record]
     settings: DiagnosisSettings
     experiment: Experiment
     path: list[Candidate]
+    """Base, base and first effect, …."""
     seed: int
     data: str
     findings: tuple[Finding, ...] = ()
+    """Records that were too long or too fast, and what was used of them."""
 
     @property
     def effects(self) -> tuple[str, ...]:

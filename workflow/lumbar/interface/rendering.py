@@ -51,7 +51,6 @@ def render(
         Of a file: record the models were identified on; default the only one there is, or the settings'.
     mass_kg, damping_N_s_m : float, optional
         Of the device; default the settings' ``device``.
-    hand_stiffness_N_m : float, optional
     rate_Hz : float, optional
         Of the servo loop.
     effect_files : iterable of path, optional
@@ -60,10 +59,6 @@ def render(
         Rate of the models, moving average, limit, device.
     data : str
         Words for the source of the data; default those of the file.
-
-    Returns
-    -------
-    Rendering
 
     Raises
     ------
@@ -115,23 +110,15 @@ def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, data:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rendering:
-    """What models do on a device.
-
-    Attributes
-    ----------
-    judgements : tuple of Judgement
-        ``analysis`` (damping needed, largest stable gain), ``run`` (the simulated loop) and the lowest safe rates of each
-        model at each rate.
-    refused : tuple of str
-        Why models have no counterpart at a rate.
-    settings : RuntimeSettings
-        With the device.
-    data : str
-    """
+    """What models do on a device."""
 
     judgements: tuple[Judgement, ...]
+    """``analysis`` (damping needed, largest stable gain), ``run`` (the simulated loop) and the lowest safe rates of each
+    model at each rate."""
     refused: tuple[str, ...]
+    """Why models have no counterpart at a rate."""
     settings: RuntimeSettings
+    """With the device."""
     data: str
 
     def __getitem__(self, index: int) -> Judgement:

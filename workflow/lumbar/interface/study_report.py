@@ -12,17 +12,11 @@ from lumbar.base.files import read_json, write_text
 
 @dataclass(frozen=True, repr=False)
 class StudyReport:
-    """A study's report.
-
-    Attributes
-    ----------
-    study : str
-    html : str
-        The page: it needs nothing from elsewhere; its links are relative to the study's results.
-    """
+    """A study's report."""
 
     study: str
     html: str
+    """The page: it needs nothing from elsewhere; its links are relative to the study's results."""
 
     def __repr__(self) -> str:
         return f"<StudyReport of {self.study}: {len(self.html) / 1e6:.1f} MB>"
@@ -44,10 +38,6 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
         ``results/<study>``, with ``run_config.yaml``.
     project : path
         Folder with ``config/artefacts.tsv``, and the captions in ``workflow/report``.
-
-    Returns
-    -------
-    StudyReport
 
     Raises
     ------

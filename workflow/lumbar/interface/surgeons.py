@@ -39,15 +39,10 @@ def bandwidth(
         With the channel ``position``.
     surgeons : sequence of str, optional
         Who moved the tool, by trial; default the part of the trial's name before ``_trial``.
-    settings : SurgeonSettings, optional
     seed : int
         Of the intervals.
     data : str
         Words for the source of the data; default the folder or file they were read from.
-
-    Returns
-    -------
-    Bandwidth
 
     Examples
     --------
@@ -74,20 +69,12 @@ def bandwidth(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bandwidth:
-    """Bandwidth of surgeons' motion.
-
-    Attributes
-    ----------
-    spectra : MotionSpectra
-        Of every trial.
-    values : dict
-        By quantity (position, velocity) and rule: ``value_Hz``, ``low_Hz``, ``high_Hz``.
-    settings : SurgeonSettings
-    data : str
-    """
+    """Bandwidth of surgeons' motion."""
 
     spectra: MotionSpectra
+    """Of every trial."""
     values: dict
+    """By quantity (position, velocity) and rule: ``value_Hz``, ``low_Hz``, ``high_Hz``."""
     settings: SurgeonSettings
     data: str
 
@@ -156,14 +143,8 @@ def design_signals(
     ----------
     band : float, Bandwidth or path
         Upper end of the band to excite in hertz; or the surgeons' bandwidth, or its file, from which it follows.
-    settings : SignalsSettings, optional
-    seed : int
     data : str
         Words for the source of the band; default those of the bandwidth, or that it was given.
-
-    Returns
-    -------
-    Signals
 
     Raises
     ------
@@ -196,19 +177,11 @@ def design_signals(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signals:
-    """Excitation signals for a testing machine.
-
-    Attributes
-    ----------
-    excitation : Excitation
-    band_Hz : float
-        Upper end of what is excited.
-    settings : SignalsSettings
-    data : str
-    """
+    """Excitation signals for a testing machine."""
 
     excitation: Excitation
     band_Hz: float
+    """Upper end of what is excited."""
     settings: SignalsSettings
     data: str
 

@@ -15,17 +15,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ThesisModels:
-    """Models that can be simulated, and what is to be said of the others.
-
-    Attributes
-    ----------
-    models : list of FittedModel
-    remark : str
-        Which are missing and why; empty where none is, and where the thesis has none.
-    """
+    """Models that can be simulated, and what is to be said of the others."""
 
     models: list[FittedModel] = field(default_factory=list)
     remark: str = ""
+    """Which are missing and why; empty where none is, and where the thesis has none."""
 
 
 NOT_IDENTIFIED = ThesisModels(
@@ -40,7 +34,6 @@ def thesis_models(verdict: Verdict, settings: TissueSettings) -> ThesisModels:
     ----------
     verdict : Verdict
         Of tissue; for a pendulum the thesis has no such models.
-    settings : TissueSettings
     """
     from lumbar.tissue.identification.identify_tissue import without_intervals
 

@@ -19,7 +19,6 @@ def marker_files(folder: Path, tables: bool = False) -> list[Path]:
 
     Parameters
     ----------
-    folder : Path
     tables : bool
         Whether CSV and MAT files count too.
 
@@ -45,7 +44,6 @@ def trial_of(
 
     Parameters
     ----------
-    subject : SubjectSettings
     markers : Path
         Marker file.
     box_mass_kg : float, optional

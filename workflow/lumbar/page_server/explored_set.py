@@ -24,35 +24,23 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class ExploredSet:
-    """A set of records, diagnosed when it is first looked at.
-
-    Attributes
-    ----------
-    name : str
-    make : callable
-        Without arguments; returns the diagnosis.
-    output : Path
-        Folder that the page may write to.
-    keep : callable or None
-        Takes effects, returns the change of the study that keeps them; None without a study.
-    study : str
-        File that `keep` changes, for the page.
-    own : str
-        Address of the page on which the records were given; empty for those of a study or folder.
-    read : callable
-        Without arguments; returns the records, to be shown while they are diagnosed.
-    title : str
-        What the terminal calls it; empty for its name.
-    """
+    """A set of records, diagnosed when it is first looked at."""
 
     name: str
     make: Callable[[], Diagnosis]
+    """Without arguments; returns the diagnosis."""
     output: Path
+    """Folder that the page may write to."""
     keep: Callable[[Sequence[str]], Change] | None = None
+    """Takes effects, returns the change of the study that keeps them; None without a study."""
     study: str = ""
+    """File that `keep` changes, for the page."""
     own: str = ""
+    """Address of the page on which the records were given; empty for those of a study or folder."""
     read: Callable[[], Sequence[Record]] = tuple
+    """Without arguments; returns the records, to be shown while they are diagnosed."""
     title: str = ""
+    """What the terminal calls it; empty for its name."""
     job: Job | None = None
     _refits: dict[str, Refinement] = field(default_factory=dict)
     _fitted: dict[str, ShownModel] = field(default_factory=dict)

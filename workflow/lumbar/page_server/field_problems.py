@@ -36,7 +36,6 @@ def in_fields(message: str, wrong: dict[str, list[str]]) -> list[str]:
 
     Parameters
     ----------
-    message : str
     wrong : dict of str to list of str
         By field; takes the problems that name one.
 

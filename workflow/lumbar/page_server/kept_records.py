@@ -35,10 +35,8 @@ def keep_records(
         What it held when the server was started.
     name : str
         Of the set, and of the folder of its files below the data root.
-    imported : ImportedRecordings
     train : sequence of str
         Records that the models are fitted to.
-    effects : sequence of str
 
     Returns
     -------

@@ -46,25 +46,17 @@ _PACKED = (b"\x1f\x8b", b"PK\x03\x04")
 
 @dataclass(frozen=True)
 class OwnDiagnosis:
-    """How recordings that are given on the page are diagnosed and kept.
-
-    Attributes
-    ----------
-    diagnose : callable
-        Takes records, ``train`` and ``data``; returns the diagnosis.
-    output : Path
-        Folder below which files are written when they are asked for.
-    keep : callable or None
-        Takes the name of the set, the imported recordings, the training records and effects; returns the change of the
-        study. None without a study.
-    study : str
-        The study's file, for the page.
-    """
+    """How recordings that are given on the page are diagnosed and kept."""
 
     diagnose: Callable[..., Diagnosis]
+    """Takes records, ``train`` and ``data``; returns the diagnosis."""
     output: Path
+    """Folder below which files are written when they are asked for."""
     keep: Callable[[str, ImportedRecordings, list[str], Sequence[str]], Change] | None = None
+    """Takes the name of the set, the imported recordings, the training records and effects; returns the
+    change of the study. None without a study."""
     study: str = ""
+    """The study's file, for the page."""
 
 
 class OwnTabs:
@@ -91,21 +83,14 @@ class OwnTabs:
 
 @dataclass(eq=False)
 class OwnRecordings:
-    """Files of one tab, and what was said of them.
-
-    Attributes
-    ----------
-    address : str
-        Of the tab's page.
-    files : dict of str to bytes
-        Contents by file name.
-    choices : dict
-        What was chosen last, as arguments of `lumbar.import_recordings`.
-    """
+    """Files of one tab, and what was said of them."""
 
     address: str
+    """Of the tab's page."""
     files: dict[str, bytes] = field(default_factory=dict)
+    """Contents by file name."""
     choices: dict[str, Any] = field(default_factory=dict)
+    """What was chosen last, as arguments of `lumbar.import_recordings`."""
     _explored: ExploredSet | None = None
     _read: dict[tuple[str, str | None], ForeignFile] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
@@ -195,12 +180,7 @@ class OwnRecordings:
         return self._read[name, table]
 
     def _imported(self) -> ImportedRecordings:
-        """All files as recordings that agree in quantities and units.
-
-        Raises
-        ------
-        InputError
-        """
+        """All files as recordings that agree in quantities and units."""
         if not self.files:
             raise InputError("no recordings yet: drop files on the page, or choose them")
         imported = import_recordings([self._foreign(name) for name in self.files], **self.choices)
@@ -214,8 +194,6 @@ class OwnRecordings:
         ----------
         asked : dict
             ``choices``, ``train`` (names of records; none takes the longest) and ``name`` of the set.
-        own : OwnDiagnosis
-        served : ServedSets
 
         Raises
         ------
@@ -241,12 +219,7 @@ class OwnRecordings:
             return served.add_own(explored)
 
     def save(self, asked: Mapping[str, Any], own: OwnDiagnosis) -> str:
-        """Write tidy records and a study of their own, as ``lumbar import`` does; return what to do next.
-
-        Raises
-        ------
-        InputError
-        """
+        """Write tidy records and a study of their own, as ``lumbar import`` does; return what to do next."""
         with self._one_at_a_time, WRITING:
             self.choices = checked_choices(asked.get("choices") or {})
             imported, name = self._imported(), checked_name(asked.get("name"))
@@ -308,12 +281,7 @@ def _number(value: Any, option: str) -> float:
 
 
 def checked_name(given: Any) -> str:
-    """Return the name of a set, which names a folder.
-
-    Raises
-    ------
-    InputError
-    """
+    """Return the name of a set, which names a folder."""
     if not isinstance(given, str) or len(given) > 60 or not re.fullmatch(NAME, given):
         raise InputError(f"name {given!s:.60}: up to 60 letters, digits, _ and - are needed")
     return given

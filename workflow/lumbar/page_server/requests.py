@@ -22,17 +22,11 @@ MOST_EFFECTS = 8
 
 @dataclass(eq=False)
 class TabRequests:
-    """The requests of one tab, answered one after the other.
-
-    Attributes
-    ----------
-    explored : ExploredSet
-    proposed : Change or None
-        The change of the study that was shown and not yet written.
-    """
+    """The requests of one tab, answered one after the other."""
 
     explored: ExploredSet
     proposed: Change | None = field(default=None)
+    """The change of the study that was shown and not yet written."""
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def answer(self, text: str) -> tuple[dict[str, Any], list[ShownModel]]:

@@ -26,20 +26,13 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class ServedLift:
-    """A saved lift and its page.
-
-    Attributes
-    ----------
-    folder : pathlib.Path
-        That `lumbar lift` or a study wrote; its name is the lift's.
-    settings : StabilitySettings
-    data : str
-        Words for the source of the data; empty for those of the lift.
-    """
+    """A saved lift and its page."""
 
     folder: Path
+    """That `lumbar lift` or a study wrote; its name is the lift's."""
     settings: StabilitySettings
     data: str = ""
+    """Words for the source of the data; empty for those of the lift."""
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     @property

@@ -38,7 +38,6 @@ def new_server(sets: Sequence[ExploredSet], port: int, own: OwnDiagnosis | None 
 
     Parameters
     ----------
-    sets : sequence of ExploredSet
     port : int
         0 takes a free one.
     own : OwnDiagnosis, optional

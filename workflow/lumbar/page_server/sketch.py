@@ -14,18 +14,12 @@ _COLUMNS = 500
 
 @dataclass(frozen=True)
 class Sketch:
-    """The measured output of a record over time.
-
-    Attributes
-    ----------
-    words : str
-        Record, quantity, range and duration.
-    points : str
-        Of an SVG polyline in a box of `WIDTH` by `HEIGHT`.
-    """
+    """The measured output of a record over time."""
 
     words: str
+    """Record, quantity, range and duration."""
     points: str
+    """Of an SVG polyline in a box of `WIDTH` by `HEIGHT`."""
 
     @classmethod
     def of(cls, record: Record) -> Sketch:

@@ -17,20 +17,13 @@ from lumbar.base.files import write_text
 
 @dataclass(frozen=True)
 class Change:
-    """What a study's file holds and would hold, and files that would be written with it.
-
-    Attributes
-    ----------
-    path : Path
-    before, after : str
-    beside : dict of Path to str
-        Text of new files.
-    """
+    """What a study's file holds and would hold, and files that would be written with it."""
 
     path: Path
     before: str
     after: str
     beside: Mapping[Path, str] = field(default_factory=dict)
+    """Text of new files."""
 
     @property
     def diff(self) -> str:
@@ -65,7 +58,6 @@ def with_value(path: Path, way: Sequence[str | int], value: Any) -> Change:
 
     Parameters
     ----------
-    path : Path
     way : sequence of str or int
         Sections, numbers of list entries and the key, e.g. ``("improvement", "record_sets", 1, "effects")``; sections that
         are not there are made, list entries must be there, but for the number after the last one.

@@ -27,20 +27,13 @@ _SIGNS = {1: "not negative", -1: "not positive", 0: "any"}
 
 @dataclass(frozen=True)
 class CataloguePage:
-    """What one catalogue's page says beside the definitions.
-
-    Attributes
-    ----------
-    page : str
-        File name without suffix, and folder of its pictures.
-    introduction : str
-    places : dict of Place to str
-        Where a form acts.
-    """
+    """What one catalogue's page says beside the definitions."""
 
     page: str
+    """File name without suffix, and folder of its pictures."""
     introduction: str
     places: dict[Place, str]
+    """Where a form acts."""
 
 
 _HEAD = """# {title}

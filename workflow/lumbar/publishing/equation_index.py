@@ -29,22 +29,15 @@ _MENTION = re.compile(r"Eqs?\.? (\d\.\d+)((?:(?:–|, | and )\d\.\d+)*)")
 
 
 class Entry(NamedTuple):
-    """One equation and one object of the library.
-
-    Attributes
-    ----------
-    equation : str
-        Number in the thesis.
-    module, name : str
-        Where the object is, and its name there (``Class.method``).
-    sentence : str
-        First sentence of its docstring.
-    """
+    """One equation and one object of the library."""
 
     equation: str
+    """Number in the thesis."""
     module: str
     name: str
+    """`module`, `name`: where the object is, and its name there (``Class.method``)."""
     sentence: str
+    """First sentence of its docstring."""
 
 
 def entries() -> list[Entry]:

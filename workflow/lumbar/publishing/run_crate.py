@@ -45,37 +45,25 @@ OLDEST = (1980, 1, 1, 0, 0, 0)
 
 @dataclass(frozen=True)
 class Run:
-    """What is told of a run beside its files.
-
-    Attributes
-    ----------
-    study, title, data : str
-        Name and title of the study; where its data come from.
-    ended : datetime.datetime
-    outputs : dict of str to str
-        What each output is, by its name in the archive.
-    configuration : str
-        Name in the archive of the merged configuration.
-    versions : dict of str to str
-        By package; None where it is not installed.
-    environment : dict of str to str
-        Variables on which the bytes depend.
-    recordings : tuple of (str, str)
-        SHA-256 and name of each recording that was given to the run.
-    source : dict of str to str
-        ``name``, ``licence`` and ``obtain`` of the recordings; empty where the run made them.
-    """
+    """What is told of a run beside its files."""
 
     study: str
     title: str
     data: str
+    """`study`, `title`, `data`: name and title of the study; where its data come from."""
     ended: datetime
     outputs: dict[str, str]
+    """What each output is, by its name in the archive."""
     configuration: str
+    """Name in the archive of the merged configuration."""
     versions: dict[str, str | None]
+    """By package; None where it is not installed."""
     environment: dict[str, str] = field(default_factory=dict)
+    """Variables on which the bytes depend."""
     recordings: tuple[tuple[str, str], ...] = ()
+    """SHA-256 and name of each recording that was given to the run."""
     source: dict[str, str] = field(default_factory=dict)
+    """``name``, ``licence`` and ``obtain`` of the recordings; empty where the run made them."""
 
 
 def end_of_run(results: Mapping[str, Path], epoch: str | None) -> datetime:
@@ -91,7 +79,6 @@ def write_crate(path: str | Path, run: Run, results: Mapping[str, Path], project
     ----------
     path : path
         Of the archive.
-    run : Run
     results, project : mapping of str to Path
         Outputs of the run, and files of the project, by their names in the archive.
     """

@@ -21,29 +21,20 @@ from lumbar.records.c3d_structure import C3dStructure
 
 @dataclass(frozen=True)
 class AnalogChannels:
-    """What the analog channels of a C3D file are, and how their samples become physical values.
-
-    Attributes
-    ----------
-    labels, units : tuple of str
-        One per channel; empty where the file states none.
-    rate : float
-        Samples per second.
-    per_frame : int
-        Samples per frame of points.
-    scale, offset : ndarray, shape (n_channels,)
-        Value = (sample - offset) * scale; NaN where the file states none.
-    unsigned : bool
-        Whether 2-byte samples count from 0 to 65535.
-    """
+    """What the analog channels of a C3D file are, and how their samples become physical values."""
 
     labels: tuple[str, ...]
     units: tuple[str, ...]
+    """`labels`, `units`: one per channel; empty where the file states none."""
     rate: float
+    """Samples per second."""
     per_frame: int
+    """Samples per frame of points."""
     scale: np.ndarray
     offset: np.ndarray
+    """`scale`, `offset`: shape (n_channels,): value = (sample - offset) * scale; NaN where the file states none."""
     unsigned: bool
+    """Whether 2-byte samples count from 0 to 65535."""
 
     def __len__(self) -> int:
         return len(self.labels)

@@ -39,40 +39,27 @@ _NUMBERS = {
 
 @dataclass(frozen=True)
 class C3dStructure:
-    """What a sound C3D file says of itself.
-
-    Attributes
-    ----------
-    processor : int
-        84 Intel, 85 DEC, 86 MIPS (big-endian).
-    n_points, n_frames, first_frame : int
-    n_analog : int
-        Analog samples per frame of points, over all channels.
-    analog_per_frame : int
-        Analog samples per frame of points, of each channel.
-    rate : float
-        Frames of points per second.
-    parameters : dict of str to (list or str)
-        By ``GROUP:NAME``; numbers as lists, characters as lists of stripped strings.
-    data_start : int
-        First byte of the data.
-    scale : float
-        Negative: coordinates are stored as 4-byte reals. Positive: as 2-byte integers to be multiplied by it.
-    notes : tuple of str
-        What the file contradicts itself in without harm to a coordinate.
-    """
+    """What a sound C3D file says of itself."""
 
     processor: int
+    """84 Intel, 85 DEC, 86 MIPS (big-endian)."""
     n_points: int
     n_frames: int
     first_frame: int
     n_analog: int
+    """Analog samples per frame of points, over all channels."""
     analog_per_frame: int
+    """Analog samples per frame of points, of each channel."""
     rate: float
+    """Frames of points per second."""
     parameters: dict[str, list]
+    """By ``GROUP:NAME``; numbers as lists, characters as lists of stripped strings."""
     data_start: int
+    """First byte of the data."""
     scale: float
+    """Negative: coordinates are stored as 4-byte reals. Positive: as 2-byte integers to be multiplied by it."""
     notes: tuple[str, ...] = ()
+    """What the file contradicts itself in without harm to a coordinate."""
 
     @property
     def word_bytes(self) -> int:
@@ -95,7 +82,6 @@ def check_structure(path: Path, points_needed: bool = True) -> C3dStructure:
 
     Parameters
     ----------
-    path : path
     points_needed : bool
         False accepts a file of analog channels alone, as force plates write it.
 

@@ -33,20 +33,13 @@ EXCITATIONS = ("input",)
 
 @dataclass(frozen=True)
 class FlatTop:
-    """Samples at one extreme of a channel.
-
-    Attributes
-    ----------
-    level : float
-    samples : int
-        In flat tops.
-    starts : numpy.ndarray of int
-        First sample of every flat top.
-    """
+    """Samples at one extreme of a channel."""
 
     level: float
     samples: int
+    """In flat tops."""
     starts: np.ndarray
+    """First sample of every flat top."""
 
 
 def flat_tops(values: np.ndarray) -> list[FlatTop]:
@@ -97,7 +90,6 @@ def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
 
     Parameters
     ----------
-    record : Record
     lines : sequence of int, optional
         Line of each sample in the file that it was read from.
 

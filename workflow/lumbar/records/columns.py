@@ -53,7 +53,6 @@ def read_record(
     ----------
     path : path
         Text file (``.gz`` is unpacked) or MATLAB file.
-    layout : ColumnLayout
     name : str, optional
         Name of the record; default the file's stem.
     period : float, optional
@@ -62,10 +61,6 @@ def read_record(
         Resample to this rate in hertz, with an anti-aliasing filter. Default: leave as recorded.
     trim : tuple of float, optional
         Start and stop in seconds of the file's clock; what lies outside is not even checked.
-
-    Returns
-    -------
-    Record
 
     Raises
     ------

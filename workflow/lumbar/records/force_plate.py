@@ -12,36 +12,24 @@ UNLOADED_N = 20.0
 
 @dataclass(frozen=True, repr=False)
 class ForcePlate:
-    """What one force plate measured.
-
-    Attributes
-    ----------
-    name : str
-        E.g. ``"plate 1"``.
-    time : ndarray, shape (n,)
-        Seconds on the clock of the markers.
-    force : ndarray, shape (n, 3)
-        Force of the ground on the person in newtons: lateral (right), forward, up.
-    centre_of_pressure : ndarray, shape (n, 3)
-        Metres; NaN where less than `UNLOADED_N` press on the plate.
-    free_moment : ndarray, shape (n,)
-        Moment about the vertical through the centre of pressure, in N·m; NaN as above.
-    rate : float
-        Samples per second.
-    corners : ndarray, shape (4, 3), or None
-        Metres; None where a file states none.
-    notes : tuple of str
-        What was taken for granted or changed: a reversed sign, a baseline that was subtracted, a unit.
-    """
+    """What one force plate measured."""
 
     name: str
+    """E.g. ``"plate 1"``."""
     time: np.ndarray
+    """Shape (n,): seconds on the clock of the markers."""
     force: np.ndarray
+    """Shape (n, 3): force of the ground on the person in newtons: lateral (right), forward, up."""
     centre_of_pressure: np.ndarray
+    """Shape (n, 3): metres; NaN where less than `UNLOADED_N` press on the plate."""
     free_moment: np.ndarray
+    """Shape (n,): moment about the vertical through the centre of pressure, in N·m; NaN as above."""
     rate: float
+    """Samples per second."""
     corners: np.ndarray | None = None
+    """Shape (4, 3), or None: metres; None where a file states none."""
     notes: tuple[str, ...] = ()
+    """What was taken for granted or changed: a reversed sign, a baseline that was subtracted, a unit."""
 
     def __len__(self) -> int:
         return len(self.time)

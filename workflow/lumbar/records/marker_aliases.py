@@ -48,7 +48,6 @@ def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
 
     Parameters
     ----------
-    file : MarkerFile
     prefix : str
         ``"strip"`` takes every prefix off, ``"keep"`` none; a subject's name takes off that one alone, so
         that equal labels of two subjects stay apart.

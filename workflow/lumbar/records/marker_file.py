@@ -15,59 +15,39 @@ class NoMarkers(InputError):
 
 @dataclass(frozen=True)
 class RecordedEvent:
-    """An event that somebody, or a program, marked in the recording.
-
-    Attributes
-    ----------
-    label : str
-        As the file has it, e.g. ``"Foot Off"``.
-    context : str
-        Side, e.g. ``"Left"``; empty where none is stated.
-    time : float
-        Seconds on the recording's own clock.
-    """
+    """An event that somebody, or a program, marked in the recording."""
 
     label: str
+    """As the file has it, e.g. ``"Foot Off"``."""
     context: str
+    """Side, e.g. ``"Left"``; empty where none is stated."""
     time: float
+    """Seconds on the recording's own clock."""
 
 
 @dataclass(frozen=True)
 class MarkerFile:
-    """Trajectories as a file states them: its own labels, unit and axes.
-
-    Attributes
-    ----------
-    source : str
-        Path of the file, for messages.
-    time : ndarray, shape (n_frames,)
-        Seconds on the recording's own clock: the first frame need not be at 0.
-    rate : float
-        Frames per second.
-    unit : str
-        Unit of length the file states; empty where it states none.
-    positions : dict of str to ndarray, shape (n_frames, 3)
-        Measured markers by label; NaN in all three coordinates where a marker was not seen.
-    model_points : dict of str to ndarray, shape (n_frames, 3)
-        Points that a model computed and the file stores beside the markers (centre of mass, segment axes):
-        only read where an alias names them.
-    dropped : dict of str to str
-        Labels that are not measured markers, with the reason. Holds the labels of `model_points` too.
-    events : tuple of RecordedEvent
-        In the order of time.
-    notes : tuple of str
-        What the file contradicts itself in without harm to a coordinate.
-    """
+    """Trajectories as a file states them: its own labels, unit and axes."""
 
     source: str
+    """Path of the file, for messages."""
     time: np.ndarray
+    """Shape (n_frames,): seconds on the recording's own clock: the first frame need not be at 0."""
     rate: float
+    """Frames per second."""
     unit: str
+    """Unit of length the file states; empty where it states none."""
     positions: dict[str, np.ndarray]
+    """Shape (n_frames, 3): measured markers by label; NaN in all three coordinates where a marker was not seen."""
     model_points: dict[str, np.ndarray] = field(default_factory=dict)
+    """Shape (n_frames, 3): points that a model computed and the file stores beside the markers (centre of mass, segment
+    axes): only read where an alias names them."""
     dropped: dict[str, str] = field(default_factory=dict)
+    """Labels that are not measured markers, with the reason. Holds the labels of `model_points` too."""
     events: tuple[RecordedEvent, ...] = ()
+    """In the order of time."""
     notes: tuple[str, ...] = ()
+    """What the file contradicts itself in without harm to a coordinate."""
 
 
 def mark_missing(points: np.ndarray) -> np.ndarray:

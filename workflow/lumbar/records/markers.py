@@ -50,44 +50,29 @@ SPREAD_M = (0.02, 50.0)
 
 @dataclass(frozen=True, repr=False)
 class MarkerRecording:
-    """Marker trajectories of one person.
-
-    Attributes
-    ----------
-    name : str
-    time : ndarray, shape (n_frames,)
-        Seconds on the recording's own clock; evenly spaced.
-    rate : float
-        Frames per second.
-    positions : dict of str to ndarray, shape (n_frames, 3)
-        Metres; columns x lateral (right), y forward, z up. NaN where a marker was not seen.
-    source : str
-        File it was read from, for messages.
-    dropped : dict of str to str
-        File labels left out, with the reason (angles, forces, computed points, never seen, label used twice).
-    derived : dict of str to str
-        Markers the file does not hold, with the geometric rule they were computed by.
-    absent : dict of str to str
-        Aliases that are not required and were not found, with the reason.
-    unused : tuple of str
-        Markers of the file that no alias names.
-    events : tuple of RecordedEvent
-        Events that the file holds (C3D), in the order of time.
-    notes : tuple of str
-        What the file contradicts itself in without harm to a coordinate.
-    """
+    """Marker trajectories of one person."""
 
     name: str
     time: np.ndarray
+    """Shape (n_frames,): seconds on the recording's own clock; evenly spaced."""
     rate: float
+    """Frames per second."""
     positions: dict[str, np.ndarray]
+    """Shape (n_frames, 3): metres; columns x lateral (right), y forward, z up. NaN where a marker was not seen."""
     source: str = ""
+    """File it was read from, for messages."""
     dropped: dict[str, str] = field(default_factory=dict)
+    """File labels left out, with the reason (angles, forces, computed points, never seen, label used twice)."""
     derived: dict[str, str] = field(default_factory=dict)
+    """Markers the file does not hold, with the geometric rule they were computed by."""
     absent: dict[str, str] = field(default_factory=dict)
+    """Aliases that are not required and were not found, with the reason."""
     unused: tuple[str, ...] = ()
+    """Markers of the file that no alias names."""
     events: tuple[RecordedEvent, ...] = ()
+    """Events that the file holds (C3D), in the order of time."""
     notes: tuple[str, ...] = ()
+    """What the file contradicts itself in without harm to a coordinate."""
 
     def __getitem__(self, marker: str) -> np.ndarray:
         """Positions of one marker, shape (n_frames, 3), in metres."""
@@ -132,10 +117,6 @@ def read_markers(
     screen : callable, optional
         Given the measured markers of the file, by label, in metres and standard axes, with time and rate, returns those
         to go on with, NaN where they are not to be used, and why: `lumbar.lifting.quality.screening` makes one.
-
-    Returns
-    -------
-    MarkerRecording
 
     Raises
     ------

@@ -49,10 +49,6 @@ def split_points(
         NaN where missing.
     listed : dict of str to str, optional
         Labels that the file itself lists as angles, forces, … with the reason.
-
-    Returns
-    -------
-    MarkerFile
     """
     listed = listed or {}
     counts = Counter(labels)

@@ -35,39 +35,26 @@ _NO = ("0", "no", "false")
 
 @dataclass(frozen=True)
 class Ratings:
-    """Answers of all participants.
-
-    Attributes
-    ----------
-    participants : tuple of str
-        Names or codes, in the order of the file.
-    models : tuple of str
-        Rated models, in the order of the tables.
-    scores : numpy.ndarray of int, shape (participants, models)
-        Ratings from 1 to `scale_points`.
-    scale_points : int
-        Number of points of the Likert scale.
-    best : tuple of str
-        The model that each participant picked as the best.
-    groups : dict of str to numpy.ndarray of bool, shape (participants,)
-        Answers to the yes/no questions.
-    experience : tuple of str
-        Level of each participant; empty where it was not asked.
-    experience_levels : tuple of str
-        All levels that could be chosen, in order.
-    sources : tuple of str
-        Distinct values of the source column, sorted; empty where there is none.
-    """
+    """Answers of all participants."""
 
     participants: tuple[str, ...]
+    """Names or codes, in the order of the file."""
     models: tuple[str, ...]
+    """Rated models, in the order of the tables."""
     scores: np.ndarray
+    """Shape (participants, models): ratings from 1 to `scale_points`."""
     scale_points: int
+    """Number of points of the Likert scale."""
     best: tuple[str, ...]
+    """The model that each participant picked as the best."""
     groups: dict[str, np.ndarray]
+    """Shape (participants,): answers to the yes/no questions."""
     experience: tuple[str, ...] = ()
+    """Level of each participant; empty where it was not asked."""
     experience_levels: tuple[str, ...] = ()
+    """All levels that could be chosen, in order."""
     sources: tuple[str, ...] = ()
+    """Distinct values of the source column, sorted; empty where there is none."""
 
     def __len__(self) -> int:
         return len(self.participants)
@@ -107,10 +94,6 @@ def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
         Text file with a header.
     layout : dict
         See the module's description.
-
-    Returns
-    -------
-    Ratings
 
     Raises
     ------

@@ -21,20 +21,14 @@ here comes near them; a lost decimal point does."""
 
 @dataclass(frozen=True)
 class Channel:
-    """One measured quantity.
-
-    Attributes
-    ----------
-    values : numpy.ndarray of float, shape (samples,)
-    quantity : str
-        What was measured, e.g. ``"position"``.
-    unit : str
-        Unit of the values, e.g. ``"mm"``.
-    """
+    """One measured quantity."""
 
     values: np.ndarray
+    """Shape (samples,)."""
     quantity: str
+    """What was measured, e.g. ``"position"``."""
     unit: str
+    """Unit of the values, e.g. ``"mm"``."""
 
     @property
     def label(self) -> str:
@@ -44,31 +38,21 @@ class Channel:
 
 @dataclass(frozen=True, repr=False)
 class Record:
-    """Channels that share one evenly sampled clock.
-
-    Attributes
-    ----------
-    name : str
-        Name of the record within its study, e.g. ``"multisine"``.
-    time : numpy.ndarray of float, shape (samples,)
-        Seconds.
-    channels : dict of str to Channel
-        By role: ``"input"`` and ``"output"`` for a tissue test (position, force) and a joint (angle, moment),
-        ``"position"`` for surgeon motion.
-    source : str
-        File it was read from, for messages.
-    period : float or None
-        Period of a periodic excitation in seconds, where it is known.
-    filled : tuple of int
-        Samples that were not recorded and are interpolated from their neighbours.
-    """
+    """Channels that share one evenly sampled clock."""
 
     name: str
+    """Name of the record within its study, e.g. ``"multisine"``."""
     time: np.ndarray
+    """Shape (samples,): seconds."""
     channels: dict[str, Channel]
+    """By role: ``"input"`` and ``"output"`` for a tissue test (position, force) and a joint (angle, moment),
+    ``"position"`` for surgeon motion."""
     source: str = ""
+    """File it was read from, for messages."""
     period: float | None = None
+    """Period of a periodic excitation in seconds, where it is known."""
     filled: tuple[int, ...] = ()
+    """Samples that were not recorded and are interpolated from their neighbours."""
 
     def __getitem__(self, role: str) -> np.ndarray:
         """Values of the channel with this role."""
@@ -155,7 +139,6 @@ def check_record(
 
     Parameters
     ----------
-    record : Record
     may_rest : collection of str
         Roles of channels that may be constant.
     lines : sequence of int, optional

@@ -34,10 +34,6 @@ def read_trc(path: str | os.PathLike) -> MarkerFile:
     ----------
     path : path
 
-    Returns
-    -------
-    MarkerFile
-
     Raises
     ------
     InputError

@@ -67,13 +67,8 @@ def check_zip(content: bytes, source: str) -> None:
 
     Parameters
     ----------
-    content : bytes
     source : str
         For messages.
-
-    Raises
-    ------
-    InputError
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

@@ -16,18 +16,12 @@ _SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
 
 @dataclass(frozen=True)
 class KeyType:
-    """A key or an entry of a list: its type and what is said about it.
-
-    Attributes
-    ----------
-    kind : type
-        As annotated.
-    facts : mapping
-        ``description``, limits, ``json_schema_extra``.
-    """
+    """A key or an entry of a list: its type and what is said about it."""
 
     kind: Any
+    """As annotated."""
     facts: Mapping[str, Any]
+    """``description``, limits, ``json_schema_extra``."""
 
     @property
     def meaning(self) -> str:

@@ -14,34 +14,23 @@ from lumbar.study.chapters import CHAPTERS
 
 @dataclass(frozen=True)
 class Artefact:
-    """One table, figure or file of the thesis: a row of ``config/artefacts.tsv``.
-
-    Attributes
-    ----------
-    id : str
-        Name of its target, e.g. ``"table_3_1"``.
-    rule : str
-        Rule that makes it.
-    path : str
-        Below the study's results; ``{csv,tex,html}`` stands for each of these, ``{lift}`` for every lift,
-        ``{model}`` for every exported model, ``{record_set}`` for every record set of the improvement chapter.
-    chapter : str
-        One of `CHAPTERS`.
-    label : str
-        What the report calls it; empty where it is not shown there.
-    source : str
-        Equations, figure, table or section of the thesis that it follows.
-    function : str
-        Dotted name of what computes it in Python.
-    """
+    """One table, figure or file of the thesis: a row of ``config/artefacts.tsv``."""
 
     id: str
+    """Name of its target, e.g. ``"table_3_1"``."""
     rule: str
+    """Rule that makes it."""
     path: str
+    """Below the study's results; ``{csv,tex,html}`` stands for each of these, ``{lift}`` for every lift, ``{model}`` for
+    every exported model, ``{record_set}`` for every record set of the improvement chapter."""
     chapter: str
+    """One of `CHAPTERS`."""
     label: str = ""
+    """What the report calls it; empty where it is not shown there."""
     source: str = ""
+    """Equations, figure, table or section of the thesis that it follows."""
     function: str = ""
+    """Dotted name of what computes it in Python."""
 
     def expanded(self, **choices: Iterable[str]) -> Artefact:
         """Return the artefact with ``{name}`` standing for each of the choices given for it."""

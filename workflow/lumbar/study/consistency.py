@@ -113,7 +113,6 @@ def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> Non
 
     Parameters
     ----------
-    improvement : ImprovementSettings
     root : Path
         Folder that the study's files of effects are named relative to.
     add : callable
@@ -147,7 +146,6 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
 
     Parameters
     ----------
-    study : Study
     root : Path
         Folder of the project.
     origins : Origins

@@ -34,10 +34,6 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
         The files that were merged, the last one on top: messages name their lines, and what merging hides, such as
         a key that stands twice, is found in them.
 
-    Returns
-    -------
-    Study
-
     Raises
     ------
     InputError

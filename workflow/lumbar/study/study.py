@@ -25,30 +25,20 @@ class RecordedLift:
 
 @dataclass(frozen=True)
 class Study:
-    """A checked configuration.
-
-    Attributes
-    ----------
-    name : str
-        Name of the results folder: the study's, or the subject's where one person runs alone.
-    settings : StudySettings
-        The merged configuration.
-    subjects : dict of str to SubjectSettings
-        Subject files by name, in the study's order.
-    artefacts : list of Artefact
-        Those of the study's chapters.
-    data_root : Path or str or None
-        Folder of the recordings, or the address of a place in an object store; None where the twin makes them.
-    lifts : dict of str to RecordedLift
-        By name, e.g. ``expert_23kg``.
-    """
+    """A checked configuration."""
 
     name: str
+    """Name of the results folder: the study's, or the subject's where one person runs alone."""
     settings: StudySettings
+    """The merged configuration."""
     subjects: dict[str, SubjectSettings]
+    """Subject files by name, in the study's order."""
     artefacts: list[Artefact]
+    """Those of the study's chapters."""
     data_root: Path | str | None
+    """Folder of the recordings, or the address of a place in an object store; None where the twin makes them."""
     lifts: dict[str, RecordedLift] = field(default_factory=dict)
+    """By name, e.g. ``expert_23kg``."""
 
     @property
     def synthetic(self) -> bool:

@@ -92,7 +92,6 @@ def validated(
         Class of `lumbar.settings`.
     problems : Problems
         Takes every wrong key and value, with file, line, what was found and what is allowed.
-    origins : Origins
     above : tuple of str
         Way to the content in its file.
 

@@ -44,8 +44,6 @@ def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], d
 
     Parameters
     ----------
-    title : str
-    columns : sequence of Column
     remarks : sequence of str
         What stands below.
     data : str

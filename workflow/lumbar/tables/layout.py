@@ -18,17 +18,11 @@ _NUMBER = re.compile(r"([+−-]?\d+)((?:\.\d+)?(?:·10[⁰¹²³⁴⁵⁶⁷⁸�
 
 @dataclass(frozen=True)
 class Column:
-    """One column as it is printed.
-
-    Attributes
-    ----------
-    header : str
-    cells : tuple of str
-        All rows.
-    """
+    """One column as it is printed."""
 
     header: str
     cells: tuple[str, ...]
+    """All rows."""
 
     @cached_property
     def numeric(self) -> bool:

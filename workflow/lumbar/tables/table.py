@@ -29,44 +29,30 @@ _FIRST_ROWS = 12
 
 @dataclass(frozen=True, repr=False)
 class Table:
-    """A table as it is published.
-
-    Attributes
-    ----------
-    title : str
-        One sentence that says what the table shows.
-    frame : pandas.DataFrame
-        The values; column names as in the CSV file. Empty cells are ``None`` or NaN only in the
-        columns named in `may_be_empty`.
-    definitions : dict of str to str
-        Definition of each column: formula or rule, scaling and unit.
-    notes : tuple of str
-        Remarks shown below the table.
-    data : str
-        Where the data come from, e.g. ``"synthetic twin"``; shown in every format.
-    decimals : dict of str to int
-        Digits after the point in LaTeX and HTML (default: four significant digits).
-    may_be_empty : frozenset of str
-        Columns in which a cell may be empty ("not applicable").
-    headers : dict of str to str
-        Words that stand over columns in LaTeX and HTML. Default: the column's name in words, its unit in brackets.
-    first : tuple of str
-        Columns shown first, in this order; HTML has the others on demand, LaTeX has none of them. Default: those of
-        `headers` where there are any, otherwise as many as fit the page.
-    first_rows : tuple of int
-        Rows shown first, as `first`. Default: all where they are few.
-    """
+    """A table as it is published."""
 
     title: str
+    """One sentence that says what the table shows."""
     frame: pd.DataFrame
+    """The values; column names as in the CSV file. Empty cells are ``None`` or NaN only in the columns named in
+    `may_be_empty`."""
     definitions: dict[str, str]
+    """Definition of each column: formula or rule, scaling and unit."""
     data: str
+    """Where the data come from, e.g. ``"synthetic twin"``; shown in every format."""
     notes: tuple[str, ...] = ()
+    """Remarks shown below the table."""
     decimals: dict[str, int] = field(default_factory=dict)
+    """Digits after the point in LaTeX and HTML (default: four significant digits)."""
     may_be_empty: frozenset[str] = frozenset()
+    """Columns in which a cell may be empty ("not applicable")."""
     headers: dict[str, str] = field(default_factory=dict)
+    """Words that stand over columns in LaTeX and HTML. Default: the column's name in words, its unit in brackets."""
     first: tuple[str, ...] = ()
+    """Columns shown first, in this order; HTML has the others on demand, LaTeX has none of them. Default: those of
+    `headers` where there are any, otherwise as many as fit the page."""
     first_rows: tuple[int, ...] = ()
+    """Rows shown first, as `first`. Default: all where they are few."""
 
     def __post_init__(self):
         undefined = [column for column in self.frame.columns if column not in self.definitions]

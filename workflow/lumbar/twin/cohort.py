@@ -37,26 +37,17 @@ _STREAMS = {"person": 11, "lift": 12, "noise": 13}
 
 @dataclass(frozen=True)
 class CohortPerson:
-    """One person of a cohort.
-
-    Attributes
-    ----------
-    name, group : str
-    sex : str
-    truth : SyntheticPerson
-        Mass and stature that move.
-    declared : SyntheticPerson
-        Mass and stature as measured.
-    habits : dict of str to float
-        The person's own mean of every number that is drawn.
-    """
+    """One person of a cohort."""
 
     name: str
     group: str
     sex: str
     truth: SyntheticPerson
+    """Mass and stature that move."""
     declared: SyntheticPerson
+    """Mass and stature as measured."""
     habits: dict[str, float]
+    """The person's own mean of every number that is drawn."""
 
 
 def _generator(seed: int, stream: str, name: str) -> np.random.Generator:
@@ -81,7 +72,6 @@ def draw_person(cohort: CohortSettings, name: str, group: str, seed: int) -> Coh
 
     Parameters
     ----------
-    cohort : CohortSettings
     name, group : str
         As of `person_names`.
     seed : int
@@ -117,9 +107,6 @@ def draw_lift(
 
     Parameters
     ----------
-    cohort : CohortSettings
-    person : CohortPerson
-    box_mass_kg : float
     trial : int
         Counted from 1.
     seed : int
@@ -165,7 +152,6 @@ def cohort_subjects(cohort: CohortSettings, seed: int) -> dict[str, SubjectSetti
 
     Parameters
     ----------
-    cohort : CohortSettings
     seed : int
         The twin's.
     """
@@ -196,7 +182,6 @@ def write_person(
     ----------
     settings : SyntheticLiftingSettings
         Workplace, frames per second, noise and gaps.
-    cohort : CohortSettings
     name, group : str
         Of the person.
     seed : int

@@ -49,9 +49,6 @@ def hip_moment(
         Inclination of the trunk (rad) and share of the box that the hands carry, over time.
     box_mass : float
         kg.
-    person : SyntheticPerson
-    settings : SyntheticMomentSettings
-    gravity_m_s2 : float
     rng : numpy.random.Generator
 
     Returns

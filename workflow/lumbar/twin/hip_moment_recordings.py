@@ -32,12 +32,8 @@ def trial_moment(
     ----------
     name : str
         Of the trial, in ``twin.lifting.hip_moment.trials``.
-    settings : SyntheticLiftingSettings
     movement : Movement
         Of the lift that is repeated.
-    lift : SyntheticLift
-    person : SyntheticPerson
-    gravity_m_s2 : float
     rng : numpy.random.Generator
         For the noise and for the differences between repetitions.
 
@@ -79,13 +75,10 @@ def write_trials(
 
     Parameters
     ----------
-    settings : SyntheticLiftingSettings
     names : list of str
         Trials of ``hip_moment.trials``.
     paths : list of path
         File of each.
-    seed : list of int
-    gravity_m_s2 : float
 
     Raises
     ------

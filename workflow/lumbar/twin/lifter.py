@@ -49,23 +49,16 @@ CARRY_REACH, CARRY_HEIGHT = 0.34, 0.565
 
 @dataclass(frozen=True)
 class Movement:
-    """True movement, without noise.
-
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-    markers : dict of str to ndarray, shape (n, 3)
-        Metres, by standard names, ``BOX_1`` to ``BOX_8`` included.
-    hip_angle : ndarray, shape (n,)
-        Inclination of the line from mid-hip to the neck, radians forward from straight up.
-    joint_centres : dict of str to ndarray, shape (n, 3)
-        C7T1, T12L1, L4L5 and MID_HIP, inside the body; metres.
-    """
+    """True movement, without noise."""
 
     time: np.ndarray
+    """Shape (n,)."""
     markers: dict[str, np.ndarray]
+    """Shape (n, 3): metres, by standard names, ``BOX_1`` to ``BOX_8`` included."""
     hip_angle: np.ndarray
+    """Shape (n,): inclination of the line from mid-hip to the neck, radians forward from straight up."""
     joint_centres: dict[str, np.ndarray]
+    """Shape (n, 3): C7T1, T12L1, L4L5 and MID_HIP, inside the body; metres."""
 
     @property
     def centres_of_mass(self) -> dict[str, np.ndarray]:
@@ -106,7 +99,6 @@ def simulate(
     ----------
     time : ndarray, shape (n,)
         Seconds.
-    person : SyntheticPerson
     lift : SyntheticLift
         Postures and events.
     workplace : WorkplaceSettings

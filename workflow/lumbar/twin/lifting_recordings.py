@@ -26,7 +26,6 @@ def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
 
     Parameters
     ----------
-    settings : SyntheticLiftingSettings
     lift : str
         E.g. ``"expert_23kg"``.
 
@@ -75,8 +74,6 @@ def write_lift(
 
     Parameters
     ----------
-    settings : SyntheticLiftingSettings
-    lift : str
     seed : list of int
         Seed of the noise and the gaps.
     markers_path : path

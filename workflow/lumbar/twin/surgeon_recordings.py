@@ -33,7 +33,6 @@ def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, s
         Name of the trial: every trial has random numbers of its own, whatever other trials there are.
     surgeon : str
         One of ``settings.surgeons``.
-    settings : SyntheticSurgeonSettings
     seed : int
         Seed of the twin.
 
@@ -111,12 +110,10 @@ def tremor_noise(
 
     Parameters
     ----------
-    samples : int
     rate : float
         Samples per second, Hz.
     centre, bandwidth : float
         Centre and standard deviation of the bell, Hz.
-    rng : numpy.random.Generator
 
     Returns
     -------

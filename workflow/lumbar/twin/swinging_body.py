@@ -43,48 +43,32 @@ AT_REST = constant(0.0)
 
 @dataclass(frozen=True)
 class Mass:
-    """A point mass on the line through the pivot.
-
-    Attributes
-    ----------
-    kg : float
-    distance : callable
-        From the pivot in metres, over time.
-    carried : callable
-        Share of its weight and inertia that the pendulum carries, over time.
-    """
+    """A point mass on the line through the pivot."""
 
     kg: float
     distance: Signal
+    """From the pivot in metres, over time."""
     carried: Signal = ALWAYS
+    """Share of its weight and inertia that the pendulum carries, over time."""
 
 
 @dataclass(frozen=True)
 class Swing:
-    """A swinging body.
-
-    Attributes
-    ----------
-    angle : callable
-        From the vertical in rad, over time.
-    masses : tuple of Mass
-    central_inertia : float
-        Of the body about its own centre of mass, kg·m².
-    hanging : bool
-        Whether the angle counts from straight down; else from straight up.
-    pivot_x, pivot_z : callable
-        Place of the pivot in metres: x horizontal, towards where a growing angle moves the mass; z up.
-    gravity : float
-        m/s².
-    """
+    """A swinging body."""
 
     angle: Signal
+    """From the vertical in rad, over time."""
     masses: tuple[Mass, ...]
     central_inertia: float = 0.0
+    """Of the body about its own centre of mass, kg·m²."""
     hanging: bool = True
+    """Whether the angle counts from straight down; else from straight up."""
     pivot_x: Signal = AT_REST
     pivot_z: Signal = AT_REST
+    """`pivot_x`, `pivot_z`: callable: place of the pivot in metres: x horizontal, towards where a growing angle moves the
+    mass; z up."""
     gravity: float = GRAVITY
+    """m/s²."""
 
     def moment(self, time: np.ndarray) -> np.ndarray:
         """Moment that moves the body so, N·m, positive with the angle; shape (samples,)."""

@@ -72,8 +72,6 @@ def tissue_test(
     ----------
     time, position : numpy.ndarray, shape (samples,)
         Command of the testing machine, seconds and millimetres.
-    tissue : SyntheticTissueSettings
-    rng : numpy.random.Generator
 
     Returns
     -------
@@ -108,7 +106,6 @@ def play(
         CSV ``time_s,position_mm``.
     recording : path
         CSV ``time_s,position_mm,force_N`` that is written.
-    tissue : SyntheticTissueSettings
     seed, number : int
         Seed of the twin and number of the recording: every recording has noise of its own.
 

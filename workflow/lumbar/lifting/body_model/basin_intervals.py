@@ -32,8 +32,6 @@ def basin_intervals(
 
     Parameters
     ----------
-    pendulums : ModelPendulums
-    settings : StabilitySettings
     sign : {"hanging", "inverted"}
     pivot : str
         For the table.

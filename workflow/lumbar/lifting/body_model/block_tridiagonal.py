@@ -18,24 +18,16 @@ from lumbar.base.errors import NumericalError
 
 @dataclass(frozen=True)
 class ArrowFactor:
-    """Cholesky factor of a bordered block-tridiagonal matrix.
-
-    Attributes
-    ----------
-    diagonal : ndarray, shape (k, b, b)
-        Lower-triangular blocks of L.
-    below : ndarray, shape (k - 1, b, b)
-        Blocks of L under them.
-    border : ndarray, shape (k * b, c)
-        L⁻¹ B.
-    corner : ndarray, shape (c, c)
-        Lower-triangular factor of the Schur complement.
-    """
+    """Cholesky factor of a bordered block-tridiagonal matrix."""
 
     diagonal: np.ndarray
+    """Shape (k, b, b): lower-triangular blocks of L."""
     below: np.ndarray
+    """Shape (k - 1, b, b): blocks of L under them."""
     border: np.ndarray
+    """Shape (k * b, c): L⁻¹ B."""
     corner: np.ndarray
+    """Shape (c, c): lower-triangular factor of the Schur complement."""
 
     def solve(self, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Solution for right-hand sides of shapes (k * b,) and (c,)."""

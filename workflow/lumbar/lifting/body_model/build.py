@@ -36,27 +36,17 @@ class Prior:
 
 @dataclass(frozen=True)
 class TrialModel:
-    """A model before it is fitted.
-
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-    structure : Structure
-    measurements : list of Measurement
-    priors : list of Prior
-    guess : Unknowns
-    sex : str
-    unused : dict of str to str
-        Markers that no part takes, with the reason.
-    """
+    """A model before it is fitted."""
 
     time: np.ndarray
+    """Shape (n,)."""
     structure: Structure
     measurements: list[Measurement]
     priors: list[Prior]
     guess: Unknowns
     sex: str
     unused: dict[str, str]
+    """Markers that no part takes, with the reason."""
 
     @property
     def step(self) -> float:

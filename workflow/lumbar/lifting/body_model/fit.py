@@ -32,29 +32,19 @@ RIDGE = 1e-6
 
 @dataclass(frozen=True)
 class BodyFit:
-    """A fitted model.
-
-    Attributes
-    ----------
-    model : TrialModel
-    best : Unknowns
-        The most probable ones.
-    factor : ArrowFactor
-        Of the information about states and constants.
-    noise : dict of str to Noise
-        By measurement.
-    kept : dict of str to ndarray of bool, shape (n,)
-        Frames of each measurement that count.
-    residuals : dict of str to ndarray, shape (n, m)
-        Measured less predicted; NaN where nothing was seen.
-    """
+    """A fitted model."""
 
     model: TrialModel
     best: Unknowns
+    """The most probable ones."""
     factor: ArrowFactor
+    """Of the information about states and constants."""
     noise: dict[str, Noise]
+    """By measurement."""
     kept: dict[str, np.ndarray]
+    """Shape (n,): frames of each measurement that count."""
     residuals: dict[str, np.ndarray]
+    """Shape (n, m): measured less predicted; NaN where nothing was seen."""
 
     def draws(self, count: int, seed: int) -> list[Unknowns]:
         """Unknowns drawn from their posterior distribution."""

@@ -64,7 +64,6 @@ class Information:
             Measured less predicted; any number where the weight is zero.
         states, constants : list of (slice, ndarray)
             Derivatives of the prediction, as of `lumbar.lifting.body_model.structure.Position`.
-        noise : Noise
         weight : ndarray, shape (n,)
             0 where there is no measurement; between 0 and 1 where it counts less.
         """

@@ -42,13 +42,7 @@ MARKERS = ("marker", "part", "sd_mm", "correlation", "share_left_out", "remark")
 
 @dataclass(frozen=True)
 class ModelledLift:
-    """A lift by the body model.
-
-    Attributes
-    ----------
-    fit : BodyFit
-    pendulums : ModelPendulums
-    """
+    """A lift by the body model."""
 
     fit: BodyFit
     pendulums: ModelPendulums
@@ -109,10 +103,6 @@ def model_of_lift(
     markers : path
     lift : AnalysedLift
         With a start of deposit and a release.
-    subject : SubjectSettings
-    trial : TrialSettings
-    settings : LiftingSettings
-    how : BodyModelSettings
 
     Raises
     ------

@@ -25,37 +25,25 @@ PRIOR_SAMPLES = 6.0
 
 @dataclass(frozen=True)
 class Measurement:
-    """One marker, soft joint or constant length, at every instant.
-
-    Attributes
-    ----------
-    name : str
-    first : (str or None, str)
-        What is measured.
-    second : (str or None, str) or None
-        What its place or distance is measured from; None for a marker.
-    observed : ndarray, shape (n, 3), or None
-        Of a marker, metres.
-    length : (str, str) or None
-        The constant length, of a distance.
-    seen : ndarray, shape (n,)
-    sd : float
-        Declared standard deviation per axis, metres.
-    correlation_s : float
-        Declared time over which its error stays; 0 for none.
-    estimated : bool
-        Whether the residuals tell its standard deviation too.
-    """
+    """One marker, soft joint or constant length, at every instant."""
 
     name: str
     first: Where
+    """What is measured."""
     second: Where | None
+    """What its place or distance is measured from; None for a marker."""
     observed: np.ndarray | None
+    """Shape (n, 3), or None: of a marker, metres."""
     length: tuple[str, str] | None
+    """The constant length, of a distance."""
     seen: np.ndarray
+    """Shape (n,)."""
     sd: float
+    """Declared standard deviation per axis, metres."""
     correlation_s: float
+    """Declared time over which its error stays; 0 for none."""
     estimated: bool
+    """Whether the residuals tell its standard deviation too."""
 
     @property
     def axes(self) -> int:

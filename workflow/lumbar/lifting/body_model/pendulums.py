@@ -24,54 +24,35 @@ Planar = dict[tuple[str, str], PendulumStates]
 
 @dataclass(frozen=True)
 class Conditions:
-    """What turns a moving body into pendulums: as of the rules' result for the same lift.
-
-    Attributes
-    ----------
-    table : SegmentTable
-    body_mass, box_mass : float
-        Kilograms.
-    share : {"by_mass", "whole"}
-        How the box is shared among the centres of mass.
-    in_position : bool
-        Whether the box counts to the place of a centre of mass.
-    pivot : str
-        One of `lumbar.lifting.movement.pendulum_states.PIVOTS`.
-    heading : float
-        Radians by which the axes are turned.
-    events : mapping of str to Event
-    points : int
-        Length of the states.
-    """
+    """What turns a moving body into pendulums: as of the rules' result for the same lift."""
 
     table: SegmentTable
     body_mass: float
     box_mass: float
+    """`body_mass`, `box_mass`: kilograms."""
     share: str
+    """How the box is shared among the centres of mass."""
     in_position: bool
+    """Whether the box counts to the place of a centre of mass."""
     pivot: str
+    """One of `lumbar.lifting.movement.pendulum_states.PIVOTS`."""
     heading: float
+    """Radians by which the axes are turned."""
     events: Mapping[str, Event]
     points: int
+    """Length of the states."""
 
 
 @dataclass(frozen=True)
 class ModelPendulums:
-    """Pendulums of the deposit, by centre of mass and plane.
-
-    Attributes
-    ----------
-    states : dict
-        Of the most probable unknowns.
-    draws : list of dict
-        Of unknowns drawn from the posterior.
-    masses : dict of str to (float, float)
-        Of each centre of mass without and with its share of the box, kilograms.
-    """
+    """Pendulums of the deposit, by centre of mass and plane."""
 
     states: Planar
+    """Of the most probable unknowns."""
     draws: list[Planar]
+    """Of unknowns drawn from the posterior."""
     masses: dict[str, tuple[float, float]]
+    """Of each centre of mass without and with its share of the box, kilograms."""
 
     def sd(self, com: str, plane: str) -> PendulumStates:
         """Standard deviation of every state (of its time: 0), as the spread of the draws about the most probable."""
@@ -90,7 +71,6 @@ def model_pendulums(fit: BodyFit, conditions: Conditions, draws: Sequence[Unknow
 
     Parameters
     ----------
-    fit : BodyFit
     conditions : Conditions
         With a start of deposit and a release.
     draws : sequence of Unknowns

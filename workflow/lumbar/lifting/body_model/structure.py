@@ -17,24 +17,16 @@ from lumbar.lifting.body_model.rotations import cross_matrix, exponential
 
 @dataclass(frozen=True)
 class Structure:
-    """What the unknowns are.
-
-    Attributes
-    ----------
-    parts : tuple of str
-        Rigid ones.
-    points : tuple of str
-        Of the limbs.
-    places : tuple of (str, str)
-        Part and name of every constant place.
-    lengths : tuple of (str, str)
-        Pairs whose distance is a constant.
-    """
+    """What the unknowns are."""
 
     parts: tuple[str, ...]
+    """Rigid ones."""
     points: tuple[str, ...]
+    """Of the limbs."""
     places: tuple[tuple[str, str], ...]
+    """Part and name of every constant place."""
     lengths: tuple[tuple[str, str], ...]
+    """Pairs whose distance is a constant."""
     _place_index: dict[tuple[str, str], int] = field(init=False, repr=False)
 
     def __post_init__(self):
@@ -77,22 +69,16 @@ class Structure:
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Values of all unknowns.
-
-    Attributes
-    ----------
-    rotations : dict of str to ndarray, shape (n, 3, 3)
-        Axes of each part as columns.
-    shifts : dict of str to ndarray, shape (n, 3)
-        Origin of each part, metres.
-    points : dict of str to ndarray, shape (n, 3)
-    constants : ndarray, shape (structure.constants,)
-    """
+    """Values of all unknowns."""
 
     rotations: Mapping[str, np.ndarray]
+    """Dict of str to ndarray, shape (n, 3, 3): axes of each part as columns."""
     shifts: Mapping[str, np.ndarray]
+    """Dict of str to ndarray, shape (n, 3): origin of each part, metres."""
     points: Mapping[str, np.ndarray]
+    """Dict of str to ndarray, shape (n, 3)."""
     constants: np.ndarray
+    """Shape (structure.constants,)."""
 
     def moved(self, structure: Structure, states: np.ndarray, constants: np.ndarray) -> Unknowns:
         """Return the unknowns after steps of shapes (n, size) and (constants,); parts are turned from the left."""
@@ -111,20 +97,14 @@ class Unknowns:
 
 @dataclass(frozen=True)
 class Position:
-    """A trajectory with its derivatives.
-
-    Attributes
-    ----------
-    value : ndarray, shape (n, 3)
-    states : list of (slice, ndarray)
-        Columns of the state and the derivative by them, shape (n, 3, k).
-    constants : list of (slice, ndarray)
-        Columns of the constants and the derivative by them, shape (n, 3, k).
-    """
+    """A trajectory with its derivatives."""
 
     value: np.ndarray
+    """Shape (n, 3)."""
     states: list[tuple[slice, np.ndarray]]
+    """Columns of the state and the derivative by them, shape (n, 3, k)."""
     constants: list[tuple[slice, np.ndarray]]
+    """Columns of the constants and the derivative by them, shape (n, 3, k)."""
 
 
 def position(structure: Structure, unknowns: Unknowns, part: str | None, name: str) -> Position:

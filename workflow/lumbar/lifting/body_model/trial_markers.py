@@ -38,7 +38,6 @@ def at_nodes(recording: MarkerRecording, rate: float) -> tuple[np.ndarray, dict[
 
     Parameters
     ----------
-    recording : MarkerRecording
     rate : float
         Hertz.
 

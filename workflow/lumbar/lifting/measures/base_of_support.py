@@ -24,18 +24,12 @@ FLOOR_PERCENTILE = 5.0
 
 @dataclass(frozen=True)
 class BaseOfSupport:
-    """Convex base of support at n instants.
-
-    Attributes
-    ----------
-    corners : ndarray, shape (n, k, 2)
-        Metres in the plane of the ground; any order, inner ones do no harm.
-    grounded : ndarray of bool, shape (n, k)
-        Which corners are on the ground.
-    """
+    """Convex base of support at n instants."""
 
     corners: np.ndarray
+    """Shape (n, k, 2): metres in the plane of the ground; any order, inner ones do no harm."""
     grounded: np.ndarray
+    """Shape (n, k): which corners are on the ground."""
 
     @property
     def centre(self) -> np.ndarray:

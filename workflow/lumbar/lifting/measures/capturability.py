@@ -118,7 +118,6 @@ def pressure_limits(
         Unit vector to the person's right; forward is to its left by a quarter turn.
     weight : ndarray, shape (n,), or float
         m·g of body and load, newtons.
-    torques : AnkleTorques
 
     Returns
     -------

@@ -54,45 +54,30 @@ _TRUNK_GYRATION = {
 
 @dataclass(frozen=True)
 class Course:
-    """What a lift was at every instant.
-
-    Attributes
-    ----------
-    frame : pandas.DataFrame
-        Of shape (n, …); `lumbar.lifting.measures.registry` names the columns of the measures. Those of `missing` are not there.
-    missing : dict of str to str
-        Columns that the recording does not allow, with the reason.
-    unseen : dict of str to tuple of str
-        By column: the points that it needs, for the reason where an instant lacks it.
-    notes : tuple of str
-        What was assumed where a marker lacks.
-    """
+    """What a lift was at every instant."""
 
     frame: pd.DataFrame
+    """Of shape (n, …); `lumbar.lifting.measures.registry` names the columns of the measures. Those of `missing` are not
+    there."""
     missing: dict[str, str] = field(default_factory=dict)
+    """Columns that the recording does not allow, with the reason."""
     unseen: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """By column: the points that it needs, for the reason where an instant lacks it."""
     notes: tuple[str, ...] = ()
+    """What was assumed where a marker lacks."""
 
 
 @dataclass(frozen=True)
 class Lifter:
-    """A body's trajectories with what they are measured by.
-
-    Attributes
-    ----------
-    body : pandas.DataFrame
-        As of `lumbar.lifting.movement.body.body_frame`.
-    facts : mapping
-        ``body_mass_kg, box_mass_kg, height_m, sex, mass_kg`` (trunk segments), ``missing_points``.
-    settings : MeasureSettings
-    gravity : float
-        m/s².
-    """
+    """A body's trajectories with what they are measured by."""
 
     body: pd.DataFrame
+    """As of `lumbar.lifting.movement.body.body_frame`."""
     facts: Mapping
+    """``body_mass_kg, box_mass_kg, height_m, sex, mass_kg`` (trunk segments), ``missing_points``."""
     settings: MeasureSettings
     gravity: float
+    """m/s²."""
 
     @cached_property
     def time(self) -> np.ndarray:

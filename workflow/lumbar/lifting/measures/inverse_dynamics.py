@@ -19,24 +19,16 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Link:
-    """One segment, or a load, as it moves.
-
-    Attributes
-    ----------
-    mass_kg : ndarray, shape (n,), or float
-        Over time for what is carried for a while.
-    centre : ndarray, shape (n, 3)
-        Centre of mass, metres.
-    axis : ndarray, shape (n, 3), or None
-        Along the segment, any length; None for a point mass.
-    gyration_m : float
-        Radius of gyration across the axis about the centre, metres.
-    """
+    """One segment, or a load, as it moves."""
 
     mass_kg: np.ndarray | float
+    """Ndarray, shape (n,), or float: over time for what is carried for a while."""
     centre: np.ndarray
+    """Shape (n, 3): centre of mass, metres."""
     axis: np.ndarray | None = None
+    """Shape (n, 3), or None: along the segment, any length; None for a point mass."""
     gyration_m: float = 0.0
+    """Radius of gyration across the axis about the centre, metres."""
 
 
 def spin_moment(axis: np.ndarray, rate: float) -> np.ndarray:

@@ -37,7 +37,6 @@ def values_of_lift(course: Course, facts: Mapping) -> pd.DataFrame:
 
     Parameters
     ----------
-    course : Course
     facts : mapping
         As of `lumbar.lifting.measures.course.Lifter`, with ``start_s, stop_s`` of the deposit and ``no_deposit``, why it
         has none.

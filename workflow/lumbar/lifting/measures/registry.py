@@ -23,39 +23,27 @@ SMALLEST, LARGEST, FARTHEST, AT_RELEASE, INTEGRAL = (
 
 @dataclass(frozen=True)
 class Measure:
-    """One measure of a lift.
-
-    Attributes
-    ----------
-    name : str
-        Identifier in all tables.
-    symbol, unit : str
-        For print.
-    safer : {"higher", "lower"}
-        Which way is farther from a step, or kinder to the back.
-    meaning : str
-        One sentence, with the sign.
-    source : str
-        Equation and paper.
-    columns : dict of str to str
-        By plane: the column of `lumbar.lifting.measures.course.course_of_lift` that it is made of.
-    how : str
-        One of the words above.
-    phase : {"deposit", "carried"}
-    headline : bool
-        Whether it is among those that a summary names.
-    """
+    """One measure of a lift."""
 
     name: str
+    """Identifier in all tables."""
     symbol: str
     unit: str
+    """`symbol`, `unit`: for print."""
     safer: str
+    """Which way is farther from a step, or kinder to the back."""
     meaning: str
+    """One sentence, with the sign."""
     source: str
+    """Equation and paper."""
     columns: dict[str, str] = field(hash=False)
+    """By plane: the column of `lumbar.lifting.measures.course.course_of_lift` that it is made of."""
     how: str
+    """One of the words above."""
     phase: str = DEPOSIT
+    """{"deposit", "carried"}."""
     headline: bool = False
+    """Whether it is among those that a summary names."""
 
 
 HOF = "Hof, Gazendam and Sinke, J. Biomech. 38 (2005) 1-8"

@@ -9,20 +9,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class AnkleTorques:
-    """Largest torques of one ankle, N·m.
-
-    Attributes
-    ----------
-    plantar_flexion, dorsiflexion : float
-        They hold the centre of pressure ahead of and behind the ankle.
-    inversion, eversion : float
-        They hold it beside the ankle, outward and inward.
-    """
+    """Largest torques of one ankle, N·m."""
 
     plantar_flexion: float
     dorsiflexion: float
+    """`plantar_flexion`, `dorsiflexion`: they hold the centre of pressure ahead of and behind the ankle."""
     inversion: float
     eversion: float
+    """`inversion`, `eversion`: they hold it beside the ankle, outward and inward."""
 
 
 ANKLE_SOURCE = "da Fonseca et al., World J. Orthop. 16 (2025) 108858: mean isokinetic peak torques of 69 men and 31 women"

@@ -33,10 +33,6 @@ DECIMALS = 7
 def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
     """Trajectories of the body's points over the whole recording, and which are missing, each with its reason.
 
-    Parameters
-    ----------
-    lift : AnalysedLift
-
     Returns
     -------
     frame : pandas.DataFrame

@@ -21,27 +21,18 @@ box together keep their mass, or each pendulum carrying the whole box."""
 
 @dataclass(frozen=True)
 class CentreOfMass:
-    """Trajectory of one centre of mass.
-
-    Attributes
-    ----------
-    name : str
-        One of `lumbar.lifting.movement.segments.COMS`.
-    position : ndarray, shape (n, 3)
-        Of the segment alone, metres.
-    position_with_box : ndarray, shape (n, 3)
-        Of the segment with its share of the box while the box is held; that of the segment otherwise.
-    mass_kg : float
-        Of the segment alone.
-    mass_with_box_kg : float
-        With its share of the box.
-    """
+    """Trajectory of one centre of mass."""
 
     name: str
+    """One of `lumbar.lifting.movement.segments.COMS`."""
     position: np.ndarray
+    """Shape (n, 3): of the segment alone, metres."""
     position_with_box: np.ndarray
+    """Shape (n, 3): of the segment with its share of the box while the box is held; that of the segment otherwise."""
     mass_kg: float
+    """Of the segment alone."""
     mass_with_box_kg: float
+    """With its share of the box."""
 
 
 def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.ndarray]:
@@ -54,7 +45,6 @@ def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.nd
     ----------
     points : TrunkPoints
         Ends of the segments.
-    table : SegmentTable
 
     Returns
     -------
@@ -109,7 +99,6 @@ def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, fl
 
     Parameters
     ----------
-    table : SegmentTable
     box_mass : float
         Kilograms.
     share : {"by_mass", "whole"}
@@ -144,7 +133,6 @@ def centres_of_mass(
         Filtered.
     points : TrunkPoints
         Ends of the segments.
-    table : SegmentTable
     body_mass, box_mass : float
         Kilograms.
     share : {"by_mass", "whole"}

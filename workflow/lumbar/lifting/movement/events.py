@@ -480,7 +480,6 @@ def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
     Parameters
     ----------
     time : ndarray, shape (n,)
-    events : dict of str to Event
 
     Returns
     -------

@@ -35,7 +35,6 @@ def file_event(
 
     Parameters
     ----------
-    recording : MarkerRecording
     labels : EventLabels
         Labels in the file that stand for each event.
     name : str

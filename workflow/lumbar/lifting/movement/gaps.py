@@ -32,31 +32,21 @@ _BESIDE = 2
 
 @dataclass(frozen=True)
 class Gap:
-    """A stretch of frames in which one marker was not seen.
-
-    Attributes
-    ----------
-    marker : str
-    first_frame, n_frames : int
-        Frames count from 0.
-    start_s : float
-        Time of the first missing frame, on the recording's clock.
-    length_s : float
-        Missing frames divided by the rate.
-    outcome : str
-        ``"filled"``, or why it was not: ``"longer than allowed"``, ``"at the start"``, ``"at the end"``,
-        ``"too few frames beside it"``; of frames that were seen, ``"seen too briefly to be filtered: left out"``.
-    method : str
-        How it was filled; empty where it was not.
-    """
+    """A stretch of frames in which one marker was not seen."""
 
     marker: str
     first_frame: int
     n_frames: int
+    """`first_frame`, `n_frames`: frames count from 0."""
     start_s: float
+    """Time of the first missing frame, on the recording's clock."""
     length_s: float
+    """Missing frames divided by the rate."""
     outcome: str
+    """``"filled"``, or why it was not: ``"longer than allowed"``, ``"at the start"``, ``"at the end"``, ``"too few frames
+    beside it"``; of frames that were seen, ``"seen too briefly to be filtered: left out"``."""
     method: str = ""
+    """How it was filled; empty where it was not."""
 
     @property
     def filled(self) -> bool:
@@ -74,7 +64,6 @@ def fill_gaps(
 
     Parameters
     ----------
-    recording : MarkerRecording
     maximum_s : float
         Longest gap that is filled, in seconds (missing frames divided by the rate); 0 fills none.
     longer : {"error", "keep"}
@@ -185,12 +174,7 @@ def refuse_open_gaps(
     start_s: float = -np.inf,
     stop_s: float = np.inf,
 ) -> None:
-    """Raise an error that lists the gaps left open in `markers` (default all) between two times.
-
-    Raises
-    ------
-    InputError
-    """
+    """Raise an error that lists the gaps left open in `markers` (default all) between two times."""
     problems = Problems(recording.source or recording.name)
     for gap in gaps:
         concerns = (markers is None or gap.marker in markers) and (

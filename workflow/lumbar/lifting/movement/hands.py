@@ -70,7 +70,6 @@ def hands_lifted(height: np.ndarray, settings: EventSettings) -> tuple[int, int]
     ----------
     height : ndarray, shape (n,)
         Of the hands in metres; finite.
-    settings : EventSettings
     """
     swings = _swings(height, settings.hands_rise_m, 1)
     return swings[0] if swings else None
@@ -88,7 +87,6 @@ def hands_lowered(height: np.ndarray, settings: EventSettings, greatest: bool) -
     ----------
     height : ndarray, shape (n,)
         Of the hands in metres, from the lift-off on; finite.
-    settings : EventSettings
     greatest : bool
         Whether only great descents count: hands that hold nothing together may do anything besides.
     """

@@ -33,24 +33,18 @@ _CERVICAL = {"male": (8.0, 0.55), "female": (14.0, 0.53)}
 
 @dataclass(frozen=True)
 class Pelvis:
-    """Axes and size of the pelvis; arrays of shape (n, 3).
-
-    Attributes
-    ----------
-    origin : ndarray
-        Middle of the ASIS, metres.
-    forward, up, right : ndarray
-        Unit vectors.
-    width, depth : float
-        Distance of the ASIS from each other and of their middle from that of the PSIS: medians over time, metres.
-    """
+    """Axes and size of the pelvis; arrays of shape (n, 3)."""
 
     origin: np.ndarray
+    """Middle of the ASIS, metres."""
     forward: np.ndarray
     up: np.ndarray
     right: np.ndarray
+    """`forward`, `up`, `right`: unit vectors."""
     width: float
     depth: float
+    """`width`, `depth`: distance of the ASIS from each other and of their middle from that of the PSIS: medians over time,
+    metres."""
 
     def point(self, forward: float, up: float, right: float = 0.0) -> np.ndarray:
         """Trajectory, shape (n, 3), of a point of the pelvis, in metres along its axes."""

@@ -54,44 +54,28 @@ start."""
 
 @dataclass(frozen=True)
 class AnalysedLift:
-    """One analysed lift.
-
-    Attributes
-    ----------
-    name : str
-        E.g. ``"expert_23kg"``.
-    recording : MarkerRecording
-        Gaps filled, filtered, in the axes of the planes.
-    complete : MarkerRecording
-        The whole file, gaps filled, not filtered, in the same axes.
-    gaps : list of Gap
-    events : dict of str to Event
-    table : SegmentTable
-    points : TrunkPoints
-        Ends of the segments.
-    centres : dict of str to CentreOfMass
-    pivot : ndarray, shape (n, 3), or None
-        Metres; None where the recording lacks its markers.
-    heading : float
-        Radians by which the axes were turned.
-    states : dict of (str, str) to PendulumStates
-        By centre of mass and plane.
-    missing : dict of str to str
-        Centres of mass that have no pendulum, with the reason.
-    """
+    """One analysed lift."""
 
     name: str
+    """E.g. ``"expert_23kg"``."""
     recording: MarkerRecording
+    """Gaps filled, filtered, in the axes of the planes."""
     complete: MarkerRecording
+    """The whole file, gaps filled, not filtered, in the same axes."""
     gaps: list[Gap]
     events: dict[str, Event]
     table: SegmentTable
     points: TrunkPoints
+    """Ends of the segments."""
     centres: dict[str, CentreOfMass]
     pivot: np.ndarray | None
+    """Shape (n, 3), or None: metres; None where the recording lacks its markers."""
     heading: float
+    """Radians by which the axes were turned."""
     states: dict[tuple[str, str], PendulumStates]
+    """By centre of mass and plane."""
     missing: dict[str, str]
+    """Centres of mass that have no pendulum, with the reason."""
 
 
 def analyse_lift(
@@ -114,18 +98,12 @@ def analyse_lift(
         As read.
     name : str
         Name of the lift.
-    subject : SubjectSettings
     trial : TrialSettings
         Of the subject.
-    settings : LiftingSettings
     filled : sequence of Gap
         What was filled when the recording was read, for the report.
     findings : sequence of Finding
         What was left out when the recording was read, for the reasons of what is missing.
-
-    Returns
-    -------
-    AnalysedLift
 
     Raises
     ------

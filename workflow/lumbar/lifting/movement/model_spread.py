@@ -72,12 +72,6 @@ def model_spread(lift: AnalysedLift, subject: SubjectSettings, settings: Lifting
     abdomen and pelvis, without the box, from the start of the deposit to the release, or over the whole recording where
     there is no deposit.
 
-    Parameters
-    ----------
-    lift : AnalysedLift
-    subject : SubjectSettings
-    settings : LiftingSettings
-
     Returns
     -------
     DataFrame

@@ -20,18 +20,12 @@ COMPARED = ("mid_ankle", "hip")
 
 @dataclass(frozen=True)
 class OtherPivot:
-    """Pendulums of a lift about one further pivot.
-
-    Attributes
-    ----------
-    states : dict of (str, str) to PendulumStates
-        By centre of mass and plane.
-    missing : dict of str to str
-        Centres of mass without a pendulum about it, with the reason.
-    """
+    """Pendulums of a lift about one further pivot."""
 
     states: dict[tuple[str, str], PendulumStates]
+    """By centre of mass and plane."""
     missing: dict[str, str]
+    """Centres of mass without a pendulum about it, with the reason."""
 
     @property
     def facts(self) -> dict:

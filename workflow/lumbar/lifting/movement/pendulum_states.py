@@ -44,30 +44,20 @@ class SamplesMissing(InputError):
 
 @dataclass(frozen=True)
 class PendulumStates:
-    """States of one pendulum during the deposit; every array has shape (points,).
-
-    Attributes
-    ----------
-    time : ndarray
-        Seconds on the recording's clock.
-    angle : ndarray
-        Radians from straight up, unwrapped.
-    angular_velocity : ndarray
-        rad/s.
-    angular_acceleration : ndarray
-        rad/s².
-    length : ndarray
-        Distance from the pivot in the plane, metres.
-    length_rate : ndarray
-        m/s.
-    """
+    """States of one pendulum during the deposit; every array has shape (points,)."""
 
     time: np.ndarray
+    """Seconds on the recording's clock."""
     angle: np.ndarray
+    """Radians from straight up, unwrapped."""
     angular_velocity: np.ndarray
+    """rad/s."""
     angular_acceleration: np.ndarray
+    """rad/s²."""
     length: np.ndarray
+    """Distance from the pivot in the plane, metres."""
     length_rate: np.ndarray
+    """m/s."""
 
 
 def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str) -> np.ndarray:

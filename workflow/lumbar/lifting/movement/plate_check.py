@@ -57,46 +57,33 @@ _FACTORS = {
 
 @dataclass(frozen=True)
 class PlateCheck:
-    """What force plates say of a lift.
-
-    Attributes
-    ----------
-    plates : int
-        Plates of the file.
-    seconds : float
-        How long the person stood wholly on them.
-    plates_kg, declared_kg : float or None
-        Mass on the plates, from the mean force over the mean of g + acceleration, and the declared one of the body with the
-        box while it is held, mean over time.
-    correlation : float or None
-        Of the vertical force with mass × (g + acceleration of the centre of mass); None where hardly anything moves.
-    rmse_N : float or None
-        RMS difference of both.
-    rate_factor : float or None
-        Stated rate over the one at which the accelerations are those of the force; None where hardly anything moves or the
-        force does not follow closely.
-    forward_mm, right_mm : float or None
-        Mean place of the centre of pressure as seen from the projection of the centre of mass.
-    sway_mm : float or None
-        RMS of what remains of that distance without its mean.
-    findings : tuple of str
-        What does not fit and what that means; or why there is nothing to compare.
-    notes : tuple of str
-        What reading the plates took for granted.
-    """
+    """What force plates say of a lift."""
 
     plates: int
+    """Plates of the file."""
     seconds: float = 0.0
+    """How long the person stood wholly on them."""
     plates_kg: float | None = None
     declared_kg: float | None = None
+    """`plates_kg`, `declared_kg`: mass on the plates, from the mean force over the mean of g + acceleration, and the
+    declared one of the body with the box while it is held, mean over time."""
     correlation: float | None = None
+    """Of the vertical force with mass × (g + acceleration of the centre of mass); None where hardly anything moves."""
     rmse_N: float | None = None
+    """RMS difference of both."""
     rate_factor: float | None = None
+    """Stated rate over the one at which the accelerations are those of the force; None where hardly anything moves or the
+    force does not follow closely."""
     forward_mm: float | None = None
     right_mm: float | None = None
+    """`forward_mm`, `right_mm`: mean place of the centre of pressure as seen from the projection of the centre of mass.
+    """
     sway_mm: float | None = None
+    """RMS of what remains of that distance without its mean."""
     findings: tuple[str, ...] = ()
+    """What does not fit and what that means; or why there is nothing to compare."""
     notes: tuple[str, ...] = ()
+    """What reading the plates took for granted."""
 
     def as_dict(self) -> dict:
         """Plain data for JSON."""
@@ -150,7 +137,6 @@ def check_against_plates(
 
     Parameters
     ----------
-    lift : AnalysedLift
     plates : list of ForcePlate
         Of the same recording, on its clock and in the axes of its markers.
     subject, trial, settings

@@ -37,23 +37,15 @@ ALIGNMENTS = 3
 
 @dataclass(frozen=True)
 class BodyShape:
-    """Shape of a rigid body.
-
-    Attributes
-    ----------
-    labels : tuple of str
-    points : ndarray, shape (labels, 3)
-        Metres, in axes of its own.
-    residual_m : float
-        Root mean square by which full frames differ from the shape.
-    source : str
-        Where the shape was seen.
-    """
+    """Shape of a rigid body."""
 
     labels: tuple[str, ...]
     points: np.ndarray
+    """Shape (labels, 3): metres, in axes of its own."""
     residual_m: float
+    """Root mean square by which full frames differ from the shape."""
     source: str
+    """Where the shape was seen."""
 
 
 def fitted(shape: np.ndarray, frames: np.ndarray) -> np.ndarray:
@@ -88,7 +80,6 @@ def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source
     ----------
     points : mapping of str to ndarray, shape (n, 3)
         Metres.
-    labels : collection of str
     source : str
         Words for where the markers were seen.
     """
@@ -148,7 +139,6 @@ def fill_rigid(
         Frames per second.
     start_s : float
         Time of the first frame.
-    shape : BodyShape
     body : str
         Its name, for the report.
     longer_than_s : float

@@ -14,46 +14,31 @@ COMS = ("thorax", "abdomen", "pelvis")
 
 @dataclass(frozen=True)
 class Segment:
-    """One trunk segment between two of its ends.
-
-    Attributes
-    ----------
-    name : str
-        One of `COMS`.
-    proximal, distal : str
-        Its upper and lower end, by the names of `lumbar.lifting.movement.trunk_points.SKIN_MARKERS`.
-    mass_share : float
-        Mass as a share of body mass.
-    com_share : float
-        Distance of the centre of mass from the proximal end, as a share of the distance between the ends.
-    forward_share : float
-        How far the centre of mass lies ahead of the line between the ends, as a share of the same distance.
-    """
+    """One trunk segment between two of its ends."""
 
     name: str
+    """One of `COMS`."""
     proximal: str
     distal: str
+    """`proximal`, `distal`: its upper and lower end, by the names of `lumbar.lifting.movement.trunk_points.SKIN_MARKERS`.
+    """
     mass_share: float
+    """Mass as a share of body mass."""
     com_share: float
+    """Distance of the centre of mass from the proximal end, as a share of the distance between the ends."""
     forward_share: float = 0.0
+    """How far the centre of mass lies ahead of the line between the ends, as a share of the same distance."""
 
 
 @dataclass(frozen=True)
 class SegmentTable:
-    """A published set of segment parameters.
-
-    Attributes
-    ----------
-    name : str
-    segments : tuple of Segment
-        In the order of `COMS`.
-    source : str
-        Publication, with what had to be adapted.
-    """
+    """A published set of segment parameters."""
 
     name: str
     segments: tuple[Segment, ...]
+    """In the order of `COMS`."""
     source: str
+    """Publication, with what had to be adapted."""
 
     @property
     def ends(self) -> tuple[str, ...]:

@@ -56,46 +56,30 @@ _PAIRS = (("L_ASIS", "R_ASIS"), ("L_HIP", "R_HIP"), ("L_SHOULDER", "R_SHOULDER")
 
 @dataclass(frozen=True)
 class TrunkPoint:
-    """One end of a segment.
-
-    Attributes
-    ----------
-    position : ndarray, shape (n, 3)
-        Metres.
-    rule : str
-        What it is, and from what it was computed.
-    inner : bool
-        Whether it is a joint's centre and not a point on the skin.
-    off_mm : float
-        How far from the joint's centre it may be: of hips the published error, of the others an assumption.
-    markers : tuple of str
-        Markers it was computed from.
-    """
+    """One end of a segment."""
 
     position: np.ndarray
+    """Shape (n, 3): metres."""
     rule: str
+    """What it is, and from what it was computed."""
     inner: bool
+    """Whether it is a joint's centre and not a point on the skin."""
     off_mm: float
+    """How far from the joint's centre it may be: of hips the published error, of the others an assumption."""
     markers: tuple[str, ...]
+    """Markers it was computed from."""
 
 
 @dataclass(frozen=True)
 class TrunkPoints:
-    """Ends of the trunk's segments.
-
-    Attributes
-    ----------
-    points : dict of str to TrunkPoint
-        By the names of `SKIN_MARKERS`.
-    missing : dict of str to str
-        Points that the recording does not hold, with the markers that would give them.
-    right : ndarray, shape (n, 3)
-        Unit vector to the person's right.
-    """
+    """Ends of the trunk's segments."""
 
     points: dict[str, TrunkPoint]
+    """By the names of `SKIN_MARKERS`."""
     missing: dict[str, str]
+    """Points that the recording does not hold, with the markers that would give them."""
     right: np.ndarray
+    """Shape (n, 3): unit vector to the person's right."""
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.points[name].position

@@ -35,8 +35,6 @@ def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: Se
     ----------
     recording : MarkerRecording
         With shoulders, wrists and ankles of both sides; elbows and knees are used where they are there.
-    points : TrunkPoints
-    table : SegmentTable
 
     Raises
     ------

@@ -25,8 +25,6 @@ def cluster_bootstrap(
     ----------
     first, second : numpy.ndarray, shape (persons,)
         Means of each person's trials; second is None where `first` holds the differences of paired means.
-    seed : int
-    resamples : int
     """
     generator = np.random.default_rng(seed)
     sides = [first] if second is None else [first, second]

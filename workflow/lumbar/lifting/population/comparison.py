@@ -33,44 +33,29 @@ NEEDED = ("person", "group", "box_mass_kg", "measure", "plane", "value")
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """One measure compared between two sides.
-
-    Attributes
-    ----------
-    name : str
-        E.g. ``expert_vs_novice``, ``decrease_in_mass_expert``.
-    box : str
-        Mass of the box in kg, ``15 vs 23`` where boxes are compared.
-    measure, plane, unit : str
-    safer : str
-        Which values are the safer ones: ``higher``, ``lower`` or empty.
-    sides : tuple of str
-        What is compared with what.
-    values : tuple of PersonMeans
-    paired : bool
-        Whether the same persons are on both sides.
-    missing : int
-        Trials without a value.
-    contrast : Contrast
-    components : VarianceComponents
-        Of single trials or, `paired`, of the persons' changes and of single trials.
-    bootstrap : Interval
-        Of the difference.
-    """
+    """One measure compared between two sides."""
 
     name: str
+    """E.g. ``expert_vs_novice``, ``decrease_in_mass_expert``."""
     box: str
+    """Mass of the box in kg, ``15 vs 23`` where boxes are compared."""
     measure: str
     plane: str
     unit: str
     safer: str
+    """Which values are the safer ones: ``higher``, ``lower`` or empty."""
     sides: tuple[str, str]
+    """What is compared with what."""
     values: tuple[PersonMeans, PersonMeans]
     paired: bool
+    """Whether the same persons are on both sides."""
     missing: int
+    """Trials without a value."""
     contrast: Contrast
     components: VarianceComponents
+    """Of single trials or, `paired`, of the persons' changes and of single trials."""
     bootstrap: Interval
+    """Of the difference."""
 
     @property
     def verdict(self) -> str:
@@ -126,7 +111,6 @@ def compare_people(
         The first is compared with the second.
     seed : int
         Of the bootstrap.
-    resamples : int
 
     Raises
     ------

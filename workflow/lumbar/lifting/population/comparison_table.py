@@ -63,7 +63,6 @@ def comparison_table(comparisons: Sequence[Comparison], data: str) -> Table:
 
     Parameters
     ----------
-    comparisons : sequence of Comparison
     data : str
         Where the data come from.
     """
@@ -140,8 +139,6 @@ def planning_table(comparisons: Sequence[Comparison], settings: PopulationSettin
 
     Parameters
     ----------
-    comparisons : sequence of Comparison
-    settings : PopulationSettings
     data : str
         Where the data come from.
 

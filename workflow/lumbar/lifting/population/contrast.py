@@ -19,18 +19,12 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Interval:
-    """A 95 % interval, or why there is none.
-
-    Attributes
-    ----------
-    low, high : float or None
-    remark : str
-        Empty where there is an interval.
-    """
+    """A 95 % interval, or why there is none."""
 
     low: float | None = None
     high: float | None = None
     remark: str = ""
+    """Empty where there is an interval."""
 
     @property
     def known(self) -> bool:
@@ -40,28 +34,19 @@ class Interval:
 
 @dataclass(frozen=True)
 class Contrast:
-    """Two means over persons and how well they are known.
-
-    Attributes
-    ----------
-    first, second : float
-        Weighted means over persons.
-    variances : tuple of float
-        Squared standard errors of first and second, and their covariance; NaN with one person.
-    freedom : float
-        Degrees of freedom.
-    person_mean_sd : float
-        Standard deviation of the persons' means within the groups or, where persons are paired, of their differences.
-    remark : str
-        Why there is no interval and no test; empty otherwise.
-    """
+    """Two means over persons and how well they are known."""
 
     first: float
     second: float
+    """`first`, `second`: weighted means over persons."""
     variances: tuple[float, float, float]
+    """Squared standard errors of first and second, and their covariance; NaN with one person."""
     freedom: float
+    """Degrees of freedom."""
     person_mean_sd: float
+    """Standard deviation of the persons' means within the groups or, where persons are paired, of their differences."""
     remark: str = ""
+    """Why there is no interval and no test; empty otherwise."""
 
     @property
     def difference(self) -> float:

@@ -15,17 +15,11 @@ From three on the tests hold their level (tests/benchmark/population.py)."""
 
 @dataclass(frozen=True, eq=False)
 class PersonMeans:
-    """Trials by person, and one mean of each.
-
-    Attributes
-    ----------
-    persons : tuple of str
-    values : tuple of numpy.ndarray
-        Trials of each person.
-    """
+    """Trials by person, and one mean of each."""
 
     persons: tuple[str, ...]
     values: tuple[np.ndarray, ...]
+    """Trials of each person."""
 
     @classmethod
     def of(cls, trials: Mapping[str, Sequence[float]]) -> PersonMeans:

@@ -29,8 +29,6 @@ def power(
         Standard deviation of the persons' means (`person_mean_sd`) or, `paired`, of their differences.
     persons : int
         Of each group or, `paired`, altogether.
-    paired : bool
-    significance : float
 
     Examples
     --------
@@ -62,7 +60,6 @@ def persons_needed(
     ----------
     difference, sd, paired, significance
         As of `power`.
-    power_wanted : float
 
     Returns
     -------

@@ -21,19 +21,13 @@ ESTIMATED = "estimated"
 
 @dataclass(frozen=True)
 class VarianceComponents:
-    """Standard deviations, both None where they cannot be told apart.
-
-    Attributes
-    ----------
-    person_sd, trial_sd : float or None
-        In the unit of the values.
-    status : str
-        ``"estimated"``, or why there are none.
-    """
+    """Standard deviations, both None where they cannot be told apart."""
 
     person_sd: float | None
     trial_sd: float | None
+    """`person_sd`, `trial_sd`: in the unit of the values."""
     status: str = ESTIMATED
+    """``"estimated"``, or why there are none."""
 
     @property
     def variance_ratio(self) -> float | None:
@@ -54,12 +48,7 @@ def _none(reason: str) -> VarianceComponents:
 
 
 def variance_components(groups: list[PersonMeans]) -> VarianceComponents:
-    """Estimate the components from the trials of groups with means of their own.
-
-    Parameters
-    ----------
-    groups : list of PersonMeans
-    """
+    """Estimate the components from the trials of groups with means of their own."""
     persons, trials = sum(map(len, groups)), int(sum(group.trials.sum() for group in groups))
     if persons <= len(groups):
         return _none("one person in each group")

@@ -24,27 +24,18 @@ JOINT_ANGLES = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [0.0, -1.0, 1.0]])
 
 @dataclass(frozen=True)
 class Bodies:
-    """Bodies that are computed together; the last axis counts bodies.
-
-    Attributes
-    ----------
-    inertia : numpy.ndarray, shape (3, 3, bodies)
-        A in kg·m².
-    first_moment : numpy.ndarray, shape (3, bodies)
-        B in kg·m.
-    mass : numpy.ndarray, shape (bodies,)
-        All links and the box, without the feet, in kg.
-    lengths : numpy.ndarray, shape (3, bodies)
-        Of the links, in m.
-    ankle_height : numpy.ndarray, shape (bodies,)
-        Of the ankles above the ground, in m.
-    """
+    """Bodies that are computed together; the last axis counts bodies."""
 
     inertia: np.ndarray
+    """Shape (3, 3, bodies): A in kg·m²."""
     first_moment: np.ndarray
+    """Shape (3, bodies): B in kg·m."""
     mass: np.ndarray
+    """Shape (bodies,): all links and the box, without the feet, in kg."""
     lengths: np.ndarray
+    """Shape (3, bodies): of the links, in m."""
     ankle_height: np.ndarray
+    """Shape (bodies,): of the ankles above the ground, in m."""
 
     def take(self, index: np.ndarray) -> Bodies:
         """Return some of the bodies, or one of them several times."""
@@ -153,7 +144,6 @@ def ground_force(bodies: Bodies, angle, rate, acceleration, push=0.0) -> tuple[n
 
     Parameters
     ----------
-    bodies : Bodies
     angle, rate, acceleration : numpy.ndarray, shape (3, bodies)
     push : array_like, shape (bodies,)
         Horizontal force on the body in N.
@@ -175,7 +165,6 @@ def push_torque(bodies: Bodies, angle: np.ndarray, force: np.ndarray, share: flo
 
     Parameters
     ----------
-    bodies : Bodies
     angle : numpy.ndarray, shape (3, bodies)
     force : numpy.ndarray, shape (bodies,)
         N, forward positive.

@@ -46,21 +46,14 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Contest:
-    """Pushes with their outcomes and levels.
-
-    Attributes
-    ----------
-    frame : pandas.DataFrame
-        One row per push; columns `COLUMNS`.
-    drawn : int
-        Pushes drawn.
-    unsteady : int
-        Those left out because the body would step without a push.
-    """
+    """Pushes with their outcomes and levels."""
 
     frame: pd.DataFrame
+    """One row per push; columns `COLUMNS`."""
     drawn: int
+    """Pushes drawn."""
     unsteady: int
+    """Those left out because the body would step without a push."""
 
 
 def draw_pushes(motions: list[DepositMotion], scene: Scene, settings: PushesSettings, seed: int) -> Pushes:
@@ -101,11 +94,8 @@ def push_bodies(
 
     Parameters
     ----------
-    motions : list of DepositMotion
     levels : list of Levels
         Of the same lifts.
-    settings : PushesSettings
-    seed : int
     changed : mapping of str to float, optional
         Factors on everybody's traits, by the attributes of `Traits`: what no measure is told.
     chosen : numpy.ndarray of int, optional

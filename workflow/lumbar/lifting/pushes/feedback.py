@@ -33,21 +33,14 @@ COVERAGE = 0.95
 
 @dataclass(frozen=True)
 class Feedback:
-    """Gains over phase.
-
-    Attributes
-    ----------
-    phase : numpy.ndarray, shape (points,)
-        From 0 to 1.
-    gains : numpy.ndarray, shape (points, 2)
-        K1 in N·m/rad and K2 in N·m·s/rad.
-    left_out : numpy.ndarray, shape (trials, points, 2)
-        The same without each of the trials.
-    """
+    """Gains over phase."""
 
     phase: np.ndarray
+    """Shape (points,): from 0 to 1."""
     gains: np.ndarray
+    """Shape (points, 2): K1 in N·m/rad and K2 in N·m·s/rad."""
     left_out: np.ndarray
+    """Shape (trials, points, 2): the same without each of the trials."""
 
     @property
     def interval(self) -> tuple[np.ndarray, np.ndarray]:
@@ -120,7 +113,6 @@ def basin_of_feedback(pendulum: Pendulums, gains: np.ndarray, weights: Weights, 
     pendulum : Pendulums
         One, with its angle at `points` even phases.
     gains : numpy.ndarray, shape (points, 2)
-    weights : Weights
     goal_level : float
         ρ(T).
 

@@ -39,18 +39,12 @@ NOTHING, EXCESS, RATIO, SHIFT = "nothing", "excess", "ratio", "shift"
 
 @dataclass(frozen=True)
 class Predictor:
-    """One measure in the contest.
-
-    Attributes
-    ----------
-    meaning : str
-        What its level is, with the unit.
-    push : str
-        How the size of a push enters: one of the words above.
-    """
+    """One measure in the contest."""
 
     meaning: str
+    """What its level is, with the unit."""
     push: str
+    """How the size of a push enters: one of the words above."""
 
 
 def _basins() -> dict[str, Predictor]:
@@ -94,24 +88,16 @@ BASELINES = ("push_alone", "push_over_mass")
 
 @dataclass(frozen=True)
 class Levels:
-    """Levels of one lift during its deposit.
-
-    Attributes
-    ----------
-    time : numpy.ndarray, shape (n,)
-        s.
-    values : dict of (str, str) to numpy.ndarray, shape (n,)
-        By predictor and direction; NaN where there is none.
-    shift : numpy.ndarray, shape (n,)
-        1/(m·ω0) in m/(N·s): how far a push moves the extrapolated centre.
-    missing : dict of str to str
-        Predictors without a level, with the reason.
-    """
+    """Levels of one lift during its deposit."""
 
     time: np.ndarray
+    """Shape (n,): s."""
     values: dict[tuple[str, str], np.ndarray]
+    """Dict of (str, str) to numpy.ndarray, shape (n,): by predictor and direction; NaN where there is none."""
     shift: np.ndarray
+    """Shape (n,): 1/(m·ω0) in m/(N·s): how far a push moves the extrapolated centre."""
     missing: dict[str, str]
+    """Predictors without a level, with the reason."""
 
 
 def score(predictor: str, level: np.ndarray, impulse: np.ndarray, shift: np.ndarray) -> np.ndarray:
@@ -145,11 +131,8 @@ def levels_of(
 
     Parameters
     ----------
-    lifters : list of Lifter
-    motions : list of DepositMotion
     trajectories : list of Trajectory or None
         Of the abdomen in the sagittal plane, with the box; None where there is none.
-    settings : StabilitySettings
     push_share : float
         Where the trunk is pushed, between hips and shoulders.
     """

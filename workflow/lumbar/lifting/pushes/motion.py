@@ -41,23 +41,7 @@ SHORTEST_M = 0.05
 
 @dataclass(frozen=True)
 class DepositMotion:
-    """One deposit, from its start to the release, at even instants.
-
-    Attributes
-    ----------
-    subject, lift : str
-    mass_kg, height_m, box_mass_kg : float
-    time : numpy.ndarray, shape (n,)
-        s, from the start of the deposit to the release.
-    angle, rate, acceleration : numpy.ndarray, shape (3, n)
-        Of legs, trunk and arms: rad from straight up, forward positive, rad/s and rad/s².
-    lengths : numpy.ndarray, shape (3,)
-        m; means over the deposit.
-    trunk_centre : float
-        Where the trunk's centre lies on the way from hips to shoulders.
-    ankle_height_m, heel_m, toe_m : float
-        Of the ankles above the ground; how far heels lie behind and toes ahead of the ankles.
-    """
+    """One deposit, from its start to the release, at even instants."""
 
     subject: str
     lift: str
@@ -65,14 +49,21 @@ class DepositMotion:
     height_m: float
     box_mass_kg: float
     time: np.ndarray
+    """Shape (n,): s, from the start of the deposit to the release."""
     angle: np.ndarray
     rate: np.ndarray
     acceleration: np.ndarray
+    """`angle`, `rate`, `acceleration`: shape (3, n): of legs, trunk and arms: rad from straight up, forward positive,
+    rad/s and rad/s²."""
     lengths: np.ndarray
+    """Shape (3,): m; means over the deposit."""
     trunk_centre: float
+    """Where the trunk's centre lies on the way from hips to shoulders."""
     ankle_height_m: float
     heel_m: float
     toe_m: float
+    """`ankle_height_m`, `heel_m`, `toe_m`: of the ankles above the ground; how far heels lie behind and toes ahead of the
+    ankles."""
 
 
 def deposit_motion(lifter: Lifter) -> DepositMotion:

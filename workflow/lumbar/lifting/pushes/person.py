@@ -27,33 +27,25 @@ _STREAMS = {"traits": 1, "pushes": 2}
 
 @dataclass(frozen=True)
 class Persons:
-    """What bodies can do; the last axis counts bodies.
-
-    Attributes
-    ----------
-    lowest, highest : numpy.ndarray, shape (3, bodies)
-        Torque of ankle, hip and shoulder in N·m; forward (flexion of the hip, toes up) is positive.
-    stiffness, damping : numpy.ndarray, shape (3, bodies)
-        Of the joints without delay, in N·m/rad and N·m·s/rad.
-    heel, toe : numpy.ndarray, shape (bodies,)
-        How far behind (negative) and ahead of the ankles the centre of pressure can go, m.
-    delay : numpy.ndarray of int, shape (bodies,)
-        In commands.
-    state_gain : numpy.ndarray, shape (3, 6, bodies)
-        K·A^D: N·m/rad and N·m·s/rad on the deviation of the links' angles and rates.
-    queue_gain : numpy.ndarray, shape (longest delay, 3, 3, bodies)
-        K·A^(j−1)·B of the command j instants ago; zero beyond the body's delay.
-    """
+    """What bodies can do; the last axis counts bodies."""
 
     lowest: np.ndarray
     highest: np.ndarray
+    """`lowest`, `highest`: shape (3, bodies): torque of ankle, hip and shoulder in N·m; forward (flexion of the hip, toes
+    up) is positive."""
     stiffness: np.ndarray
     damping: np.ndarray
+    """`stiffness`, `damping`: shape (3, bodies): of the joints without delay, in N·m/rad and N·m·s/rad."""
     heel: np.ndarray
     toe: np.ndarray
+    """`heel`, `toe`: shape (bodies,): how far behind (negative) and ahead of the ankles the centre of pressure can go, m.
+    """
     delay: np.ndarray
+    """Shape (bodies,): in commands."""
     state_gain: np.ndarray
+    """Shape (3, 6, bodies): K·A^D: N·m/rad and N·m·s/rad on the deviation of the links' angles and rates."""
     queue_gain: np.ndarray
+    """Shape (longest delay, 3, 3, bodies): K·A^(j−1)·B of the command j instants ago; zero beyond the body's delay."""
 
     def take(self, index: np.ndarray) -> Persons:
         """Return some of the persons, or one of them several times."""
@@ -84,9 +76,6 @@ def draw_traits(
     ----------
     subjects : list of str
         One per motion.
-    controller : ControllerSettings
-    spread : PersonalSpreadSettings
-    seed : int
     """
     normal = np.stack([generator(seed, "traits", name).normal(size=4) for name in subjects], axis=1)
     normal = np.clip(normal, -2, 2)  # no one without strength or delay

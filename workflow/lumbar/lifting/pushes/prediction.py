@@ -78,27 +78,17 @@ BASIS = "simulated bodies under an assumed controller, not people"
 
 @dataclass(frozen=True)
 class Verdict:
-    """The winner and what it rests on.
-
-    Attributes
-    ----------
-    measure : str
-    auc : float
-    low, high : float or None
-        95 % interval over persons; None with too few of them.
-    tied : tuple of str
-        Measures than which it is not shown to be better by `NEGLIGIBLE`.
-    equal : dict of str to str
-        Winner by direction under equal pushes.
-    sentence : str
-    """
+    """The winner and what it rests on."""
 
     measure: str
     auc: float
     low: float | None
     high: float | None
+    """`low`, `high`: 95 % interval over persons; None with too few of them."""
     tied: tuple[str, ...]
+    """Measures than which it is not shown to be better by `NEGLIGIBLE`."""
     equal: dict[str, str]
+    """Winner by direction under equal pushes."""
     sentence: str
 
 
@@ -247,20 +237,13 @@ def prediction_table(contest: Contest, table: pd.DataFrame, verdict: Verdict, da
 
 @dataclass(frozen=True)
 class Followed:
-    """Some of a contest's pushes, for the contests with other bodies.
-
-    Attributes
-    ----------
-    motions : list of DepositMotion
-    levels : list of Levels
-        Of the lifts that they belong to.
-    chosen : numpy.ndarray of int
-        Which of the pushes of these lifts, counted lift after lift.
-    """
+    """Some of a contest's pushes, for the contests with other bodies."""
 
     motions: list[DepositMotion]
     levels: list[Levels]
+    """Of the lifts that they belong to."""
     chosen: np.ndarray
+    """Which of the pushes of these lifts, counted lift after lift."""
 
 
 def follow(

@@ -16,24 +16,18 @@ from lumbar.lifting.pushes.motion import DepositMotion
 
 @dataclass(frozen=True)
 class References:
-    """Motions of several lifts on one grid, one after the other.
-
-    Attributes
-    ----------
-    step : float
-        s between instants.
-    first, last : numpy.ndarray of int, shape (lifts,)
-        Column of each lift's first and last instant.
-    angle, rate, acceleration : numpy.ndarray, shape (3, columns)
-        Of the links, rad, rad/s and rad/s²; at rest in each lift's last column.
-    """
+    """Motions of several lifts on one grid, one after the other."""
 
     step: float
+    """s between instants."""
     first: np.ndarray
     last: np.ndarray
+    """`first`, `last`: shape (lifts,): column of each lift's first and last instant."""
     angle: np.ndarray
     rate: np.ndarray
     acceleration: np.ndarray
+    """`angle`, `rate`, `acceleration`: shape (3, columns): of the links, rad, rad/s and rad/s²; at rest in each lift's
+    last column."""
 
     def moment(self, lift: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, ...]:
         """Angle, rate and acceleration at some columns, the last of a lift from its end on; shape (3, n) each."""

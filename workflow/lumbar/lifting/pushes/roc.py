@@ -19,23 +19,16 @@ AT_ONCE = 2**17
 
 @dataclass(frozen=True)
 class Ordered:
-    """Scores in rising order, ties together, for areas under many weights of persons.
-
-    Attributes
-    ----------
-    order : numpy.ndarray of int, shape (n,)
-    starts : numpy.ndarray of int, shape (values,)
-        Where each different score begins.
-    event : numpy.ndarray of bool, shape (n,)
-        In that order.
-    person : numpy.ndarray of int, shape (n,)
-        Index of the person, in that order.
-    """
+    """Scores in rising order, ties together, for areas under many weights of persons."""
 
     order: np.ndarray
+    """Shape (n,)."""
     starts: np.ndarray
+    """Shape (values,): where each different score begins."""
     event: np.ndarray
+    """Shape (n,): in that order."""
     person: np.ndarray
+    """Shape (n,): index of the person, in that order."""
 
 
 def ordered(score: np.ndarray, event: np.ndarray, person: np.ndarray) -> Ordered:
@@ -51,7 +44,6 @@ def areas(scores: Ordered, weights: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    scores : Ordered
     weights : numpy.ndarray, shape (samples, persons)
         How often each person counts.
 

@@ -36,21 +36,14 @@ STANDS, LEANS, UNBALANCED = "stands", "leans", "unbalanced"
 
 @dataclass(frozen=True)
 class Pushes:
-    """Pushes; arrays of shape (pushes,).
-
-    Attributes
-    ----------
-    lift : numpy.ndarray of int
-        Index of the motion.
-    instant : numpy.ndarray of int
-        Column of its reference at which the push begins.
-    impulse : numpy.ndarray
-        N·s, forward positive.
-    """
+    """Pushes; arrays of shape (pushes,)."""
 
     lift: np.ndarray
+    """Index of the motion."""
     instant: np.ndarray
+    """Column of its reference at which the push begins."""
     impulse: np.ndarray
+    """N·s, forward positive."""
 
 
 @dataclass(frozen=True)
@@ -67,18 +60,13 @@ class Scene:
 
 @dataclass(frozen=True)
 class Ends:
-    """How pushes ended.
-
-    Attributes
-    ----------
-    outcome : numpy.ndarray of str, shape (pushes,)
-    angle, rate : numpy.ndarray, shape (3, pushes)
-        At the end, or when the body fell.
-    """
+    """How pushes ended."""
 
     outcome: np.ndarray
+    """Shape (pushes,)."""
     angle: np.ndarray
     rate: np.ndarray
+    """`angle`, `rate`: shape (3, pushes): at the end, or when the body fell."""
 
     @property
     def steps(self) -> np.ndarray:
@@ -91,8 +79,6 @@ def simulate(scene: Scene, pushes: Pushes, watch: Callable | None = None) -> End
 
     Parameters
     ----------
-    scene : Scene
-    pushes : Pushes
     watch : callable, optional
         Called with (seconds, angle, rate, command) at every command.
     """
@@ -175,8 +161,6 @@ def accelerations(bodies: Bodies, persons: Persons, wanted, command, force, heig
 
     Parameters
     ----------
-    bodies : Bodies
-    persons : Persons
     wanted : tuple
         Angle, rate and torque of the lift.
     command : numpy.ndarray, shape (3, bodies)

@@ -55,33 +55,22 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class BodyTrial:
-    """Sagittal movement of one trial after the seat is left; forward and up from the ankles, shape (n, 2) in m.
-
-    Attributes
-    ----------
-    name, group : str
-    rate : float
-        Frames per second.
-    centre : numpy.ndarray, shape (n, 2)
-        Of the whole body.
-    trunk : numpy.ndarray, shape (n, 2)
-        From the pelvis to the centre of trunk, head and arms.
-    heel, toe : float
-        Ends of the foot ahead of the ankles, m.
-    ankle_height : float
-    duration : float
-        Of the recording, s.
-    """
+    """Sagittal movement of one trial after the seat is left; forward and up from the ankles, shape (n, 2) in m."""
 
     name: str
     group: str
     rate: float
+    """Frames per second."""
     centre: np.ndarray
+    """Shape (n, 2): of the whole body."""
     trunk: np.ndarray
+    """Shape (n, 2): from the pelvis to the centre of trunk, head and arms."""
     heel: float
     toe: float
+    """`heel`, `toe`: ends of the foot ahead of the ankles, m."""
     ankle_height: float
     duration: float
+    """Of the recording, s."""
 
 
 def body_trial(
@@ -93,7 +82,6 @@ def body_trial(
     ----------
     recording : MarkerRecording
         With the markers of ``settings.pivot``, ``top`` and ``legs``.
-    group : str
     settings : PerturbationsSettings
         With ``legs``.
     lifting : LiftingSettings

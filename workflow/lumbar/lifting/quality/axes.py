@@ -78,10 +78,6 @@ def check_unaliased_axes(
     -------
     list of str
         Which of up and forward no marker tells.
-
-    Raises
-    ------
-    InputError
     """
     if not layout.check_axes:
         return []

@@ -36,20 +36,13 @@ _SAME_FRAME = 3
 
 @dataclass(frozen=True)
 class Displaced:
-    """Frames in which a marker is not where it belongs.
-
-    Attributes
-    ----------
-    frames : slice
-    leap : Leap
-        That leads there or back.
-    seen : str
-        What shows it, in words.
-    """
+    """Frames in which a marker is not where it belongs."""
 
     frames: slice
     leap: Leap
+    """That leads there or back."""
     seen: str
+    """What shows it, in words."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +70,6 @@ def displaced(
     ----------
     points : dict of str to ndarray, shape (n_frames, 3)
         Metres; NaN where not seen.
-    label : str
     leaps : dict of str to list of Leap
         By label.
     rate : float

@@ -14,22 +14,15 @@ _SHARE, _LEAST_M = 0.25, 0.015
 
 @dataclass(frozen=True)
 class Exchange:
-    """Two labels change places at some frames and back at others.
-
-    Attributes
-    ----------
-    first, second : str
-        Labels.
-    frames : tuple of int
-        First frames after each change.
-    distance : float
-        Metres between both markers at the first change.
-    """
+    """Two labels change places at some frames and back at others."""
 
     first: str
     second: str
+    """`first`, `second`: labels."""
     frames: tuple[int, ...]
+    """First frames after each change."""
     distance: float
+    """Metres between both markers at the first change."""
 
     @property
     def pair(self) -> frozenset[str]:

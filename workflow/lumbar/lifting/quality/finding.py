@@ -24,40 +24,27 @@ REMEDIES = {
 
 @dataclass(frozen=True)
 class Finding:
-    """One finding.
-
-    Attributes
-    ----------
-    kind : str
-        E.g. ``"frozen"``; docs/quality.md explains each.
-    outcome : str
-        ``"error"``, ``"left out"``, ``"proposed"`` or ``"noted"``.
-    markers : tuple of str
-        Labels of the file; empty where the whole recording is meant.
-    first_frame, n_frames : int
-        Frames count from 0.
-    start_s : float
-        Time of the first frame, on the recording's clock.
-    length_s : float
-        Frames divided by the rate.
-    evidence : str
-        What was seen, in numbers.
-    cause : str
-        What it most likely comes from, or what to do.
-    concerns : tuple of str
-        Standard names that the markers fill, directly or by a rule.
-    """
+    """One finding."""
 
     kind: str
+    """E.g. ``"frozen"``; docs/quality.md explains each."""
     outcome: str
+    """``"error"``, ``"left out"``, ``"proposed"`` or ``"noted"``."""
     markers: tuple[str, ...]
+    """Labels of the file; empty where the whole recording is meant."""
     first_frame: int
     n_frames: int
+    """`first_frame`, `n_frames`: frames count from 0."""
     start_s: float
+    """Time of the first frame, on the recording's clock."""
     length_s: float
+    """Frames divided by the rate."""
     evidence: str
+    """What was seen, in numbers."""
     cause: str = ""
+    """What it most likely comes from, or what to do."""
     concerns: tuple[str, ...] = ()
+    """Standard names that the markers fill, directly or by a rule."""
 
     @property
     def remedy(self) -> str:
@@ -78,17 +65,12 @@ class Finding:
 
 @dataclass(frozen=True)
 class Clock:
-    """Frames of a recording in seconds: makes findings.
-
-    Attributes
-    ----------
-    time : ndarray, shape (n_frames,)
-    rate : float
-        Frames per second.
-    """
+    """Frames of a recording in seconds: makes findings."""
 
     time: np.ndarray
+    """Shape (n_frames,)."""
     rate: float
+    """Frames per second."""
 
     def finding(
         self,

@@ -29,20 +29,15 @@ _LINE = 3
 
 @dataclass(frozen=True)
 class Leap:
-    """A marker is elsewhere from one seen frame to the next.
-
-    Attributes
-    ----------
-    last, first : int
-        Last frame before and first frame after.
-    before, after : ndarray, shape (3,)
-        Where the movement before and the one after it put the marker in the middle between them, metres.
-    """
+    """A marker is elsewhere from one seen frame to the next."""
 
     last: int
     first: int
+    """`last`, `first`: last frame before and first frame after."""
     before: np.ndarray
     after: np.ndarray
+    """`before`, `after`: shape (3,): where the movement before and the one after it put the marker in the middle between
+    them, metres."""
 
     @property
     def step(self) -> np.ndarray:

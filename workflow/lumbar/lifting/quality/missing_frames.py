@@ -28,7 +28,6 @@ def missing_frames(
         Metres; NaN where not seen.
     leaps : dict of str to list of Leap
         By label, without exchanges of two markers.
-    clock : Clock
 
     Returns
     -------

@@ -20,30 +20,20 @@ from lumbar.settings.layout import Alias, MarkerLayout
 
 @dataclass
 class Screening:
-    """A screen for `lumbar.records.markers.read_markers` that keeps what it found.
-
-    Attributes
-    ----------
-    height_m : float or None
-        Stature of the person.
-    aliases : mapping of str to Alias
-        Of the layout: what the laboratory's labels mean.
-    refuse : bool
-        Raise for findings that are errors; otherwise they are only kept.
-    findings : list of Finding
-        Of the file read last.
-    points : dict of str to ndarray, shape (n_frames, 3)
-        Its measured markers by label, as they were before anything was left out.
-    unchecked : dict of str to str
-        What could not be compared with a body, with the reason.
-    """
+    """A screen for `lumbar.records.markers.read_markers` that keeps what it found."""
 
     height_m: float | None = None
+    """Stature of the person."""
     aliases: Mapping[str, Alias | None] = field(default_factory=dict)
+    """Of the layout: what the laboratory's labels mean."""
     refuse: bool = True
+    """Raise for findings that are errors; otherwise they are only kept."""
     findings: list[Finding] = field(default_factory=list)
+    """Of the file read last."""
     points: dict[str, np.ndarray] = field(default_factory=dict)
+    """Shape (n_frames, 3): its measured markers by label, as they were before anything was left out."""
     unchecked: dict[str, str] = field(default_factory=dict)
+    """What could not be compared with a body, with the reason."""
 
     def __call__(
         self, points: dict[str, np.ndarray], time: np.ndarray, rate: float
@@ -91,8 +81,6 @@ def read_screened(
     Parameters
     ----------
     path : path
-    layout : MarkerLayout, optional
-    name : str, optional
     height_m : float, optional
         Stature of the person.
     mend : callable, optional

@@ -18,51 +18,19 @@ from lumbar.records.stretches import runs
 
 @dataclass(frozen=True)
 class OpenStretch:
-    """The longest stretch in which a marker was not seen, and what share of the frames it was not seen in.
-
-    Attributes
-    ----------
-    marker : str
-        Label of the file.
-    missing_share : float
-    longest_s, from_s : float
-        Length of the longest stretch and its start, seconds.
-    """
+    """The longest stretch in which a marker was not seen, and what share of the frames it was not seen in."""
 
     marker: str
+    """Label of the file."""
     missing_share: float
     longest_s: float
     from_s: float
+    """`longest_s`, `from_s`: length of the longest stretch and its start, seconds."""
 
 
 @dataclass(frozen=True)
 class QualitySheet:
-    """What is known of a recording before anything is computed from it.
-
-    Attributes
-    ----------
-    file : str
-    rate_Hz, start_s, duration_s : float
-    n_frames : int
-    markers : tuple of str
-        Measured markers, by the file's labels.
-    gaps : tuple of OpenStretch
-        Of the file itself, worst first.
-    findings : tuple of Finding
-    estimated : dict of str to str
-        Standard names that no marker fills, with the rule they follow.
-    absent : dict of str to str
-        Standard names that nothing fills, with the reason.
-    left_out : dict of str to str
-        Points of the file that are no markers, or that the findings leave out altogether.
-    unused : tuple of str
-        Markers that no standard name stands for.
-    events : tuple of RecordedEvent
-    notes : tuple of str
-        What the file contradicts itself in.
-    unchecked : dict of str to str
-        What could not be compared with a body, with the reason.
-    """
+    """What is known of a recording before anything is computed from it."""
 
     file: str
     rate_Hz: float
@@ -70,15 +38,23 @@ class QualitySheet:
     duration_s: float
     n_frames: int
     markers: tuple[str, ...]
+    """Measured markers, by the file's labels."""
     gaps: tuple[OpenStretch, ...]
+    """Of the file itself, worst first."""
     findings: tuple[Finding, ...]
     estimated: dict[str, str]
+    """Standard names that no marker fills, with the rule they follow."""
     absent: dict[str, str]
+    """Standard names that nothing fills, with the reason."""
     left_out: dict[str, str]
+    """Points of the file that are no markers, or that the findings leave out altogether."""
     unused: tuple[str, ...]
+    """Markers that no standard name stands for."""
     events: tuple[RecordedEvent, ...]
     notes: tuple[str, ...]
+    """What the file contradicts itself in."""
     unchecked: dict[str, str] = field(default_factory=dict)
+    """What could not be compared with a body, with the reason."""
 
     @property
     def missing_share(self) -> float:
@@ -148,10 +124,8 @@ def quality_sheet(
 
     Parameters
     ----------
-    recording : MarkerRecording
     points : dict of str to ndarray, shape (n_frames, 3)
         Measured markers by the file's labels, before anything was left out.
-    findings : sequence of Finding
     unchecked : dict of str to str, optional
         As of `lumbar.lifting.quality.gate.unchecked`.
     """

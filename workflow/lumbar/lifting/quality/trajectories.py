@@ -30,7 +30,6 @@ def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Findi
     ----------
     points : dict of str to ndarray, shape (n_frames, 3)
         Metres; NaN where not seen.
-    clock : Clock
     """
     findings = []
     for label, positions in points.items():

@@ -105,21 +105,14 @@ DTYPES = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64
 
 @dataclass(frozen=True)
 class LiftBasins:
-    """Basins of one lift.
-
-    Attributes
-    ----------
-    summary : pandas.DataFrame
-        One row per COM, plane, method and convention; columns `COLUMNS`.
-    funnels : pandas.DataFrame
-        The exact funnels of the headline, knot by knot; columns `FUNNEL_COLUMNS`.
-    failures : list of Failure
-        Basins that could not be computed: they have no row.
-    """
+    """Basins of one lift."""
 
     summary: pd.DataFrame
+    """One row per COM, plane, method and convention; columns `COLUMNS`."""
     funnels: pd.DataFrame
+    """The exact funnels of the headline, knot by knot; columns `FUNNEL_COLUMNS`."""
     failures: list[Failure]
+    """Basins that could not be computed: they have no row."""
 
 
 def weights_of(settings: StabilitySettings) -> Weights:
@@ -150,15 +143,10 @@ def basins_of_lift(
     ----------
     trajectories : list of Trajectory
         Of one subject and box, in the headline's convention.
-    settings : StabilitySettings
     seed : int
         Of the simulated starts.
     as_in_thesis : sequence of Trajectory
         The same in the convention `THESIS`: exactly and, where ``thesis_method`` is among the checks, by its own method.
-
-    Returns
-    -------
-    LiftBasins
 
     Raises
     ------

@@ -99,12 +99,6 @@ def extended_basins(
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Compute the extended basins of one lift.
 
-    Parameters
-    ----------
-    trajectories : list of Trajectory
-    settings : StabilitySettings
-    seed : int
-
     Returns
     -------
     frame : pandas.DataFrame

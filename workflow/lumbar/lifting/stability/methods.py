@@ -34,23 +34,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MethodResult:
-    """What a method returns.
-
-    Attributes
-    ----------
-    funnels : Funnels
-    checks : dict of str to numpy.ndarray, shape (pendulums,)
-        By column of `basins.COLUMNS`.
-    control : Funnels or None
-        Funnels that are too large on purpose, for the negative control of the Monte Carlo check.
-    resolution : dict of str to float
-        How far an area may be trusted, relative, by column; an area without entry has all its digits.
-    """
+    """What a method returns."""
 
     funnels: Funnels
     checks: dict[str, np.ndarray] = field(default_factory=dict)
+    """Shape (pendulums,): by column of `basins.COLUMNS`."""
     control: Funnels | None = None
+    """Funnels that are too large on purpose, for the negative control of the Monte Carlo check."""
     resolution: dict[str, float] = field(default_factory=dict)
+    """How far an area may be trusted, relative, by column; an area without entry has all its digits."""
 
 
 def exact(

@@ -30,36 +30,26 @@ _MANY = 6
 
 @dataclass(frozen=True)
 class Card:
-    """One candidate.
-
-    Attributes
-    ----------
-    key : str
-        See `lumbar.publishing.explorer.shown.model_key`.
-    title, role, error, mechanism, settles : str
-        Role: selected, tied with it, runner-up, or nothing; `settles`: the experiment that would.
-    effects : list of str
-    forms : list of Markup
-        Equations.
-    parameters : Markup or str
-        Table of the effects' parameters; empty where they have none.
-    long : bool
-        Whether they are many.
-    signature : Markup or str
-        Picture of the effect on a standard motion; empty where none can be drawn.
-    """
+    """One candidate."""
 
     key: str
+    """See `lumbar.publishing.explorer.shown.model_key`."""
     title: str
     role: str
     error: str
     mechanism: str
     settles: str
+    """`title`, `role`, `error`, `mechanism`, `settles`: role: selected, tied with it, runner-up, or nothing; `settles`:
+    the experiment that would."""
     effects: list[str]
     forms: list[Markup]
+    """Equations."""
     parameters: Markup | str
+    """Table of the effects' parameters; empty where they have none."""
     long: bool
+    """Whether they are many."""
     signature: Markup | str
+    """Picture of the effect on a standard motion; empty where none can be drawn."""
 
 
 def how_sure(diagnosis: Verdict, evidence: Evidence) -> list[str]:

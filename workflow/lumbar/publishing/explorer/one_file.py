@@ -29,22 +29,15 @@ def beside(*names: str, folder: Path = Path(__file__).parent) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """Bokeh's pictures as they stand in a page.
-
-    Attributes
-    ----------
-    documents : dict
-        Bokeh's document, by its name.
-    items : list of bokeh.embed.util.RenderItem
-        Where each picture goes.
-    code, style : str
-        Bokeh itself.
-    """
+    """Bokeh's pictures as they stand in a page."""
 
     documents: dict[str, Any]
+    """Bokeh's document, by its name."""
     items: list[RenderItem]
+    """Where each picture goes."""
     code: str
     style: str
+    """`code`, `style`: bokeh itself."""
 
     def holding(self, sources: list[ColumnDataSource]) -> Drawn:
         """Return the same pictures with further data in their document, which a page's script finds by name."""
@@ -81,7 +74,6 @@ def one_file(pictures: Drawn, page: str, variables: dict[str, Any]) -> str:
 
     Parameters
     ----------
-    pictures : Drawn
     page : str
         Template, below the library; it extends ``reports/explorer/shell.html.jinja``.
     variables : dict

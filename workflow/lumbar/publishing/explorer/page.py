@@ -54,33 +54,21 @@ _FIRST_SHOWN_S = 10.0
 
 @dataclass(frozen=True, eq=False)
 class ExplorerPage:
-    """A diagnosis as a page.
-
-    Attributes
-    ----------
-    verdict : Verdict
-    evidence : Evidence
-    catalogue : dict of str to Effect
-    base_on_records : list of Simulated
-        The base model on every record, for what is told of where it fails.
-    data : str
-        Where the data come from.
-    blocks : sequence of Markup
-        Further evidence, shown below.
-    others : sequence of FittedModel
-        Models that are shown beside those of the diagnosis: the thesis's.
-    others_remark : str
-        What is to be said of those that are not.
-    """
+    """A diagnosis as a page."""
 
     verdict: Verdict
     evidence: Evidence
     catalogue: dict[str, Effect]
     base_on_records: list[Simulated]
+    """The base model on every record, for what is told of where it fails."""
     data: str
+    """Where the data come from."""
     blocks: Sequence[Markup] = field(default_factory=tuple)
+    """Further evidence, shown below."""
     others: Sequence[FittedModel] = ()
+    """Models that are shown beside those of the diagnosis: the thesis's."""
     others_remark: str = ""
+    """What is to be said of those that are not."""
 
     @cached_property
     def step(self) -> int:

@@ -42,8 +42,6 @@ def page_models(
     ----------
     experiment : Experiment
         For units and quantities.
-    records : sequence of ShownRecord
-    models : sequence of ShownModel
 
     Returns
     -------

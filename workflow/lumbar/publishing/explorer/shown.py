@@ -47,34 +47,25 @@ _ESTIMATORS = {ARX: "ARX", OUTPUT_ERROR: "output error"}
 
 @dataclass(frozen=True, eq=False)
 class ShownRecord:
-    """One record as it is drawn.
-
-    Attributes
-    ----------
-    record : Record
-        As the base model sees it.
-    trained : bool
-        Whether models were fitted to it; the others are unseen.
-    first : int
-        Sample from which on errors count.
-    rows : numpy.ndarray of int, shape (periods, samples), or None
-        Whole periods among the samples that count, where the record's noise was told from them.
-    columns : dict of str to numpy.ndarray, shape (drawn samples,)
-        ``time`` (s), ``position``, ``velocity`` and ``measured``, in the records' units; ``since``, seconds after (negative:
-        before) the nearest reversal of the motion, NaN where none is near, and ``turned``, the direction it takes then.
-    noise : numpy.ndarray, shape (lines,), or None
-        Amplitude density of the noise in the output's unit per √Hz, where it is known.
-    marker : list of str
-        Bokeh's mark of every line of the spectrum; ``dot`` for those that say nothing by themselves.
-    """
+    """One record as it is drawn."""
 
     record: Record
+    """As the base model sees it."""
     trained: bool
+    """Whether models were fitted to it; the others are unseen."""
     first: int
+    """Sample from which on errors count."""
     rows: np.ndarray | None
+    """Shape (periods, samples), or None: whole periods among the samples that count, where the record's noise was told
+    from them."""
     columns: dict[str, np.ndarray]
+    """Shape (drawn samples,): ``time`` (s), ``position``, ``velocity`` and ``measured``, in the records' units; ``since``,
+    seconds after (negative: before) the nearest reversal of the motion, NaN where none is near, and ``turned``, the
+    direction it takes then."""
     noise: np.ndarray | None
+    """Shape (lines,), or None: amplitude density of the noise in the output's unit per √Hz, where it is known."""
     marker: list[str]
+    """Bokeh's mark of every line of the spectrum; ``dot`` for those that say nothing by themselves."""
 
     @property
     def name(self) -> str:
@@ -106,31 +97,21 @@ class ShownRecord:
 
 @dataclass(frozen=True, eq=False)
 class ShownModel:
-    """One model on every record.
-
-    Attributes
-    ----------
-    key : str
-        See `model_key`; name and estimator of a model of the thesis.
-    effects : tuple of str
-    label, group : str
-    train_rms, test_rms : float or None
-        Errors in the output's unit; None where no record is unseen.
-    values, density : dict of str to numpy.ndarray
-        Simulated output (drawn samples) and amplitude density of its error, by record.
-    merits : dict of str to dict
-        ``rms``, ``vaf`` and ``fit`` of every record, of all samples from the settling time on.
-    """
+    """One model on every record."""
 
     key: str
+    """See `model_key`; name and estimator of a model of the thesis."""
     effects: tuple[str, ...]
     label: str
     group: str
     train_rms: float
     test_rms: float | None
+    """`train_rms`, `test_rms`: errors in the output's unit; None where no record is unseen."""
     values: dict[str, np.ndarray]
     density: dict[str, np.ndarray]
+    """`values`, `density`: simulated output (drawn samples) and amplitude density of its error, by record."""
     merits: dict[str, dict[str, float]]
+    """``rms``, ``vaf`` and ``fit`` of every record, of all samples from the settling time on."""
 
 
 def model_key(effects: Sequence[str]) -> str:
@@ -212,9 +193,6 @@ def shown_candidate(
 
     Parameters
     ----------
-    candidate : Candidate
-    verdict : Verdict
-    records : sequence of ShownRecord
     step : int
         See `drawing_step`.
     """

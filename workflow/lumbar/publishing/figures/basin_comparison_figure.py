@@ -38,7 +38,6 @@ def comparison_figure(trajectories: list[Trajectory], settings: StabilitySetting
     ----------
     trajectories : list of Trajectory
         Of one lift.
-    settings : StabilitySettings
     who : str
         Person, box and convention, shown above.
 

@@ -24,11 +24,6 @@ from lumbar.tissue.haptics.z_width import ZWidth
 def z_width_figure(found: ZWidth, device: DeviceSettings):
     """Draw the damping that models need against the rate, and the Z-width of the device.
 
-    Parameters
-    ----------
-    found : ZWidth
-    device : DeviceSettings
-
     Returns
     -------
     matplotlib.figure.Figure

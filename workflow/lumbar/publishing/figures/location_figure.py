@@ -34,10 +34,6 @@ def location_figure(location: Location):
     Time, cycles of the motion, spectrum; depth, reversals, position and velocity; autocorrelation, correlation with
     the input and odd functions of it, with even functions of it. Grey bands are 95 % limits under noise alone.
 
-    Parameters
-    ----------
-    location : Location
-
     Returns
     -------
     matplotlib.figure.Figure

@@ -38,7 +38,6 @@ def quality_figure(
 
     Parameters
     ----------
-    sheet : QualitySheet
     points : dict of str to ndarray, shape (n_frames, 3)
         Measured markers by the file's labels; metres, z up.
     time : ndarray, shape (n_frames,)

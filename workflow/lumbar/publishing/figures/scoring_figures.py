@@ -61,7 +61,6 @@ def power_figure(curve: PowerCurve, share: float, confidence: float):
 
     Parameters
     ----------
-    curve : lumbar.tissue.diagnosis.scoring.power_curve.PowerCurve
     share : float
         Share marked by a line.
     confidence : float

@@ -29,7 +29,6 @@ def shown_lift(facts: list[dict], labels: dict[str, str], group: str) -> int:
         ``subject``, ``box_mass_kg`` and ``duration_s`` of every lift; without a deposit that is None, and another is shown.
     labels : dict of str to str
         Groups by subject.
-    group : str
     """
     deposited = [index for index, item in enumerate(facts) if item["duration_s"] is not None]
     candidates = deposited or range(len(facts))

@@ -23,7 +23,6 @@ def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[st
 
     Parameters
     ----------
-    models : sequence of str
     counts : numpy.ndarray of int, shape (models, points)
         How often each point was given, from the least to the greatest agreement.
     labels : sequence of str

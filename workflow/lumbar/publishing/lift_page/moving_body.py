@@ -87,7 +87,6 @@ def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[s
         As of `lumbar.lifting.measures.course.course_of_lift`.
     share : float
         Share of the base that people use.
-    frames : slice
 
     Returns
     -------

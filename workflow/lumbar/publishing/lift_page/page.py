@@ -65,13 +65,7 @@ def _pictures() -> Drawn:
 
 @dataclass(frozen=True, eq=False)
 class LiftPage:
-    """A lift as a page.
-
-    Attributes
-    ----------
-    lift : RecordedLift
-    settings : StabilitySettings
-    """
+    """A lift as a page."""
 
     lift: RecordedLift
     settings: StabilitySettings

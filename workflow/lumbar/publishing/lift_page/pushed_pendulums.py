@@ -22,32 +22,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PushedPendulum:
-    """One pendulum in closed loop about its trajectory.
-
-    Attributes
-    ----------
-    com, plane : str
-    clock : {"real", "unit"}
-        Whether the movement is played as recorded or in one second.
-    constants : dict of str to float
-        ``mass, length, inertia, damping, gravity_torque`` (with its sign), ``control_weight``, ``duration``, and the
-        torque's limits ``lowest`` and ``highest``; SI units.
-    columns : dict of str to numpy.ndarray, shape (2·knots − 1,)
-        At the knots and halfway between them: reference ``angle`` and ``velocity``, feedforward ``torque``, and ``s11``,
-        ``s12``, ``s22`` of V = x̄ᵀSx̄, of which the feedback is K = (s12, s22)/(inertia·control_weight).
-    level : numpy.ndarray, shape (knots,)
-        ρ of the exact funnel of the loop without limits.
-    binds : bool
-        Whether the torque reaches its limits anywhere in that funnel.
-    """
+    """One pendulum in closed loop about its trajectory."""
 
     com: str
     plane: str
     clock: str
+    """Whether the movement is played as recorded or in one second."""
     constants: dict[str, float]
+    """``mass, length, inertia, damping, gravity_torque`` (with its sign), ``control_weight``, ``duration``, and the
+    torque's limits ``lowest`` and ``highest``; SI units."""
     columns: dict[str, np.ndarray]
+    """Shape (2·knots − 1,): at the knots and halfway between them: reference ``angle`` and ``velocity``, feedforward
+    ``torque``, and ``s11``, ``s12``, ``s22`` of V = x̄ᵀSx̄, of which the feedback is K = (s12,
+    s22)/(inertia·control_weight)."""
     level: np.ndarray
+    """Shape (knots,): ρ of the exact funnel of the loop without limits."""
     binds: bool
+    """Whether the torque reaches its limits anywhere in that funnel."""
 
     @property
     def key(self) -> str:
@@ -59,11 +50,6 @@ def pushed_pendulums(
     states: LiftStates, settings: StabilitySettings
 ) -> tuple[list[PushedPendulum], list[Failure]]:
     """Close the loops of a lift in the headline's convention and compute their exact funnels.
-
-    Parameters
-    ----------
-    states : LiftStates
-    settings : StabilitySettings
 
     Returns
     -------

@@ -13,30 +13,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RecordedLift:
-    """One analysed lift as tables.
-
-    Attributes
-    ----------
-    body : pandas.DataFrame
-        As of `lumbar.lifting.movement.body.body_frame`.
-    pivot : numpy.ndarray, shape (n, 3), or None
-        Of the pendulums at the instants of `body`, metres; None where the recording lacks its markers.
-    states : pandas.DataFrame
-        ``pendulum.csv``.
-    facts : mapping
-        ``pendulum.json``.
-    events : mapping
-        By name as of `lumbar.lifting.movement.event.Event.as_dict`.
-    data : str
-        Where the data come from.
-    """
+    """One analysed lift as tables."""
 
     body: pd.DataFrame
+    """As of `lumbar.lifting.movement.body.body_frame`."""
     pivot: np.ndarray | None
+    """Shape (n, 3), or None: of the pendulums at the instants of `body`, metres; None where the recording lacks its
+    markers."""
     states: pd.DataFrame
+    """``pendulum.csv``."""
     facts: Mapping[str, Any]
+    """``pendulum.json``."""
     events: Mapping[str, Mapping[str, Any]]
+    """By name as of `lumbar.lifting.movement.event.Event.as_dict`."""
     data: str
+    """Where the data come from."""
 
     @property
     def event_times(self) -> dict[str, float]:

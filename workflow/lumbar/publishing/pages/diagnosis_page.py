@@ -35,8 +35,6 @@ def diagnosis_page(
 
     Parameters
     ----------
-    diagnosis : Verdict
-    evidence : Evidence
     catalogue : dict of str to Effect
         Where mechanisms and experiments are looked up.
     data : str

@@ -31,13 +31,8 @@ def draw_pictures(
 
     Parameters
     ----------
-    diagnosis : Verdict
     simulated : list of Simulated
         The base model on every record.
-    catalogue : dict of str to Effect
-    folder : Path
-    data : str
-    proposal : Proposal, optional
 
     Returns
     -------

@@ -64,7 +64,6 @@ def document(title: str, data: str, blocks: Iterable[Markup]) -> str:
 
     Parameters
     ----------
-    title : str
     data : str
         Where the data come from; empty for pages without data.
     blocks : iterable of Markup

@@ -13,10 +13,8 @@ def comparison_page(simulated: list[Simulated], model: str, data: str, pictures:
 
     Parameters
     ----------
-    simulated : list of Simulated
     model : str
         Name of the model.
-    data : str
     pictures : dict of str to pathlib.Path
         SVG file by record.
     """

@@ -18,55 +18,36 @@ Results = dict[str, Any]
 
 @dataclass(frozen=True)
 class Finding:
-    """What a run shows about a claim.
-
-    Attributes
-    ----------
-    value : str or float or None
-        This run's counterpart of the thesis's value.
-    agrees : bool or None
-        Whether the criterion is met; None where the data cannot tell.
-    remark : str
-        Why the data cannot tell, or what else a reader should know.
-    """
+    """What a run shows about a claim."""
 
     value: str | float | None
+    """This run's counterpart of the thesis's value."""
     agrees: bool | None
+    """Whether the criterion is met; None where the data cannot tell."""
     remark: str = ""
+    """Why the data cannot tell, or what else a reader should know."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One quantitative or ordering claim.
-
-    Attributes
-    ----------
-    id : str
-        Unique name.
-    location : str
-        Where the thesis makes it.
-    statement : str
-        The claim in one sentence.
-    thesis : str or float
-        The thesis's value.
-    criterion : str
-        When this run is said to agree.
-    needs : tuple of str
-        Names of the results it is judged on.
-    judge : callable
-        From the results to a `Finding`.
-    built_into_twin : bool
-        Whether the synthetic twin was made to show it.
-    """
+    """One quantitative or ordering claim."""
 
     id: str
+    """Unique name."""
     location: str
+    """Where the thesis makes it."""
     statement: str
+    """The claim in one sentence."""
     thesis: str | float
+    """The thesis's value."""
     criterion: str
+    """When this run is said to agree."""
     needs: tuple[str, ...]
+    """Names of the results it is judged on."""
     judge: Callable[[Results], Finding]
+    """From the results to a `Finding`."""
     built_into_twin: bool = False
+    """Whether the synthetic twin was made to show it."""
 
 
 def verdict(claim: Claim, finding: Finding, synthetic: bool) -> str:

@@ -55,70 +55,45 @@ MANY = 24
 
 @dataclass(frozen=True)
 class Entry:
-    """One table, picture or page of the report.
-
-    Attributes
-    ----------
-    key : str
-        Its place in the page, as in ``#key``.
-    artefact : Artefact
-    title : str
-    caption : str
-        What it shows.
-    data : str
-        Where the data come from.
-    shows : str
-        Person and box, where it shows one.
-    picture : Picture or None
-    table : str
-        HTML of a published table; empty for others.
-    page : str
-        File of an interactive page, below the study's results; empty where there is none.
-    sentence : str
-        What was found, where one sentence tells it.
-    files : tuple of str
-        Below the study's results.
-    said : tuple of Said
-        The thesis's claims about it.
-    beside : Beside or None
-        The thesis's table beside this run's.
-    missing : bool
-        Whether it was not made.
-    """
+    """One table, picture or page of the report."""
 
     key: str
+    """Its place in the page, as in ``#key``."""
     artefact: Artefact
     title: str
     caption: str
+    """What it shows."""
     data: str = ""
+    """Where the data come from."""
     shows: str = ""
+    """Person and box, where it shows one."""
     picture: Picture | None = None
     table: str = ""
+    """HTML of a published table; empty for others."""
     page: str = ""
+    """File of an interactive page, below the study's results; empty where there is none."""
     sentence: str = ""
+    """What was found, where one sentence tells it."""
     files: tuple[str, ...] = ()
+    """Below the study's results."""
     said: tuple[Said, ...] = ()
+    """The thesis's claims about it."""
     beside: Beside | None = None
+    """The thesis's table beside this run's."""
     missing: bool = False
+    """Whether it was not made."""
 
 
 @dataclass(frozen=True)
 class Chapter:
-    """A chapter of the report.
-
-    Attributes
-    ----------
-    name, title, place : str
-    entries : tuple of Entry
-    files : tuple of (Artefact, tuple of str)
-        What is not shown: artefacts that are files alone, and those beyond `MANY`.
-    """
+    """A chapter of the report."""
 
     name: str
     title: str
     place: str
     entries: tuple[Entry, ...]
     files: tuple[tuple[Artefact, tuple[str, ...]], ...] = field(default_factory=tuple)
+    """What is not shown: artefacts that are files alone, and those beyond `MANY`."""
 
 
 def chapters(

@@ -22,21 +22,13 @@ PAGE = "publishing/study_report/report.html.jinja"
 
 @dataclass(frozen=True)
 class StudyFacts:
-    """What the head of the page says.
-
-    Attributes
-    ----------
-    name, title, data : str
-    people : tuple of str
-        Person and box of every lift.
-    seed : int
-    versions : dict of str to str
-    """
+    """What the head of the page says."""
 
     name: str
     title: str
     data: str
     people: tuple[str, ...]
+    """Person and box of every lift."""
     seed: int
     versions: dict[str, str]
 
@@ -48,11 +40,8 @@ def report_page(
 
     Parameters
     ----------
-    facts : StudyFacts
     results : pathlib.Path
         ``results/<study>``: what fails or warns is read from it.
-    made : sequence of Chapter
-    claims : pandas.DataFrame or None
     """
     found = troubles(results)
     sentences, cells = ((), ()) if claims is None else not_holding(claims, DOES_NOT_HOLD)

@@ -18,25 +18,17 @@ _SIZE = re.compile(r'<svg\b[^>]*?\bviewBox="[\d.+-]+ [\d.+-]+ ([\d.]+) ([\d.]+)"
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture inside the page.
-
-    Attributes
-    ----------
-    address : str
-        ``data:`` address of the SVG file.
-    width, height : int
-        In points.
-    data : str
-        Where the data come from; "Drawing without data" where there are none.
-    shows : str
-        Person and box, where it shows one.
-    """
+    """A picture inside the page."""
 
     address: str
+    """``data:`` address of the SVG file."""
     width: int
     height: int
+    """`width`, `height`: in points."""
     data: str
+    """Where the data come from; "Drawing without data" where there are none."""
     shows: str = ""
+    """Person and box, where it shows one."""
 
 
 def read_picture(path: Path) -> Picture:

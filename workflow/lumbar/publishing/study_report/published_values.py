@@ -27,40 +27,27 @@ published values among its own columns."""
 
 @dataclass(frozen=True)
 class Said:
-    """One claim of the thesis.
-
-    Attributes
-    ----------
-    statement, thesis, run, verdict, criterion : str
-        As in ``claims.csv``, values with four digits.
-    location : str
-        Section or table of the thesis.
-    """
+    """One claim of the thesis."""
 
     statement: str
     thesis: str
     run: str
     verdict: str
     criterion: str
+    """`statement`, `thesis`, `run`, `verdict`, `criterion`: as in ``claims.csv``, values with four digits."""
     location: str
+    """Section or table of the thesis."""
 
 
 @dataclass(frozen=True)
 class Beside:
-    """Cells of a published table.
-
-    Attributes
-    ----------
-    head : tuple of str
-    rows : tuple of tuple
-        Names of the row, then per column ``(this run, thesis, verdict)``.
-    names : int
-        How many names a row has.
-    """
+    """Cells of a published table."""
 
     head: tuple[str, ...]
     rows: tuple[tuple, ...]
+    """Names of the row, then per column ``(this run, thesis, verdict)``."""
     names: int
+    """How many names a row has."""
 
     @property
     def fractions(self) -> list[int]:

@@ -21,44 +21,28 @@ _TOLD_BY_FILES = ("lift", "stability_tables")
 
 @dataclass(frozen=True)
 class Trouble:
-    """One thing that a reader should know before any result.
-
-    Attributes
-    ----------
-    grade : str
-        ``"fails"`` or ``"warns"``.
-    where : str
-        Stage, lift, record set or file.
-    sentence : str
-    """
+    """One thing that a reader should know before any result."""
 
     grade: str
+    """``"fails"`` or ``"warns"``."""
     where: str
+    """Stage, lift, record set or file."""
     sentence: str
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One recording of the study and how good it is.
-
-    Attributes
-    ----------
-    chapter, name : str
-    rate_Hz, duration_s : float or None
-        None where the recording has no time.
-    channels : str
-        What it holds.
-    missing_percent : float or None
-        Share of all samples of all markers that were not seen; None for others.
-    findings : tuple of str
-    """
+    """One recording of the study and how good it is."""
 
     chapter: str
     name: str
     rate_Hz: float | None
     duration_s: float | None
+    """`rate_Hz`, `duration_s`: none where the recording has no time."""
     channels: str
+    """What it holds."""
     missing_percent: float | None = None
+    """Share of all samples of all markers that were not seen; None for others."""
     findings: tuple[str, ...] = ()
 
 

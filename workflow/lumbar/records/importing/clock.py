@@ -56,12 +56,7 @@ def contradictions(record: Record, stated: Sequence[StatedRate]) -> list[str]:
 
 
 def check_forward(time: np.ndarray, lines: Sequence[int] | None, source: str) -> None:
-    """Refuse time stamps that are missing, stand twice or go backward, with their lines.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse time stamps that are missing, stand twice or go backward, with their lines."""
     problems = Problems(source)
     steps = np.diff(time)
     for found, at, do in (

@@ -119,12 +119,7 @@ def _fits(cell: str, decimal: str) -> bool:
 
 
 def find_dialect(lines: list[str]) -> Dialect | None:
-    """Return the dialect by which most cells are numbers; None where no lines are a table.
-
-    Parameters
-    ----------
-    lines : list of str
-    """
+    """Return the dialect by which most cells are numbers; None where no lines are a table."""
     looked_at = [line for line in lines[:_LOOKED_AT] if line.strip()]
     best, most = None, 0
     for delimiter in DELIMITERS:

@@ -13,27 +13,18 @@ COLUMNS_FOLLOW = "\n    read as "
 
 @dataclass(frozen=True)
 class RawColumn:
-    """One column as it stands in a file.
-
-    Attributes
-    ----------
-    number : int
-        Counted from 1.
-    name : str
-        From the header, without the unit; a variable's path in a MATLAB or HDF5 file; empty without a header.
-    unit : str
-        As the file states it; empty where it does not.
-    values : numpy.ndarray of float, shape (samples,)
-        NaN where the file has no number.
-    group : str
-        Beginning of the name that says nothing of what was measured: the groups above a variable.
-    """
+    """One column as it stands in a file."""
 
     number: int
+    """Counted from 1."""
     name: str
+    """From the header, without the unit; a variable's path in a MATLAB or HDF5 file; empty without a header."""
     unit: str
+    """As the file states it; empty where it does not."""
     values: np.ndarray
+    """Shape (samples,): naN where the file has no number."""
     group: str = ""
+    """Beginning of the name that says nothing of what was measured: the groups above a variable."""
 
     @property
     def own_name(self) -> str:
@@ -58,40 +49,25 @@ class RawColumn:
 
 @dataclass(frozen=True)
 class StatedRate:
-    """A sampling rate that a file states.
-
-    Attributes
-    ----------
-    value : float
-        Hertz.
-    place : str
-        Line or variable that states it.
-    """
+    """A sampling rate that a file states."""
 
     value: float
+    """Hertz."""
     place: str
+    """Line or variable that states it."""
 
 
 @dataclass(frozen=True)
 class RawTable:
-    """Columns of one length.
-
-    Attributes
-    ----------
-    source : str
-        The file, for messages.
-    form : str
-        How it was read, in words: encoding, delimiter, decimal mark, lines.
-    columns : tuple of RawColumn
-    lines : sequence of int or None
-        Line of each sample in the file; None where the format has no lines.
-    rates : tuple of StatedRate
-    """
+    """Columns of one length."""
 
     source: str
+    """The file, for messages."""
     form: str
+    """How it was read, in words: encoding, delimiter, decimal mark, lines."""
     columns: tuple[RawColumn, ...]
     lines: Sequence[int] | None = None
+    """Line of each sample in the file; None where the format has no lines."""
     rates: tuple[StatedRate, ...] = ()
 
     def described(self) -> str:

@@ -21,37 +21,26 @@ _NAMES = {"length": "position", "angle": "angle", "force": "force", "torque": "t
 
 @dataclass(frozen=True)
 class Choices:
-    """What a person says instead of what would be guessed; None leaves it to the guess.
-
-    Attributes
-    ----------
-    time, position, force : str or None
-        Column by name, or number counted from 1; ``none`` for a time that is not there.
-    time_unit, position_unit, force_unit : str or None
-        Unit of the file's numbers, or what one of them is: ``35.15 N``.
-    rate : float or None
-        Sampling rate in hertz of a table without a column of time.
-    flip_force : bool
-        Change the sign of the force.
-    trim : tuple of float or None
-        Start and stop in seconds of the file's clock; only what lies between them is taken.
-    table : str or None
-        Part of the file: number of a table in a text file, sheet of a workbook, variable of a MATLAB or HDF5 file.
-    clipped : bool
-        Take records whose force or position is clipped.
-    """
+    """What a person says instead of what would be guessed; None leaves it to the guess."""
 
     time: str | None = None
     position: str | None = None
     force: str | None = None
+    """`time`, `position`, `force`: column by name, or number counted from 1; ``none`` for a time that is not there."""
     time_unit: str | None = None
     position_unit: str | None = None
     force_unit: str | None = None
+    """`time_unit`, `position_unit`, `force_unit`: unit of the file's numbers, or what one of them is: ``35.15 N``."""
     rate: float | None = None
+    """Sampling rate in hertz of a table without a column of time."""
     flip_force: bool = False
+    """Change the sign of the force."""
     trim: tuple[float, float] | None = None
+    """Start and stop in seconds of the file's clock; only what lies between them is taken."""
     table: str | None = None
+    """Part of the file: number of a table in a text file, sheet of a workbook, variable of a MATLAB or HDF5 file."""
     clipped: bool = False
+    """Take records whose force or position is clipped."""
 
     def __post_init__(self):
         if self.rate is not None and not 0 < self.rate < np.inf:
@@ -70,33 +59,22 @@ class Choices:
 
 @dataclass(frozen=True)
 class ImportedRecording:
-    """A record, and how it came out of its file.
-
-    Attributes
-    ----------
-    record : Record
-        Channels ``input`` (position) and ``output`` (force).
-    form : str
-        How the file was read.
-    grounds : dict of str to str
-        By role, which column it is and why, in words.
-    notes : tuple of str
-        What was done to the samples, and what a person should look at.
-    samples_read : int
-        Rows of the file's table.
-    sha256 : str
-        Of the file.
-    clipped : bool
-        Whether clipped channels were accepted.
-    """
+    """A record, and how it came out of its file."""
 
     record: Record
+    """Channels ``input`` (position) and ``output`` (force)."""
     form: str
+    """How the file was read."""
     grounds: dict[str, str]
+    """By role, which column it is and why, in words."""
     notes: tuple[str, ...] = ()
+    """What was done to the samples, and what a person should look at."""
     samples_read: int = 0
+    """Rows of the file's table."""
     sha256: str = field(default="", repr=False)
+    """Of the file."""
     clipped: bool = False
+    """Whether clipped channels were accepted."""
 
     @property
     def names(self) -> dict[str, str]:
@@ -121,8 +99,6 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
 
     Parameters
     ----------
-    table : RawTable
-    choices : Choices
     name : str
         Of the record.
     sha256 : str

@@ -42,19 +42,12 @@ _COARSE = 1e-4
 
 @dataclass(frozen=True)
 class Role:
-    """A column found for a role.
-
-    Attributes
-    ----------
-    column : RawColumn
-    unit : Unit
-    why : str
-        Why this column, and why in this unit.
-    """
+    """A column found for a role."""
 
     column: RawColumn
     unit: Unit
     why: str
+    """Why this column, and why in this unit."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +91,6 @@ def find_roles(table: RawTable, wishes: dict[str, Wish]) -> dict[str, Role]:
 
     Parameters
     ----------
-    table : RawTable
     wishes : dict of str to Wish
         By role; `NONE` as the column of time says that there is none.
 

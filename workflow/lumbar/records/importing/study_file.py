@@ -31,7 +31,6 @@ def write_folder(
     ----------
     recordings : sequence of ImportedRecording
         Of the same quantities and units.
-    folder : Path
     beside : sequence of Path
         Files of the folder that would be read as records.
     data, licence : str, optional

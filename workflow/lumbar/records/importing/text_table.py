@@ -31,7 +31,6 @@ def read_text(content: bytes, source: str, table: str | None = None) -> RawTable
 
     Parameters
     ----------
-    content : bytes
     source : str
         Name of the file, for messages.
     table : str, optional

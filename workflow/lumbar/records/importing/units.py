@@ -51,24 +51,16 @@ _READINGS = "V mV uV volt volts count counts cnt cnts bit bits raw digit digits 
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit with its way to the unit of the records.
-
-    Attributes
-    ----------
-    name : str
-        As it was spelled.
-    quantity : str
-        ``time``, ``length``, ``angle``, ``force``, ``torque``, or ``reading`` for what a sensor gives.
-    factor : float
-        Number in this unit times `factor` is the number in `target`.
-    target : str
-        Unit of the records.
-    """
+    """A unit with its way to the unit of the records."""
 
     name: str
+    """As it was spelled."""
     quantity: str
+    """``time``, ``length``, ``angle``, ``force``, ``torque``, or ``reading`` for what a sensor gives."""
     factor: float
+    """Number in this unit times `factor` is the number in `target`."""
     target: str
+    """Unit of the records."""
 
 
 def _folded(spelling: str) -> str:

@@ -71,7 +71,6 @@ def without_channels(
 
     Parameters
     ----------
-    catalogue : dict of str to Effect
     available : collection of str
         Roles of the channels of every record.
 
@@ -102,7 +101,6 @@ def catalogue_with(
     Parameters
     ----------
     files : collection of path
-    base : str
     gravity_m_s2 : float
         That acts on a pendulum, in the effects that move masses.
 

@@ -54,12 +54,7 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
 
 
 def check_name(name: str, taken: Collection[str] = ()) -> None:
-    """Refuse what cannot be the name of an effect of one's own.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what cannot be the name of an effect of one's own."""
     if not _NAME.fullmatch(name):
         raise InputError(f"effect {name!r}: {_NAME_RULE}")
     if name in taken:

@@ -37,21 +37,14 @@ _DURATION = 12.0
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """Forces of one form on one motion.
-
-    Attributes
-    ----------
-    motion : Motion
-        A sine of amplitude 1 whose size grows over the first cycle.
-    base : numpy.ndarray, shape (samples,)
-        Force of the tissue alone.
-    force : numpy.ndarray, shape (samples,)
-        With the effect.
-    """
+    """Forces of one form on one motion."""
 
     motion: Motion
+    """A sine of amplitude 1 whose size grows over the first cycle."""
     base: np.ndarray
+    """Shape (samples,): force of the tissue alone."""
     force: np.ndarray
+    """Shape (samples,): with the effect."""
 
     @property
     def added(self) -> np.ndarray:

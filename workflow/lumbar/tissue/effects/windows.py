@@ -24,7 +24,6 @@ def interval_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndar
 
     Parameters
     ----------
-    motion : Motion
     residual : numpy.ndarray, shape (samples,)
     carriers : list of two numpy.ndarray, shape (samples,)
 

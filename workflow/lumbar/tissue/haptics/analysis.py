@@ -22,30 +22,22 @@ from lumbar.tissue.haptics.simulation import (
 
 @dataclass(frozen=True)
 class Analysis:
-    """What the linear analysis says of a model in the loop; of a model with effects the worst of its linearisations.
-
-    Attributes
-    ----------
-    name : str
-    rate : float
-        At which positions are sampled and the force changes, in Hz.
-    device : DeviceSettings
-    damping, damping_frequency : float
-        Smallest damping of the device for a passive loop in N·s/m, and the frequency in Hz that asks for it.
-    gain, gain_frequency : float
-        Largest stable factor on the model's force, and the frequency in Hz of the oscillation that begins there.
-    linearised : bool
-        Whether the model has effects.
-    """
+    """What the linear analysis says of a model in the loop; of a model with effects the worst of its linearisations."""
 
     name: str
     rate: float
+    """At which positions are sampled and the force changes, in Hz."""
     device: DeviceSettings
     damping: float
     damping_frequency: float
+    """`damping`, `damping_frequency`: smallest damping of the device for a passive loop in N·s/m, and the frequency in Hz
+    that asks for it."""
     gain: float
     gain_frequency: float
+    """`gain`, `gain_frequency`: largest stable factor on the model's force, and the frequency in Hz of the oscillation
+    that begins there."""
     linearised: bool
+    """Whether the model has effects."""
 
     @property
     def passive(self) -> bool:
@@ -88,8 +80,6 @@ def run_loop(
 
     Parameters
     ----------
-    model : RenderedModel
-    device : DeviceSettings
     force_of : callable, optional
         From a position to its force in the model's units, sample by sample: the FMU itself. A model with effects needs it;
         a linear one is simulated by its difference equation without it.

@@ -21,7 +21,6 @@ def propagation(device: DeviceSettings, seconds: float) -> tuple[np.ndarray, np.
     ----------
     device : DeviceSettings
         m ẍ + b ẋ + k x = f, with mass and damping of stylus and hand and the stiffness of the hand.
-    seconds : float
 
     Returns
     -------
@@ -52,8 +51,6 @@ def closed_loop_matrix(model: SampledModel, device: DeviceSettings, gain: float 
 
     Parameters
     ----------
-    model : SampledModel
-    device : DeviceSettings
     gain : float
         Factor on the model's force.
 
@@ -96,11 +93,6 @@ def largest_pole(model: SampledModel, device: DeviceSettings, gain: float = 1.0)
 def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.ndarray], np.ndarray]:
     """Open-loop frequency response: the model times the sampled response of device and hand to its held force.
 
-    Parameters
-    ----------
-    model : SampledModel
-    device : DeviceSettings
-
     Returns
     -------
     callable
@@ -128,11 +120,6 @@ def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> tuple[fl
 
     Where the loop's frequency response crosses the negative real axis at −r, a factor 1/r puts a pole on the unit circle;
     device and hand alone and the model alone are stable, so that the first such factor is the end of the stable ones.
-
-    Parameters
-    ----------
-    model : SampledModel
-    device : DeviceSettings
 
     Returns
     -------

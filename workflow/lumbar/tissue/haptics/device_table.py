@@ -42,10 +42,8 @@ def device_table(
 
     Parameters
     ----------
-    judgements : sequence of Judgement
     refused : sequence of str
         Why models have no row at a rate.
-    settings : RuntimeSettings
     data : str
         Where the models' data come from.
     """

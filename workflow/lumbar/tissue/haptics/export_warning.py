@@ -24,7 +24,6 @@ def with_device(models: Sequence[ExportModel], device: DeviceSettings) -> list[E
 
     Parameters
     ----------
-    models : sequence of ExportModel
     device : DeviceSettings
         Its ``unsafe`` says whether an unstable loop is told on standard error or is an error.
 

@@ -20,25 +20,17 @@ from lumbar.tissue.models.fitted_model import FittedModel
 
 @dataclass(frozen=True)
 class Judgement:
-    """A model at one rate on the device of the settings.
-
-    Attributes
-    ----------
-    model : RenderedModel
-    analysis : Analysis
-    run : LoopRun
-    fitted : FittedModel or None
-        None for an FMU.
-    lowest_passive_rate, lowest_stable_rate : float or None
-        In Hz; None where there is none, or where the model has effects and only its own rate was looked at.
-    """
+    """A model at one rate on the device of the settings."""
 
     model: RenderedModel
     analysis: Analysis
     run: LoopRun
     fitted: FittedModel | None = None
+    """None for an FMU."""
     lowest_passive_rate: float | None = None
     lowest_stable_rate: float | None = None
+    """`lowest_passive_rate`, `lowest_stable_rate`: in Hz; None where there is none, or where the model has effects and
+    only its own rate was looked at."""
 
 
 def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[list[Judgement], list[str]]:
@@ -46,7 +38,6 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
 
     Parameters
     ----------
-    models : sequence of FittedModel
     settings : RuntimeSettings
         Rate, moving average, limit and device.
 

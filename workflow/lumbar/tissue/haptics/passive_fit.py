@@ -30,18 +30,12 @@ _MARGIN = 2e-3
 
 @dataclass(frozen=True)
 class Branches:
-    """A spring beside Maxwell branches.
-
-    Attributes
-    ----------
-    stiffnesses : tuple of float
-        Output unit per input unit.
-    times : tuple of float
-        Relaxation times in seconds; infinite for the spring.
-    """
+    """A spring beside Maxwell branches."""
 
     stiffnesses: tuple[float, ...]
+    """Output unit per input unit."""
     times: tuple[float, ...]
+    """Relaxation times in seconds; infinite for the spring."""
 
     def transfer_function(self, sampling_time: float) -> TransferFunction:
         """The ramp-invariant transfer function at a sampling time in seconds."""
@@ -78,18 +72,12 @@ def _arrays(discrete: TransferFunction) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class DeviceCondition:
-    """What a device asks of the force that it renders.
-
-    Attributes
-    ----------
-    damping : float
-        Of the device, N·s/m.
-    rendering : SampledModel
-        How a static force of 1 per unit of position would be rendered: average, rate, delay, in N/m.
-    """
+    """What a device asks of the force that it renders."""
 
     damping: float
+    """Of the device, N·s/m."""
     rendering: SampledModel
+    """How a static force of 1 per unit of position would be rendered: average, rate, delay, in N/m."""
 
     def columns(self, times: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
         """L S(τ) of every branch at every angle, complex, shape (angles, branches); and S(0)/|S(τ)|, shape (angles,)."""
@@ -108,7 +96,6 @@ def fit_branches(
 
     Parameters
     ----------
-    data : IdentificationData
     times : sequence of float
         Seconds; infinite for the spring.
     condition : DeviceCondition, optional
@@ -182,7 +169,6 @@ def fit_passive(
 
     Parameters
     ----------
-    data : IdentificationData
     spring : bool
         Whether it has a spring.
     branches : int or None

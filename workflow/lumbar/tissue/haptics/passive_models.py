@@ -33,23 +33,15 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class PassiveFits:
-    """Free and passive fits of one record.
-
-    Attributes
-    ----------
-    free : tuple of FittedModel
-        As identified, by both estimators.
-    passive : tuple of FittedModel
-        ``<model>-passive``, and ``<model>-passive-<rate>Hz`` where the device is passive with it at that rate, too.
-    settings : RuntimeSettings
-    rates : tuple of float
-        That of identification and that of the servo, in Hz.
-    """
+    """Free and passive fits of one record."""
 
     free: tuple[FittedModel, ...]
+    """As identified, by both estimators."""
     passive: tuple[FittedModel, ...]
+    """``<model>-passive``, and ``<model>-passive-<rate>Hz`` where the device is passive with it at that rate, too."""
     settings: RuntimeSettings
     rates: tuple[float, float]
+    """That of identification and that of the servo, in Hz."""
 
     def table(self, data: str) -> Table:
         """Return the table model × (free, passive); `data` says where the records come from."""

@@ -24,18 +24,12 @@ _REFINED = 101
 
 @dataclass(frozen=True)
 class RequiredDamping:
-    """Damping that makes a device passive with a model, and the frequency that asks for it.
-
-    Attributes
-    ----------
-    damping : float
-        N·s/m; 0 where the model needs none.
-    frequency : float
-        Hz.
-    """
+    """Damping that makes a device passive with a model, and the frequency that asks for it."""
 
     damping: float
+    """N·s/m; 0 where the model needs none."""
     frequency: float
+    """Hz."""
 
 
 def alias_sums(model: SampledModel, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -53,7 +47,6 @@ def damping_at(model: SampledModel, angles: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    model : SampledModel
     angles : numpy.ndarray
         Radians in (0, π].
 

@@ -45,33 +45,23 @@ def exported_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> E
 
 @dataclass(frozen=True)
 class RenderedModel:
-    """A model in the units of a device.
-
-    Attributes
-    ----------
-    name : str
-    loops : tuple of SampledModel
-        The model, or its linearisations, in N/m.
-    sampling_time : float
-        Seconds between two samples of the model itself.
-    servo_samples : int
-        Of the model within one tick of the servo; 1 where the servo is as fast or faster.
-    metre, newton : float
-        One unit of the model's input in m, one of its output in N with the sign that makes it positive against the motion.
-    input, output : Port
-    limit : float
-        Largest force in N.
-    """
+    """A model in the units of a device."""
 
     name: str
     loops: tuple[SampledModel, ...]
+    """The model, or its linearisations, in N/m."""
     sampling_time: float
+    """Seconds between two samples of the model itself."""
     servo_samples: int
+    """Of the model within one tick of the servo; 1 where the servo is as fast or faster."""
     metre: float
     newton: float
+    """`metre`, `newton`: one unit of the model's input in m, one of its output in N with the sign that makes it positive
+    against the motion."""
     input: Port
     output: Port
     limit: float
+    """Largest force in N."""
 
     @property
     def linearised(self) -> bool:
@@ -94,8 +84,6 @@ def rendered(model: ExportModel, device: DeviceSettings, *, late: bool = False) 
 
     Parameters
     ----------
-    model : ExportModel
-    device : DeviceSettings
     late : bool
         Whether the client reads the force before it has set the position of the same sample, as FMI 2.0 has it: the
         feed-through is one sample late, with effects the whole force.
@@ -134,11 +122,8 @@ def in_units(
     ----------
     found : list of SampledModel
         The model, or its linearisations.
-    name : str
-    input, output : Port
     limit : float
         In the output's unit.
-    device : DeviceSettings
 
     Raises
     ------
@@ -203,10 +188,8 @@ def linearisations(
     ----------
     response : callable
         From positions in mm, the first held before, to forces, both of shape (samples,).
-    name : str
     sampling_time : float
         Seconds.
-    device : DeviceSettings
 
     Returns
     -------

@@ -17,25 +17,17 @@ def all_angles(points: int = 2000) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SampledModel:
-    """H(z) from sampled positions to the force that pushes back, held for one sampling time.
-
-    Attributes
-    ----------
-    name : str
-    numerator, denominator : numpy.ndarray
-        Coefficients of z⁰, z⁻¹, …, in N/m; positive where the force is against the motion. Moving average and delays of
-        whole samples are in them.
-    sampling_time : float
-        Seconds between two samples.
-    delay : float
-        Seconds from a sample to the force that follows from it, less than `sampling_time`.
-    """
+    """H(z) from sampled positions to the force that pushes back, held for one sampling time."""
 
     name: str
     numerator: np.ndarray
     denominator: np.ndarray
+    """`numerator`, `denominator`: coefficients of z⁰, z⁻¹, …, in N/m; positive where the force is against the motion.
+    Moving average and delays of whole samples are in them."""
     sampling_time: float
+    """Seconds between two samples."""
     delay: float = 0.0
+    """Seconds from a sample to the force that follows from it, less than `sampling_time`."""
 
     def response(self, angles: np.ndarray) -> np.ndarray:
         """H(exp(jθ)) at angles θ = ωT in radians, without `delay`; shape of `angles`, complex."""

@@ -31,29 +31,20 @@ Step = Callable[[float], float]
 
 @dataclass(frozen=True)
 class LoopRun:
-    """What was simulated.
-
-    Attributes
-    ----------
-    time, position : numpy.ndarray, shape (points,)
-        Seconds and m, about every millisecond.
-    force : numpy.ndarray, shape (points,)
-        N against the motion, held until the next point.
-    samples : numpy.ndarray, shape (samples,)
-        Force of every sample in N.
-    sampling_time : float
-        Seconds.
-    ripple : float
-        Peak to peak force in N that the encoder's steps alone may keep up in a stable loop; in an unstable one, that bounds
-        of the FMU may calm, the largest force of one step.
-    """
+    """What was simulated."""
 
     time: np.ndarray
     position: np.ndarray
+    """`time`, `position`: shape (points,): seconds and m, about every millisecond."""
     force: np.ndarray
+    """Shape (points,): N against the motion, held until the next point."""
     samples: np.ndarray
+    """Shape (samples,): force of every sample in N."""
     sampling_time: float
+    """Seconds."""
     ripple: float
+    """Peak to peak force in N that the encoder's steps alone may keep up in a stable loop; in an unstable one, that bounds
+    of the FMU may calm, the largest force of one step."""
 
     @property
     def peak_to_peak(self) -> float:
@@ -114,7 +105,6 @@ def simulate(
         The model; its memory moves on.
     sampling_time : float
         Seconds between two samples.
-    device : DeviceSettings
     limit : float
         Largest force in N.
     delay : float
@@ -182,7 +172,6 @@ def encoder_ripple(model: SampledModel, device: DeviceSettings) -> float:
     ----------
     model : SampledModel
         With which the loop is stable.
-    device : DeviceSettings
     """
     step, (transition, by_new, by_old) = difference_equation(model), period(model, device)
     state, before, total, recent = np.zeros(2), 0.0, 0.0, 0.0

@@ -26,25 +26,18 @@ _RATES, _DAMPINGS, _POINTS = 9, 9, 400
 
 @dataclass(frozen=True)
 class ZWidth:
-    """What a device can render.
-
-    Attributes
-    ----------
-    rates : numpy.ndarray, shape (rates,)
-        Hz.
-    needed : dict of str to numpy.ndarray, each of shape (rates,)
-        Damping in N·s/m that makes a device passive with a model, by its name; NaN where it has no counterpart at a rate.
-    damping : numpy.ndarray, shape (dampings,)
-        Of the device, N·s/m.
-    stiffness : dict of float to tuple of numpy.ndarray, each of shape (dampings,)
-        By rate: largest stiffness in N/m of a spring, behind the same moving average, that is passive, and that is stable
-        in the hand.
-    """
+    """What a device can render."""
 
     rates: np.ndarray
+    """Shape (rates,): hz."""
     needed: dict[str, np.ndarray]
+    """Dict of str to numpy.ndarray, each of shape (rates,): damping in N·s/m that makes a device passive with a model, by
+    its name; NaN where it has no counterpart at a rate."""
     damping: np.ndarray
+    """Shape (dampings,): of the device, N·s/m."""
     stiffness: dict[float, tuple[np.ndarray, np.ndarray]]
+    """Dict of float to tuple of numpy.ndarray, each of shape (dampings,): by rate: largest stiffness in N/m of a spring,
+    behind the same moving average, that is passive, and that is stable in the hand."""
 
 
 def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
@@ -54,7 +47,6 @@ def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
     ----------
     models : sequence of FittedModel
         Transfer functions; at least one.
-    settings : RuntimeSettings
     """
     slowest = 1.0 / models[0].sampling_time
     rates = np.geomspace(slowest, max(FASTEST_HZ, slowest), _RATES)

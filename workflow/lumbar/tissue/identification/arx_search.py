@@ -25,28 +25,19 @@ INPUT, OUTPUT = "input", "output"
 
 @dataclass(frozen=True)
 class IdentificationData:
-    """Demeaned input and output of one record.
-
-    Attributes
-    ----------
-    name : str
-    inputs, outputs : numpy.ndarray, shape (samples,)
-        Less their means.
-    input_offset, output_offset : float
-        The means.
-    sampling_time : float
-        Seconds.
-    skip : int
-        Samples at the start that no free-run error counts.
-    """
+    """Demeaned input and output of one record."""
 
     name: str
     inputs: np.ndarray
     outputs: np.ndarray
+    """`inputs`, `outputs`: shape (samples,): less their means."""
     input_offset: float
     output_offset: float
+    """`input_offset`, `output_offset`: the means."""
     sampling_time: float
+    """Seconds."""
     skip: int
+    """Samples at the start that no free-run error counts."""
 
     @classmethod
     def from_record(cls, record: Record, settling_s: float) -> IdentificationData:
@@ -161,7 +152,6 @@ def search(
         Ridge coefficients.
     regression : ReducedRegression
         Of the training record.
-    training : IdentificationData
     tests : list of IdentificationData
         All other records.
     """

@@ -39,7 +39,6 @@ def block_bootstrap(
         Rows per block, longer than the residuals' correlation.
     resamples : int
         Number of resampled data sets.
-    rng : numpy.random.Generator
     alpha : float
         Ridge coefficient.
 

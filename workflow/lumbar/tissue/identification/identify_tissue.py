@@ -55,7 +55,6 @@ def identify(
         Channels ``input`` and ``output``.
     tests : list of Record
         Records with another excitation; in the order of `Scores.tests`.
-    settings : TissueSettings
     seed : int
         Seed of the bootstrap.
 

@@ -24,24 +24,17 @@ _STARTS_FOLLOWED = 3
 
 @dataclass(frozen=True)
 class OutputErrorFit:
-    """A minimum of the simulation error.
-
-    Attributes
-    ----------
-    coefficients : numpy.ndarray, shape (parameters,)
-    residuals : numpy.ndarray, shape (samples − skip,)
-        Measured minus simulated output.
-    sensitivities : numpy.ndarray, shape (samples − skip, parameters)
-        Derivative of the simulated output with respect to every coefficient.
-    converged : bool
-        False where the optimiser was stopped on a slope too faint to follow: the data hardly determine the
-        coefficients.
-    """
+    """A minimum of the simulation error."""
 
     coefficients: np.ndarray
+    """Shape (parameters,)."""
     residuals: np.ndarray
+    """Shape (samples − skip,): measured minus simulated output."""
     sensitivities: np.ndarray
+    """Shape (samples − skip, parameters): derivative of the simulated output with respect to every coefficient."""
     converged: bool
+    """False where the optimiser was stopped on a slope too faint to follow: the data hardly determine the coefficients.
+    """
 
 
 def fit_output_error(

@@ -47,24 +47,16 @@ class ReducedRegression:
 
 @dataclass(frozen=True)
 class RidgePath:
-    """Singular value decomposition of a standardised regression: ridge solutions for any α.
-
-    Attributes
-    ----------
-    column_scale : numpy.ndarray, shape (parameters,)
-        Root mean square of every column, by which it was divided.
-    target_scale : float
-        Root mean square of the target.
-    singular_values : numpy.ndarray, shape (parameters,)
-        Of the standardised A, descending.
-    rows : int
-        Equations, N − largest lag.
-    """
+    """Singular value decomposition of a standardised regression: ridge solutions for any α."""
 
     column_scale: np.ndarray
+    """Shape (parameters,): root mean square of every column, by which it was divided."""
     target_scale: float
+    """Root mean square of the target."""
     singular_values: np.ndarray
+    """Shape (parameters,): of the standardised A, descending."""
     rows: int
+    """Equations, N − largest lag."""
     _right: np.ndarray
     _projected_target: np.ndarray
     _target_norm_squared: float

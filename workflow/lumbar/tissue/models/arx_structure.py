@@ -11,21 +11,14 @@ from lumbar.tissue.models.transfer_function import TransferFunction
 
 @dataclass(frozen=True)
 class ArxStructure:
-    """Which coefficients of H(z) are free.
-
-    Attributes
-    ----------
-    order : int
-        Lags of the output, i.e. poles (n of Eq. 3.9).
-    input_lags : tuple of int
-        Lags of the input, increasing; 0 makes the transfer function biproper.
-    zero_static_gain : bool
-        Whether the numerator coefficients sum to zero, i.e. H(1) = 0: only changes of the input act.
-    """
+    """Which coefficients of H(z) are free."""
 
     order: int
+    """Lags of the output, i.e. poles (n of Eq. 3.9)."""
     input_lags: tuple[int, ...]
+    """Lags of the input, increasing; 0 makes the transfer function biproper."""
     zero_static_gain: bool = False
+    """Whether the numerator coefficients sum to zero, i.e. H(1) = 0: only changes of the input act."""
 
     @property
     def parameter_count(self) -> int:

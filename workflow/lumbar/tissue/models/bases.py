@@ -22,42 +22,29 @@ _RESPONSES = {"tissue": "F", "pendulum": "M"}
 
 @dataclass(frozen=True)
 class Base:
-    """A base model.
-
-    Attributes
-    ----------
-    name : str
-        As in the thesis: ``"KB"`` ….
-    equation : str
-        Expression of its force, as of a parallel `Form`.
-    linear, nonlinear : tuple
-        Parameters.
-    state : tuple of (str, str)
-        States and their rates of change, as of a `Form`.
-    solution : callable, optional
-        The states in closed form.
-    system : str
-        What it is a model of, which decides the catalogue of effects: ``tissue`` or ``pendulum``.
-    sensor_zero : bool
-        Whether a sensor with a zero of its own gives the response, so that a constant belongs to every fit. A pendulum's
-        moment is computed; a constant in it would be one of the person.
-    hand_written : HandWritten, optional
-        Instead of the equation, as of a `Form`.
-    touching : callable, optional
-        For a tool that is not fastened to the tissue, which it meets at position 0 and never pulls: from motion and
-        nonlinear parameters to whether it touches, (samples,). Where it does not, effects add no force.
-    """
+    """A base model."""
 
     name: str
+    """As in the thesis: ``"KB"`` …."""
     equation: str
+    """Expression of its force, as of a parallel `Form`."""
     linear: tuple[LinearParameter, ...]
     nonlinear: tuple[NonlinearParameter, ...] = ()
+    """`linear`, `nonlinear`: parameters."""
     state: tuple[tuple[str, str], ...] = ()
+    """States and their rates of change, as of a `Form`."""
     solution: Solution | None = None
+    """The states in closed form."""
     system: str = "tissue"
+    """What it is a model of, which decides the catalogue of effects: ``tissue`` or ``pendulum``."""
     sensor_zero: bool = True
+    """Whether a sensor with a zero of its own gives the response, so that a constant belongs to every fit. A pendulum's
+    moment is computed; a constant in it would be one of the person."""
     hand_written: HandWritten | None = None
+    """Instead of the equation, as of a `Form`."""
     touching: Callable[[Motion, np.ndarray], np.ndarray] | None = None
+    """For a tool that is not fastened to the tissue, which it meets at position 0 and never pulls: from motion and
+    nonlinear parameters to whether it touches, (samples,). Where it does not, effects add no force."""
 
     @cached_property
     def form(self) -> Form:

@@ -29,28 +29,20 @@ class CStep:
     - the functions of ``effect_forms.h`` and ``portable_math.h``: ``sign``, ``clipped``, ``behind_gap``,
       ``portable_tanh`` … Those of the C library that are exact (``fabs``, ``sqrt``, ``floor`` …) may be used too; the
       others are refused, because they differ between platforms in the last bit.
-
-    Attributes
-    ----------
-    value : str
-        Expression: the force that a parallel form adds, the position that an input form passes on, the force that an
-        output form makes of ``force``.
-    statements : str
-        What comes before it.
-    memory : int or callable
-        How many numbers the form keeps from sample to sample; a callable gets all parameters by name.
-    history : int or callable
-        How many earlier positions it asks for; a callable as of `memory`.
-    constants : callable
-        From parameters by name and the sampling time in seconds to further numbers by name, computed at export. One
-        named ``pole`` is a pole in discrete time and counts when stability is judged.
     """
 
     value: str
+    """Expression: the force that a parallel form adds, the position that an input form passes on, the force that an output
+    form makes of ``force``."""
     statements: str = ""
+    """What comes before it."""
     memory: int | Memory = 0
+    """How many numbers the form keeps from sample to sample; a callable gets all parameters by name."""
     constants: Constants = _no_constants
+    """From parameters by name and the sampling time in seconds to further numbers by name, computed at export.
+    One named ``pole`` is a pole in discrete time and counts when stability is judged."""
     history: int | Memory = 0
+    """How many earlier positions it asks for; a callable as of `memory`."""
 
     def numbers(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
         """All numbers that the code knows by name.

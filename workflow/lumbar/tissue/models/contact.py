@@ -22,7 +22,6 @@ def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tup
 
     Parameters
     ----------
-    motion : Motion
     share : float
         Stiffness of the spring over that of spring and branch, 0 to 1.
     time_constant : float

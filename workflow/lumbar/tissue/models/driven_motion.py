@@ -45,20 +45,15 @@ _TOGETHER = 400
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A motion that was found.
-
-    Attributes
-    ----------
-    position, velocity : numpy.ndarray, shape (steps + 1,)
-    states : numpy.ndarray, shape (states, steps + 1)
-    points : numpy.ndarray, shape (1 + states, steps, 3)
-        Position and states at the collocation points.
-    """
+    """A motion that was found."""
 
     position: np.ndarray
     velocity: np.ndarray
+    """`position`, `velocity`: shape (steps + 1,)."""
     states: np.ndarray
+    """Shape (states, steps + 1)."""
     points: np.ndarray
+    """Shape (1 + states, steps, 3): position and states at the collocation points."""
 
     @property
     def finite(self) -> bool:
@@ -68,23 +63,15 @@ class Driven:
 
 @dataclass(frozen=True, eq=False)
 class ForceDrive:
-    """Balance and force that drives it.
-
-    Attributes
-    ----------
-    balance : ForceBalance
-    force : numpy.ndarray, shape (steps, 3)
-        At the collocation points of every step.
-    step : float
-        Seconds.
-    size : float
-        Of the positions.
-    """
+    """Balance and force that drives it."""
 
     balance: ForceBalance
     force: np.ndarray
+    """Shape (steps, 3): at the collocation points of every step."""
     step: float
+    """Seconds."""
     size: float
+    """Of the positions."""
 
     def motion(
         self, parameters: Mapping[str, float], start: np.ndarray, guess: np.ndarray | None = None
@@ -246,8 +233,6 @@ class ForceDrive:
 
         Parameters
         ----------
-        parameters : mapping of str to float
-        found : Driven
         changes : list of (str, float)
             Symbols, and the steps of central differences of the equations (not of the motion).
         by_start : bool

@@ -39,27 +39,18 @@ Solution = Callable[[Motion, np.ndarray], tuple[np.ndarray, ...]]
 
 @dataclass(frozen=True)
 class Equation:
-    """An equation and what its symbols stand for.
-
-    Attributes
-    ----------
-    text : str
-        Expression of the force, e.g. ``"Fc*tanh(v/vs)"``.
-    transforms : bool
-        Whether it makes a measured force of the force ``F``; else it is a force of its own.
-    linear, nonlinear : tuple
-        Parameters.
-    constants : tuple of Constant
-    states : tuple of (str, str)
-        Symbol and rate of change of every state.
-    """
+    """An equation and what its symbols stand for."""
 
     text: str
+    """Expression of the force, e.g. ``"Fc*tanh(v/vs)"``."""
     transforms: bool
+    """Whether it makes a measured force of the force ``F``; else it is a force of its own."""
     linear: tuple[LinearParameter, ...]
     nonlinear: tuple[NonlinearParameter, ...]
+    """`linear`, `nonlinear`: parameters."""
     constants: tuple[Constant, ...]
     states: tuple[tuple[str, str], ...]
+    """Symbol and rate of change of every state."""
 
     @cached_property
     def written(self) -> Expression:
@@ -218,8 +209,6 @@ class Equation:
 
         Parameters
         ----------
-        motion : Motion
-        nonlinear : numpy.ndarray
         solution : callable, optional
             Of the states, in place of the solver's.
         force : numpy.ndarray, optional

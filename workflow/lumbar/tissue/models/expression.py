@@ -29,18 +29,12 @@ class Symbol:
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """An operator, a comparison or a function with its operands.
-
-    Attributes
-    ----------
-    name : str
-        ``+ - * / **``, ``neg``, a comparison, or a name of `OPERANDS`.
-    operands : tuple
-        Expressions.
-    """
+    """An operator, a comparison or a function with its operands."""
 
     name: str
+    """``+ - * / **``, ``neg``, a comparison, or a name of `OPERANDS`."""
     operands: tuple[Expression, ...]
+    """Expressions."""
 
 
 Expression = Number | Symbol | Operation

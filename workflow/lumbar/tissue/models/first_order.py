@@ -18,21 +18,14 @@ from lumbar.tissue.models.transfer_function import TransferFunction
 
 @dataclass(frozen=True)
 class FirstOrder:
-    """Coefficients of F + γ Ḟ = k x + ν ẋ.
-
-    Attributes
-    ----------
-    k : float
-        Static stiffness, output unit per input unit.
-    nu : float
-        Viscosity, output unit times second per input unit.
-    gamma : float
-        Relaxation time, seconds.
-    """
+    """Coefficients of F + γ Ḟ = k x + ν ẋ."""
 
     k: float
+    """Static stiffness, output unit per input unit."""
     nu: float = 0.0
+    """Viscosity, output unit times second per input unit."""
     gamma: float = 0.0
+    """Relaxation time, seconds."""
 
     @classmethod
     def of_base(

@@ -156,7 +156,6 @@ class FittedModel(ModelData):
 
         Parameters
         ----------
-        entry : dict
         catalogues : mapping of str to mapping
             Effects by name for every system, as `lumbar.tissue.effects.catalogue.CATALOGUES`.
 

@@ -48,15 +48,10 @@ def can_be_simulated(form: Form) -> bool:
 
 @dataclass(frozen=True)
 class ForceBalance:
-    """Forces of a model that is driven by a force.
-
-    Attributes
-    ----------
-    pieces : tuple of Form
-        The base as a form, then the forms beside it.
-    """
+    """Forces of a model that is driven by a force."""
 
     pieces: tuple[Form, ...]
+    """The base as a form, then the forms beside it."""
 
     @cached_property
     def linear(self) -> tuple[str, ...]:

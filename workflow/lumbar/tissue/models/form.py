@@ -43,83 +43,62 @@ Contradiction = Callable[[dict[str, float], Motion, np.ndarray, float, float | N
 
 @dataclass(frozen=True)
 class HandWritten:
-    """Simulation and C code of a form that no equation can say, both by hand.
-
-    Attributes
-    ----------
-    columns : callable, optional
-        Parallel forms: from motion and nonlinear parameters to one force per linear parameter, each of shape (samples,).
-    input_transform, output_transform : callable, optional
-        Input forms: from motion and nonlinear parameters to the motion the tissue sees. Output forms: from force, motion and
-        nonlinear parameters to the measured force.
-    c_step : CStep, optional
-        The same in C, sample by sample; a form without it cannot be exported to a haptic device.
-    channels : tuple of str
-        Roles of channels beside input and output that it needs.
-    """
+    """Simulation and C code of a form that no equation can say, both by hand."""
 
     # Which of the three there is follows from the form's place.
     columns: Columns = None  # type: ignore[assignment]
+    """Parallel forms: from motion and nonlinear parameters to one force per linear parameter, each of
+    shape (samples,)."""
     input_transform: InputTransform = None  # type: ignore[assignment]
     output_transform: OutputTransform = None  # type: ignore[assignment]
+    """`input_transform`, `output_transform`: callable, optional: input forms: from motion and nonlinear parameters to the
+    motion the tissue sees. Output forms: from force, motion and nonlinear parameters to the measured force."""
     c_step: CStep | None = None
+    """The same in C, sample by sample; a form without it cannot be exported to a haptic device."""
     channels: tuple[str, ...] = ()
+    """Roles of channels beside input and output that it needs."""
 
 
 @dataclass(frozen=True)
 class Form:
     """One mathematical form of a mechanism.
 
-    Attributes
-    ----------
-    name : str
-        Unique within its effect, e.g. ``"cubic"``.
-    equation : str
-        Expression in the parameters' symbols and the signals of `lumbar.tissue.models.motion_signals`: the force that a
-        parallel form adds, or what an output form makes of the force ``F``. LaTeX where `hand_written`.
-    place : Place
-        Input forms are hand-written.
-    linear, nonlinear : tuple
-        Parameters.
-    state : tuple of (str, str)
-        Symbol of each state and its rate of change per second; 0 when a record begins.
-    constants : tuple of Constant
-    starts : callable, optional
-        Starting nonlinear parameters from the motion and the residual force, instead of the nonlinear parameters' grids.
-    solution : callable, optional
-        The states in closed form, from motion and nonlinear parameters; faster or more exact than the solver's.
-    c_solution : str
-        C statements that write the states of the next sample, where the solver's step is less exact.
-    hand_written : HandWritten, optional
-        Instead of the equation.
-    general : bool
-        Whether it holds other forms of its effect as special cases: a search takes it only where these leave much.
-    essential : tuple of str
-        Linear parameters without which the mechanism is not there; default any of them.
-    contradiction : callable, optional
-        From parameters by name, motion, measured force less the sensor's zero, RMS of the noise and the excitation's
-        period (s, None where it has none): in words, what of the record contradicts the parameters; else ``""``.
-    effect : str
-        Name of the effect, which sets it.
-
     Its equation is read and checked when it is first needed: `check` does so at once.
     """
 
     name: str
+    """Unique within its effect, e.g. ``"cubic"``."""
     equation: str
+    """Expression in the parameters' symbols and the signals of `lumbar.tissue.models.motion_signals`: the force that a
+    parallel form adds, or what an output form makes of the force ``F``. LaTeX where `hand_written`."""
     place: Place
+    """Input forms are hand-written."""
     linear: tuple[LinearParameter, ...] = ()
     nonlinear: tuple[NonlinearParameter, ...] = ()
+    """`linear`, `nonlinear`: parameters."""
     state: tuple[tuple[str, str], ...] = ()
+    """Symbol of each state and its rate of change per second; 0 when a record begins."""
     constants: tuple[Constant, ...] = ()
     starts: Starts | None = None
+    """Starting nonlinear parameters from the motion and the residual force, instead of the nonlinear
+    parameters' grids."""
     solution: Solution | None = None
+    """The states in closed form, from motion and nonlinear parameters; faster or more exact than the
+    solver's."""
     c_solution: str = ""
+    """C statements that write the states of the next sample, where the solver's step is less exact."""
     hand_written: HandWritten | None = None
+    """Instead of the equation."""
     general: bool = False
+    """Whether it holds other forms of its effect as special cases: a search takes it only where these leave much."""
     essential: tuple[str, ...] = ()
+    """Linear parameters without which the mechanism is not there; default any of them."""
     contradiction: Contradiction | None = None
+    """From parameters by name, motion, measured force less the sensor's zero, RMS of the noise and the
+    excitation's period (s, None where it has none): in words, what of the record contradicts the parameters; else
+    ``""``."""
     effect: str = field(default="", compare=True)
+    """Name of the effect, which sets it."""
 
     def with_constants(self, values: Mapping[str, float]) -> Form:
         """The form with other values of constants, by symbol; what it has no constant for is left out."""
@@ -228,36 +207,24 @@ class Form:
 
 @dataclass(frozen=True)
 class Effect:
-    """A physical mechanism.
-
-    Attributes
-    ----------
-    name : str
-        E.g. ``"coulomb_friction"``.
-    mechanism : str
-        One sentence for the reader of a report.
-    forms : tuple of Form
-        Variants, the simplest first.
-    source : str
-        Reference.
-    experiment : str
-        Which excitation shows it best, for ties.
-    accumulates : bool
-        Whether it grows with time or path from each record's start, so that short records hardly show it.
-    unrepeated : bool
-        Whether it acts on a clock of its own, apart from the excitation's.
-    linear : bool
-        Whether a linear time-invariant model stays one with it.
-    """
+    """A physical mechanism."""
 
     name: str
+    """E.g. ``"coulomb_friction"``."""
     mechanism: str
+    """One sentence for the reader of a report."""
     forms: tuple[Form, ...]
+    """Variants, the simplest first."""
     source: str
+    """Reference."""
     experiment: str = ""
+    """Which excitation shows it best, for ties."""
     accumulates: bool = False
+    """Whether it grows with time or path from each record's start, so that short records hardly show it."""
     unrepeated: bool = False
+    """Whether it acts on a clock of its own, apart from the excitation's."""
     linear: bool = False
+    """Whether a linear time-invariant model stays one with it."""
 
     @property
     def changes(self) -> bool:

@@ -93,7 +93,6 @@ class ForwardStructure(Structure):
         ----------
         motion : Motion or JoinedMotions
             The force over time; where it has a channel `MEASURED`, the state at the beginning is estimated from that.
-        linear, nonlinear : numpy.ndarray
         zero : float
             Of the position's sensor, for the channel `MEASURED`.
         """

@@ -12,15 +12,10 @@ from lumbar.tissue.models.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class JoinedMotions:
-    """Motions one after the other, each on its own clock and with a path and a memory of its own.
-
-    Attributes
-    ----------
-    parts : tuple of Motion
-        Sampled at the same interval.
-    """
+    """Motions one after the other, each on its own clock and with a path and a memory of its own."""
 
     parts: tuple[Motion, ...]
+    """Sampled at the same interval."""
 
     def __len__(self) -> int:
         return sum(len(part) for part in self.parts)

@@ -28,29 +28,20 @@ def unit_of(template: str, input_unit: str, output_unit: str) -> str:
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A parameter with its value and interval.
-
-    Attributes
-    ----------
-    name, symbol, unit : str
-        E.g. ``"spring_stiffness"``, ``"k_e"`` (LaTeX), ``"N/mm"``.
-    value : float
-    low, high : float or None
-        Ends of the interval; None where none was estimated.
-    effect : str
-        Effect it belongs to; empty for the base's own.
-    derived : bool
-        Whether it follows from the other parameters, as k1 of Kelvin–Boltzmann does, and is not needed to simulate.
-    """
+    """A parameter with its value and interval."""
 
     name: str
     symbol: str
     unit: str
+    """`name`, `symbol`, `unit`: E.g. ``"spring_stiffness"``, ``"k_e"`` (LaTeX), ``"N/mm"``."""
     value: float
     low: float | None = None
     high: float | None = None
+    """`low`, `high`: ends of the interval; None where none was estimated."""
     effect: str = ""
+    """Effect it belongs to; empty for the base's own."""
     derived: bool = False
+    """Whether it follows from the other parameters, as k1 of Kelvin–Boltzmann does, and is not needed to simulate."""
 
     @property
     def key(self) -> str:
@@ -79,23 +70,16 @@ class Port:
 
 @dataclass(frozen=True)
 class MotionRange:
-    """Motion of the record that a model was fitted to: what the model is known to hold for.
-
-    Attributes
-    ----------
-    lowest, highest : float
-        Positions, in the input's unit.
-    speed : float
-        Below which 99 % of the samples were, in that unit per second.
-    lowest_Hz, highest_Hz : float
-        Band of 99 % of the position's power.
-    """
+    """Motion of the record that a model was fitted to: what the model is known to hold for."""
 
     lowest: float
     highest: float
+    """`lowest`, `highest`: positions, in the input's unit."""
     speed: float
+    """Below which 99 % of the samples were, in that unit per second."""
     lowest_Hz: float
     highest_Hz: float
+    """`lowest_Hz`, `highest_Hz`: band of 99 % of the position's power."""
 
     def in_words(self, unit: str) -> str:
         """E.g. ``"-2 to 2 mm, to 12.6 mm/s, 0.1 to 5 Hz"``."""
@@ -107,90 +91,63 @@ class MotionRange:
 
 @dataclass(frozen=True)
 class Scores:
-    """How well a model does and how well it is determined; None where a number does not exist.
-
-    Attributes
-    ----------
-    vaf_percent, fit_percent, mean_residual : float or None
-        Of the free run on the training record (Eqs 3.12, 3.11, 3.10).
-    nmse_train : float or None
-        Of the prediction one step ahead (Eq. 3.13).
-    tests : tuple of str
-        Names of the unseen records.
-    vaf_tests_percent, nmse_tests : tuple of (float or None)
-        On each of them.
-    train_rms, test_rms : float or None
-        Root mean square error of the free run in the output's unit, in training and on all unseen records together.
-    free_parameters, rank : int or None
-        Number of free coefficients, and how many of them the training record determines.
-    condition_number : float or None
-        Eq. 3.14.
-    mru_percent, mru_bootstrap_percent : float or None
-        Largest relative uncertainty (Eqs 3.15, 3.16), by covariance and by bootstrap.
-    """
+    """How well a model does and how well it is determined; None where a number does not exist."""
 
     vaf_percent: float | None = None
     fit_percent: float | None = None
     mean_residual: float | None = None
+    """`vaf_percent`, `fit_percent`, `mean_residual`: of the free run on the training record (Eqs 3.12, 3.11, 3.10)."""
     nmse_train: float | None = None
+    """Of the prediction one step ahead (Eq. 3.13)."""
     tests: tuple[str, ...] = ()
+    """Names of the unseen records."""
     vaf_tests_percent: tuple[float | None, ...] = ()
     nmse_tests: tuple[float | None, ...] = ()
+    """`vaf_tests_percent`, `nmse_tests`: tuple of (float or None): on each of them."""
     train_rms: float | None = None
     test_rms: float | None = None
+    """`train_rms`, `test_rms`: root mean square error of the free run in the output's unit, in training and on all unseen
+    records together."""
     free_parameters: int | None = None
     rank: int | None = None
+    """`free_parameters`, `rank`: number of free coefficients, and how many of them the training record determines."""
     condition_number: float | None = None
+    """Eq. 3.14."""
     mru_percent: float | None = None
     mru_bootstrap_percent: float | None = None
+    """`mru_percent`, `mru_bootstrap_percent`: largest relative uncertainty (Eqs 3.15, 3.16), by covariance and by
+    bootstrap."""
 
 
 @dataclass(frozen=True, repr=False)
 class ModelData:
-    """Everything that a fitted model is, as it is written to a file; `FittedModel` is what one does with it.
-
-    Attributes
-    ----------
-    name : str
-        E.g. ``"KB"`` or ``"KB+coulomb_friction"``.
-    structure : TransferFunction or Structure
-        Discrete: H(z) at `sampling_time`. Continuous: a base with effects, simulated at any rate.
-    sampling_time : float
-        Seconds; of the record it was fitted to.
-    input, output : Port
-    base : str
-        Name in `lumbar.tissue.models.tissue_models.MODELS` or `lumbar.tissue.models.bases.BASES`; empty for any
-        other transfer function.
-    estimator : str
-        `ARX`, `OUTPUT_ERROR` or `GIVEN`.
-    trained_on : str or None
-        Record; None for a given model.
-    alpha : float or None
-        Ridge coefficient (Eq. 3.7), where one is used.
-    parameters : tuple of FittedParameter
-        Of base and effects, then the derived ones.
-    no_parameters_because : str
-        Why there are none, or no derived ones.
-    scores : Scores
-    remark : str
-    valid_for : MotionRange or None
-        Motion of the record it was fitted to; None for a given model, and where a file does not say.
-    """
+    """Everything that a fitted model is, as it is written to a file; `FittedModel` is what one does with it."""
 
     name: str
+    """E.g. ``"KB"`` or ``"KB+coulomb_friction"``."""
     structure: TransferFunction | Structure
+    """Discrete: H(z) at `sampling_time`. Continuous: a base with effects, simulated at any rate."""
     sampling_time: float
+    """Seconds; of the record it was fitted to."""
     input: Port
     output: Port
     base: str = ""
+    """Name in `lumbar.tissue.models.tissue_models.MODELS` or `lumbar.tissue.models.bases.BASES`; empty for any other
+    transfer function."""
     estimator: str = GIVEN
+    """`ARX`, `OUTPUT_ERROR` or `GIVEN`."""
     trained_on: str | None = None
+    """Record; None for a given model."""
     alpha: float | None = None
+    """Ridge coefficient (Eq. 3.7), where one is used."""
     parameters: tuple[FittedParameter, ...] = ()
+    """Of base and effects, then the derived ones."""
     no_parameters_because: str = ""
+    """Why there are none, or no derived ones."""
     scores: Scores = field(default_factory=Scores)
     remark: str = ""
     valid_for: MotionRange | None = None
+    """Motion of the record it was fitted to; None for a given model, and where a file does not say."""
 
     @property
     def discrete(self) -> bool:

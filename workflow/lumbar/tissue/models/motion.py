@@ -19,30 +19,22 @@ SUBSTEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Evenly sampled position of the tool about the record's zero.
-
-    Attributes
-    ----------
-    time : numpy.ndarray, shape (samples,)
-        Seconds since the record's start: history effects begin afresh in each record.
-    position : numpy.ndarray, shape (samples,)
-    sampling_time : float
-        Seconds.
-    smooth : bool
-        Whether the position is a smooth signal. A position that went through play is not: its derivatives are
-        taken by differences instead of by a spline.
-    channels : dict of str to numpy.ndarray
-        What else was measured beside input and output, by role, for effects that need it.
-    between : numpy.ndarray, optional, shape (1 + (samples - 1) * `SUBSTEPS`,)
-        Position in steps between the samples, where it is not smooth but known there.
-    """
+    """Evenly sampled position of the tool about the record's zero."""
 
     time: np.ndarray
+    """Shape (samples,): seconds since the record's start: history effects begin afresh in each record."""
     position: np.ndarray
+    """Shape (samples,)."""
     sampling_time: float
+    """Seconds."""
     smooth: bool = True
+    """Whether the position is a smooth signal. A position that went through play is not: its derivatives are taken by
+    differences instead of by a spline."""
     channels: dict[str, np.ndarray] = field(default_factory=dict)
+    """What else was measured beside input and output, by role, for effects that need it."""
     between: np.ndarray | None = None
+    """Shape (1 + (samples - 1) * `SUBSTEPS`,): position in steps between the samples, where it is not smooth but known
+    there."""
 
     @classmethod
     def of(cls, record: Record, role: str = "input", offset: float = 0.0) -> Motion:

@@ -12,27 +12,18 @@ from lumbar.tissue.models.motion import Motion
 
 @dataclass(frozen=True)
 class MotionSignal:
-    """A signal.
-
-    Attributes
-    ----------
-    meaning : str
-        For reports and messages.
-    of : callable
-        From a motion to the signal, shape (samples,).
-    c_name : str
-        Its name in the C code of a form; empty where a running loop does not know it.
-    latex : str
-        Empty where it is the symbol.
-    channel : str
-        Role of the channel beside input and output that it needs; empty without.
-    """
+    """A signal."""
 
     meaning: str
+    """For reports and messages."""
     of: Callable[[Motion], np.ndarray]
+    """From a motion to the signal, shape (samples,)."""
     c_name: str = ""
+    """Its name in the C code of a form; empty where a running loop does not know it."""
     latex: str = ""
+    """Empty where it is the symbol."""
     channel: str = ""
+    """Role of the channel beside input and output that it needs; empty without."""
 
 
 def _channel(role: str, latex: str, meaning: str) -> MotionSignal:

@@ -11,28 +11,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Spring:
-    """Force proportional to elongation.
-
-    Attributes
-    ----------
-    symbol : str
-        Symbol of its stiffness, e.g. ``"k1"``.
-    """
+    """Force proportional to elongation."""
 
     symbol: str
+    """Symbol of its stiffness, e.g. ``"k1"``."""
 
 
 @dataclass(frozen=True)
 class Dashpot:
-    """Force proportional to the rate of elongation.
-
-    Attributes
-    ----------
-    symbol : str
-        Symbol of its viscosity, e.g. ``"b"``.
-    """
+    """Force proportional to the rate of elongation."""
 
     symbol: str
+    """Symbol of its viscosity, e.g. ``"b"``."""
 
 
 @dataclass(frozen=True)

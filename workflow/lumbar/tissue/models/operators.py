@@ -23,7 +23,6 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
 
     Parameters
     ----------
-    motion : Motion
     time_constant : float or complex
         τ in seconds; complex of one of a conjugate pair of poles at −1/τ.
 
@@ -136,7 +135,6 @@ def bouc_wen_general(motion: Motion, distance: float, unloading_share: float) ->
 
     Parameters
     ----------
-    motion : Motion
     distance : float
         d, in the unit of the position.
     unloading_share : float

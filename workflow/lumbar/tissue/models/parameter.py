@@ -18,24 +18,16 @@ _SHARE = 0.2
 
 @dataclass(frozen=True)
 class Parameter:
-    """A quantity of an equation that a fit finds.
-
-    Attributes
-    ----------
-    name : str
-        E.g. ``"coulomb_force"``.
-    unit : str
-        In terms of the output's unit ``{y}`` and the input's ``{x}``, e.g. ``"{y}/{x}^3"``.
-    symbol : str
-        How equations call it, e.g. ``"Fc"``.
-    latex : str
-        Its LaTeX; without, it follows from the symbol: ``F_c``.
-    """
+    """A quantity of an equation that a fit finds."""
 
     name: str
+    """E.g. ``"coulomb_force"``."""
     unit: str
+    """In terms of the output's unit ``{y}`` and the input's ``{x}``, e.g. ``"{y}/{x}^3"``."""
     symbol: str = field(default="", kw_only=True)
+    """How equations call it, e.g. ``"Fc"``."""
     latex: str = field(default="", kw_only=True)
+    """Its LaTeX; without, it follows from the symbol: ``F_c``."""
 
     @property
     def in_latex(self) -> str:
@@ -51,11 +43,10 @@ class LinearParameter(Parameter):
     ----------
     name, unit, symbol, latex : str
         As for `Parameter`.
-    sign : int
-        1: not negative, -1: not positive, 0: any.
     """
 
     sign: int = 1
+    """1: not negative, -1: not positive, 0: any."""
 
 
 @dataclass(frozen=True)
@@ -66,32 +57,25 @@ class NonlinearParameter(Parameter):
     ----------
     name, unit, symbol, latex : str
         As for `Parameter`.
-    scale : str
-        Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (largest
-        of the record), ``time`` (1 s), ``sampling`` (interval), ``one``.
-    low, high : float
-        Range in which starting values are looked for, in that scale.
-    points : int
-        Number of starting values, spaced evenly in the logarithm.
-    reach : tuple of float
-        How far below and above the range the fit may go, as factors.
-    lines : float or None
-        For frequencies: the fit stays within this many lines (1/duration) of its start.
-    follows_record : bool
-        For time constants: the range of the fit reaches from a fifth of the sampling interval to a fifth of the
-        record's duration where these are beyond the parameter's own, and starting values from two intervals on.
-    decisive : bool
-        Whether a value at the end of its range says that the mechanism is not there, or is another one.
     """
 
     scale: str
+    """Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (largest of the
+    record), ``time`` (1 s), ``sampling`` (interval), ``one``."""
     low: float
     high: float
+    """`low`, `high`: range in which starting values are looked for, in that scale."""
     points: int
+    """Number of starting values, spaced evenly in the logarithm."""
     reach: tuple[float, float] = (0.1, 10.0)
+    """How far below and above the range the fit may go, as factors."""
     lines: float | None = None
+    """For frequencies: the fit stays within this many lines (1/duration) of its start."""
     follows_record: bool = field(default=False, kw_only=True)
+    """For time constants: the range of the fit reaches from a fifth of the sampling interval to a fifth of the record's
+    duration where these are beyond the parameter's own, and starting values from two intervals on."""
     decisive: bool = field(default=False, kw_only=True)
+    """Whether a value at the end of its range says that the mechanism is not there, or is another one."""
 
     def grid(self, size: float, sampling_time: float | None = None) -> np.ndarray:
         """Return the starting values for a scale of this size, and for records sampled so."""
@@ -115,22 +99,15 @@ class NonlinearParameter(Parameter):
 
 @dataclass(frozen=True)
 class Constant:
-    """A number that an equation calls by a symbol.
-
-    Attributes
-    ----------
-    symbol, unit, latex : str
-        As for `Parameter`.
-    value : float
-    given : bool
-        Whether the value was given in place of the catalogue's: it is then written with a model.
-    """
+    """A number that an equation calls by a symbol."""
 
     symbol: str
     value: float
     unit: str
     latex: str = ""
+    """`symbol`, `unit`, `latex`: as for `Parameter`."""
     given: bool = False
+    """Whether the value was given in place of the catalogue's: it is then written with a model."""
 
     @property
     def in_latex(self) -> str:

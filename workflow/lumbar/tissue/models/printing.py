@@ -76,7 +76,6 @@ def latex(expression: Expression, names: Mapping[str, str]) -> str:
 
     Parameters
     ----------
-    expression : Expression
     names : mapping of str to str
         LaTeX of the symbols; of others it is derived.
 
@@ -295,7 +294,6 @@ def c_text(expression: Expression, names: Mapping[str, str]) -> str:
 
     Parameters
     ----------
-    expression : Expression
     names : mapping of str to str
         C names of the symbols.
     """

@@ -71,15 +71,10 @@ STEP_FUNCTIONS = {**NUMPY, "phi1": phi1}
 
 @dataclass(frozen=True)
 class StateEquation:
-    """Differential equations of a form's states, at 0 when the motion begins.
-
-    Attributes
-    ----------
-    slopes : dict of str to Expression
-        Rate of change per second by state.
-    """
+    """Differential equations of a form's states, at 0 when the motion begins."""
 
     slopes: Mapping[str, Expression]
+    """Rate of change per second by state."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -171,7 +166,6 @@ class StateEquation:
 
         Parameters
         ----------
-        motion : Motion
         values : mapping of str to float
             Parameters and constants by symbol.
 
@@ -274,7 +268,6 @@ class StateEquation:
         ----------
         known : mapping of str to float or numpy.ndarray
             Parameters, and signals at the beginning of every step.
-        steps : int
         functions : mapping of str to callable
             What computes the operations; other than NumPy's for scalar steps only, in their portable form.
         """

@@ -21,7 +21,6 @@ def observer_form(discrete: TransferFunction, sampling_time: float | bool = True
 
     Parameters
     ----------
-    discrete : TransferFunction
     sampling_time : float or bool
         Seconds; True where it does not matter.
 

@@ -28,11 +28,10 @@ class Element(Parameter):
     ----------
     name, unit, symbol, latex : str
         As for `lumbar.tissue.models.parameter.Parameter`; the name, such as ``"k1"``, is the symbol.
-    definition : str
-        What it is.
     """
 
     definition: str
+    """What it is."""
 
     @property
     def in_latex(self) -> str:
@@ -42,44 +41,30 @@ class Element(Parameter):
 
 @dataclass(frozen=True)
 class TissueModel:
-    """A tissue model as the thesis names it.
-
-    Attributes
-    ----------
-    name, title : str
-        Short and full name.
-    equation : str
-        Governing equation in plain text.
-    transfer : str
-        The discrete transfer function in plain text.
-    base : Base or None
-        The continuous model whose parameters it has; None for a model that has none.
-    elements : tuple of Element
-        Derived parameters of the base.
-    relations : tuple of str
-        How the equation's coefficients follow from the mechanical elements.
-    network : Network or None
-        Mechanical analogue; None for a black box.
-    structure : ArxStructure or None
-        Free coefficients of the discrete transfer function; None where the structure is searched for (HO),
-        fixed without a fit (IL) or improper (KV).
-    derive : callable or None
-        From the base's parameters by name to the values of `elements`.
-    no_parameters_because : str
-        Why no parameters are recovered from the transfer function, where they are not.
-    """
+    """A tissue model as the thesis names it."""
 
     name: str
     title: str
+    """`name`, `title`: short and full name."""
     equation: str
+    """Governing equation in plain text."""
     transfer: str
+    """The discrete transfer function in plain text."""
     base: Base | None = None
+    """The continuous model whose parameters it has; None for a model that has none."""
     elements: tuple[Element, ...] = ()
+    """Derived parameters of the base."""
     relations: tuple[str, ...] = ()
+    """How the equation's coefficients follow from the mechanical elements."""
     network: Network | None = None
+    """Mechanical analogue; None for a black box."""
     structure: ArxStructure | None = None
+    """Free coefficients of the discrete transfer function; None where the structure is searched for (HO), fixed without a
+    fit (IL) or improper (KV)."""
     derive: Callable[..., dict[str, float]] | None = field(default=None, repr=False)
+    """From the base's parameters by name to the values of `elements`."""
     no_parameters_because: str = ""
+    """Why no parameters are recovered from the transfer function, where they are not."""
 
     def derived(self, values: Mapping[str, float]) -> dict[str, float]:
         """Values of the elements.

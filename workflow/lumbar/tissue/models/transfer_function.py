@@ -12,16 +12,11 @@ from lumbar.base.errors import NumericalError
 
 @dataclass(frozen=True)
 class TransferFunction:
-    """``y[k] = Σ numerator[j] u[k−j] − Σ denominator[i] y[k−i]`` with ``denominator[0] = 1``.
-
-    Attributes
-    ----------
-    numerator, denominator : tuple of float
-        Coefficients of z⁰, z⁻¹, z⁻², …
-    """
+    """``y[k] = Σ numerator[j] u[k−j] − Σ denominator[i] y[k−i]`` with ``denominator[0] = 1``."""
 
     numerator: tuple[float, ...]
     denominator: tuple[float, ...] = (1.0,)
+    """`numerator`, `denominator`: coefficients of z⁰, z⁻¹, z⁻², …"""
 
     def __post_init__(self):
         object.__setattr__(self, "numerator", tuple(map(float, self.numerator)))

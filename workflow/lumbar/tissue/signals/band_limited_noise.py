@@ -25,7 +25,6 @@ def band_limited_noise(duration: float, highest: float, rate: float, order: int,
         Samples per second, Hz.
     order : int
         Order of the Butterworth filter (of one pass).
-    seed : int
 
     Returns
     -------

@@ -19,25 +19,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Signal:
-    """A position signal as the testing machine plays it.
-
-    Attributes
-    ----------
-    name : str
-        ``"multisine"``, ``"noise"`` or ``"chirp"``.
-    position : numpy.ndarray of float, shape (samples,)
-        mm from the machine's zero.
-    rate : float
-        Samples per second, Hz.
-    window : tuple of float
-        Start and end in seconds of the part that the signal's RMS, crest factor and spectrum refer to: a
-        period after the first for the multisine, all of the others.
-    """
+    """A position signal as the testing machine plays it."""
 
     name: str
+    """``"multisine"``, ``"noise"`` or ``"chirp"``."""
     position: np.ndarray
+    """Shape (samples,): mm from the machine's zero."""
     rate: float
+    """Samples per second, Hz."""
     window: tuple[float, float]
+    """Start and end in seconds of the part that the signal's RMS, crest factor and spectrum refer to: a period after the
+    first for the multisine, all of the others."""
 
     @property
     def time(self) -> np.ndarray:
@@ -66,21 +58,14 @@ class Signal:
 
 @dataclass(frozen=True)
 class Excitation:
-    """The designed signals and what they were designed from.
-
-    Attributes
-    ----------
-    band : float
-        Upper end of the excited band, Hz.
-    signals : tuple of Signal
-        Multisine, noise, chirp.
-    multisine : Multisine
-        Lines, amplitudes and phases of the multisine.
-    """
+    """The designed signals and what they were designed from."""
 
     band: float
+    """Upper end of the excited band, Hz."""
     signals: tuple[Signal, ...]
+    """Multisine, noise, chirp."""
     multisine: Multisine
+    """Lines, amplitudes and phases of the multisine."""
 
 
 def excited_band(bandwidths: dict, settings: SignalsSettings) -> float:
@@ -90,7 +75,6 @@ def excited_band(bandwidths: dict, settings: SignalsSettings) -> float:
     ----------
     bandwidths : dict
         As `lumbar.tissue.signals.surgeon_motion.motion_bandwidths` returns it.
-    settings : SignalsSettings
 
     Returns
     -------
@@ -127,13 +111,8 @@ def design_excitation(band: float, settings: SignalsSettings, seed: int) -> Exci
     ----------
     band : float
         Upper end of the band, Hz.
-    settings : SignalsSettings
     seed : int
         For the noise and the detection lines.
-
-    Returns
-    -------
-    Excitation
 
     Raises
     ------

@@ -13,21 +13,14 @@ _POINTS_PER_SAMPLE = 8
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Peaks of the motion a signal commands, between samples too.
-
-    Attributes
-    ----------
-    displacement : float
-        mm from the machine's zero.
-    velocity : float
-        mm/s.
-    acceleration : float
-        mm/s².
-    """
+    """Peaks of the motion a signal commands, between samples too."""
 
     displacement: float
+    """mm from the machine's zero."""
     velocity: float
+    """mm/s."""
     acceleration: float
+    """mm/s²."""
 
 
 QUANTITIES = {"displacement": "mm", "velocity": "mm/s", "acceleration": "mm/s²"}
@@ -45,10 +38,6 @@ def peak_kinematics(position: np.ndarray, rate: float) -> Kinematics:
         mm, at least 6 samples.
     rate : float
         Samples per second, Hz.
-
-    Returns
-    -------
-    Kinematics
     """
     from scipy.interpolate import make_interp_spline
 

@@ -15,28 +15,20 @@ PHASE_RULES = ("schroeder", "clipped", "zero")
 
 @dataclass(frozen=True)
 class Multisine:
-    """Σ A_k cos(2πk t/T + φ_k) over the excited lines k.
-
-    Attributes
-    ----------
-    period : float
-        T in seconds.
-    lines : numpy.ndarray of int, shape (lines,)
-        Excited multiples of 1/T, rising.
-    amplitudes : numpy.ndarray of float, shape (lines,)
-        mm.
-    phases : numpy.ndarray of float, shape (lines,)
-        Radians.
-    detection_even, detection_odd : numpy.ndarray of int
-        Lines of the band that are left out: power found there in a response is even or odd nonlinearity.
-    """
+    """Σ A_k cos(2πk t/T + φ_k) over the excited lines k."""
 
     period: float
+    """T in seconds."""
     lines: np.ndarray
+    """Shape (lines,): excited multiples of 1/T, rising."""
     amplitudes: np.ndarray
+    """Shape (lines,): mm."""
     phases: np.ndarray
+    """Shape (lines,): radians."""
     detection_even: np.ndarray
     detection_odd: np.ndarray
+    """`detection_even`, `detection_odd`: lines of the band that are left out: power found there in a response is even or
+    odd nonlinearity."""
 
     @property
     def frequencies(self) -> np.ndarray:
@@ -96,7 +88,6 @@ def excited_lines(
         ``"full"`` or ``"odd"``.
     detection_group : int
         Odd lines of which one is left out.
-    seed : int
 
     Returns
     -------
@@ -184,10 +175,6 @@ def design_multisine(
         Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1.
     seed : int
         For the detection lines.
-
-    Returns
-    -------
-    Multisine
 
     Raises
     ------

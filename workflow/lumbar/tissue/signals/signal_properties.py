@@ -48,13 +48,8 @@ def signal_properties(excitation: Excitation, data: str) -> Table:
 
     Parameters
     ----------
-    excitation : Excitation
     data : str
         Where the surgeon recordings behind the band come from.
-
-    Returns
-    -------
-    lumbar.tables.table.Table
     """
     import pandas as pd
 

@@ -25,22 +25,15 @@ PSD_UNITS = {"position": "mm²/Hz", "velocity": "(mm/s)²/Hz"}
 
 @dataclass(frozen=True)
 class MotionSpectra:
-    """Spectra of all trials on one set of frequencies.
-
-    Attributes
-    ----------
-    names, surgeons : tuple of str
-        Trial and surgeon of every row.
-    frequency : numpy.ndarray of float, shape (lines,)
-        Hz.
-    psd : dict of str to numpy.ndarray of float, shape (trials, lines)
-        By quantity: ``"position"`` in mm²/Hz, ``"velocity"`` in (mm/s)²/Hz.
-    """
+    """Spectra of all trials on one set of frequencies."""
 
     names: tuple[str, ...]
     surgeons: tuple[str, ...]
+    """`names`, `surgeons`: trial and surgeon of every row."""
     frequency: np.ndarray
+    """Shape (lines,): hz."""
     psd: dict[str, np.ndarray]
+    """Shape (trials, lines): by quantity: ``"position"`` in mm²/Hz, ``"velocity"`` in (mm/s)²/Hz."""
 
     def pooled(self, quantity: str) -> np.ndarray:
         """Mean over surgeons of the mean over each one's trials, shape (lines,)."""
@@ -58,11 +51,6 @@ def motion_spectra(
         With a channel ``position`` in mm.
     surgeons : sequence of str
         Who moved the tool, one per record.
-    settings : WelchSettings
-
-    Returns
-    -------
-    MotionSpectra
 
     Raises
     ------
@@ -138,8 +126,6 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
 
     Parameters
     ----------
-    spectra : MotionSpectra
-    settings : BandwidthSettings
     seed : int
         Seed of the bootstrap.
 

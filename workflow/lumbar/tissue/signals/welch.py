@@ -23,7 +23,6 @@ def position_psd(position: np.ndarray, rate: float, settings: WelchSettings) -> 
     position : numpy.ndarray of float, shape (samples,)
     rate : float
         Samples per second, Hz.
-    settings : WelchSettings
 
     Returns
     -------
@@ -59,7 +58,6 @@ def velocity_psd(position: np.ndarray, rate: float, settings: WelchSettings) -> 
     position : numpy.ndarray of float, shape (samples,)
     rate : float
         Samples per second, Hz.
-    settings : WelchSettings
 
     Returns
     -------

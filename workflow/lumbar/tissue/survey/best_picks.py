@@ -14,24 +14,17 @@ from lumbar.tissue.survey.table_3_2 import Overall, reality_notes
 
 @dataclass(frozen=True)
 class PickShares:
-    """Share of best picks of every model, as fractions of the participants.
-
-    Attributes
-    ----------
-    models : tuple of str
-    picks : numpy.ndarray of int, shape (models,)
-    share : numpy.ndarray, shape (models,)
-    wilson : numpy.ndarray, shape (models, 2)
-        Ends of each model's own interval.
-    goodman : numpy.ndarray, shape (models, 2)
-        Ends of the intervals that hold for all models together.
-    """
+    """Share of best picks of every model, as fractions of the participants."""
 
     models: tuple[str, ...]
     picks: np.ndarray
+    """Shape (models,)."""
     share: np.ndarray
+    """Shape (models,)."""
     wilson: np.ndarray
+    """Shape (models, 2): ends of each model's own interval."""
     goodman: np.ndarray
+    """Shape (models, 2): ends of the intervals that hold for all models together."""
 
 
 def pick_shares(ratings: Ratings, confidence: float) -> PickShares:
@@ -39,7 +32,6 @@ def pick_shares(ratings: Ratings, confidence: float) -> PickShares:
 
     Parameters
     ----------
-    ratings : Ratings
     confidence : float
         E.g. 0.95: of each Wilson interval by itself (E. B. Wilson, JASA 22, 1927, 209-212), and of all
         Goodman intervals together (L. A. Goodman, Technometrics 7, 1965, 247-254).

@@ -113,38 +113,28 @@ def superiority_interval(first: np.ndarray, second: np.ndarray, confidence: floa
 
 @dataclass(frozen=True)
 class PairedComparison:
-    """Two models rated by the same participants.
-
-    Attributes
-    ----------
-    first, second : str
-        The models.
-    higher, equal, lower : int
-        Participants who rated the first model higher than, like, or lower than the second.
-    test : SignedRank
-        Wilcoxon's test of the differences.
-    p_holm : float
-        Its p-value after Holm's correction over all pairs.
-    superiority : float
-        Vargha and Delaney's Â of the first model over the second.
-    low, high : float
-        Interval of Â at the confidence asked for.
-    narrow_low, narrow_high : float
-        Interval that serves the two one-sided tests of equivalence, of confidence 1 − 2 (1 − confidence).
-    """
+    """Two models rated by the same participants."""
 
     first: str
     second: str
+    """`first`, `second`: the models."""
     higher: int
     equal: int
     lower: int
+    """`higher`, `equal`, `lower`: participants who rated the first model higher than, like, or lower than the second."""
     test: SignedRank
+    """Wilcoxon's test of the differences."""
     p_holm: float
+    """Its p-value after Holm's correction over all pairs."""
     superiority: float
+    """Vargha and Delaney's Â of the first model over the second."""
     low: float
     high: float
+    """`low`, `high`: interval of Â at the confidence asked for."""
     narrow_low: float
     narrow_high: float
+    """`narrow_low`, `narrow_high`: interval that serves the two one-sided tests of equivalence, of confidence 1 − 2 (1 −
+    confidence)."""
 
     def equivalent(self, margin: float) -> bool:
         """Whether two one-sided tests show Â to lie within `margin` of 1/2 (inclusion of the interval)."""
@@ -205,12 +195,7 @@ def compare_pairs(
 def paired_table(
     ratings: Ratings, comparisons: list[PairedComparison], settings: SurveySettings, data: str
 ) -> Table:
-    """Table of the within-subject analysis: one row per pair of models.
-
-    Parameters
-    ----------
-    settings : SurveySettings
-    """
+    """Table of the within-subject analysis: one row per pair of models."""
     import pandas as pd
 
     margin = settings.negligible_A

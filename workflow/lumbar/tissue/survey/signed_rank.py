@@ -19,27 +19,18 @@ ZEROS = ("pratt", "wilcox")
 
 @dataclass(frozen=True)
 class SignedRank:
-    """Result of the test.
-
-    Attributes
-    ----------
-    statistic : float
-        Sum of the ranks of the positive differences, T+.
-    expected : float
-        Its mean if signs were random.
-    p_value : float
-        Two-sided.
-    nonzero : int
-        Number of differences that are not zero.
-    exact : bool
-        Whether the distribution was counted, not approximated.
-    """
+    """Result of the test."""
 
     statistic: float
+    """Sum of the ranks of the positive differences, T+."""
     expected: float
+    """Its mean if signs were random."""
     p_value: float
+    """Two-sided."""
     nonzero: int
+    """Number of differences that are not zero."""
     exact: bool
+    """Whether the distribution was counted, not approximated."""
 
 
 def signed_rank_test(differences: np.ndarray, zeros: str = "pratt") -> SignedRank:

@@ -25,18 +25,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SurveyAnalysis:
-    """What the survey shows.
-
-    Attributes
-    ----------
-    tables : dict of str to Table
-        ``table_3_2`` as published, ``survey_paired`` within participants, ``survey_best_picks``.
-    results : dict
-        Plain data, schema ``lumbar.survey/1``.
-    """
+    """What the survey shows."""
 
     tables: dict[str, Table]
+    """``table_3_2`` as published, ``survey_paired`` within participants, ``survey_best_picks``."""
     results: dict
+    """Plain data, schema ``lumbar.survey/1``."""
 
 
 def analyse_survey(ratings: Ratings, settings: SurveySettings, seed: int, data: str) -> SurveyAnalysis:
@@ -44,8 +38,6 @@ def analyse_survey(ratings: Ratings, settings: SurveySettings, seed: int, data: 
 
     Parameters
     ----------
-    ratings : Ratings
-    settings : SurveySettings
     seed : int
         Seed of the bootstrap.
     data : str

@@ -18,21 +18,14 @@ from lumbar.tables.table import Table
 
 @dataclass(frozen=True)
 class Overall:
-    """A test of all models at once.
-
-    Attributes
-    ----------
-    statistic : float
-        Test statistic, corrected for ties.
-    dof : int
-        Degrees of freedom of its chi-square approximation.
-    p_value : float
-        Probability of a statistic at least as large if all models were rated alike.
-    """
+    """A test of all models at once."""
 
     statistic: float
+    """Test statistic, corrected for ties."""
     dof: int
+    """Degrees of freedom of its chi-square approximation."""
     p_value: float
+    """Probability of a statistic at least as large if all models were rated alike."""
 
 
 def reality_notes(ratings: Ratings) -> tuple[str, ...]:
@@ -119,7 +112,6 @@ def table_3_2(ratings: Ratings, data: str) -> Table:
 
     Parameters
     ----------
-    ratings : Ratings
     data : str
         Label of the data.
 

@@ -32,43 +32,28 @@ _GOLDEN = 0.6180339887498949
 
 @dataclass(frozen=True)
 class Plan:
-    """What an experiment will hold.
-
-    Attributes
-    ----------
-    name : str
-        Folder, e.g. ``"single_0007"``: the kind and the number that seeds it.
-    kind : str
-        One of `KINDS`.
-    number : int
-        Counts the experiments of the kind; those of a smaller benchmark are the first of a larger one.
-    forms : tuple of str
-        Labels of the forms; a pair names its mechanisms, whose forms are drawn.
-    level : float
-        Place in the range of residuals over noise, 0 … 1 in the logarithm.
-    """
+    """What an experiment will hold."""
 
     name: str
+    """Folder, e.g. ``"single_0007"``: the kind and the number that seeds it."""
     kind: str
+    """One of `KINDS`."""
     number: int
+    """Counts the experiments of the kind; those of a smaller benchmark are the first of a larger one."""
     forms: tuple[str, ...]
+    """Labels of the forms; a pair names its mechanisms, whose forms are drawn."""
     level: float
+    """Place in the range of residuals over noise, 0 … 1 in the logarithm."""
 
 
 @dataclass(frozen=True)
 class HiddenExperiment:
-    """Recordings and the truth about them.
-
-    Attributes
-    ----------
-    records : dict of str to numpy.ndarray, shape (samples, 3)
-        Time (s), position (mm), force (N) by record name.
-    label : dict
-        Truth, as it stands in ``labels.json``.
-    """
+    """Recordings and the truth about them."""
 
     records: dict[str, np.ndarray]
+    """Shape (samples, 3): time (s), position (mm), force (N) by record name."""
     label: dict
+    """Truth, as it stands in ``labels.json``."""
 
 
 def check_settings(settings: HiddenEffectsSettings) -> None:
@@ -98,7 +83,6 @@ def plan_batch(kind: str, part: int, settings: HiddenEffectsSettings) -> list[Pl
     part : int
         Number of the batch. ``slices`` batches together hold each form, or each pair, once; a batch of nulls
         holds ``nulls_per_batch`` or what is left of ``nulls``.
-    settings : HiddenEffectsSettings
     """
     if kind == "null":
         first = part * settings.nulls_per_batch
@@ -119,13 +103,7 @@ def _plan(kind: str, number: int, forms: tuple[str, ...]) -> Plan:
 
 
 def make_experiment(plan: Plan, settings: HiddenEffectsSettings) -> HiddenExperiment:
-    """Draw and simulate one experiment; depends on the seed and the plan alone, not on other experiments.
-
-    Parameters
-    ----------
-    plan : Plan
-    settings : HiddenEffectsSettings
-    """
+    """Draw and simulate one experiment; depends on the seed and the plan alone, not on other experiments."""
     rng = np.random.default_rng([settings.seed, KINDS.index(plan.kind), plan.number])
     tissue, motions, noise = _draw_setting(rng, settings)
     multisine = motions["multisine"]

@@ -33,8 +33,6 @@ def write_experiments(
         Gets one folder per experiment.
     labels : path
         JSON file: the truth by experiment.
-    plans : list of Plan
-    settings : HiddenEffectsSettings
 
     Raises
     ------

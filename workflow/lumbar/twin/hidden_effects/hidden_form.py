@@ -16,36 +16,25 @@ OUTSIDE = "outside"
 
 @dataclass(frozen=True)
 class Scales:
-    """Sizes of an experiment without its effect, by which strengths and shapes are chosen.
-
-    Attributes
-    ----------
-    amplitude : float
-        Largest displacement, mm.
-    speed, acceleration : float
-        RMS of the multisine, mm/s and mm/s².
-    force : float
-        RMS of the multisine's force, N.
-    peak : float
-        Its largest magnitude, N.
-    elastic, relaxing, relaxation_s : float
-        Of the tissue, N/mm and s.
-    path : float
-        Path travelled in the multisine, mm.
-    duration : float
-        Duration of the multisine, s.
-    """
+    """Sizes of an experiment without its effect, by which strengths and shapes are chosen."""
 
     amplitude: float
+    """Largest displacement, mm."""
     speed: float
     acceleration: float
+    """`speed`, `acceleration`: RMS of the multisine, mm/s and mm/s²."""
     force: float
+    """RMS of the multisine's force, N."""
     peak: float
+    """Its largest magnitude, N."""
     elastic: float
     relaxing: float
     relaxation_s: float
+    """`elastic`, `relaxing`, `relaxation_s`: of the tissue, N/mm and s."""
     path: float
+    """Path travelled in the multisine, mm."""
     duration: float
+    """Duration of the multisine, s."""
 
     @classmethod
     def of(cls, motion: ToolMotion, tissue: Tissue) -> Scales:
@@ -67,35 +56,24 @@ class Scales:
 
 @dataclass(frozen=True)
 class HiddenForm:
-    """A hidden effect in one mathematical form.
-
-    Attributes
-    ----------
-    mechanism : str
-        Name in the catalogue, or `OUTSIDE`.
-    name : str
-        Of the form, unique within the mechanism.
-    place : str
-        ``"mount"``: ``act(motion, strength, **shape)`` returns the motion that reaches the tissue.
-        ``"tissue"``: ``act(motion, tissue, strength, **shape)`` returns a force beside the tissue's.
-        ``"sensor"``: ``act(motion, force, strength, **shape)`` returns what becomes of the whole force.
-    act : callable
-    unit : str
-        Unit of the strength.
-    strengths : callable
-        ``strengths(scales, **shape)`` returns the weakest and the strongest strength, both positive; a
-        threshold weakens an effect as it grows, so the first may be the larger.
-    draw : callable
-        ``draw(rng, scales)`` returns the other parameters; their names end in the unit where they have one.
-    """
+    """A hidden effect in one mathematical form."""
 
     mechanism: str
+    """Name in the catalogue, or `OUTSIDE`."""
     name: str
+    """Of the form, unique within the mechanism."""
     place: str
+    """``"mount"``: ``act(motion, strength, **shape)`` returns the motion that reaches the tissue. ``"tissue"``:
+    ``act(motion, tissue, strength, **shape)`` returns a force beside the tissue's. ``"sensor"``: ``act(motion, force,
+    strength, **shape)`` returns what becomes of the whole force."""
     act: Callable
     unit: str
+    """Unit of the strength."""
     strengths: Callable[..., tuple[float, float]]
+    """``strengths(scales, **shape)`` returns the weakest and the strongest strength, both positive; a threshold weakens an
+    effect as it grows, so the first may be the larger."""
     draw: Callable[[np.random.Generator, Scales], dict] = lambda rng, scales: {}
+    """``draw(rng, scales)`` returns the other parameters; their names end in the unit where they have one."""
 
     @property
     def label(self) -> str:

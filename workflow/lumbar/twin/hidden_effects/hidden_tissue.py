@@ -18,21 +18,14 @@ _FIT_STRIDE = 4
 
 @dataclass(frozen=True)
 class Tissue:
-    """Spring beside a Maxwell branch (spring and dashpot in series).
-
-    Attributes
-    ----------
-    elastic : float
-        Stiffness at rest kₑ, N/mm.
-    relaxing : float
-        Stiffness k₂ of the Maxwell branch, N/mm.
-    relaxation_s : float
-        Time constant τ of the branch.
-    """
+    """Spring beside a Maxwell branch (spring and dashpot in series)."""
 
     elastic: float
+    """Stiffness at rest kₑ, N/mm."""
     relaxing: float
+    """Stiffness k₂ of the Maxwell branch, N/mm."""
     relaxation_s: float
+    """Time constant τ of the branch."""
 
     def force(self, motion: ToolMotion) -> np.ndarray:
         """Force in newtons, the branch relaxed at the first position."""

@@ -16,8 +16,6 @@ def draw_noise(
 
     Parameters
     ----------
-    rng : numpy.random.Generator
-    samples : int
     rms : float
         Standard deviation, newtons.
     colour : str

@@ -24,26 +24,18 @@ BAND_HZ = (0.1, 5.0)
 
 @dataclass(frozen=True)
 class ToolMotion:
-    """Motion of a point during one record, on the grid of the simulation.
-
-    Attributes
-    ----------
-    record : str
-        Name of the record.
-    step : float
-        Seconds between grid points.
-    position, velocity, acceleration : numpy.ndarray, shape (points,)
-        mm, mm/s, mm/s².
-    stride : int
-        Grid points per recorded sample.
-    """
+    """Motion of a point during one record, on the grid of the simulation."""
 
     record: str
+    """Name of the record."""
     step: float
+    """Seconds between grid points."""
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
+    """`position`, `velocity`, `acceleration`: shape (points,): mm, mm/s, mm/s²."""
     stride: int = OVERSAMPLING
+    """Grid points per recorded sample."""
 
     @property
     def time(self) -> np.ndarray:

@@ -45,27 +45,18 @@ CHANGES = {
 
 @dataclass(frozen=True)
 class Study:
-    """What the tables of a study are made of.
-
-    Attributes
-    ----------
-    lifts : list of LiftStates
-        With ``experience`` among their facts.
-    boa, grid : pandas.DataFrame
-        ``boa.csv`` and ``grid.csv`` of all lifts, with a column ``experience``.
-    settings : StabilitySettings
-    published : pandas.DataFrame
-        The thesis's Table 4.1.
-    data : str
-        Where the data come from.
-    """
+    """What the tables of a study are made of."""
 
     lifts: Sequence[LiftStates]
+    """With ``experience`` among their facts."""
     boa: pd.DataFrame
     grid: pd.DataFrame
+    """`boa`, `grid`: ``boa.csv`` and ``grid.csv`` of all lifts, with a column ``experience``."""
     settings: StabilitySettings
     published: pd.DataFrame
+    """The thesis's Table 4.1."""
     data: str
+    """Where the data come from."""
 
     @property
     def people(self) -> pd.DataFrame:

@@ -32,7 +32,6 @@ def cross_checked(
         Summaries of all lifts, columns `lumbar.lifting.stability.basins.COLUMNS`.
     trajectories : list of Trajectory
         The sound ones of all lifts.
-    settings : StabilitySettings
 
     Returns
     -------

@@ -57,7 +57,6 @@ def grid_areas(lift: LiftStates, settings: StabilitySettings) -> pd.DataFrame:
 
     Parameters
     ----------
-    lift : LiftStates
     settings : StabilitySettings
         With the knots and weights of the section ``grid``.
 
@@ -129,10 +128,8 @@ def areas_with_null(
 
     Parameters
     ----------
-    trajectories : sequence of Trajectory
     signs : sequence of {"hanging", "inverted"}
         One per trajectory.
-    settings : StabilitySettings
 
     Raises
     ------

@@ -25,18 +25,12 @@ HORIZON_SHARE = 0.25
 
 @dataclass(frozen=True)
 class Exponent:
-    """Result of `maximum_exponent`.
-
-    Attributes
-    ----------
-    value : float or None
-        In 1/s; None with insufficient data.
-    remark : str
-        ``"estimated from N trials"`` or ``"insufficient data: …"``.
-    """
+    """Result of `maximum_exponent`."""
 
     value: float | None
+    """In 1/s; None with insufficient data."""
     remark: str
+    """``"estimated from N trials"`` or ``"insufficient data: …"``."""
 
 
 def maximum_exponent(
@@ -120,7 +114,6 @@ def compared_exponents(
     ----------
     trajectories : list of Trajectory
         All of the study.
-    plane : str
     comparisons : iterable of tuple
         As `percent_differences.comparisons` yields them.
 

@@ -140,7 +140,6 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
     ----------
     cases : mapping of str to list of Trajectory
         Trajectories by change: where it is one of `VARIANTS`, under that, and as they are under any other name.
-    settings : StabilitySettings
 
     Returns
     -------

@@ -55,25 +55,17 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Trial:
-    """Pendulum states of one recording at `PHASE_POINTS` even phases.
-
-    Attributes
-    ----------
-    name, group : str
-    duration : float
-        Seconds.
-    angle, angular_velocity : numpy.ndarray, shape (points,)
-        rad and rad/s (real time).
-    length : float
-        Mean length of the pendulum in m.
-    """
+    """Pendulum states of one recording at `PHASE_POINTS` even phases."""
 
     name: str
     group: str
     duration: float
+    """Seconds."""
     angle: np.ndarray
     angular_velocity: np.ndarray
+    """`angle`, `angular_velocity`: shape (points,): rad and rad/s (real time)."""
     length: float
+    """Mean length of the pendulum in m."""
 
 
 def trial_of(
@@ -83,9 +75,6 @@ def trial_of(
 
     Parameters
     ----------
-    recording : MarkerRecording
-    group : str
-    settings : PerturbationsSettings
     lifting : LiftingSettings
         Gaps and filter.
 

@@ -46,7 +46,6 @@ def tables_4_1(
 
     Parameters
     ----------
-    study : Study
     failures : pandas.DataFrame, optional
         Basins of the lifts that could not be computed, columns `failures.COLUMNS`.
 

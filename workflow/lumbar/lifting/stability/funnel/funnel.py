@@ -33,25 +33,16 @@ KINK = 1e-7
 
 @dataclass(frozen=True)
 class ClosedLoops:
-    """Pendulums under their finite-horizon regulator.
-
-    Attributes
-    ----------
-    pendulums : Pendulums
-    weights : Weights
-    cost : numpy.ndarray, shape (points, pendulums, 3)
-        S(t) of V = x̄ᵀSx̄ at the knots and halfway between them.
-    decay : numpy.ndarray, shape (points, pendulums, 3)
-        M(t) of V̇ = −x̄ᵀMx̄ along the linear loop.
-    gains : numpy.ndarray, shape (points, pendulums, 2)
-        K1 (N·m/rad) and K2 (N·m·s/rad) of the feedback.
-    """
+    """Pendulums under their finite-horizon regulator."""
 
     pendulums: Pendulums
     weights: Weights
     cost: np.ndarray
+    """Shape (points, pendulums, 3): S(t) of V = x̄ᵀSx̄ at the knots and halfway between them."""
     decay: np.ndarray
+    """Shape (points, pendulums, 3): M(t) of V̇ = −x̄ᵀMx̄ along the linear loop."""
     gains: np.ndarray
+    """Shape (points, pendulums, 2): K1 (N·m/rad) and K2 (N·m·s/rad) of the feedback."""
 
     @property
     def knots(self) -> int:
@@ -92,24 +83,16 @@ class ClosedLoops:
 
 @dataclass(frozen=True)
 class Funnels:
-    """Basins of attraction of several pendulums at the same knots (each scaled to its own duration).
-
-    Attributes
-    ----------
-    method : str
-        Method that computed them.
-    duration : numpy.ndarray, shape (pendulums,)
-        Seconds.
-    cost : numpy.ndarray, shape (knots, pendulums, 3)
-        S(t).
-    level : numpy.ndarray, shape (knots, pendulums)
-        ρ(t), dimensionless.
-    """
+    """Basins of attraction of several pendulums at the same knots (each scaled to its own duration)."""
 
     method: str
+    """Method that computed them."""
     duration: np.ndarray
+    """Shape (pendulums,): seconds."""
     cost: np.ndarray
+    """Shape (knots, pendulums, 3): S(t)."""
     level: np.ndarray
+    """Shape (knots, pendulums): ρ(t), dimensionless."""
 
     @property
     def area(self) -> np.ndarray:
@@ -150,13 +133,8 @@ def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
 
     Parameters
     ----------
-    loops : ClosedLoops
     terminal_level : float
         ρ(T).
-
-    Returns
-    -------
-    Funnels
 
     Raises
     ------
@@ -173,7 +151,6 @@ def funnel_variants(
 
     Parameters
     ----------
-    loops : ClosedLoops
     terminal_level : float
         ρ(T).
     margin : float
@@ -251,7 +228,6 @@ def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) ->
 
     Parameters
     ----------
-    loops : ClosedLoops
     goal : numpy.ndarray, shape (..., pendulums)
         ln ρ(T).
     slope : callable

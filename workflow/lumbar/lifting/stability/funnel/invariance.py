@@ -62,7 +62,6 @@ def normal_form(pendulums: Pendulums, angle: np.ndarray, cost: np.ndarray, decay
 
     Parameters
     ----------
-    pendulums : Pendulums
     angle : numpy.ndarray, shape (..., pendulums)
         θ0 in rad.
     cost, decay : numpy.ndarray, shape (..., pendulums, 3)

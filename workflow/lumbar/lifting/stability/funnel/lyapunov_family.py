@@ -23,23 +23,17 @@ RELATIVE_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class BestOfFamily:
-    """The family's largest basins.
-
-    Attributes
-    ----------
-    share : numpy.ndarray, shape (pendulums,)
-        λ of the largest average cross-section.
-    loops : ClosedLoops
-        With the V of that λ for each pendulum.
-    funnels, with_margin, negative_control : Funnels
-        The exact funnels of `loops`, smaller and wrong ones (`funnel.funnel_variants`).
-    """
+    """The family's largest basins."""
 
     share: np.ndarray
+    """Shape (pendulums,): λ of the largest average cross-section."""
     loops: ClosedLoops
+    """With the V of that λ for each pendulum."""
     funnels: Funnels
     with_margin: Funnels
     negative_control: Funnels
+    """`funnels`, `with_margin`, `negative_control`: the exact funnels of `loops`, smaller and wrong ones
+    (`funnel.funnel_variants`)."""
 
 
 def with_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> ClosedLoops:

@@ -23,21 +23,14 @@ LONGEST_STRIDE = 9
 
 @dataclass(frozen=True)
 class MonteCarloCheck:
-    """Simulated starts and how many left.
-
-    Attributes
-    ----------
-    starts : int
-        Starts per pendulum.
-    exits : numpy.ndarray of int, shape (pendulums,)
-        Starts whose V exceeded ρ at any point checked.
-    share_high : numpy.ndarray, shape (pendulums,)
-        Upper end of the exact (Clopper–Pearson) 95 % interval of the share that leaves.
-    """
+    """Simulated starts and how many left."""
 
     starts: int
+    """Starts per pendulum."""
     exits: np.ndarray
+    """Shape (pendulums,): starts whose V exceeded ρ at any point checked."""
     share_high: np.ndarray
+    """Shape (pendulums,): upper end of the exact (Clopper–Pearson) 95 % interval of the share that leaves."""
 
 
 def monte_carlo_check(
@@ -47,18 +40,12 @@ def monte_carlo_check(
 
     Parameters
     ----------
-    loops : ClosedLoops
     funnels : Funnels
         Of the same pendulums; its knots lie evenly among those of `loops`.
     starts : int
         Per pendulum.
-    seed : list of int
     disturbance : callable, optional
         As for `simulate`.
-
-    Returns
-    -------
-    MonteCarloCheck
 
     Raises
     ------
@@ -95,7 +82,6 @@ def simulate(loops: ClosedLoops, start: np.ndarray, disturbance: Callable | None
 
     Parameters
     ----------
-    loops : ClosedLoops
     start : numpy.ndarray, shape (2, pendulums, starts)
         Error of angle (rad) and angular velocity (rad/s) at t = 0.
     disturbance : callable, optional
@@ -129,7 +115,6 @@ def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    loops : ClosedLoops
     edge : numpy.ndarray, shape (2, pendulums, points)
         Errors x̄ at T.
 

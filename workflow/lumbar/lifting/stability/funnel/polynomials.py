@@ -66,7 +66,6 @@ def require_taylor_range(pendulums: Pendulums, cost: np.ndarray, level: np.ndarr
         Without gravity there is no sine and no limit.
     cost : numpy.ndarray, shape (knots, pendulums, 3)
     level : numpy.ndarray, shape (knots, pendulums)
-    degree : int
 
     Raises
     ------

@@ -30,21 +30,14 @@ LEAST_LEVEL = 1e-6
 
 @dataclass(frozen=True)
 class Saturation:
-    """What the real loop adds to the nominal one.
-
-    Attributes
-    ----------
-    torque : float
-        U in N·m; infinite for none.
-    mass_share : float
-        The true mass lies within m·(1 ± this share).
-    bias : float
-        Middle of the torques allowed in N·m: |u − bias| ≤ U. Only with a mass that is known.
-    """
+    """What the real loop adds to the nominal one."""
 
     torque: float = np.inf
+    """U in N·m; infinite for none."""
     mass_share: float = 0.0
+    """The true mass lies within m·(1 ± this share)."""
     bias: float = 0.0
+    """Middle of the torques allowed in N·m: |u − bias| ≤ U. Only with a mass that is known."""
 
     def __post_init__(self):
         if self.bias and self.mass_share:
@@ -91,20 +84,14 @@ class SaturationReference:
 
 @dataclass(frozen=True)
 class SaturatedFunnels:
-    """Largest funnels under `Saturation`, and what is needed to check them.
-
-    Attributes
-    ----------
-    exact, with_margin, negative_control : Funnels
-        As `funnel.funnel_variants` returns; meaningful where `held`.
-    reason : tuple of str, one per pendulum
-        Why there is no basin; empty where there is one.
-    """
+    """Largest funnels under `Saturation`, and what is needed to check them."""
 
     exact: Funnels
     with_margin: Funnels
     negative_control: Funnels
+    """`exact`, `with_margin`, `negative_control`: as `funnel.funnel_variants` returns; meaningful where `held`."""
     reason: tuple[str, ...]
+    """Why there is no basin; empty where there is one."""
 
     @property
     def held(self) -> np.ndarray:
@@ -143,10 +130,8 @@ def saturated_funnels(
 
     Parameters
     ----------
-    loops : ClosedLoops
     terminal_level : float
         ρ(T).
-    saturation : Saturation
     margin, negative_control : float
         As for `funnel.funnel_variants`.
     """

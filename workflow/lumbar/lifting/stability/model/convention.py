@@ -13,24 +13,16 @@ PIVOT = ("mid_ankle", "hip")
 
 @dataclass(frozen=True, order=True)
 class Convention:
-    """One way to make a pendulum of a recorded deposit.
-
-    Attributes
-    ----------
-    sign : {"hanging", "inverted"}
-        Sign of gravity in Eq. 4.1.
-    time : {"real", "unit"}
-        Whether the movement lasts as long as it was recorded or one second.
-    mass : {"with_box", "without_box"}
-        Whether the box counts to the pendulum's mass.
-    pivot : {"mid_ankle", "hip"}
-        Point about which the pendulum turns (or another of `lumbar.lifting.movement.pendulum_states.PIVOTS`).
-    """
+    """One way to make a pendulum of a recorded deposit."""
 
     sign: str
+    """Sign of gravity in Eq. 4.1."""
     time: str
+    """Whether the movement lasts as long as it was recorded or one second."""
     mass: str
+    """Whether the box counts to the pendulum's mass."""
     pivot: str
+    """Point about which the pendulum turns (or another of `lumbar.lifting.movement.pendulum_states.PIVOTS`)."""
 
     def __str__(self) -> str:
         time = {"real": "real time", "unit": "unit time"}[self.time]

@@ -60,7 +60,6 @@ def all_or_each(
     ----------
     function : callable
         Of a list of trajectories and `arguments`; raises `NumericalError` where one of them has no result.
-    trajectories : list of Trajectory
     *arguments
         Handed on.
     basin : str

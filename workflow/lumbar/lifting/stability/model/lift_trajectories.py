@@ -17,21 +17,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LiftStates:
-    """Pendulum states of one lift about every pivot that was taken.
-
-    Attributes
-    ----------
-    states : pandas.DataFrame
-        ``pendulum.csv``: about the study's pivot.
-    facts : mapping
-        ``pendulum.json``; ``other_pivots`` holds ``length_m`` and ``missing`` of the further pivots by name.
-    others : pandas.DataFrame or None
-        ``other_pivots.csv``: column ``pivot`` and those of `states`; None where there is no such file.
-    """
+    """Pendulum states of one lift about every pivot that was taken."""
 
     states: pd.DataFrame
+    """``pendulum.csv``: about the study's pivot."""
     facts: Mapping
+    """``pendulum.json``; ``other_pivots`` holds ``length_m`` and ``missing`` of the further pivots by name."""
     others: pd.DataFrame | None = None
+    """``other_pivots.csv``: column ``pivot`` and those of `states`; None where there is no such file."""
 
     def trajectories(self, convention: Convention) -> tuple[list[Trajectory], list[Failure]]:
         """Return the sound trajectories of one convention, and what is wrong with the others."""

@@ -24,30 +24,21 @@ SIGNS = {"hanging": 1.0, "inverted": -1.0}
 
 @dataclass(frozen=True)
 class Pendulums:
-    """Pendulums that are computed together.
-
-    Attributes
-    ----------
-    labels : tuple of str
-        One per pendulum, for messages.
-    inertia : numpy.ndarray, shape (pendulums,)
-        m·ℓ² in kg·m².
-    damping : numpy.ndarray, shape (pendulums,)
-        b in N·m·s/rad.
-    gravity_torque : numpy.ndarray, shape (pendulums,)
-        σ·m·g·ℓ in N·m, with its sign.
-    duration : numpy.ndarray, shape (pendulums,)
-        Length T of each trajectory in seconds.
-    angle : numpy.ndarray, shape (points, pendulums)
-        θ0 in rad on an even grid from t = 0 to T: the knots and the points halfway between them.
-    """
+    """Pendulums that are computed together."""
 
     labels: tuple[str, ...]
+    """One per pendulum, for messages."""
     inertia: np.ndarray
+    """Shape (pendulums,): m·ℓ² in kg·m²."""
     damping: np.ndarray
+    """Shape (pendulums,): b in N·m·s/rad."""
     gravity_torque: np.ndarray
+    """Shape (pendulums,): σ·m·g·ℓ in N·m, with its sign."""
     duration: np.ndarray
+    """Shape (pendulums,): length T of each trajectory in seconds."""
     angle: np.ndarray
+    """Shape (points, pendulums): θ0 in rad on an even grid from t = 0 to T: the knots and the points halfway between them.
+    """
 
     def linearised(self, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return a21, a22 and b2 of A = [[0, 1], [a21, a22]] and B = [0, b2] (Eq. 4.3)."""
@@ -65,7 +56,6 @@ def gather(
 
     Parameters
     ----------
-    trajectories : list of Trajectory
     signs : list of {"hanging", "inverted"}
         One per trajectory.
     damping : list of float
@@ -74,10 +64,6 @@ def gather(
         Gravitational acceleration in m/s².
     knots : int
         Points in time at which the basin is computed (the thesis: 1000).
-
-    Returns
-    -------
-    Pendulums
     """
     from scipy.interpolate import CubicSpline
 

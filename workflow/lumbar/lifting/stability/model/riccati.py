@@ -19,21 +19,14 @@ STIFF = 3000.0
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the regulator's cost ∫(x̄ᵀQx̄ + R·ū²)dt + x̄(T)ᵀ·Qf·x̄(T), made dimensionless.
-
-    Attributes
-    ----------
-    state : numpy.ndarray, shape (..., 3)
-        Q, positive semidefinite; per second and per rad², rad²/s and rad²/s².
-    control : numpy.ndarray, shape (...)
-        R > 0 in 1/(N²·m²·s).
-    terminal : numpy.ndarray, shape (..., 3)
-        Qf, positive definite; with ρ(T) it is the goal set x̄ᵀ·Qf·x̄ ≤ ρ(T).
-    """
+    """Weights of the regulator's cost ∫(x̄ᵀQx̄ + R·ū²)dt + x̄(T)ᵀ·Qf·x̄(T), made dimensionless."""
 
     state: np.ndarray
+    """Shape (..., 3): Q, positive semidefinite; per second and per rad², rad²/s and rad²/s²."""
     control: np.ndarray
+    """Shape (...): R > 0 in 1/(N²·m²·s)."""
     terminal: np.ndarray
+    """Shape (..., 3): qf, positive definite; with ρ(T) it is the goal set x̄ᵀ·Qf·x̄ ≤ ρ(T)."""
 
 
 def check_weights(state, control: float, terminal) -> Weights:
@@ -42,7 +35,6 @@ def check_weights(state, control: float, terminal) -> Weights:
     Parameters
     ----------
     state, terminal : array_like, shape (2, 2)
-    control : float
 
     Raises
     ------

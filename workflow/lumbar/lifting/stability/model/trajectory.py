@@ -18,44 +18,31 @@ VELOCITY_TOLERANCE = 0.1
 
 @dataclass(frozen=True)
 class Trajectory:
-    """States of the pendulum of one COM, seen in one plane, while a box is deposited.
-
-    Attributes
-    ----------
-    subject, experience : str
-        Who lifted, and how experienced the person is.
-    box_mass_kg : float
-        Mass of the box.
-    com, plane : str
-        One of `COMS` and one of `PLANES`.
-    pivot : str
-        Point about which the pendulum turns.
-    time : numpy.ndarray of float, shape (samples,)
-        Seconds, increasing.
-    angle, angular_velocity, angular_acceleration : numpy.ndarray of float, shape (samples,)
-        θ0, θ̇0 and θ̈0 in rad, rad/s and rad/s².
-    mass_kg, length_m : float
-        Mass and (mean) length of the pendulum.
-    mass_counted : str
-        ``with_box`` or ``without_box``: what `mass_kg` holds.
-    clock : str
-        ``real``, or ``unit`` where the recorded movement is played in one second.
-    """
+    """States of the pendulum of one COM, seen in one plane, while a box is deposited."""
 
     subject: str
     experience: str
+    """`subject`, `experience`: who lifted, and how experienced the person is."""
     box_mass_kg: float
+    """Mass of the box."""
     com: str
     plane: str
+    """`com`, `plane`: one of `COMS` and one of `PLANES`."""
     pivot: str
+    """Point about which the pendulum turns."""
     time: np.ndarray
+    """Shape (samples,): seconds, increasing."""
     angle: np.ndarray
     angular_velocity: np.ndarray
     angular_acceleration: np.ndarray
+    """`angle`, `angular_velocity`, `angular_acceleration`: shape (samples,): θ0, θ̇0 and θ̈0 in rad, rad/s and rad/s²."""
     mass_kg: float
     length_m: float
+    """`mass_kg`, `length_m`: mass and (mean) length of the pendulum."""
     mass_counted: str = "with_box"
+    """``with_box`` or ``without_box``: what `mass_kg` holds."""
     clock: str = "real"
+    """``real``, or ``unit`` where the recorded movement is played in one second."""
 
     @property
     def label(self) -> str:

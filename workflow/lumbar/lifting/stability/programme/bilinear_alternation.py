@@ -90,25 +90,17 @@ class LevelStep:
 
 @dataclass(frozen=True)
 class Alternation:
-    """Result of the thesis's method.
-
-    Attributes
-    ----------
-    funnels : Funnels
-    violation_share : numpy.ndarray, shape (pendulums,)
-        Share of the knots before the last at which the final ρ̇ (forward difference) is below the largest
-        V̇ on V = ρ with the true sine: there states leave.
-    unsolved_share : numpy.ndarray, shape (pendulums,)
-        Share of the knots and alternations without multiplier or without maximum (infeasible, unbounded):
-        they kept ρ.
-    euler_error : numpy.ndarray, shape (pendulums,)
-        Relative error of the ellipse V = 1 at t = 0 that Euler's method makes in its area.
-    """
+    """Result of the thesis's method."""
 
     funnels: Funnels
     violation_share: np.ndarray
+    """Shape (pendulums,): share of the knots before the last at which the final ρ̇ (forward difference) is below the
+    largest V̇ on V = ρ with the true sine: there states leave."""
     unsolved_share: np.ndarray
+    """Shape (pendulums,): share of the knots and alternations without multiplier or without maximum (infeasible,
+    unbounded): they kept ρ."""
     euler_error: np.ndarray
+    """Shape (pendulums,): relative error of the ellipse V = 1 at t = 0 that Euler's method makes in its area."""
 
 
 def alternate(
@@ -141,10 +133,6 @@ def alternate(
         Of the loop; the thesis has none.
     accuracy : float
         At which the solver stops.
-
-    Returns
-    -------
-    Alternation
 
     Raises
     ------

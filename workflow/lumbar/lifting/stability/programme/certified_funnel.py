@@ -48,25 +48,19 @@ SAFETY = 0.05
 
 @dataclass(frozen=True)
 class Agreement:
-    """How certificates and exact maxima compare, per pendulum.
-
-    Attributes
-    ----------
-    margin_difference : numpy.ndarray, shape (pendulums,)
-        Largest |certified rate − largest V̇/ρ of the same Taylor polynomial| in 1/s: the programme's error.
-    taylor_difference : numpy.ndarray, shape (pendulums,)
-        Largest |certified rate − largest V̇/ρ with the true sine| in 1/s: what the polynomial changes.
-    taylor_optimism : numpy.ndarray, shape (pendulums,)
-        Largest (largest V̇/ρ with the true sine − ρ̇/ρ of the funnel) in 1/s: where positive, the Taylor
-        polynomial was optimistic and the certificate does not hold for the true sine.
-    alternations : int
-        Most alternations that an interval took.
-    """
+    """How certificates and exact maxima compare, per pendulum."""
 
     margin_difference: np.ndarray
+    """Shape (pendulums,): largest |certified rate − largest V̇/ρ of the same Taylor polynomial| in 1/s: the programme's
+    error."""
     taylor_difference: np.ndarray
+    """Shape (pendulums,): largest |certified rate − largest V̇/ρ with the true sine| in 1/s: what the polynomial changes.
+    """
     taylor_optimism: np.ndarray
+    """Shape (pendulums,): largest (largest V̇/ρ with the true sine − ρ̇/ρ of the funnel) in 1/s: where positive, the
+    Taylor polynomial was optimistic and the certificate does not hold for the true sine."""
     alternations: int
+    """Most alternations that an interval took."""
 
 
 def certified_funnels(
@@ -82,7 +76,6 @@ def certified_funnels(
 
     Parameters
     ----------
-    loops : ClosedLoops
     terminal_level : float
         ρ(T).
     degree : {3, 5, 7}

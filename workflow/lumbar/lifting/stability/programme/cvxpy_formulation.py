@@ -133,7 +133,6 @@ class RateProgramme:
 
         Parameters
         ----------
-        loops : ClosedLoops
         point : int
             Of the grid of `loops`.
         pendulum : int
@@ -174,7 +173,6 @@ def rate_differences(loops: ClosedLoops, level: np.ndarray, degree: int, knots: 
 
     Parameters
     ----------
-    loops : ClosedLoops
     level : numpy.ndarray, shape (knots, pendulums)
         ρ at the knots of `loops`.
     degree : int

@@ -31,18 +31,13 @@ multipliers would be too large for the solver."""
 
 @dataclass(frozen=True)
 class Case:
-    """One law and one mass of one pendulum at one moment.
-
-    Attributes
-    ----------
-    coefficients : numpy.ndarray, shape (monomials of degree d + 1,)
-        V̇/ρ in 1/s with the sine's Taylor polynomial of degree d.
-    side : numpy.ndarray, shape (3,), or None
-        Over 1, z1, z2: the law applies where this is ≥ 0, an arc of the circle. None: all round it.
-    """
+    """One law and one mass of one pendulum at one moment."""
 
     coefficients: np.ndarray
+    """Shape (monomials of degree d + 1,): V̇/ρ in 1/s with the sine's Taylor polynomial of degree d."""
     side: np.ndarray | None = None
+    """Shape (3,), or None: over 1, z1, z2: the law applies where this is ≥ 0, an arc of the circle. None: all round it.
+    """
 
 
 def saturation_cases(
@@ -59,15 +54,12 @@ def saturation_cases(
 
     Parameters
     ----------
-    pendulums : Pendulums
-    form : NormalForm
     cost, gains : numpy.ndarray, shapes (pendulums, 3) and (pendulums, 2)
         S and K.
     level : numpy.ndarray, shape (pendulums,)
         ρ.
     reference : tuple of numpy.ndarray, shape (pendulums,)
         u0 and θ̇0.
-    saturation : Saturation
     degree : int
         Of the sine's Taylor polynomial.
     """

@@ -26,33 +26,22 @@ ARC_OVERLAP = 1e-13
 
 @dataclass(frozen=True)
 class Interpolants:
-    """Cubic pieces of θ0, K1/I, (b + K2)/I, A, P and Q.
-
-    Attributes
-    ----------
-    pieces : dict of str to numpy.ndarray, shape (4, intervals, pendulums)
-        Coefficients in t − tᵢ, highest power first.
-    step : numpy.ndarray, shape (pendulums,)
-        Length of an interval in s.
-    gravity : numpy.ndarray, shape (pendulums,)
-        G in 1/s².
-    drag : numpy.ndarray, shape (pendulums,)
-        b/I in 1/s.
-    torque : numpy.ndarray, shape (pendulums,)
-        U/I in 1/s².
-    bias : numpy.ndarray, shape (pendulums,)
-        Middle of the torques allowed, over I, in 1/s².
-    ratios : tuple of float
-        m/m_true of the extreme masses; empty for a loop without limits.
-    """
+    """Cubic pieces of θ0, K1/I, (b + K2)/I, A, P and Q."""
 
     pieces: dict[str, np.ndarray]
+    """Shape (4, intervals, pendulums): coefficients in t − tᵢ, highest power first."""
     step: np.ndarray
+    """Shape (pendulums,): length of an interval in s."""
     gravity: np.ndarray
+    """Shape (pendulums,): G in 1/s²."""
     drag: np.ndarray
+    """Shape (pendulums,): b/I in 1/s."""
     torque: np.ndarray
+    """Shape (pendulums,): U/I in 1/s²."""
     bias: np.ndarray
+    """Shape (pendulums,): middle of the torques allowed, over I, in 1/s²."""
     ratios: tuple[float, ...] = ()
+    """m/m_true of the extreme masses; empty for a loop without limits."""
 
 
 class IntervalBounds:

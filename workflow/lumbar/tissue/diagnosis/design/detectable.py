@@ -21,18 +21,13 @@ _STARTS = 3
 
 @dataclass(frozen=True)
 class Detectable:
-    """Smallest effect that the training record would show.
-
-    Attributes
-    ----------
-    effect : str
-    easiest, hardest : float
-        RMS of the force it must add, in the output's unit, for the form and shape that the record shows best and worst.
-    """
+    """Smallest effect that the training record would show."""
 
     effect: str
     easiest: float
     hardest: float
+    """`easiest`, `hardest`: RMS of the force it must add, in the output's unit, for the form and shape that the record
+    shows best and worst."""
 
 
 def threshold_ratio(null: NullDistribution, forms: int) -> float:

@@ -37,29 +37,19 @@ CLEAR = 6.0
 
 @dataclass(frozen=True, eq=False)
 class Separation:
-    """The excitation that separates tied candidates best.
-
-    Attributes
-    ----------
-    excitation : ExcitationCandidate
-    distance : float
-        Noise standard deviations by which it would separate the closest pair of selected and tied candidates.
-    rms : float
-        Root mean square of that pair's difference, in the output's unit.
-    recorded : float
-        The same distance on the training record.
-    closest : tuple of str
-        Effects of the selected candidate's closest rival under this excitation.
-    tried : int
-        Number of excitations tried.
-    """
+    """The excitation that separates tied candidates best."""
 
     excitation: ExcitationCandidate
     distance: float
+    """Noise standard deviations by which it would separate the closest pair of selected and tied candidates."""
     rms: float
+    """Root mean square of that pair's difference, in the output's unit."""
     recorded: float
+    """The same distance on the training record."""
     closest: tuple[str, ...]
+    """Effects of the selected candidate's closest rival under this excitation."""
     tried: int
+    """Number of excitations tried."""
 
     @property
     def separates(self) -> bool:
@@ -96,7 +86,6 @@ def separating_excitation(diagnosis: Verdict, limits: Kinematics | None = None) 
 
     Parameters
     ----------
-    diagnosis : Verdict
     limits : Kinematics, optional
         Of the machine, in the input's unit: see `excitation_family`.
     """

@@ -25,20 +25,13 @@ _ONSET = 1.0
 
 @dataclass(frozen=True, eq=False)
 class ExcitationCandidate:
-    """A position signal with the words that describe it.
-
-    Attributes
-    ----------
-    words : str
-        E.g. ``"a triangle of ±8 mm at 2 mm/s for 30 s"``.
-    motion : Motion
-    within : bool
-        Whether it stays within the positions of the training record, where both models were fitted.
-    """
+    """A position signal with the words that describe it."""
 
     words: str
+    """E.g. ``"a triangle of ±8 mm at 2 mm/s for 30 s"``."""
     motion: Motion
     within: bool
+    """Whether it stays within the positions of the training record, where both models were fitted."""
 
 
 def excitation_family(reference: Motion, unit: str, limits: Kinematics | None) -> list[ExcitationCandidate]:

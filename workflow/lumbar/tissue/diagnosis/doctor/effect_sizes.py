@@ -26,28 +26,19 @@ _BEYOND_PREDICTED = 4.0
 
 @dataclass(frozen=True, eq=False)
 class EffectSize:
-    """From what size on one effect would be named.
-
-    Attributes
-    ----------
-    form : Form
-    injection : Injection
-    noise : float
-        RMS per sample, in the output's unit.
-    present : float or None
-        RMS of its force in the records themselves, where the diagnosis named it there.
-    predicted : float or None
-        Smallest RMS of its force that a search would select, to first order; None where the model can take up all of it.
-    trials : Search or None
-        None where these motions do not call the effect forth.
-    """
+    """From what size on one effect would be named."""
 
     form: Form
     injection: Injection
     noise: float
+    """RMS per sample, in the output's unit."""
     present: float | None
+    """RMS of its force in the records themselves, where the diagnosis named it there."""
     predicted: float | None
+    """Smallest RMS of its force that a search would select, to first order; None where the model can take up all of it.
+    """
     trials: Search | None
+    """None where these motions do not call the effect forth."""
 
     @property
     def smallest(self) -> float | None:
@@ -106,7 +97,6 @@ def effect_sizes(
 
     Parameters
     ----------
-    truth : Truth
     catalogue : dict of str to Effect
         All candidates of a diagnosis.
     tried : list

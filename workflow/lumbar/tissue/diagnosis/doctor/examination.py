@@ -24,20 +24,11 @@ Track = Callable[[Iterator, str, int], Iterator]
 
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """What could have been seen.
-
-    Attributes
-    ----------
-    truth : Truth
-    nothing : Outcome
-        What was said of the records that the refined model would give, nothing put into them.
-    effects : tuple of EffectSize
-    faults : tuple of FaultTold
-    further : FurtherRecord or None
-    """
+    """What could have been seen."""
 
     truth: Truth
     nothing: Outcome
+    """What was said of the records that the refined model would give, nothing put into them."""
     effects: tuple[EffectSize, ...]
     faults: tuple[FaultTold, ...]
     further: FurtherRecord | None
@@ -45,24 +36,16 @@ class Examination:
 
 @dataclass(frozen=True)
 class Scope:
-    """What is put into the records.
-
-    Attributes
-    ----------
-    effects : tuple of str or None
-        Names in the catalogue; None takes all.
-    faults : bool
-        Whether mistakes of a recording are tried too.
-    all_forms : bool
-        Every mathematical form of an effect instead of its first.
-    quick : bool
-        The prediction and one diagnosis that confirms it, in place of a search.
-    """
+    """What is put into the records."""
 
     effects: tuple[str, ...] | None = None
+    """Names in the catalogue; None takes all."""
     faults: bool = True
+    """Whether mistakes of a recording are tried too."""
     all_forms: bool = False
+    """Every mathematical form of an effect instead of its first."""
     quick: bool = False
+    """The prediction and one diagnosis that confirms it, in place of a search."""
 
 
 def examine(
@@ -79,14 +62,12 @@ def examine(
 
     Parameters
     ----------
-    records : sequence of Record
     verdict : Verdict
         Their diagnosis.
     catalogue : dict of str to Effect
         Candidates of a diagnosis.
     diagnose : callable
         Blind diagnosis.
-    scope : Scope
     limits : Kinematics, optional
         Of the machine that would play a further excitation, in the input's unit.
     seed : int

@@ -19,17 +19,11 @@ _TELLING = (Kind.TOLD, Kind.NAMED, Kind.TIED, Kind.REFUSED)
 
 @dataclass(frozen=True, eq=False)
 class FaultTold:
-    """What was said of one mistake.
-
-    Attributes
-    ----------
-    fault : Fault
-    outcomes : dict of float to Outcome
-        By size, the largest first, down to the first that was not told.
-    """
+    """What was said of one mistake."""
 
     fault: Fault
     outcomes: dict[float, Outcome]
+    """By size, the largest first, down to the first that was not told."""
 
     @property
     def smallest(self) -> float | None:
@@ -61,10 +55,8 @@ def faults_told(
 
     Parameters
     ----------
-    records : sequence of Record
     reference : Verdict
         Of the records as they are.
-    faults : sequence of Fault
     diagnose : callable
         Blind diagnosis.
     quick : bool
@@ -90,7 +82,6 @@ def judge_fault(found: Verdict | str, fault: Fault, reference: Verdict) -> Outco
     ----------
     found : Verdict or str
         Of the records with it, or the message of their refusal.
-    fault : Fault
     reference : Verdict
         Of the records without it.
     """

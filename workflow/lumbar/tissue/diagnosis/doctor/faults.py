@@ -12,35 +12,23 @@ from lumbar.records.record import Record
 
 @dataclass(frozen=True, eq=False)
 class Fault:
-    """A mistake, in one or several sizes.
-
-    Attributes
-    ----------
-    name : str
-    words : str
-        What it is.
-    size_words : str
-        Its size, as ``{}``; empty where it has none.
-    sizes : tuple of float
-        The largest first.
-    put_into : callable
-        From records, size and a seed to the records with the mistake.
-    findings : tuple of str
-        Kinds of findings that tell it.
-    effects : tuple of str
-        Effects of the catalogue whose naming tells it.
-    several : bool
-        Whether it takes more than one record.
-    """
+    """A mistake, in one or several sizes."""
 
     name: str
     words: str
+    """What it is."""
     size_words: str
+    """Its size, as ``{}``; empty where it has none."""
     sizes: tuple[float, ...]
+    """The largest first."""
     put_into: Callable[[list[Record], float, int], list[Record]]
+    """From records, size and a seed to the records with the mistake."""
     findings: tuple[str, ...] = ()
+    """Kinds of findings that tell it."""
     effects: tuple[str, ...] = ()
+    """Effects of the catalogue whose naming tells it."""
     several: bool = False
+    """Whether it takes more than one record."""
 
     def size(self, size: float) -> str:
         """A size in words."""

@@ -30,23 +30,15 @@ _NAMED_IN_SENTENCE = 4
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """An effect that these records do not show for what it is.
-
-    Attributes
-    ----------
-    effect : str
-    truth : Fit
-        The model with the effect, of the size that was missed.
-    rival : Fit
-        The model without it, or the one that was taken for it.
-    mistaken_for : tuple of str
-        Effects of that one.
-    """
+    """An effect that these records do not show for what it is."""
 
     effect: str
     truth: Fit
+    """The model with the effect, of the size that was missed."""
     rival: Fit
+    """The model without it, or the one that was taken for it."""
     mistaken_for: tuple[str, ...] = ()
+    """Effects of that one."""
 
     @property
     def words(self) -> str:
@@ -63,24 +55,16 @@ class Question:
 
 @dataclass(frozen=True, eq=False)
 class FurtherRecord:
-    """The excitation that answers most of what the records leave open.
-
-    Attributes
-    ----------
-    excitation : ExcitationCandidate
-    questions : tuple of Question
-        Those that it answers better than the training record.
-    distances, recorded : tuple of float
-        Noise standard deviations under the excitation and on the training record.
-    tried : int
-        Excitations that were tried.
-    """
+    """The excitation that answers most of what the records leave open."""
 
     excitation: ExcitationCandidate
     questions: tuple[Question, ...]
+    """Those that it answers better than the training record."""
     distances: tuple[float, ...]
     recorded: tuple[float, ...]
+    """`distances`, `recorded`: noise standard deviations under the excitation and on the training record."""
     tried: int
+    """Excitations that were tried."""
 
     @property
     def sentence(self) -> str:
@@ -160,8 +144,6 @@ def further_record(
 
     Parameters
     ----------
-    truth : Truth
-    questions : list of Question
     limits : Kinematics, optional
         Of the machine, in the input's unit: see `excitation_family`.
     """

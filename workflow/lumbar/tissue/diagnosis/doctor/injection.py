@@ -27,22 +27,15 @@ class Injection:
 
     The dose of a parallel form scales its forces; of a form at the input or output it is the one of its parameters that
     changes the force most, e.g. a delay or a limit, in the direction in which it does.
-
-    Attributes
-    ----------
-    model : Fit
-        Without the effect.
-    form : Form
-    start : numpy.ndarray
-        Nonlinear parameters of the form.
-    data : FitData
-        Training record, on which strengths are measured.
     """
 
     model: Fit
+    """Without the effect."""
     form: Form
     start: np.ndarray
+    """Nonlinear parameters of the form."""
     data: FitData
+    """Training record, on which strengths are measured."""
 
     @classmethod
     def middle(cls, model: Fit, form: Form, data: FitData) -> Injection:

@@ -29,26 +29,18 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What was said of records in which an effect or a fault is known to be.
-
-    Attributes
-    ----------
-    kind : Kind
-        ``named``: the effect and nothing else; ``tied``: with others; ``told``: as a finding; ``unexplained``: something is
-        missing and no effect explains it; ``refused``: the records were not diagnosed; ``unseen``; ``mistaken``: something
-        else was named.
-    others : tuple of str
-        Effects that it is tied with or mistaken for.
-    message : str
-        Of a refusal or a finding.
-    verdict : Verdict or None
-        None where the records were refused.
-    """
+    """What was said of records in which an effect or a fault is known to be."""
 
     kind: Kind
+    """``named``: the effect and nothing else; ``tied``: with others; ``told``: as a finding; ``unexplained``: something is
+    missing and no effect explains it; ``refused``: the records were not diagnosed; ``unseen``; ``mistaken``: something
+    else was named."""
     others: tuple[str, ...] = ()
+    """Effects that it is tied with or mistaken for."""
     message: str = ""
+    """Of a refusal or a finding."""
     verdict: Verdict | None = None
+    """None where the records were refused."""
 
     @property
     def words(self) -> str:
@@ -77,7 +69,6 @@ def judge_effect(found: Verdict | str, effect: str, before: tuple[str, ...], bas
     ----------
     found : Verdict or str
         Of the records with it, or the message of their refusal.
-    effect : str
     before : tuple of str
         Effects that are in the records beside it.
     base_before : str

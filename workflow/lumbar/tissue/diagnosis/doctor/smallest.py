@@ -20,22 +20,15 @@ _QUICK = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Strengths that were tried, and what was said at each.
-
-    Attributes
-    ----------
-    trials : dict of float to Outcome
-        In the order tried.
-    smallest : float or None
-        Smallest strength at which the effect was named; None where it never was.
-    missed : float or None
-        Largest strength tried below it at which it was not named, or where it never was, the largest of all; None where it
-        was named at all.
-    """
+    """Strengths that were tried, and what was said at each."""
 
     trials: dict[float, Outcome]
+    """In the order tried."""
     smallest: float | None
+    """Smallest strength at which the effect was named; None where it never was."""
     missed: float | None
+    """Largest strength tried below it at which it was not named, or where it never was, the largest of all; None where it
+    was named at all."""
 
     @property
     def at_strongest(self) -> Outcome:

@@ -19,27 +19,18 @@ from lumbar.tissue.models.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The refined model of a diagnosis, and the noise that its answers are measured with.
-
-    Attributes
-    ----------
-    verdict : Verdict
-        The diagnosis of the records themselves.
-    templates : tuple of Record
-        The records with the motion that the diagnosis saw.
-    motions : tuple of Motion
-        Of each of them, counted from the surface.
-    disturbances : tuple of numpy.ndarray
-        What is added to each one's simulation: noise, and the record's own zero.
-    begins : tuple of int
-        Sample of each motion at which the record itself begins.
-    """
+    """The refined model of a diagnosis, and the noise that its answers are measured with."""
 
     verdict: Verdict
+    """The diagnosis of the records themselves."""
     templates: tuple[Record, ...]
+    """The records with the motion that the diagnosis saw."""
     motions: tuple[Motion, ...]
+    """Of each of them, counted from the surface."""
     disturbances: tuple[np.ndarray, ...]
+    """What is added to each one's simulation: noise, and the record's own zero."""
     begins: tuple[int, ...]
+    """Sample of each motion at which the record itself begins."""
 
     @classmethod
     def of(cls, verdict: Verdict, records: Sequence[Record], seed: int) -> Truth:

@@ -22,9 +22,6 @@ def write_diagnosis(diagnosis: Verdict, evidence: Evidence, folder: Path, data: 
 
     Parameters
     ----------
-    diagnosis : Verdict
-    evidence : Evidence
-    folder : Path
     data : str
         Where the data come from.
     """

@@ -28,33 +28,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Evidence beside a diagnosis.
-
-    Attributes
-    ----------
-    remaining : list of Simulated
-        The selected model on every record: where it still fails.
-    ties : Ties or None
-        None where nothing was selected.
-    separation : Separation or None
-        None without a tie.
-    detectable : list of Detectable
-        How large other effects would have to be.
-    threshold : float
-        Gain that an effect needs to be selected.
-    null : NullDistribution
-        Simulated experiments that the threshold comes from.
-    other_forms : list of Candidate
-        The selected model with one of its effects in another mathematical form.
-    """
+    """Evidence beside a diagnosis."""
 
     remaining: list[Simulated]
+    """The selected model on every record: where it still fails."""
     ties: Ties | None
+    """None where nothing was selected."""
     separation: Separation | None
+    """None without a tie."""
     detectable: list[Detectable]
+    """How large other effects would have to be."""
     threshold: float
+    """Gain that an effect needs to be selected."""
     null: NullDistribution
+    """Simulated experiments that the threshold comes from."""
     other_forms: list[Candidate]
+    """The selected model with one of its effects in another mathematical form."""
 
 
 def gather_evidence(
@@ -68,7 +57,6 @@ def gather_evidence(
 
     Parameters
     ----------
-    diagnosis : Verdict
     records : list of Record
         Those it was made from.
     settings : DiagnosisSettings

@@ -22,33 +22,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DiagnosisSettings:
-    """How to diagnose.
-
-    Attributes
-    ----------
-    base : str
-        Base model, a key of `lumbar.tissue.models.bases.BASES`, or ``"auto"``: that of a tissue which the data ask for.
-    train : str, sequence of str or None
-        Training record, or several that are fitted together; None takes the longest.
-    periods : dict of str to float
-        Periods of records in seconds; others are found.
-    catalogue : dict of str to Effect, optional
-        Candidates; default those of the system that the base is a model of.
-    most_effects : int
-        Most effects to add.
-    forward : bool
-        Whether the records of a tissue test have the force as input and the motion as output.
-    session : bool
-        Whether the records were cut from one session, in their order.
-    """
+    """How to diagnose."""
 
     base: str = CHOSEN_BY_DATA
+    """Base model, a key of `lumbar.tissue.models.bases.BASES`, or ``"auto"``: that of a tissue which the data ask for."""
     train: str | Sequence[str] | None = None
+    """Training record, or several that are fitted together; None takes the longest."""
     periods: dict[str, float] = field(default_factory=dict)
+    """Periods of records in seconds; others are found."""
     catalogue: dict[str, Effect] | None = None
+    """Candidates; default those of the system that the base is a model of."""
     most_effects: int = 3
+    """Most effects to add."""
     forward: bool = False
+    """Whether the records of a tissue test have the force as input and the motion as output."""
     session: bool = False
+    """Whether the records were cut from one session, in their order."""
 
     @property
     def system(self) -> str:

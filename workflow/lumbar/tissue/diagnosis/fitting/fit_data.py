@@ -18,31 +18,22 @@ SETTLING = 0.5
 
 @dataclass(frozen=True, eq=False)
 class FitData:
-    """One record prepared for fitting.
-
-    Attributes
-    ----------
-    name : str
-    motion : Motion
-    force : numpy.ndarray, shape (samples,)
-    whitening : numpy.ndarray
-        Coefficients of an FIR filter that makes the noise white; ``[1]`` where it is white.
-    counts_from : float
-        Seconds at the start that are left out of every error.
-    own_zero : bool
-        Whether the sensor had another zero than in training: the mean of an error then says nothing.
-    begins : int
-        Sample at which the record itself begins: before it lies what came earlier in the same session, which is simulated
-        and never counted.
-    """
+    """One record prepared for fitting."""
 
     name: str
     motion: Motion | JoinedMotions
+    """Motion."""
     force: np.ndarray
+    """Shape (samples,)."""
     whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
+    """Coefficients of an FIR filter that makes the noise white; ``[1]`` where it is white."""
     counts_from: float = SETTLING
+    """Seconds at the start that are left out of every error."""
     own_zero: bool = False
+    """Whether the sensor had another zero than in training: the mean of an error then says nothing."""
     begins: int = 0
+    """Sample at which the record itself begins: before it lies what came earlier in the same session, which is simulated
+    and never counted."""
 
     def kept(self, key: Hashable, compute: Callable[[], Any]) -> Any:
         """Result of `compute`, kept as long as the record: a search comes to the same fit on several ways."""
@@ -128,15 +119,10 @@ class FitData:
 
 @dataclass(frozen=True, eq=False)
 class JointData(FitData):
-    """Several records that a model is fitted to together.
-
-    Attributes
-    ----------
-    parts : tuple of FitData
-        Sampled alike.
-    """
+    """Several records that a model is fitted to together."""
 
     parts: tuple[FitData, ...] = ()
+    """Sampled alike."""
 
     @classmethod
     def of(cls, parts: list[FitData]) -> Self:

@@ -21,17 +21,12 @@ def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray
     ----------
     without : Fit
         The model without the effect.
-    form : Form
     data : FitData
         Training record.
     nonlinear : numpy.ndarray
         Of the form.
     name : str
         Name of the model, for the message.
-
-    Raises
-    ------
-    InputError
     """
     basis = tangent_basis(without, [data])
     forces = added_forces(without, form, data, nonlinear)

@@ -22,27 +22,18 @@ from lumbar.tissue.models.structure import Structure
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted model.
-
-    Attributes
-    ----------
-    structure : Structure
-    linear, nonlinear : numpy.ndarray
-    squared_error : float
-        Sum of squared (whitened) errors over the samples that count.
-    converged : bool
-        Whether the optimiser reported convergence.
-    zeros : numpy.ndarray
-        What the sensor of the response reads where the model gives 0: one number, or one for each record that was fitted;
-        none where the base's has no zero (`Base.sensor_zero`).
-    """
+    """A fitted model."""
 
     structure: Structure
     linear: np.ndarray
     nonlinear: np.ndarray
     squared_error: float
+    """Sum of squared (whitened) errors over the samples that count."""
     converged: bool = True
+    """Whether the optimiser reported convergence."""
     zeros: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """What the sensor of the response reads where the model gives 0: one number, or one for each record that was fitted;
+    none where the base's has no zero (`Base.sensor_zero`)."""
 
     @property
     def zero(self) -> float:
@@ -162,8 +153,6 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
 
     Parameters
     ----------
-    structure : Structure
-    data : FitData
     start : numpy.ndarray
         Nonlinear parameters to start from, base first.
 
@@ -402,15 +391,8 @@ def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
 
     Parameters
     ----------
-    previous : Fit
-    form : Form
-    data : FitData
     starts : int
         How many of the starting values, best first, are refined.
-
-    Returns
-    -------
-    Fit
     """
     structure = previous.structure.with_form(form)
     best = min(

@@ -24,42 +24,28 @@ _HELD_BACK = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """A set of records ready for diagnosis.
-
-    Attributes
-    ----------
-    training : FitData
-        Of several records that are fitted together, a `JointData`.
-    tests : list of FitData
-        Unseen excitation; the last part of the training record where there is no other record.
-    floor : NoiseFloor or None
-        None where no record repeats.
-    input_unit, output_unit : str
-    floor_from : str
-        Name of the training record that the floor was taken from, or would have been.
-    input_quantity, output_quantity : str
-    surface : float
-        Position from which positions are counted: that of a tissue's surface which the tool is not fastened to; else 0.
-    records : tuple of Record
-        All records, faults of their sensors mended.
-    faults : tuple of Finding
-        Faults of the sensors.
-    session : bool
-        Whether each record begins in the state in which the one before it left the tissue.
-    """
+    """A set of records ready for diagnosis."""
 
     training: FitData
+    """Of several records that are fitted together, a `JointData`."""
     tests: list[FitData]
+    """Unseen excitation; the last part of the training record where there is no other record."""
     floor: NoiseFloor | None
+    """None where no record repeats."""
     input_unit: str
     output_unit: str
     floor_from: str
+    """Name of the training record that the floor was taken from, or would have been."""
     input_quantity: str = "position"
     output_quantity: str = "force"
     surface: float = 0.0
+    """Position from which positions are counted: that of a tissue's surface which the tool is not fastened to; else 0."""
     records: tuple[Record, ...] = ()
+    """All records, faults of their sensors mended."""
     faults: tuple[Finding, ...] = ()
+    """Faults of the sensors."""
     session: bool = False
+    """Whether each record begins in the state in which the one before it left the tissue."""
 
     def counted_from(self, surface: float) -> Experiment:
         """The same records, their positions counted from here."""
@@ -122,10 +108,6 @@ def prepare(
         Period of a record's excitation in seconds; default found from the input.
     session : bool
         Whether the records were cut from one session, in their order (`lumbar.tissue.diagnosis.fitting.session`).
-
-    Returns
-    -------
-    Experiment
 
     Raises
     ------

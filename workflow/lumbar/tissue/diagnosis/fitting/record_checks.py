@@ -19,12 +19,7 @@ _ABOVE_NOISE = 2.0
 
 
 def check_excitation(training: Record, others: list[Record]) -> None:
-    """Refuse a training record that hardly moves beside the others, and records whose numbers are in different units.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a training record that hardly moves beside the others, and records whose numbers are in different units."""
     for other in others:
         stiffness = _slow_stiffness(training) / max(_slow_stiffness(other), 1e-300)
         if max(stiffness, 1 / max(stiffness, 1e-300)) > _UNIT_FACTOR:
@@ -56,12 +51,7 @@ def _slow_stiffness(record: Record) -> float:
 
 
 def check_response(training: Record, floor: NoiseFloor | None) -> None:
-    """Refuse a training record whose response is little but noise.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a training record whose response is little but noise."""
     if floor is None or np.var(training["output"]) > _ABOVE_NOISE * floor.rms**2:
         return
     channel, spread = training.channels["output"], np.std(training["output"])

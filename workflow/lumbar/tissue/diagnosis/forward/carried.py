@@ -35,15 +35,10 @@ _TURNS = 3
 
 @dataclass(frozen=True, eq=False)
 class CarriedData(FitData):
-    """A forward record turned round: attributes as of `FitData`, of the motion as measured and the force.
-
-    Attributes
-    ----------
-    response : callable
-        Through which errors of the force are carried to the motion.
-    """
+    """A forward record turned round: attributes as of `FitData`, of the motion as measured and the force."""
 
     response: Response = np.ones_like
+    """Through which errors of the force are carried to the motion."""
 
     def _carried(self, signal: np.ndarray) -> np.ndarray:
         """Signal (samples first) through the response, from rest."""

@@ -53,7 +53,6 @@ def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> Verd
     ----------
     records : list of Record
         With the force as channel ``input`` and the motion as ``output``.
-    settings : DiagnosisSettings
 
     Returns
     -------

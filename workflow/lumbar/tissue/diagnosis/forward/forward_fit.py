@@ -57,7 +57,6 @@ def fit_forward(
 
     Parameters
     ----------
-    structure : ForwardStructure
     data : FitData
         Its motion is the force, its force the motion.
     linear, nonlinear : numpy.ndarray

@@ -25,8 +25,6 @@ def refine_forward(
     ----------
     records : list of Record
         With the force as channel ``input`` and the motion as ``output``.
-    effects : dict of str to Effect
-    settings : DiagnosisSettings
 
     Returns
     -------

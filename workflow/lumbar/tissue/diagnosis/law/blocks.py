@@ -15,17 +15,11 @@ BLOCK = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Chosen(FitData):
-    """A record of which only some samples count; simulated as a whole.
-
-    Attributes
-    ----------
-    whole : FitData
-    keep : numpy.ndarray of bool
-        Over the samples that count of the whole.
-    """
+    """A record of which only some samples count; simulated as a whole."""
 
     whole: FitData = None
     keep: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """Over the samples that count of the whole."""
 
     @classmethod
     def of(cls, whole: FitData, keep: np.ndarray) -> Chosen:

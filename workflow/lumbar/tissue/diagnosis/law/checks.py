@@ -80,24 +80,16 @@ def is_dissipative(fit: Fit, data: FitData) -> bool:
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """How a law does where it was not fitted.
-
-    Attributes
-    ----------
-    inner_rms : float
-        Error on the training record outside its inner range, of a fit to samples in it alone.
-    all_rms : float
-        Error of the fit to all samples, at the same ones.
-    beyond_rms : float or None
-        Error on unseen samples beyond the training record's range of position or speed; None where they are few.
-    floor : float or None
-        Noise.
-    """
+    """How a law does where it was not fitted."""
 
     inner_rms: float
+    """Error on the training record outside its inner range, of a fit to samples in it alone."""
     all_rms: float
+    """Error of the fit to all samples, at the same ones."""
     beyond_rms: float | None
+    """Error on unseen samples beyond the training record's range of position or speed; None where they are few."""
     floor: float | None
+    """Noise."""
 
     @property
     def holds(self) -> bool:

@@ -50,12 +50,7 @@ _STATE_DIMENSIONS = {
 
 
 def check_dimensions(term: Term) -> None:
-    """Refuse a term of which a part or the rate of a state is dimensionally unsound.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a term of which a part or the rate of a state is dimensionally unsound."""
     known = _known(term)
     for part in term.parts:
         found = dimension(parse(part), known)
@@ -72,7 +67,6 @@ def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
 
     Parameters
     ----------
-    terms : tuple of Term
     shared : bool
         Let parameters that mean the same, and states that follow the same equation, be one.
     """
@@ -100,7 +94,6 @@ def form_of(
 
     Parameters
     ----------
-    terms : tuple of Term
     effect : str
         Name of the effect; default those of the terms, because motions remember forces by name.
     signs : tuple of int, optional

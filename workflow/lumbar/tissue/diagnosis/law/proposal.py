@@ -46,19 +46,13 @@ _NEARLY = 1.05
 
 @dataclass(frozen=True)
 class Range:
-    """Where a law was found.
-
-    Attributes
-    ----------
-    low, high : float
-        Position, in the input's unit.
-    speed : float
-        Largest, in the input's unit per second.
-    """
+    """Where a law was found."""
 
     low: float
     high: float
+    """`low`, `high`: position, in the input's unit."""
     speed: float
+    """Largest, in the input's unit per second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,32 +65,20 @@ class Tried:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A law for what is missing, or none.
-
-    Attributes
-    ----------
-    experiment : Experiment
-    base, before : Candidate
-        The base alone; the best model that the catalogue gave.
-    law : Law or None
-        Its candidate is judged on all unseen records.
-    tried : list of Tried
-        Every law that came so far as to be tested, with what it failed.
-    share_removed : float
-        Share of what `before` leaves to explain, on unseen seconds that no choice has looked at, that the law removes.
-    certainty : float
-        Standard errors by which the loss falls there.
-    extrapolation : Extrapolation or None
-    range : Range
-    """
+    """A law for what is missing, or none."""
 
     experiment: Experiment
     base: Candidate
     before: Candidate
+    """`base`, `before`: the base alone; the best model that the catalogue gave."""
     law: Law | None
+    """Its candidate is judged on all unseen records."""
     tried: list[Tried]
+    """Every law that came so far as to be tested, with what it failed."""
     share_removed: float
+    """Share of what `before` leaves to explain, on unseen seconds that no choice has looked at, that the law removes."""
     certainty: float
+    """Standard errors by which the loss falls there."""
     extrapolation: Extrapolation | None
     range: Range
 
@@ -137,7 +119,6 @@ def propose(
 
     Parameters
     ----------
-    experiment : Experiment
     base : Candidate
         The base alone, judged on the experiment.
     before : Candidate, optional

@@ -54,23 +54,15 @@ _PERIODS = 3
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Terms added to a model, fitted jointly with it.
-
-    Attributes
-    ----------
-    start : Candidate
-        What the terms are added to.
-    terms : tuple of Term
-    candidate : Candidate
-        Judged on the blocks that choices are made with.
-    shared : bool
-        Whether parameters of several terms that mean the same are one.
-    """
+    """Terms added to a model, fitted jointly with it."""
 
     start: Candidate
+    """What the terms are added to."""
     terms: tuple[Term, ...]
     candidate: Candidate
+    """Judged on the blocks that choices are made with."""
     shared: bool = False
+    """Whether parameters of several terms that mean the same are one."""
 
     @property
     def fit(self) -> Fit:

@@ -37,18 +37,12 @@ _BRANCH_TIME = 0.1
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A coordinate of the motion.
-
-    Attributes
-    ----------
-    symbol, words : str
-    unit : str
-        In terms of ``{x}``.
-    """
+    """A coordinate of the motion."""
 
     symbol: str
     words: str
     unit: str
+    """In terms of ``{x}``."""
 
 
 COORDINATES = (
@@ -63,24 +57,16 @@ COORDINATES = (
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A missing force over two coordinates.
-
-    Attributes
-    ----------
-    first, second : Coordinate
-    share : float
-        Share of what the model leaves to explain that the surface explains of blocks it was not fitted to.
-    values : tuple of numpy.ndarray
-        Both coordinates of every sample that counts, all records together.
-    force : numpy.ndarray
-        Measured less simulated, of the same samples.
-    """
+    """A missing force over two coordinates."""
 
     first: Coordinate
     second: Coordinate
     share: float
+    """Share of what the model leaves to explain that the surface explains of blocks it was not fitted to."""
     values: tuple[np.ndarray, np.ndarray]
+    """Both coordinates of every sample that counts, all records together."""
     force: np.ndarray
+    """Measured less simulated, of the same samples."""
 
 
 def coordinate_values(motion: Motion | JoinedMotions, branch_time: float) -> dict[str, np.ndarray]:
@@ -105,7 +91,6 @@ def surfaces(fit: Fit, experiment: Experiment) -> list[Surface]:
     ----------
     fit : Fit
         Fitted model that something is missing from.
-    experiment : Experiment
     """
     records = [item.unwhitened() for item in (experiment.training, *experiment.tests)]
     force = np.concatenate([-fit.errors(item) for item in records])

@@ -18,35 +18,22 @@ _UNIT_SPEED = Constant("v_1", 1.0, "{x}/s")
 
 @dataclass(frozen=True)
 class Term:
-    """Something that a force may be proportional to.
-
-    Attributes
-    ----------
-    name : str
-        Unique in the library.
-    words : str
-        What it is, for a reader of the proposal.
-    parts : tuple of str
-        Expressions; each gets a linear parameter of its own. Of a term at the output, one: what the sensor makes of F.
-    nonlinear : tuple of NonlinearParameter
-    state : tuple of (str, str)
-    constants : tuple of Constant
-    knows : str
-        What of the motion it needs, beside the present: ``""``, ``"memory"``, ``"path"`` or ``"time"``.
-    place : Place
-    becomes : str
-        Name of the term that it becomes at the largest lengths: of an exponential growth, what grows.
-    """
+    """Something that a force may be proportional to."""
 
     name: str
+    """Unique in the library."""
     words: str
+    """What it is, for a reader of the proposal."""
     parts: tuple[str, ...]
+    """Expressions; each gets a linear parameter of its own. Of a term at the output, one: what the sensor makes of F."""
     nonlinear: tuple[NonlinearParameter, ...] = ()
     state: tuple[tuple[str, str], ...] = ()
     constants: tuple[Constant, ...] = ()
     knows: str = ""
+    """What of the motion it needs, beside the present: ``""``, ``"memory"``, ``"path"`` or ``"time"``."""
     place: Place = Place.PARALLEL
     becomes: str = ""
+    """Name of the term that it becomes at the largest lengths: of an exponential growth, what grows."""
 
     def renamed(self, names: dict[str, str]) -> Term:
         """The term with other symbols for its states and nonlinear parameters."""

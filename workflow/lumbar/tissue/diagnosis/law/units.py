@@ -107,7 +107,6 @@ def dimension(expression: Expression, known: Mapping[str, Dimension]) -> Dimensi
 
     Parameters
     ----------
-    expression : Expression
     known : mapping of str to Dimension
         Of every symbol in it.
 

@@ -71,7 +71,6 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
 
     Parameters
     ----------
-    experiment : Experiment
     layout : ColumnLayout, optional
         How the records were read, for the lines of YAML; default the reference's.
 

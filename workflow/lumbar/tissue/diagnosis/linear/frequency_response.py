@@ -29,11 +29,6 @@ _ABOVE_NOISE = 2.0
 def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float | None:
     """Share of a model's repeating error, its noise aside, that no linear model can explain.
 
-    Parameters
-    ----------
-    experiment : Experiment
-    fit : Fit or LinearDynamics
-
     Returns
     -------
     float or None

@@ -53,32 +53,22 @@ _SMALLEST = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class LinearDynamics:
-    """A fitted linear model; simulates and errs like `lumbar.tissue.diagnosis.fitting.joint_fit.Fit`.
-
-    Attributes
-    ----------
-    kind : str
-        ``prony``, ``rational`` or ``delayed``.
-    poles : Poles
-    held : bool
-        Whether the input is held between jumps: a discrete model, without derivatives of the input.
-    linear, nonlinear : numpy.ndarray
-        Constant, stiffness, viscosity and mass (what of them acts), then of sections and branches; and what was
-        searched beside them.
-    squared_error : float
-        Sum of squared (whitened) errors over the samples of the training record that count.
-    train_rms, test_rms : float
-        Free-run simulation errors in the output's unit.
-    """
+    """A fitted linear model; simulates and errs like `lumbar.tissue.diagnosis.fitting.joint_fit.Fit`."""
 
     kind: str
+    """``prony``, ``rational`` or ``delayed``."""
     poles: Poles
     held: bool
+    """Whether the input is held between jumps: a discrete model, without derivatives of the input."""
     linear: np.ndarray
     nonlinear: np.ndarray
+    """`linear`, `nonlinear`: constant, stiffness, viscosity and mass (what of them acts), then of sections and branches;
+    and what was searched beside them."""
     squared_error: float
+    """Sum of squared (whitened) errors over the samples of the training record that count."""
     train_rms: float = np.nan
     test_rms: float = np.nan
+    """`train_rms`, `test_rms`: free-run simulation errors in the output's unit."""
 
     @property
     def order(self) -> int:
@@ -111,14 +101,6 @@ def linear_dynamics(experiment: Experiment) -> LinearDynamics:
     """Fit linear models of rising order to the training record and return the one that its criterion favours.
 
     The test records have no say. Long records are fitted at a lower rate; errors are those at the full one.
-
-    Parameters
-    ----------
-    experiment : Experiment
-
-    Returns
-    -------
-    LinearDynamics
     """
     data = decimated(experiment.training)
     best = _chosen(list(_candidates(data)), data)
@@ -132,17 +114,7 @@ def linear_dynamics(experiment: Experiment) -> LinearDynamics:
 
 
 def rational_of_order(data: FitData, order: int) -> LinearDynamics:
-    """Fit an output-error model of so many free poles and free residues to a record.
-
-    Parameters
-    ----------
-    data : FitData
-    order : int
-
-    Returns
-    -------
-    LinearDynamics
-    """
+    """Fit an output-error model of so many free poles and free residues to a record."""
     static = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), is_held(data.motion))
     return _rational(data, order, static)
 

@@ -23,7 +23,6 @@ def relocated_poles(data: FitData, order: int, low: float, high: float, held: bo
 
     Parameters
     ----------
-    data : FitData
     order : int
         Number of poles.
     low, high : float

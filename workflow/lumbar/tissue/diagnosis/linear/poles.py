@@ -18,24 +18,17 @@ _APART = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Poles:
-    """Poles of a strictly stable model, in the left half-plane by construction.
-
-    Attributes
-    ----------
-    rates : numpy.ndarray, shape (branches,)
-        Real poles at −rate (1/s): each a relaxing (Maxwell) branch of time constant 1/rate.
-    sections : numpy.ndarray, shape (sections, 2)
-        Pairs of poles, roots of s² + a₁ s + a₀ with a₁ (1/s) and a₀ (1/s²) positive: complex or real.
-    delay : float
-        Seconds by which the force follows the position late.
-    direct : int
-        How many of the constant, the position and its two derivatives act beside the poles, in this order.
-    """
+    """Poles of a strictly stable model, in the left half-plane by construction."""
 
     rates: np.ndarray
+    """Shape (branches,): real poles at −rate (1/s): each a relaxing (Maxwell) branch of time constant 1/rate."""
     sections: np.ndarray
+    """Shape (sections, 2): pairs of poles, roots of s² + a₁ s + a₀ with a₁ (1/s) and a₀ (1/s²) positive: complex or real.
+    """
     delay: float = 0.0
+    """Seconds by which the force follows the position late."""
     direct: int = 4
+    """How many of the constant, the position and its two derivatives act beside the poles, in this order."""
 
     @property
     def order(self) -> int:

@@ -28,21 +28,14 @@ _LOUD = 2.5
 
 @dataclass(frozen=True, eq=False)
 class Bursts:
-    """Deviations that come at the same places of every period and last.
-
-    Attributes
-    ----------
-    variance : float
-        Of the noise beside them, per sample.
-    quiet : numpy.ndarray of bool, shape (samples,)
-        Phases without them.
-    rms : float
-        Of them over the whole period, less the noise.
-    """
+    """Deviations that come at the same places of every period and last."""
 
     variance: float
+    """Of the noise beside them, per sample."""
     quiet: np.ndarray
+    """Shape (samples,): phases without them."""
     rms: float
+    """Of them over the whole period, less the noise."""
 
 
 def find_bursts(noise: np.ndarray, degrees: float) -> Bursts | None:

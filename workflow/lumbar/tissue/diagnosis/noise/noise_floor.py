@@ -36,45 +36,31 @@ _NORMAL_999 = 3.090232
 
 @dataclass(frozen=True, eq=False)
 class NoiseFloor:
-    """What of an output does not repeat with a periodic input, less what is structured in it.
-
-    Attributes
-    ----------
-    rms, low, high : float
-        Noise per sample and its 95 % interval (χ²), in the output's unit.
-    structured : tuple of (str, float)
-        In words, and RMS, of every part that does not repeat and is no noise, the largest first. The words
-        begin with ``drift``, ``amplitude change``, ``off-grid line``, ``other change`` or ``bursts``.
-    structured_rms : float
-        RMS of all of them together; 0 where none is significant.
-    input_driven_rms : float
-        RMS of the deviations that follow the input's own deviations from its mean period: a simulation with
-        the measured input explains them.
-    spectrum : tuple of numpy.ndarray
-        Frequency (Hz) and one-sided power spectral density (unit²/Hz) of the noise at the multiples of
-        1/period.
-    degrees_of_freedom : float
-        Of `rms`, the noise's colour taken into account.
-    period, sampling_time : float
-        Seconds.
-    periods : int
-        Periods used, the transient left out.
-    exact : bool
-        Whether the periods are alike to the last digit: `rms` is then what the digits leave open.
-    """
+    """What of an output does not repeat with a periodic input, less what is structured in it."""
 
     rms: float
     low: float
     high: float
+    """`rms`, `low`, `high`: noise per sample and its 95 % interval (χ²), in the output's unit."""
     structured: tuple[tuple[str, float], ...]
+    """In words, and RMS, of every part that does not repeat and is no noise, the largest first. The
+    words begin with ``drift``, ``amplitude change``, ``off-grid line``, ``other change`` or ``bursts``."""
     structured_rms: float
+    """RMS of all of them together; 0 where none is significant."""
     input_driven_rms: float
+    """RMS of the deviations that follow the input's own deviations from its mean period: a simulation with the measured
+    input explains them."""
     spectrum: tuple[np.ndarray, np.ndarray]
+    """Frequency (Hz) and one-sided power spectral density (unit²/Hz) of the noise at the multiples of 1/period."""
     degrees_of_freedom: float
+    """Of `rms`, the noise's colour taken into account."""
     period: float
     sampling_time: float
+    """`period`, `sampling_time`: seconds."""
     periods: int
+    """Periods used, the transient left out."""
     exact: bool = False
+    """Whether the periods are alike to the last digit: `rms` is then what the digits leave open."""
 
     @cached_property
     def whitening(self) -> np.ndarray:
@@ -139,7 +125,6 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
 
     Parameters
     ----------
-    record : Record
     period : float, optional
         Seconds; by default the record's own, else found by `find_period`.
 

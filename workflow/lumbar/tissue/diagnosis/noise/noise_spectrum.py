@@ -33,7 +33,6 @@ def smooth_power(power: np.ndarray, degrees: float, bins_per_line: int = 1) -> n
     ----------
     power : numpy.ndarray, shape (bins,)
         Power at 0, 1, 2, … bins, mean of `degrees` rows.
-    degrees : float
     bins_per_line : int
         How much finer than lines the power is given.
 

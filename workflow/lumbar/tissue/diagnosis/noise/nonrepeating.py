@@ -45,29 +45,20 @@ DRIFT, AMPLITUDE, LINE, OTHER = "drift", "amplitude change", "off-grid line", "o
 
 @dataclass(eq=False)
 class Part:
-    """One structured part of the deviations.
-
-    Attributes
-    ----------
-    kind : str
-        `DRIFT`, `AMPLITUDE`, `LINE` or `OTHER`.
-    values : numpy.ndarray, shape (periods, samples)
-    degrees : float
-        Degrees of freedom it took.
-    frequency : float or None
-        Cycles per sample of an off-grid line.
-    harmonics : int
-        Multiples of `frequency` that belong to it, itself included.
-    amplitude : float
-        Of a line: root of the summed squares of its harmonics' amplitudes.
-    """
+    """One structured part of the deviations."""
 
     kind: str
+    """`DRIFT`, `AMPLITUDE`, `LINE` or `OTHER`."""
     values: np.ndarray
+    """Shape (periods, samples)."""
     degrees: float
+    """Degrees of freedom it took."""
     frequency: float | None = None
+    """Cycles per sample of an off-grid line."""
     harmonics: int = 1
+    """Multiples of `frequency` that belong to it, itself included."""
     amplitude: float = 0.0
+    """Of a line: root of the summed squares of its harmonics' amplitudes."""
 
     def rms(self, noise_variance: float) -> float:
         """RMS less what the noise contributes to it."""

@@ -22,22 +22,15 @@ _ANOTHER_MINIMUM = 3.0
 
 @dataclass(frozen=True)
 class Folding:
-    """Where the whole periods of a record lie.
-
-    Attributes
-    ----------
-    period : float
-        Seconds.
-    samples : int
-        Samples per period.
-    rows : numpy.ndarray of int, shape (periods, samples)
-        Indices of the samples of every period that is used, counted from the record's end so that the
-        transient at its start is left out.
-    """
+    """Where the whole periods of a record lie."""
 
     period: float
+    """Seconds."""
     samples: int
+    """Samples per period."""
     rows: np.ndarray
+    """Shape (periods, samples): indices of the samples of every period that is used, counted from the record's end so that
+    the transient at its start is left out."""
 
     def fold(self, values: np.ndarray) -> np.ndarray:
         """Return `values` as one row per period, shape (periods, samples)."""
@@ -74,10 +67,6 @@ def find_period(record: Record) -> float | None:
     The shortest lag at which the input agrees with itself as well as at any other, within
     `REPEATS_WITHIN`. Noise in a measured position is allowed for: it limits the agreement at every multiple
     of the period alike. A record has to hold `FEWEST_PERIODS` periods.
-
-    Parameters
-    ----------
-    record : Record
     """
     values = record["input"]
     lags = int(len(values) * (1 + _MISSING_END) / FEWEST_PERIODS)
@@ -104,7 +93,6 @@ def fold_periods(record: Record, period: float) -> Folding:
 
     Parameters
     ----------
-    record : Record
     period : float
         Seconds.
 

@@ -38,40 +38,28 @@ class EstimateWithInterval:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One record against one simulation.
-
-    Attributes
-    ----------
-    record : str
-    unit : str
-        Of the output.
-    samples : int
-        Samples that count: from `start` on.
-    start : float
-        Seconds at the record's beginning that are left out.
-    rms, vaf, fit, mean_residual : EstimateWithInterval
-        Of the free run, by the definitions of `lumbar.tissue.identification.metrics`; rms is √(mean squared residual).
-    output_variance : float
-    floor : NoiseFloor or None
-        Noise of this record or, where it does not repeat, of one recorded with the same set-up.
-    floor_from : str
-        Name of the record that the floor comes from; empty without one.
-    nmse_one_step : float or None
-        Of a one-step-ahead prediction, where one was given. It says little about a model.
-    """
+    """One record against one simulation."""
 
     record: str
     unit: str
+    """Of the output."""
     samples: int
+    """Samples that count: from `start` on."""
     start: float
+    """Seconds at the record's beginning that are left out."""
     rms: EstimateWithInterval
     vaf: EstimateWithInterval
     fit: EstimateWithInterval
     mean_residual: EstimateWithInterval
+    """`rms`, `vaf`, `fit`, `mean_residual`: of the free run, by the definitions of `lumbar.tissue.identification.metrics`;
+    rms is √(mean squared residual)."""
     output_variance: float
     floor: NoiseFloor | None
+    """Noise of this record or, where it does not repeat, of one recorded with the same set-up."""
     floor_from: str
+    """Name of the record that the floor comes from; empty without one."""
     nmse_one_step: float | None = None
+    """Of a one-step-ahead prediction, where one was given. It says little about a model."""
 
     @property
     def explainable_rms(self) -> float | None:
@@ -133,7 +121,6 @@ def compare_record(
 
     Parameters
     ----------
-    record : Record
     simulated : numpy.ndarray, shape (samples,)
         Free run over the whole record.
     floor : NoiseFloor, optional

@@ -38,19 +38,12 @@ _RANKED = ("time", "position and velocity", "depth", "reversals", "linear dynami
 
 @dataclass(frozen=True, eq=False)
 class Location:
-    """All views of one record's error.
-
-    Attributes
-    ----------
-    record : str
-    residual : Residual
-    views : dict of str to View
-        By name, in the order in which they are told.
-    """
+    """All views of one record's error."""
 
     record: str
     residual: Residual
     views: dict[str, View]
+    """By name, in the order in which they are told."""
 
     @property
     def ranking(self) -> list[View]:
@@ -110,7 +103,6 @@ def locate(
 
     Parameters
     ----------
-    record : Record
     simulated : numpy.ndarray, shape (samples,)
         Free run over the whole record.
     floor : NoiseFloor, optional

@@ -24,58 +24,39 @@ _ORDER = 20
 
 @dataclass(frozen=True)
 class Average:
-    """Means of the residual over groups of samples.
-
-    Attributes
-    ----------
-    mean, deviation : numpy.ndarray, shape (groups,)
-        Mean, and the standard deviation that noise alone would give it.
-    count : numpy.ndarray of int, shape (groups,)
-    share : float
-        Share of the explainable variance that these means account for, beyond chance: see
-        `Residual.share_beyond_chance`.
-    p_value : float
-        Probability of such means from noise alone.
-    """
+    """Means of the residual over groups of samples."""
 
     mean: np.ndarray
     deviation: np.ndarray
+    """`mean`, `deviation`: shape (groups,): mean, and the standard deviation that noise alone would give it."""
     count: np.ndarray
+    """Shape (groups,)."""
     share: float
+    """Share of the explainable variance that these means account for, beyond chance: see `Residual.share_beyond_chance`.
+    """
     p_value: float
+    """Probability of such means from noise alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """Measured less simulated output, from the first sample that counts.
-
-    Attributes
-    ----------
-    values : numpy.ndarray, shape (samples,)
-        Output's unit.
-    time : numpy.ndarray, shape (samples,)
-        Seconds.
-    position, velocity : numpy.ndarray, shape (samples,)
-        Of the input, in its unit and per second.
-    sampling_time : float
-    unit, position_unit : str
-    moved : str
-        What the input measures, e.g. ``"position"`` or ``"angle"``.
-    floor : NoiseFloor or None
-    folding : Folding or None
-        Whole periods, as indices into `values`; None where the record does not repeat.
-    """
+    """Measured less simulated output, from the first sample that counts."""
 
     values: np.ndarray
+    """Shape (samples,): Output's unit."""
     time: np.ndarray
+    """Shape (samples,): seconds."""
     position: np.ndarray
     velocity: np.ndarray
+    """`position`, `velocity`: shape (samples,): of the input, in its unit and per second."""
     sampling_time: float
     unit: str
     position_unit: str
     moved: str
+    """What the input measures, e.g. ``"position"`` or ``"angle"``."""
     floor: NoiseFloor | None
     folding: Folding | None
+    """Whole periods, as indices into `values`; None where the record does not repeat."""
 
     @cached_property
     def variance(self) -> float:

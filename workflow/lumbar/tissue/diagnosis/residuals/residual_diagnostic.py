@@ -9,31 +9,21 @@ import numpy as np
 
 @dataclass(frozen=True)
 class View:
-    """Where the error is, seen along one thing.
-
-    Attributes
-    ----------
-    name : str
-        E.g. ``"depth"``.
-    share : float
-        Share of the explainable error's variance that this view accounts for, the noise's part taken off. Views
-        overlap: shares of several do not add up.
-    p_value : float
-        Probability that noise alone shows as much.
-    sentence : str
-        What is seen, with numbers, in plain English.
-    table : dict of str to numpy.ndarray
-        Columns of equal length, as drawn.
-    numbers : dict of str to float, str or None
-        Single figures behind the sentence.
-    """
+    """Where the error is, seen along one thing."""
 
     name: str
+    """E.g. ``"depth"``."""
     share: float
+    """Share of the explainable error's variance that this view accounts for, the noise's part taken off. Views overlap:
+    shares of several do not add up."""
     p_value: float
+    """Probability that noise alone shows as much."""
     sentence: str
+    """What is seen, with numbers, in plain English."""
     table: dict[str, np.ndarray]
+    """Columns of equal length, as drawn."""
     numbers: dict = field(default_factory=dict)
+    """Single figures behind the sentence."""
 
 
 def percent(share: float) -> str:

@@ -20,19 +20,11 @@ from lumbar.tissue.models.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """A record beside a model's free run, and what is seen of the error.
-
-    Attributes
-    ----------
-    record : Record
-    values : numpy.ndarray, shape (samples,)
-        Free run.
-    comparison : Comparison
-    location : Location
-    """
+    """A record beside a model's free run, and what is seen of the error."""
 
     record: Record
     values: np.ndarray
+    """Shape (samples,): free run."""
     comparison: Comparison
     location: Location
 
@@ -51,7 +43,6 @@ def compare_and_locate(
     Parameters
     ----------
     records : list of Record
-    fit : Fit
     floor, floor_from, seed
         As for `residual_reports`.
     surface : float
@@ -85,12 +76,10 @@ def residual_reports(
 
     Parameters
     ----------
-    records : list of Record
     simulate : callable
         From a record to the model's free run, shape (samples,).
     floor : NoiseFloor or None
         Noise floor of the record named `floor_from`.
-    floor_from : str
     seed : int
         Seed of the intervals.
     """

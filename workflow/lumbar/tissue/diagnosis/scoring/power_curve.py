@@ -18,24 +18,17 @@ from lumbar.base.errors import InputError, NumericalError
 
 @dataclass(frozen=True)
 class PowerCurve:
-    """Share of effects named as a function of strength.
-
-    Attributes
-    ----------
-    strength : numpy.ndarray, shape (n,)
-        Residual over noise of the effects, ascending.
-    named : numpy.ndarray of bool, shape (n,)
-    intercept, slope : float
-        Of the logistic curve: share = expit(intercept + slope ln strength).
-    isotonic : numpy.ndarray, shape (n,)
-        Isotonic estimate of the share at `strength`.
-    """
+    """Share of effects named as a function of strength."""
 
     strength: np.ndarray
+    """Shape (n,): residual over noise of the effects, ascending."""
     named: np.ndarray
+    """Shape (n,)."""
     intercept: float
     slope: float
+    """`intercept`, `slope`: of the logistic curve: share = expit(intercept + slope ln strength)."""
     isotonic: np.ndarray
+    """Shape (n,): isotonic estimate of the share at `strength`."""
 
     def share(self, strength: np.ndarray) -> np.ndarray:
         """Share named by the logistic curve."""

@@ -179,7 +179,6 @@ def accuracy_table(frame: pd.DataFrame, settings: HiddenEffectsSettings) -> Tabl
     ----------
     frame : pandas.DataFrame
         Of `scores`.
-    settings : HiddenEffectsSettings
     """
     import pandas as pd
 

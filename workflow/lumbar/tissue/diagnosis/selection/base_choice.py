@@ -47,10 +47,8 @@ def choose_base(
 
     Parameters
     ----------
-    experiment : Experiment
     name : str
         A key of `lumbar.tissue.models.bases.BASES`, or `CHOSEN_BY_DATA`.
-    catalogue : dict of str to Effect
 
     Returns
     -------

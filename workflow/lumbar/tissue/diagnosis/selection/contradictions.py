@@ -30,7 +30,6 @@ def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
     ----------
     fit : Fit
         Base and effects.
-    experiment : Experiment
 
     Returns
     -------

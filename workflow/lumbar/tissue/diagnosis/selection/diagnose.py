@@ -38,11 +38,6 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     ----------
     records : list of Record
         One per excitation, with channels ``input`` and ``output``.
-    settings : DiagnosisSettings, optional
-
-    Returns
-    -------
-    Verdict
 
     Raises
     ------

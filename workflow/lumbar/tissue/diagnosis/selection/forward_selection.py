@@ -37,23 +37,16 @@ EXCHANGED = 3
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fitted set of effects and how well it does.
-
-    Attributes
-    ----------
-    fit : Fit
-    train_rms, test_rms : float
-        Free-run simulation errors in the output's unit.
-    score : float
-        Minus twice the log-likelihood of all records, up to a constant, and the logarithm of their size for each
-        parameter (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better. Unseen errors are taken as Student's t,
-        so that a few peaks beyond the range of the training record do not outweigh all the rest.
-    """
+    """A fitted set of effects and how well it does."""
 
     fit: Fit
     train_rms: float
     test_rms: float
+    """`train_rms`, `test_rms`: free-run simulation errors in the output's unit."""
     score: float
+    """Minus twice the log-likelihood of all records, up to a constant, and the logarithm of their size for each parameter
+    (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better. Unseen errors are taken as Student's t, so that a few
+    peaks beyond the range of the training record do not outweigh all the rest."""
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -232,9 +225,6 @@ def extend(
 
     Parameters
     ----------
-    model : Candidate
-    catalogue : dict of str to Effect
-    experiment : Experiment
     most : int or None
         Refit only this many effects, those with the best screening; None refits all.
     all_forms : bool

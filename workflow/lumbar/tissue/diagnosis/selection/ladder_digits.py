@@ -14,7 +14,6 @@ def told_apart(values: Sequence[float], fewest: int) -> list[str]:
 
     Parameters
     ----------
-    values : sequence of float
     fewest : int
         Digits that are given at least.
 

@@ -24,18 +24,12 @@ TABLES = {
 
 @dataclass(frozen=True, eq=False)
 class NullDistribution:
-    """Sorted likelihood-ratio statistics of simulated null experiments.
-
-    Attributes
-    ----------
-    ratios : numpy.ndarray
-        Ascending.
-    forms : int
-        Number of candidate forms they are the best of.
-    """
+    """Sorted likelihood-ratio statistics of simulated null experiments."""
 
     ratios: np.ndarray
+    """Ascending."""
     forms: int
+    """Number of candidate forms they are the best of."""
 
     def p_value(self, ratio: float, forms: int | None = None) -> float:
         """Probability that the best candidate gains as much where nothing is missing.

@@ -22,7 +22,6 @@ def refine(
 
     Parameters
     ----------
-    records : list of Record
     effects : list of str
         Names in the catalogue.
     settings : DiagnosisSettings
@@ -60,7 +59,6 @@ def refined_fit(records: list[Record], effects: list[str], settings: DiagnosisSe
 
     Parameters
     ----------
-    records : list of Record
     effects : list of str
         Effects to add to the base.
     settings : DiagnosisSettings

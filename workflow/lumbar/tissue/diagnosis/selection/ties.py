@@ -22,25 +22,17 @@ ALIKE = 15.0
 
 @dataclass(frozen=True, eq=False)
 class Ties:
-    """Angles between the added forces of candidates, and clusters of those that are alike.
-
-    Attributes
-    ----------
-    candidates : list of Candidate
-        The selected one first; those whose added force noise would hide are left out.
-    angles : numpy.ndarray, shape (candidates, candidates)
-        Degrees, 0 to 180.
-    clusters : list of list of int
-        Indices of candidates all of whose angles are at most the larger of `ALIKE` and `resolution`; the one with the selected
-        first.
-    resolution : float
-        Degrees: noise hides an angle as small as this from the selected effect's added force.
-    """
+    """Angles between the added forces of candidates, and clusters of those that are alike."""
 
     candidates: list[Candidate]
+    """The selected one first; those whose added force noise would hide are left out."""
     angles: np.ndarray
+    """Shape (candidates, candidates): degrees, 0 to 180."""
     clusters: list[list[int]]
+    """Indices of candidates all of whose angles are at most the larger of `ALIKE` and `resolution`; the one with the
+    selected first."""
     resolution: float
+    """Degrees: noise hides an angle as small as this from the selected effect's added force."""
 
     def to_json(self) -> dict:
         """Return what ``diagnosis.json`` holds under ``ties``."""

@@ -29,66 +29,43 @@ def in_order(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 @dataclass(frozen=True, eq=False)
 class Ranked:
-    """One set of effects with its evidence.
-
-    Attributes
-    ----------
-    candidate : Candidate
-    p_value : float
-        See `lumbar.tissue.diagnosis.selection.null_distribution`.
-    estimates : list of FittedParameter
-    """
+    """One set of effects with its evidence."""
 
     candidate: Candidate
     p_value: float
+    """See `lumbar.tissue.diagnosis.selection.null_distribution`."""
     estimates: list[FittedParameter]
 
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """The verdict on a base model and the evidence.
-
-    Attributes
-    ----------
-    experiment : Experiment
-    base : Candidate
-        The base alone.
-    verdict : str
-        ``adequate``, ``named``, ``tied`` or ``unexplained``.
-    path : list of Candidate
-        Base, base and first effect, ….
-    tied_with : list of Candidate
-        Alternatives that explain the data as well.
-    ranking : list of Ranked
-        Sets of effects, best first.
-    explainable_share_removed : float
-        Share of the base's explainable variance on unseen records that the selected effects remove.
-    verdict_after : str
-        Verdict on the refined model: ``named`` (`further` passes what an effect must pass to be selected), else
-        ``adequate`` (its error is within `COMPLETE` of the noise floor, or that is not known) or ``unexplained``.
-    further : Candidate or None
-        Refined model with the effect that one more step of the search would add. None as well where the refined model
-        leaves only noise, so that no step was made.
-    not_tried : list of (Form, tuple of str)
-        Forms that need channels which the records do not have, with these channels.
-    findings : tuple of Finding
-        What is true of the records and is no physical effect.
-    diagnosed_again : bool
-        Whether a further effect was looked for beside those selected.
-    """
+    """The verdict on a base model and the evidence."""
 
     experiment: Experiment
     base: Candidate
+    """The base alone."""
     verdict: str
+    """``adequate``, ``named``, ``tied`` or ``unexplained``."""
     path: list[Candidate]
+    """Base, base and first effect, …."""
     tied_with: list[Candidate]
+    """Alternatives that explain the data as well."""
     ranking: list[Ranked]
+    """Sets of effects, best first."""
     explainable_share_removed: float
+    """Share of the base's explainable variance on unseen records that the selected effects remove."""
     verdict_after: str
+    """Verdict on the refined model: ``named`` (`further` passes what an effect must pass to be selected), else
+    ``adequate`` (its error is within `COMPLETE` of the noise floor, or that is not known) or ``unexplained``."""
     further: Candidate | None = None
+    """Refined model with the effect that one more step of the search would add. None as well where the refined model
+    leaves only noise, so that no step was made."""
     not_tried: list[tuple[Form, tuple[str, ...]]] = field(default_factory=list)
+    """Forms that need channels which the records do not have, with these channels."""
     findings: tuple[Finding, ...] = ()
+    """What is true of the records and is no physical effect."""
     diagnosed_again: bool = True
+    """Whether a further effect was looked for beside those selected."""
 
     @property
     def model(self) -> Candidate:

@@ -37,18 +37,12 @@ _ROUNDING = 1e-20
 
 @dataclass(frozen=True)
 class ClockSkew:
-    """Two clocks that go differently.
-
-    Attributes
-    ----------
-    rate : float
-        Seconds that the force falls behind the position in a second.
-    error : float
-        Its standard error.
-    """
+    """Two clocks that go differently."""
 
     rate: float
+    """Seconds that the force falls behind the position in a second."""
     error: float
+    """Its standard error."""
 
     kind = "clock_skew"
 
@@ -186,7 +180,6 @@ def shifted(values: np.ndarray, rate: float) -> np.ndarray:
     Parameters
     ----------
     values : numpy.ndarray, shape (samples,)
-    rate : float
     """
     size = len(values)
     taps = np.arange(-_TAPS + 1, _TAPS + 1)

@@ -24,17 +24,12 @@ _FEWEST_STEPS = 0.03
 
 @dataclass(frozen=True, eq=False)
 class DroppedSamples:
-    """Places where samples are missing.
-
-    Attributes
-    ----------
-    places : numpy.ndarray of int, shape (places,)
-        Last sample before each.
-    missing : numpy.ndarray of int, shape (places,)
-    """
+    """Places where samples are missing."""
 
     places: np.ndarray
+    """Shape (places,): last sample before each."""
     missing: np.ndarray
+    """Shape (places,)."""
 
     kind = "dropped_samples"
 

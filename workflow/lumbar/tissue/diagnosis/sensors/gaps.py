@@ -10,15 +10,10 @@ from lumbar.tissue.diagnosis.finding import Finding
 
 @dataclass(frozen=True)
 class Gaps:
-    """Rows that were missing.
-
-    Attributes
-    ----------
-    samples : tuple of int
-        Where they are filled in.
-    """
+    """Rows that were missing."""
 
     samples: tuple[int, ...]
+    """Where they are filled in."""
 
     kind = "gap"
 

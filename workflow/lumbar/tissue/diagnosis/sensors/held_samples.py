@@ -41,18 +41,11 @@ _SMOOTH = 0.7
 
 @dataclass(frozen=True, eq=False)
 class HeldSamples:
-    """Samples of one channel that repeat the one before.
-
-    Attributes
-    ----------
-    role : str
-    samples : numpy.ndarray of int
-        Every repeated sample.
-    runs : int
-    """
+    """Samples of one channel that repeat the one before."""
 
     role: str
     samples: np.ndarray
+    """Every repeated sample."""
     runs: int
 
     kind = "held_samples"

@@ -15,7 +15,6 @@ def linear_response(record: Record, left_out: np.ndarray | None = None) -> np.nd
 
     Parameters
     ----------
-    record : Record
     left_out : numpy.ndarray of int, optional
         Samples that are not fitted to.
 

@@ -11,12 +11,7 @@ from lumbar.tissue.diagnosis.sensors.roughness import Roughness
 
 @dataclass(frozen=True, eq=False)
 class PositionNoise:
-    """Noise in a measured position.
-
-    Attributes
-    ----------
-    roughness : Roughness
-    """
+    """Noise in a measured position."""
 
     roughness: Roughness
 

@@ -20,13 +20,7 @@ _EXPLAINS = 3.0
 
 @dataclass(frozen=True, eq=False)
 class PositionStep:
-    """Steps of a measured position.
-
-    Attributes
-    ----------
-    step : float
-    roughness : Roughness
-    """
+    """Steps of a measured position."""
 
     step: float
     roughness: Roughness

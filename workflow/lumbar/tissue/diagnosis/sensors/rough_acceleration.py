@@ -36,18 +36,12 @@ _MATTERS = 0.01
 
 @dataclass(frozen=True, eq=False)
 class RoughAcceleration:
-    """Acceleration beyond the band in which the force follows it.
-
-    Attributes
-    ----------
-    edge : float
-        Hz.
-    share : float
-        Of the acceleration's power, beyond the edge.
-    """
+    """Acceleration beyond the band in which the force follows it."""
 
     edge: float
+    """Hz."""
     share: float
+    """Of the acceleration's power, beyond the edge."""
 
     kind = "rough_acceleration"
 

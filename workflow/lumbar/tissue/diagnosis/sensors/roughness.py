@@ -34,27 +34,20 @@ _PART = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Roughness:
-    """What lies beyond the band of a position.
-
-    Attributes
-    ----------
-    edge : float
-        Hz.
-    smooth, rough, speed, answer : numpy.ndarray, shape (samples,)
-        The position within its band, the rest of it, the speed (per second), and the force beyond that band.
-    noise : float
-        σ, in the position's unit, over the whole of the spectrum; 0 where the jitter is enough.
-    jitter : float
-        τ, in seconds RMS; 0 where the noise is enough.
-    """
+    """What lies beyond the band of a position."""
 
     edge: float
+    """Hz."""
     smooth: np.ndarray
     rough: np.ndarray
     speed: np.ndarray
     answer: np.ndarray
+    """`smooth`, `rough`, `speed`, `answer`: shape (samples,): the position within its band, the rest of it, the speed (per
+    second), and the force beyond that band."""
     noise: float
+    """σ, in the position's unit, over the whole of the spectrum; 0 where the jitter is enough."""
     jitter: float
+    """τ, in seconds RMS; 0 where the noise is enough."""
 
     @property
     def moves(self) -> float:

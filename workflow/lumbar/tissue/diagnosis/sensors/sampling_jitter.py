@@ -19,12 +19,7 @@ _SHARED = 5.0
 
 @dataclass(frozen=True, eq=False)
 class SamplingJitter:
-    """A clock that jitters.
-
-    Attributes
-    ----------
-    roughness : Roughness
-    """
+    """A clock that jitters."""
 
     roughness: Roughness
 

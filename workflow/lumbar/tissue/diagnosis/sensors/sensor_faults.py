@@ -56,7 +56,6 @@ def mended(record: Record, findings: Sequence[Finding]) -> Record:
 
     Parameters
     ----------
-    record : Record
     findings : sequence of Finding
         What `sensor_faults` found in this record, or in all records of a set: a skew of the clocks that one of them tells
         holds for the others too.

@@ -17,12 +17,7 @@ _MOST = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class WildSamples:
-    """Single samples of the force that no other one comes near.
-
-    Attributes
-    ----------
-    samples : numpy.ndarray of int
-    """
+    """Single samples of the force that no other one comes near."""
 
     samples: np.ndarray
 

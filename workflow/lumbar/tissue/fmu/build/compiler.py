@@ -20,25 +20,18 @@ from lumbar.base.errors import InputError
 
 @dataclass(frozen=True)
 class Target:
-    """A platform.
-
-    Attributes
-    ----------
-    triple : str
-        Zig's name of it, with the oldest C library supported.
-    suffix : str
-        Of a shared library.
-    fmi2, fmi3 : str
-        Folder below ``binaries/``. FMI 2.0 names processors of 64 bits x86_64 alone: others have FMI 3.0's names.
-    libraries : tuple of str
-        Linker options.
-    """
+    """A platform."""
 
     triple: str
+    """Zig's name of it, with the oldest C library supported."""
     suffix: str
+    """Of a shared library."""
     fmi2: str
     fmi3: str
+    """`fmi2`, `fmi3`: folder below ``binaries/``. FMI 2.0 names processors of 64 bits x86_64 alone: others have FMI 3.0's
+    names."""
     libraries: tuple[str, ...] = ()
+    """Linker options."""
 
 
 TARGETS = {

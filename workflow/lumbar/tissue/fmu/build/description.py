@@ -20,25 +20,17 @@ AUTHOR = "The lumbar developers"
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of the FMU.
-
-    Attributes
-    ----------
-    reference : int
-        Value reference, as in ``sampled_force.h``.
-    kind : str
-        ``"input"``, ``"output"`` or ``"parameter"``.
-    start : float or None
-        None for the output: it is calculated.
-    low, high, nominal : float or None
-    """
+    """A variable of the FMU."""
 
     name: str
     reference: int
+    """Value reference, as in ``sampled_force.h``."""
     kind: str
+    """``"input"``, ``"output"`` or ``"parameter"``."""
     description: str
     unit: str
     start: float | None
+    """None for the output: it is calculated."""
     low: float | None = None
     high: float | None = None
     nominal: float | None = None
@@ -290,7 +282,6 @@ def model_description(model: ExportModel, version: str, data: str) -> str:
 
     Parameters
     ----------
-    model : ExportModel
     version : str
         One of `FMI_VERSIONS`.
     data : str

@@ -29,7 +29,6 @@ def documentation_html(
 
     Parameters
     ----------
-    model : ExportModel
     version : str
         Of FMI.
     data : str

@@ -22,26 +22,17 @@ _MOTION_STATES = 3
 
 @dataclass(frozen=True)
 class Term:
-    """A form with its numbers.
-
-    Attributes
-    ----------
-    form : Form
-    linear, nonlinear : tuple of float
-    numbers : dict of str to float
-        What its C code knows by name.
-    memory : int
-        Where its part of the state begins.
-    motion : int
-        Where the motion that reaches it stands in the state.
-    """
+    """A form with its numbers."""
 
     form: Form
     linear: tuple[float, ...]
     nonlinear: tuple[float, ...]
     numbers: dict[str, float]
+    """What its C code knows by name."""
     memory: int
+    """Where its part of the state begins."""
     motion: int
+    """Where the motion that reaches it stands in the state."""
 
     @property
     def memory_end(self) -> int:
@@ -56,23 +47,15 @@ class Term:
 
 @dataclass(frozen=True)
 class EffectModel:
-    """A base model with effects.
-
-    Attributes
-    ----------
-    base : Base
-    base_numbers : tuple of tuple of float
-        Linear and nonlinear parameters of the base.
-    forms : tuple of tuple
-        Form, linear and nonlinear parameters of every effect, in the order in which they were added; all with C steps.
-    sampling_time : float
-        Seconds.
-    """
+    """A base model with effects."""
 
     base: Base
     base_numbers: tuple[tuple[float, ...], tuple[float, ...]]
+    """Linear and nonlinear parameters of the base."""
     forms: tuple[tuple[Form, tuple[float, ...], tuple[float, ...]], ...]
+    """Form, linear and nonlinear parameters of every effect, in the order in which they were added; all with C steps."""
     sampling_time: float
+    """Seconds."""
 
     c_source = "model_effects.c"
     headers = ("effect_forms.h", "portable_math.h", "portable_math.c")

@@ -31,51 +31,34 @@ _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECAS
 
 @dataclass(frozen=True)
 class ExportModel:
-    """A model ready for export.
-
-    Attributes
-    ----------
-    name : str
-        As in file names, e.g. ``"KB+coulomb_friction"``.
-    dynamics : LinearModel or EffectModel
-        From deviations of the input to deviations of the output.
-    sampling_time : float
-        Seconds.
-    input, output : Port
-    moving_average : int
-        Samples of the input's moving average, the newest included; 1 is off.
-    output_limit : float
-        Largest magnitude of the output, in its unit.
-    gain_limit : float
-        Largest factor on the output that a user may set.
-    fit : dict of str to str
-        How the model was found, for the documentation: label and text.
-    guards : Guards
-        What is done to the force before the device receives it.
-    starts_at_rest : bool
-        Whether the model rests at the first input; else it rested at the input's offset before.
-    prescribed : bool
-        Whether it was given, as IL is, not identified.
-    valid_for : MotionRange or None
-        Motion that the model was fitted to, where it is known.
-    on_device : tuple of str
-        What it does on the device of the study, for the documentation; empty where that was not asked.
-    """
+    """A model ready for export."""
 
     name: str
+    """As in file names, e.g. ``"KB+coulomb_friction"``."""
     dynamics: LinearModel | EffectModel
+    """From deviations of the input to deviations of the output."""
     sampling_time: float
+    """Seconds."""
     input: Port
     output: Port
     moving_average: int
+    """Samples of the input's moving average, the newest included; 1 is off."""
     output_limit: float
+    """Largest magnitude of the output, in its unit."""
     gain_limit: float
+    """Largest factor on the output that a user may set."""
     fit: dict[str, str]
+    """How the model was found, for the documentation: label and text."""
     guards: Guards = UNGUARDED
+    """What is done to the force before the device receives it."""
     starts_at_rest: bool = True
+    """Whether the model rests at the first input; else it rested at the input's offset before."""
     prescribed: bool = False
+    """Whether it was given, as IL is, not identified."""
     valid_for: MotionRange | None = None
+    """Motion that the model was fitted to, where it is known."""
     on_device: tuple[str, ...] = ()
+    """What it does on the device of the study, for the documentation; empty where that was not asked."""
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
@@ -191,7 +174,6 @@ def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[
     ----------
     fitted : list of FittedModel
         Those of ``tissue/models.json``.
-    settings : RuntimeSettings
 
     Returns
     -------

@@ -37,7 +37,6 @@ def resources(
 
     Parameters
     ----------
-    model : ExportModel
     version : str
         Of FMI; FMI 3.0 has a second output, for importers without event mode.
     push : tuple of numpy.ndarray

@@ -13,25 +13,17 @@ LARGEST = 1e3
 
 @dataclass(frozen=True)
 class Guards:
-    """What is done to the force before the device receives it.
-
-    Attributes
-    ----------
-    contact : bool
-        The tissue cannot pull, and ends at the input's offset: below it, the model is at rest.
-    rate_limit : float
-        Largest change of the force in a second, in its unit; 0 is none.
-    device_damping : float
-        What the device surely has, in N·s/m (rotations: N·m·s/rad): with it the force is bounded such that device and
-        FMU never give out more energy than they took in. 0 leaves the force unbounded.
-    energy_reserve : float
-        Most energy that counts as taken in, in J.
-    """
+    """What is done to the force before the device receives it."""
 
     contact: bool = False
+    """The tissue cannot pull, and ends at the input's offset: below it, the model is at rest."""
     rate_limit: float = 0.0
+    """Largest change of the force in a second, in its unit; 0 is none."""
     device_damping: float = 0.0
+    """What the device surely has, in N·s/m (rotations: N·m·s/rad): with it the force is bounded such that device and FMU
+    never give out more energy than they took in. 0 leaves the force unbounded."""
     energy_reserve: float = 0.0
+    """Most energy that counts as taken in, in J."""
 
     @property
     def passive(self) -> bool:
@@ -64,21 +56,15 @@ UNGUARDED = Guards()
 
 @dataclass(frozen=True)
 class Guarded:
-    """Forces behind the guards.
-
-    Attributes
-    ----------
-    forces : numpy.ndarray, shape (samples,)
-        Of each sample.
-    read : numpy.ndarray, shape (samples,)
-        What is read, and displayed, from each sample's instant on: a sample later without event mode.
-    energies : numpy.ndarray, shape (samples,)
-        Taken in by FMU and device's damping up to each sample, in J; without event mode the least of what it can be.
-    """
+    """Forces behind the guards."""
 
     forces: np.ndarray
+    """Shape (samples,): of each sample."""
     read: np.ndarray
+    """Shape (samples,): what is read, and displayed, from each sample's instant on: a sample later without event mode."""
     energies: np.ndarray
+    """Shape (samples,): taken in by FMU and device's damping up to each sample, in J; without event mode the least of what
+    it can be."""
 
 
 def guarded(model, positions: np.ndarray, limited: np.ndarray, event_mode: bool) -> Guarded:

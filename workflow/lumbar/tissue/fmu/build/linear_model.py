@@ -21,25 +21,17 @@ _NEAR_ONE = 1e-9
 
 @dataclass(frozen=True)
 class LinearModel:
-    """H(z) from deviations of the input to deviations of the output.
-
-    Attributes
-    ----------
-    numerator, denominator : tuple of float
-        Coefficients of z⁰, z⁻ᵖ, z⁻²ᵖ, … with p phases.
-    name : str
-        Stands in messages.
-    delay : int
-        Samples by which the input is late.
-    phases : int
-        Samples between those that the model itself knows: it runs as many times over, each on its own samples.
-    """
+    """H(z) from deviations of the input to deviations of the output."""
 
     numerator: tuple[float, ...]
     denominator: tuple[float, ...]
+    """`numerator`, `denominator`: coefficients of z⁰, z⁻ᵖ, z⁻²ᵖ, … with p phases."""
     name: str = "model"
+    """Stands in messages."""
     delay: int = 0
+    """Samples by which the input is late."""
     phases: int = 1
+    """Samples between those that the model itself knows: it runs as many times over, each on its own samples."""
 
     c_source = "model_linear.c"
     headers = ()

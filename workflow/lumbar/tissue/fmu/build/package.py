@@ -28,7 +28,6 @@ def compile_model(model: ExportModel, targets: Sequence[str], cache: Path) -> di
 
     Parameters
     ----------
-    model : ExportModel
     targets : list of str
         Platforms, keys of `lumbar.tissue.fmu.build.compiler.TARGETS`, or ``"host"``.
     cache : Path
@@ -121,7 +120,6 @@ def export_fmus(
 
     Parameters
     ----------
-    models : list of ExportModel
     folder : Path
         Where the FMUs are written.
     data : str

@@ -32,7 +32,6 @@ def model_output(model: ExportModel, inputs: np.ndarray, late: bool = False) -> 
 
     Parameters
     ----------
-    model : ExportModel
     inputs : numpy.ndarray, shape (samples,)
         In the input's unit.
     late : bool
@@ -53,7 +52,6 @@ def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np
 
     Parameters
     ----------
-    model : ExportModel
     inputs : numpy.ndarray, shape (samples,)
     version : str
         In FMI 2.0 the feed-through is one sample late, or the whole force; not so at the start, but with guards the force
@@ -132,7 +130,6 @@ def reference_push(model: ExportModel, version: str) -> tuple[np.ndarray, np.nda
 
     Parameters
     ----------
-    model : ExportModel
     version : str
         Of FMI; see `reference_output`.
 

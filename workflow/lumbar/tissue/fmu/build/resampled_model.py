@@ -29,15 +29,10 @@ def at_rate(model: LinearModel, sampling_time: float, wanted: float) -> LinearMo
 
     Parameters
     ----------
-    model : LinearModel
     sampling_time : float
         Of the identified model, in seconds.
     wanted : float
         Seconds.
-
-    Returns
-    -------
-    LinearModel
 
     Raises
     ------

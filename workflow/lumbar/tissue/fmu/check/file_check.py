@@ -18,23 +18,15 @@ from lumbar.tissue.fmu.check.playing import played
 
 @dataclass(frozen=True)
 class FileCheck:
-    """What was found in one file.
-
-    Attributes
-    ----------
-    path : Path
-    problems : tuple of str
-        One sentence each: variable or file in the FMU, what was found, what is expected.
-    played : bool
-        Whether there was a library for this machine to play; only then was it built anew from the sources.
-    same_bytes : bool
-        Whether the library built from the sources is the shipped one to the byte; else its forces are.
-    """
+    """What was found in one file."""
 
     path: Path
     problems: tuple[str, ...]
+    """One sentence each: variable or file in the FMU, what was found, what is expected."""
     played: bool = False
+    """Whether there was a library for this machine to play; only then was it built anew from the sources."""
     same_bytes: bool = False
+    """Whether the library built from the sources is the shipped one to the byte; else its forces are."""
 
     def __str__(self) -> str:
         """One line for a sound file."""
@@ -49,13 +41,8 @@ def check_file(path: Path, cache: Path) -> FileCheck:
 
     Parameters
     ----------
-    path : Path
     cache : Path
         Folder of the compiler's cache.
-
-    Returns
-    -------
-    FileCheck
 
     Raises
     ------

@@ -31,30 +31,21 @@ _SHARE_OF_LIMIT = 0.8
 
 @dataclass(frozen=True)
 class Check:
-    """What was found for one FMU.
-
-    Attributes
-    ----------
-    file : str
-    largest_output : float
-        In the output's unit.
-    largest_error : float
-        Relative to `largest_output`.
-    tolerance : float
-        What `largest_error` may be at most.
-    schema, lint : list of str
-        Problems that fmpy's validation and `lint_fmu` found.
-    """
+    """What was found for one FMU."""
 
     file: str
     model: ExportModel
     version: str
     samples: int
     largest_output: float
+    """In the output's unit."""
     largest_error: float
+    """Relative to `largest_output`."""
     tolerance: float
+    """What `largest_error` may be at most."""
     schema: list[str]
     lint: list[str]
+    """`schema`, `lint`: problems that fmpy's validation and `lint_fmu` found."""
 
     def problems(self) -> list[str]:
         """Reasons why the FMU must not be used."""
@@ -75,7 +66,6 @@ def simulate_fmu(path: Path, time: np.ndarray, inputs: np.ndarray) -> np.ndarray
 
     Parameters
     ----------
-    path : Path
     time : numpy.ndarray, shape (samples,)
         ``k`` times the sampling time.
     inputs : numpy.ndarray, shape (samples,)
@@ -138,12 +128,6 @@ def _next_events_by_bisection() -> Iterator[None]:
 def check_input(model: ExportModel, samples: int, seed: int) -> np.ndarray:
     """Return a random walk about the rest position that drives the output to a set share of its limit.
 
-    Parameters
-    ----------
-    model : ExportModel
-    samples : int
-    seed : int
-
     Returns
     -------
     numpy.ndarray, shape (samples,)
@@ -182,17 +166,12 @@ def check_fmus(models: list[ExportModel], folder: Path, samples: int, seed: int)
 
     Parameters
     ----------
-    models : list of ExportModel
     folder : Path
         Where the FMUs lie.
     samples : int
         Length of the simulation.
     seed : int
         Of the input.
-
-    Returns
-    -------
-    list of Check
 
     Raises
     ------

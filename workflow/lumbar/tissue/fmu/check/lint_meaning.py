@@ -18,7 +18,6 @@ def lint_meaning(files: Mapping[str, bytes], root: Element, unit: str | None) ->
 
     Parameters
     ----------
-    files : mapping of str to bytes
     root : Element
         Of the model description.
     unit : str or None

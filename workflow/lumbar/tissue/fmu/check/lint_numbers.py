@@ -33,7 +33,6 @@ def lint_constants(
 
     Parameters
     ----------
-    files : mapping of str to bytes
     variables : list of tuple
         Name and attributes.
     steps : mapping of str to float

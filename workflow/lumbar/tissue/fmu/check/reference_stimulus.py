@@ -16,20 +16,14 @@ from lumbar.tissue.fmu.check.fmu_check import simulate_fmu
 
 @dataclass(frozen=True)
 class Push:
-    """Outputs of all FMUs to the same movement.
-
-    Attributes
-    ----------
-    time : numpy.ndarray, shape (samples,)
-        Seconds.
-    inputs : numpy.ndarray, shape (samples,)
-    outputs : dict of tuple (str, str) to numpy.ndarray, each of shape (samples,)
-        By model and FMI version.
-    """
+    """Outputs of all FMUs to the same movement."""
 
     time: np.ndarray
+    """Shape (samples,): seconds."""
     inputs: np.ndarray
+    """Shape (samples,)."""
     outputs: dict[tuple[str, str], np.ndarray]
+    """Dict of tuple (str, str) to numpy.ndarray, each of shape (samples,): by model and FMI version."""
 
     def most_delayed(self) -> str:
         """Model whose FMI 2.0 output differs most from that of FMI 3.0."""
