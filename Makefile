@@ -64,14 +64,14 @@ update-reference: results ## take the default study's numbers as the new referen
 
 benchmark: environment ## accuracy of the diagnosis over hundreds of experiments; timings and memory, printed
 	snakemake --cores $(CORES) lifting tissue
-	python tests/benchmark/run.py
-	python tests/benchmark/growth.py
-	python tests/benchmark/stability.py
-	python tests/benchmark/population.py
-	python tests/benchmark/runtime.py
-	python tests/benchmark/browser.py
-	python tests/benchmark/pendulum.py
-	python tests/benchmark/calibration.py --markdown docs/acceptance.md
+	python benchmarks/timings.py
+	python benchmarks/growth.py
+	python benchmarks/stability.py
+	python benchmarks/population.py
+	python benchmarks/runtime.py
+	python benchmarks/browser.py
+	python benchmarks/pendulum.py
+	python benchmarks/calibration.py --markdown docs/acceptance.md
 	snakemake --cores $(CORES) hidden_effects --configfile config/hidden_effects_full.yaml
 
 lint: environment ## what the continuous integration checks before the tests

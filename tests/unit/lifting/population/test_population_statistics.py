@@ -145,7 +145,7 @@ def test_power_and_sample_size(paired, reference):
 @pytest.mark.parametrize("persons", [3, 10])
 @pytest.mark.parametrize("trials", [(1, 1), (3, 3), (UNEQUAL, UNEQUAL), (1, 5)])
 def test_five_percent_of_equal_groups_differ(persons, trials):
-    """The whole table, with estimated ratios of variances, is printed by tests/benchmark/population.py."""
+    """The whole table, with estimated ratios of variances, is printed by benchmarks/population.py."""
     rng, rejected = np.random.default_rng(7), 0
     for _ in range(600):
         groups = [draw_group(rng, persons, count, 0.5) for count in trials]

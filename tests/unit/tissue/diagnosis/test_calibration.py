@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmark"))
 
 from calibration_records import CONDITIONS, KNOWN, NOISES, effect_experiment, null_records
 from calibration_tables import coverage, null_lines

@@ -2,7 +2,7 @@
 
 Studentised (Davison & Hinkley, 1997, ch. 5.2), on the persons' means: percentiles of the difference itself are too narrow
 with few persons (a 5 % test rejects in 8–20 % with 3 to 10 of each group). Drawing trials within the persons drawn
-counts their scatter twice (§ 3.8), so that the level then hangs on the intraclass correlation; tests/benchmark/population.py
+counts their scatter twice (§ 3.8), so that the level then hangs on the intraclass correlation; benchmarks/population.py
 prints all three.
 """
 

@@ -10,7 +10,7 @@ import numpy as np
 
 FEWEST_PERSONS = 3
 """Persons of a group below which no interval is given: with two, one difference stands for all scatter between people.
-From three on the tests hold their level (tests/benchmark/population.py)."""
+From three on the tests hold their level (benchmarks/population.py)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 The tables beside this module, one per catalogue, hold the largest likelihood-ratio statistic among all its candidates
 for simulated experiments in which the base model is true, base refitted each time. Gains of white noise do not depend
-on the record's length, so the tables are made once (``tests/benchmark/null_gains.py``) and shipped.
+on the record's length, so the tables are made once (``benchmarks/null_gains.py``) and shipped.
 """
 
 from __future__ import annotations

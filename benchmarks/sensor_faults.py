@@ -1,6 +1,6 @@
 """How often sound sensors are accused, and from what size on each fault is told.
 
-python tests/benchmark/sensor_faults.py [--records 1000] [--repeats 5]
+python benchmarks/sensor_faults.py [--records 1000] [--repeats 5]
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "unit"))
 
 from sensor_records import clean_records, tissue_record
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from calibration_records import FAULTS
-from calibration_tables import COLOURED, CONFIDENCE, WHITE, parameter_words
 from scipy.stats import binom, binomtest
 
+from calibration_records import FAULTS
+from calibration_tables import COLOURED, CONFIDENCE, WHITE, parameter_words
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, house_style, label_panels, new_figure
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 

@@ -1,6 +1,6 @@
 """Whether the diagnosis' probabilities and intervals are what they say, on simulated tissue tests whose truth is known.
 
-    python tests/benchmark/calibration.py [--count 17] [--markdown docs/acceptance.md]
+    python benchmarks/calibration.py [--count 17] [--markdown docs/acceptance.md]
 
 Linear tissues under noise and sensor faults: the p-value of the best effect that is not there, and whether one is named.
 Tissues with one effect, fitted in its own form: whether the 95 % intervals hold the true values. Writes every single result to
@@ -18,7 +18,8 @@ from pathlib import Path
 
 import pandas as pd
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from acceptance_page import write_section
 from calibration_figure import calibration_figure
 from calibration_records import (
     COLOURS,
@@ -32,8 +33,6 @@ from calibration_records import (
     only_form,
 )
 from calibration_tables import coverage, coverage_lines, null_lines
-
-from acceptance_page import write_section
 from lumbar.base.errors import LumbarError
 from lumbar.base.files import write_csv, write_text
 from lumbar.base.progress import track

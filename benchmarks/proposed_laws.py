@@ -1,8 +1,8 @@
 """How good proposed laws are: on laws that are in no catalogue, on records with nothing missing, and on labelled experiments.
 
-    python tests/benchmark/proposed_laws.py laws
-    python tests/benchmark/proposed_laws.py nulls --count 120
-    python tests/benchmark/proposed_laws.py folder /path/to/experiments --like i
+    python benchmarks/proposed_laws.py laws
+    python benchmarks/proposed_laws.py nulls --count 120
+    python benchmarks/proposed_laws.py folder /path/to/experiments --like i
 
 *laws*: a law is looked for in three records; its error is then taken on three others that nothing has seen: the same amplitude
 and speed, 1.5 times the amplitude, 1.5 times the speed. *nulls*: a true base with white, coloured or unknown noise; with
@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 from scipy.signal import lfilter
-from tissue_laws import LAWS, UNEVEN, motions, simulate, sines, swept
 
 from lumbar.interface.diagnosis import diagnose
 from lumbar.interface.reading import read
@@ -32,6 +31,7 @@ from lumbar.tissue.diagnosis.selection.forward_selection import evaluate
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
+from tissue_laws import LAWS, UNEVEN, motions, simulate, sines, swept
 
 OVER_NOISE = 10.0
 """Error of the fitted base in noise levels."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from calibration_records import CONDITIONS
 
+from calibration_records import CONDITIONS
 from lumbar.tissue.diagnosis.scoring.scores import share_with_interval
 
 CONFIDENCE = 0.95

@@ -1,6 +1,6 @@
 """How readers take broken files: 20,000 of them, or as many as are asked for.
 
-    python tests/benchmark/fuzzing.py [COUNT [SEED]]
+    python benchmarks/fuzzing.py [COUNT [SEED]]
 
 Prints how many were read and refused by kind, the longest time and the largest memory; files that ended in another error
 than a refusal are kept and named.
@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-PROJECT = Path(__file__).resolve().parents[2]
+PROJECT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(PROJECT / "tests" / "unit"), str(PROJECT / "workflow")]
 
 if __name__ == "__main__":

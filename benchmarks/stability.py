@@ -1,6 +1,6 @@
 """Basins of attraction: how fast and how good, in one run beside cvxpy and, where installed, pydrake.
 
-    python tests/benchmark/stability.py [--starts 10000] [--knots 1000] [--output results/benchmarks/stability.csv]
+    python benchmarks/stability.py [--starts 10000] [--knots 1000] [--output results/benchmarks/stability.csv]
 
 Takes the pendulums of the default study (`snakemake lifting` makes them). Prints each figure with its target and
 writes the table as CSV. Times are CPU time of one core unless stated; they say nothing on a busy machine but ratios.
@@ -21,7 +21,7 @@ from pathlib import Path
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[variable] = "1"
-PROJECT = Path(__file__).resolve().parents[2]
+PROJECT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(PROJECT / "workflow"))
 
 import numpy as np  # noqa: E402

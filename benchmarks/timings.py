@@ -1,6 +1,6 @@
 """Timings and memory: the default study from nothing, and the fits against simpler ways of doing the same.
 
-    python tests/benchmark/run.py
+    python benchmarks/timings.py
 
 Prints a table; nothing is asserted, because machines differ. Each ratio compares two ways in the same process.
 """
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-PROJECT = Path(__file__).resolve().parents[2]
+PROJECT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(PROJECT / "tests"))
 sys.path.insert(0, str(PROJECT / "workflow"))
 

@@ -1,6 +1,6 @@
 """Statistics of people: does a 5 % test reject in 5 %, does a 95 % interval cover in 95 %, is the power as computed?
 
-    python tests/benchmark/population.py [--runs 1000] [--output results/benchmarks/population.csv]
+    python benchmarks/population.py [--runs 1000] [--output results/benchmarks/population.csv]
 
 Simulates groups of people with known scatter between people and trials, runs the library's own functions on them, prints
 a table with the share of runs in which 0 lies outside of the interval although there is no difference, and writes it
@@ -17,7 +17,7 @@ from pathlib import Path
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[variable] = "1"
-PROJECT = Path(__file__).resolve().parents[2]
+PROJECT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
 
 import numpy as np  # noqa: E402

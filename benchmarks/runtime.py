@@ -1,6 +1,6 @@
 """The FMUs in numbers: time per step in C, fmpy and PythonFMU, energy given out over 10⁷ steps, sizes and build times.
 
-    python tests/benchmark/runtime.py [RESULTS.csv] [--pythonfmu PYTHON]
+    python benchmarks/runtime.py [RESULTS.csv] [--pythonfmu PYTHON]
 
 PYTHON is an interpreter of an environment of its own that has ``pythonfmu`` and ``fmpy``; without it that row is left
 out. Limits are those the FMUs are meant to keep on an idle machine; the exit code says whether they were kept.
@@ -17,8 +17,8 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent / "unit"), str(HERE.parent)]
+TESTS = Path(__file__).resolve().parents[1] / "tests"
+sys.path[:0] = [str(TESTS / "unit"), str(TESTS)]
 
 from c_programs import loader_program  # noqa: E402
 from effect_entries import COMBINATIONS, FIVE_EFFECTS, effect_entry  # noqa: E402
@@ -182,7 +182,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="lumbar-benchmark-") as name:
         folder = Path(name)
         export_fmus(exported, folder, "benchmark", ["host"], CACHE)
-        program = loader_program(HERE.parent / "unit" / "fmu_client.c", host_target(), folder, CACHE)
+        program = loader_program(TESTS / "unit" / "fmu_client.c", host_target(), folder, CACHE)
         rows = c_client(program, folder, exported)
         rows.append(through_fmpy(folder / "KB_fmi2.fmu", sys.executable, "through fmpy, KB, median"))
         if options.pythonfmu:

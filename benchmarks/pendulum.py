@@ -1,6 +1,6 @@
 """Accuracy of the diagnosis of pendulums: experiments by Newton's law with one hidden effect, or none, diagnosed blind.
 
-    python tests/benchmark/pendulum.py --seeds 20
+    python benchmarks/pendulum.py --seeds 20
 
 Prints how many are named right by effect, by what is measured, and by strength (RMS that the best pendulum leaves of the
 training record, over the noise), with 95 % intervals (Wilson); writes one row per experiment to
@@ -23,7 +23,7 @@ from lumbar.base.progress import track
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "unit"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "unit"))
 from pendulum_experiments import EFFECTS, make_pendulum_experiment
 from pendulum_records import records_of
 

@@ -1,6 +1,6 @@
 """The body model beside the rules: on virtual people, whose truth is known, and on real recordings.
 
-    python tests/benchmark/body_model.py [people hidden centre t12 areas] [--seeds 8] [--shared ../shared]
+    python benchmarks/body_model.py [people hidden centre t12 areas] [--seeds 8] [--shared ../shared]
 
 Prints the tables of docs/body_model.md. `people` takes about 6 CPU-seconds per person and condition, the others together
 four minutes. Rules bridge every gap by a spline here, however long, where they would leave it open by default.
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
-PROJECT = Path(__file__).resolve().parents[2]
+PROJECT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [
     str(PROJECT / "workflow"),
     str(PROJECT / "tests"),
@@ -24,7 +24,6 @@ sys.path[:0] = [
 ]
 
 import numpy as np  # noqa: E402
-from virtual_people import virtual_trial  # noqa: E402
 
 from lumbar.lifting.body_model import anatomy  # noqa: E402
 from lumbar.lifting.body_model.build import build  # noqa: E402
@@ -41,6 +40,7 @@ from lumbar.records.markers import MarkerRecording, read_markers  # noqa: E402
 from lumbar.settings.layout import MarkerLayout  # noqa: E402
 from lumbar.settings.lifting import BodyModelSettings  # noqa: E402
 from study_settings import study_settings, subject_settings  # noqa: E402
+from virtual_people import virtual_trial  # noqa: E402
 
 RATE = 50.0
 """Instants of the model per second."""

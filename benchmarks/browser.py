@@ -1,6 +1,6 @@
 """The page of a diagnosis in a real browser: first picture, interactions on 12,000 samples, a refit, its size.
 
-    python tests/benchmark/browser.py [--plotly plotly.min.js]
+    python benchmarks/browser.py [--plotly plotly.min.js]
 
 Prints what was measured beside what is aimed at; nothing is asserted, because machines differ. With Plotly's library at
 hand the same four traces are drawn by it too, in the same browser, and the ratio is printed.

@@ -4,8 +4,8 @@ Every experiment has a true base of random parameters (a Kelvin–Boltzmann tiss
 multisine of random phases and slope of its spectrum (or band-limited noise), and noise that is white or, where its
 colour can be known from the periods of a multisine, coloured; base and candidates are fitted as in a diagnosis.
 
-    python tests/benchmark/null_gains.py --base KB --experiments 1000
-    python tests/benchmark/null_gains.py --base pendulum --experiments 400
+    python benchmarks/null_gains.py --base KB --experiments 1000
+    python benchmarks/null_gains.py --base pendulum --experiments 400
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Seconds and memory of every rule, and how they grow with samples, records and lifters.
 
-    python tests/benchmark/growth.py [--study results/thesis] [--before results/other] [--longest 20] [--only WORDS]
+    python benchmarks/growth.py [--study results/thesis] [--before results/other] [--longest 20] [--only WORDS]
 
 Prints tables; nothing is asserted, because machines differ. The first is of the benchmark files of a run that is there, beside
 those of an earlier one. Each further row is one task at sizes that rise tenfold until one takes longer than ``--longest``
@@ -23,7 +23,7 @@ from pathlib import Path
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[variable] = "1"
-PROJECT = Path(__file__).resolve().parents[2]
+PROJECT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
 
 import numpy as np  # noqa: E402
