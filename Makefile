@@ -96,10 +96,10 @@ SITE := build/docs-venv
 # An environment of its own, from the newest versions that pyproject.toml allows: .venv stays the lock's.
 docs-site: ## build/docs-site: the pages and the API reference as a site (downloads MkDocs)
 	$(PYTHON) -m venv $(SITE)
-	$(SITE)/bin/pip install --quiet $$($(PYTHON) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["docs"])')
+	$(SITE)/bin/pip install --quiet $$($(PYTHON) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["dependency-groups"]["docs"])')
 	NO_MKDOCS_2_WARNING=1 $(SITE)/bin/mkdocs build --strict --quiet
 
-COMPILE := uv pip compile pyproject.toml --extra develop --universal --fork-strategy fewest --python-version 3.11 \
+COMPILE := uv pip compile pyproject.toml --group dev --universal --fork-strategy fewest --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-header --no-annotate --quiet
 # The cluster's packages are solved with the lock's versions at hand; derive.py keeps what they add.
 lock: ## renew envs/ from pyproject.toml (needs uv)

@@ -7,7 +7,7 @@ import pytest
 
 def serious(page) -> list[tuple[str, str]]:
     """What axe-core finds serious or critical, with the element."""
-    reason = "the extra 'develop' has it"
+    reason = "the dependency group 'dev' has it"
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason=reason).Axe()
     found = axe.run(page).response["violations"]
     return [

@@ -17,7 +17,7 @@ def browser():
     if CHROMIUM is None:
         pytest.skip("no Chromium here: install it (Debian: apt-get install chromium)")
     sync_playwright = pytest.importorskip(
-        "playwright.sync_api", reason="the extra 'develop' has it"
+        "playwright.sync_api", reason="the dependency group 'dev' has it"
     ).sync_playwright
     with sync_playwright() as driver:
         # Root may start a browser only without its sandbox, as in most containers; the pages are our own.

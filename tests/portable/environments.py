@@ -44,8 +44,8 @@ def interpreter_of(run: Run, output: Path, log: Path) -> Path:
 
 def requirements(packages: str) -> list[str]:
     """Return the requirements of pyproject.toml, each at its lower bound or without upper limit."""
-    description = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    wanted = description["dependencies"]
+    description = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
+    wanted = description["project"]["dependencies"]
     if packages == "lowest":
         wanted = [re.sub(r">=", "==", requirement) for requirement in wanted]
-    return [*wanted, *description["optional-dependencies"]["develop"]]
+    return [*wanted, *description["dependency-groups"]["dev"]]

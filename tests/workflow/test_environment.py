@@ -26,8 +26,8 @@ def test_every_locked_version_has_hashes_and_no_address(project):
 
 
 def test_every_dependency_is_locked(project):
-    description = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    wanted = [*description["dependencies"], *description["optional-dependencies"]["develop"]]
+    description = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))
+    wanted = [*description["project"]["dependencies"], *description["dependency-groups"]["dev"]]
     names = {re.match(r"[A-Za-z0-9._-]+", requirement).group().lower() for requirement in wanted}
     assert names <= set(pins(project))
 

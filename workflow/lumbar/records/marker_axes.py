@@ -30,7 +30,7 @@ _CLEARLY = 2.0
 trunk or a turned foot stays below."""
 
 
-def axis_vector(axis: str, key: str) -> np.ndarray:
+def axis_vector(axis: object, key: str) -> np.ndarray:
     """Return the unit vector of a signed axis such as ``"+z"`` or ``"-x"``."""
     if not isinstance(axis, str) or len(axis) != 2 or axis[0] not in "+-" or axis[1] not in "xyz":
         raise InputError(f"markers.{key} is {axis!r}; allowed are +x, -x, +y, -y, +z and -z")

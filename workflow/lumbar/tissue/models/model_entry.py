@@ -88,7 +88,7 @@ def _schema() -> TypeAdapter:
     return TypeAdapter(_Entry)
 
 
-def read_entry(entry: dict, catalogues: Catalogues) -> dict:
+def read_entry(entry: object, catalogues: Catalogues) -> dict:
     """Return the fields of the model of an entry; see `lumbar.tissue.models.fitted_model.FittedModel.from_json`."""
     name = entry.get("name") if isinstance(entry, dict) else None
     problems = Problems(f"model {name!r}")
@@ -98,7 +98,7 @@ def read_entry(entry: dict, catalogues: Catalogues) -> dict:
     return found
 
 
-def checked_entry(entry: dict, catalogues: Catalogues, problems: Problems) -> dict | None:
+def checked_entry(entry: object, catalogues: Catalogues, problems: Problems) -> dict | None:
     """Return the fields of the model of an entry, or None where something was added to `problems`."""
     plain = _typed(entry, problems)
     if plain is None:

@@ -154,7 +154,7 @@ class _Latex:
 
     def _base(self, base: Expression) -> str:
         """Base of a power; functions get brackets, for a power beside a name is read as its own."""
-        simple = isinstance(base, Number | Symbol) or (isinstance(base, Operation) and base.name == "abs")
+        simple = isinstance(base, Number | Symbol) or base.name == "abs"
         return self.text(base, _ATOM) if simple else f"({self.text(base, 0)})"
 
     def _product(self, product: Operation) -> str:

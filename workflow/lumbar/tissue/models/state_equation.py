@@ -251,7 +251,7 @@ class StateEquation:
         for now in zip(*series.values(), strict=True) if series else repeat((), steps):
             try:
                 values = {**constants, **dict(zip(series, now, strict=True)), symbol: state}
-                added, slope, *by_clock = map(float, evaluate(values))  # type: ignore[arg-type]
+                added, slope, *by_clock = map(float, evaluate(values))
             except (OverflowError, ValueError):  # beyond the largest number, where NumPy would say so by one
                 break
             slope = min(slope, _LARGEST_SLOPE)
