@@ -31,8 +31,8 @@ from lumbar.lifting.body_model.fit import BodyFit, fit  # noqa: E402
 from lumbar.lifting.body_model.trial_markers import at_nodes, measured_markers  # noqa: E402
 from lumbar.lifting.body_model.trunk import model_points, predicted_marker  # noqa: E402
 from lumbar.lifting.movement.centre_of_mass import segment_centres, trunk_centre  # noqa: E402
-from lumbar.lifting.movement.filtering import filter_markers  # noqa: E402
-from lumbar.lifting.movement.gaps import KEEP, fill_gaps  # noqa: E402
+from lumbar.lifting.movement.cleaning import filter_markers  # noqa: E402
+from lumbar.lifting.movement.gaps import fill_gaps  # noqa: E402
 from lumbar.lifting.movement.rigid_filling import body_shape, fill_rigid  # noqa: E402
 from lumbar.lifting.movement.segments import COMS, WINTER  # noqa: E402
 from lumbar.lifting.movement.trunk_points import trunk_points  # noqa: E402
@@ -117,7 +117,7 @@ def one_person(settings, seed: int, condition: str) -> np.ndarray:
     held = (times > trial.events.lift_off) & (times < trial.events.release)
     found = fit(build(times, nodes, trial.person.height_m, "male", held))
     inside = (times >= trial.events.deposit_start) & (times <= trial.events.release)
-    filled, _ = fill_gaps(recording, 2.0, KEEP)
+    filled, _ = fill_gaps(recording, 2.0)
     smooth = filter_markers(filled)
     rules = segment_centres_or_none(trunk_points(smooth, "inner", "harrington", "male"))
     rules_pivot = (smooth["L_ANKLE"] + smooth["R_ANKLE"]) / 2
@@ -208,7 +208,7 @@ def one_hidden(recording: MarkerRecording, marker: str) -> tuple[float, ...] | N
     inside = (times >= recording.time[start]) & (times < recording.time[start + frames - 1])
     true = at(times, recording.time, truth)[inside]
     best = predicted_marker(found, marker)[inside]
-    spline = fill_gaps(lacking, HIDDEN_S + 0.1, KEEP)[0][marker]
+    spline = fill_gaps(lacking, HIDDEN_S + 0.1)[0][marker]
     group = anatomy.PELVIS if marker in anatomy.PELVIS else anatomy.THORAX
     shape = body_shape(lacking.positions, [name for name in group if name in recording], "")
     rigid = np.full_like(truth, np.nan)

@@ -19,7 +19,7 @@ from lumbar.lifting.body_model.trial_markers import at_nodes, measured_markers
 from lumbar.lifting.body_model.trunk import model_points, predicted_marker
 from lumbar.lifting.movement.centre_of_mass import segment_centres
 from lumbar.lifting.movement.events import Event
-from lumbar.lifting.movement.gaps import KEEP, fill_gaps
+from lumbar.lifting.movement.gaps import fill_gaps
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.movement.pendulum_states import pendulum_states
 from lumbar.lifting.movement.segments import WINTER
@@ -184,7 +184,7 @@ def test_c7_hidden_while_rising_from_a_bend_is_predicted_better_than_by_a_spline
     time, nodes = at_nodes(recording, RATE)
     hidden = (time > 1.65) & (time < 2.55)
     found = fit(build(time, nodes, 1.72))
-    spline = fill_gaps(recording, 1.1, KEEP)[0]["C7"]
+    spline = fill_gaps(recording, 1.1)[0]["C7"]
     expected = at_instants(found, recording.time, truth)
     errors = [predicted_marker(found, "C7") - expected, at_instants(found, recording.time, spline) - expected]
     model, interpolated = (np.sqrt(np.mean(np.sum(error[hidden] ** 2, axis=1))) for error in errors)

@@ -16,7 +16,7 @@ from lumbar.lifting.measures.inverse_dynamics import Link, net_moment
 from lumbar.lifting.measures.lift_values import COLUMNS, long_table
 from lumbar.lifting.measures.registry import ALL, FRONTAL, MEASURES, SAGITTAL
 from lumbar.lifting.movement.body import com_of
-from lumbar.lifting.movement.filtering import low_pass
+from lumbar.lifting.movement.cleaning import low_pass
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import MarkerRecording, read_markers

@@ -9,8 +9,8 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.carried_object import box_centre
+from lumbar.lifting.movement.cleaning import filter_markers
 from lumbar.lifting.movement.events import _lift_off, find_events, phases
-from lumbar.lifting.movement.filtering import filter_markers
 from lumbar.lifting.movement.gaps import fill_gaps
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
@@ -231,7 +231,7 @@ def test_feet_that_stay_give_no_toe_off_on_a_person(settings, shared):
     aliases = {"L_TOE": "LTOE", "R_TOE": "RTOE", "R_WRIST": "ROWR"}
     layout = MarkerLayout(up="+y", forward="+z", check_axes=False, aliases=aliases)
     file = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
-    recording, _ = fill_gaps(read_markers(file, layout), 0.2, "keep")
+    recording, _ = fill_gaps(read_markers(file, layout), 0.2)
     declared = DeclaredEvents(lift_off_s=1.0, release_s=20.5, deposit_start_s=19.0)
     event = find_events(filter_markers(recording), settings, declared)["toe_off"]
     assert event.time_s is None
@@ -264,7 +264,7 @@ def test_hands_that_go_to_the_floor_start_at_the_end_of_a_long_hold(settings, sh
     """
     layout = MarkerLayout(up="+y", forward="+z", check_axes=False, aliases={"R_WRIST": "ROWR"})
     file = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
-    recording, _ = fill_gaps(read_markers(file, layout), 0.2, "keep")
+    recording, _ = fill_gaps(read_markers(file, layout), 0.2)
     declared = DeclaredEvents(lift_off_s=14.0, release_s=19.6)
     deposit = find_events(filter_markers(recording), settings, declared)["deposit_start"]
     assert deposit.time_s == pytest.approx(18.55, abs=0.2)
@@ -345,7 +345,7 @@ def test_hands_pick_up_from_the_floor_and_put_down_there(settings, shared):
         up="+y", forward="+z", check_axes=False, aliases={"R_WRIST": "ROWR", "L_WRIST": "LOWR"}
     )
     file = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
-    recording, _ = fill_gaps(read_markers(file, layout), 0.2, "keep")
+    recording, _ = fill_gaps(read_markers(file, layout), 0.2)
     events = find_events(filter_markers(recording), settings)
     assert 1.0 < events["lift_off"].time_s < 1.6
     assert events["deposit_start"].time_s == pytest.approx(18.55, abs=0.2)

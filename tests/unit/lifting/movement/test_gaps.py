@@ -5,7 +5,15 @@ import pytest
 from marker_gaps import missing_share
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.movement.gaps import ALONE, AT_END, AT_START, FILLED, TOO_LONG, fill_gaps
+from lumbar.lifting.movement.gaps import (
+    ALONE,
+    AT_END,
+    AT_START,
+    FILLED,
+    TOO_LONG,
+    fill_gaps,
+    refuse_open_gaps,
+)
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.stretches import runs
 from lumbar.settings.layout import MarkerLayout
@@ -85,11 +93,11 @@ def test_a_far_away_part_has_no_influence():
 )
 def test_gaps_that_are_never_filled(gap, outcome):
     holes = with_gaps(CUBIC, gap)
-    kept, gaps = fill_gaps(recording(C7=holes), longer="keep")
+    kept, gaps = fill_gaps(recording(C7=holes))
     np.testing.assert_array_equal(kept["C7"], holes)
     assert [found.outcome for found in gaps] == [outcome]
     with pytest.raises(InputError) as caught:
-        fill_gaps(recording(C7=holes))
+        refuse_open_gaps(recording(C7=holes), gaps, 0.2)
     assert f"lift.c3d: 2 problems\n  - C7: not seen for {gaps[0].length_s:.3g} s" in str(caught.value)
     assert f"({outcome})" in str(caught.value)
 
@@ -106,25 +114,25 @@ def test_longest_gap_is_filled_at_every_rate():
 
 def test_a_single_frame_between_two_gaps_is_not_enough():
     holes = with_gaps(CUBIC, slice(50, 55), slice(56, 70))
-    kept, gaps = fill_gaps(recording(C7=holes), longer="keep")
+    kept, gaps = fill_gaps(recording(C7=holes))
     assert [gap.outcome for gap in gaps] == [FILLED, FILLED]  # both within 0.2 s of two seen frames
     np.testing.assert_allclose(kept["C7"], CUBIC, atol=1e-9)
     lone = with_gaps(CUBIC, slice(20, 50), slice(51, 61), slice(62, 100))
-    _, gaps = fill_gaps(recording(C7=lone), longer="keep")
+    _, gaps = fill_gaps(recording(C7=lone))
     assert [gap.outcome for gap in gaps] == [TOO_LONG, ALONE, TOO_LONG]
 
 
 def test_no_filling_on_request():
     holes = with_gaps(CUBIC, slice(50, 51))
-    kept, gaps = fill_gaps(recording(C7=holes), maximum_s=0.0, longer="keep")
+    kept, gaps = fill_gaps(recording(C7=holes), maximum_s=0.0)
     np.testing.assert_array_equal(kept["C7"], holes)
     assert [gap.outcome for gap in gaps] == [TOO_LONG]
 
 
-@pytest.mark.parametrize("settings", [{"longer": "extrapolate"}, {"maximum_s": -0.1}, {"maximum_s": np.nan}])
-def test_settings_that_do_not_exist(settings):
+@pytest.mark.parametrize("maximum_s", [-0.1, np.nan])
+def test_a_longest_gap_that_is_no_length_of_time(maximum_s):
     with pytest.raises(InputError, match="gaps"):
-        fill_gaps(recording(C7=CUBIC), **settings)
+        fill_gaps(recording(C7=CUBIC), maximum_s)
 
 
 def test_runs():
@@ -153,7 +161,7 @@ def test_gaps_cut_into_a_real_lift(shared):
 def test_report_of_a_real_file_agrees_with_its_missing_samples(shared):
     path = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
     real = read_markers(path)
-    filled, gaps = fill_gaps(real, longer="keep")
+    filled, gaps = fill_gaps(real)
     missing = sum(np.isnan(points[:, 0]).sum() for points in real.positions.values())
     left = sum(np.isnan(points[:, 0]).sum() for points in filled.positions.values())
     assert sum(gap.n_frames for gap in gaps) == missing

@@ -75,6 +75,15 @@ def test_a_row_is_the_difference_of_two_results(study, recording, spread, choice
     assert row["angle_rad"] == pytest.approx((angles[1] - angles[0]).mean(), abs=3e-4)
 
 
+def test_another_cut_off_leaves_out_what_is_too_short_for_it_alone(study, recording):
+    """Seen for 0.2 s between two gaps before the deposit: long enough for 6 Hz, too short for 4 Hz."""
+    points = recording["C7"].copy()
+    points[10:60] = points[80:130] = np.nan
+    lift, settings = analysed(study, replace(recording, positions={**recording.positions, "C7": points}))
+    spread = model_spread(lift, study[1], settings).set_index("choice")
+    assert 0 < spread.loc["cut-off 4 Hz", "distance_mm"] < 5
+
+
 def test_the_skin_moves_the_trunk_back_and_turns_its_pendulum(spread):
     assert -80 < spread.loc["winter, skin", "forward_mm"] < -60
     assert -0.08 < spread.loc["winter, skin", "angle_rad"] < -0.05

@@ -111,5 +111,5 @@ def test_a_corner_hidden_for_a_second_of_a_real_box_comes_back_within_5_mm(share
     filled, _ = fill_rigid(cut, recording.rate, 0.0, shape, "box", 0.2)
     error = np.linalg.norm(filled["avant_droit"][gap] - truth, axis=1)
     assert np.nanmax(error) < 0.005
-    by_spline, _ = fill_gaps(MarkerRecording("box", recording.time, recording.rate, cut), 1.0, "keep")
+    by_spline, _ = fill_gaps(MarkerRecording("box", recording.time, recording.rate, cut), 1.0)
     assert np.nanmax(np.linalg.norm(by_spline["avant_droit"][gap] - truth, axis=1)) > 10 * np.nanmax(error)

@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from lumbar.lifting.movement.filtering import derivative
+from lumbar.lifting.movement.cleaning import derivative
 
 FOOT_LENGTH, FOOT_BREADTH = 0.152, 0.055
 """Shares of stature (Drillis and Contini 1966; Winter 2009, Figure 4.1)."""

@@ -29,7 +29,7 @@ from lumbar.lifting.measures.inverse_dynamics import Link, net_moment
 from lumbar.lifting.measures.posture import horizontal_axes, inclination, lumbar_flexion
 from lumbar.lifting.measures.strength import ankle_torques, trunk_extension_strength
 from lumbar.lifting.movement.body import HEAD, LOAD, WHOLE_BODY, com_of, points_of
-from lumbar.lifting.movement.filtering import derivative
+from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.joint_centres import typical_distance
 from lumbar.lifting.movement.pendulum_states import PLANES
 from lumbar.lifting.movement.trunk_points import MID_HIP

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.lifting.movement.filtering import derivative
+from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.joint_centres import unit
 
 UP = np.array([0.0, 0.0, 1.0])

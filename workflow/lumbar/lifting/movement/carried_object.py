@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lumbar.lifting.movement.filtering import derivative
+from lumbar.lifting.movement.cleaning import derivative
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
 

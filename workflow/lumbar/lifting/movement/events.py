@@ -16,9 +16,9 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.lifting.movement.carried_object import WRISTS, carried_object, longest_seen, speed, wrist_centre
+from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.event import ABSENT, DECLARED, DETECTED, EVENTS, IN_FILE, Event
 from lumbar.lifting.movement.file_events import SeveralEvents, described, file_event, refuse_without
-from lumbar.lifting.movement.filtering import derivative
 from lumbar.lifting.movement.hands import great_rises, hands_lifted, hands_lowered
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs

@@ -16,7 +16,6 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
 
-ERROR, KEEP = "error", "keep"
 FILLED, TOO_LONG, AT_START, AT_END, ALONE, ISLAND = (
     "filled",
     "longer than allowed",
@@ -26,6 +25,10 @@ FILLED, TOO_LONG, AT_START, AT_END, ALONE, ISLAND = (
     "seen too briefly to be filtered: left out",
 )
 SPLINE = "cubic spline"
+CUT_OR_KEEP = (
+    "cut the recording (window_s of the trial), give the marker an alias of others, or set gaps.longer: keep"
+)
+"""What helps a lift with a gap."""
 _BESIDE = 2
 """Seen frames needed on each side of a gap: position and direction there."""
 
@@ -54,9 +57,7 @@ class Gap:
         return self.outcome == FILLED
 
 
-def fill_gaps(
-    recording: MarkerRecording, maximum_s: float = 0.2, longer: str = ERROR
-) -> tuple[MarkerRecording, list[Gap]]:
+def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[MarkerRecording, list[Gap]]:
     """Bridge short gaps by cubic splines.
 
     Each gap is bridged on its own, by the interpolating spline through the frames seen within `maximum_s` of
@@ -66,23 +67,14 @@ def fill_gaps(
     ----------
     maximum_s : float
         Longest gap that is filled, in seconds (missing frames divided by the rate); 0 fills none.
-    longer : {"error", "keep"}
-        What becomes of gaps that are not filled: an error that lists them, or NaN in the result.
 
     Returns
     -------
     filled : MarkerRecording
-        Seen frames are unchanged to the last bit.
+        Seen frames are unchanged to the last bit; NaN where a gap stays.
     gaps : list of Gap
         Every gap, by marker and time.
-
-    Raises
-    ------
-    InputError
-        With ``longer="error"``, naming every gap that could not be filled.
     """
-    if longer not in (ERROR, KEEP):
-        raise InputError(f"gaps.longer is {longer!r}; allowed are error and keep")
     if not (np.isfinite(maximum_s) and maximum_s >= 0):
         raise InputError(f"gaps.maximum_s is {maximum_s}; a number of seconds from 0 is needed")
     gaps: list[Gap] = []
@@ -90,8 +82,6 @@ def fill_gaps(
     for marker, points in recording.positions.items():
         positions[marker], found = _fill(marker, points, recording, maximum_s)
         gaps.extend(found)
-    if longer == ERROR:
-        refuse_open_gaps(recording, gaps, maximum_s)
     return replace(recording, positions=positions), gaps
 
 
@@ -173,8 +163,9 @@ def refuse_open_gaps(
     markers: Collection[str] | None = None,
     start_s: float = -np.inf,
     stop_s: float = np.inf,
+    remedy: str = CUT_OR_KEEP,
 ) -> None:
-    """Raise an error that lists the gaps left open in `markers` (default all) between two times."""
+    """Raise an error that lists the gaps left open in `markers` (default all) between two times, with what helps."""
     problems = Problems(recording.source or recording.name)
     for gap in gaps:
         concerns = (markers is None or gap.marker in markers) and (
@@ -185,9 +176,5 @@ def refuse_open_gaps(
                 gap.marker, f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
             )
     if problems.entries:
-        problems.add(
-            "",
-            f"gaps up to {maximum_s:g} s between seen frames are filled",
-            "cut the recording (window_s of the trial), give the marker an alias of others, or set gaps.longer: keep",
-        )
+        problems.add("", f"gaps up to {maximum_s:g} s between seen frames are filled", remedy)
     problems.raise_if_any()

@@ -18,10 +18,10 @@ from lumbar.lifting.movement.carried_object import (
     wrist_centre,
 )
 from lumbar.lifting.movement.centre_of_mass import CentreOfMass, absent_segments, centres_of_mass
+from lumbar.lifting.movement.cleaning import clean, shortest_stretch
 from lumbar.lifting.movement.event import DECLARED, EVENTS, IN_FILE, Event
 from lumbar.lifting.movement.events import TOES, find_events, phases
-from lumbar.lifting.movement.filtering import filter_markers, shortest_stretch
-from lumbar.lifting.movement.gaps import ERROR, KEEP, Gap, fill_gaps, refuse_open_gaps, without_islands
+from lumbar.lifting.movement.gaps import Gap, refuse_open_gaps
 from lumbar.lifting.movement.missing_samples import why_missing
 from lumbar.lifting.movement.pendulum_states import (
     PIVOTS,
@@ -111,14 +111,15 @@ def analyse_lift(
         Naming the file and what is wrong with it: neither an event nor a centre of mass can be had from it, events set by
         hand contradict it, or with ``gaps.longer: error`` a gap that matters stays open.
     """
-    smooth, complete, gaps = _cleaned(recording, trial, settings)
-    gaps = [*filled, *gaps]
+    cleaned = clean(recording, settings)
+    smooth, complete = _within_window(cleaned.smooth, trial, settings), cleaned.complete
+    gaps = [*filled, *_gaps_within_window(cleaned.gaps, trial)]
     events = find_events(smooth, settings.events, trial.events)
     table = segment_table(settings.segments, subject.sex)
     points = _points(smooth, subject, settings)
     missing = absent_segments(points, table)
     _refuse_nothing(smooth, events, missing)
-    if settings.gaps.longer == ERROR:
+    if settings.gaps.longer == "error":
         _refuse_gaps(smooth, gaps, points, table, settings, events)
     angle, without_frame = _frame_angle(smooth, settings.frame, events)
     if angle:
@@ -154,28 +155,29 @@ def _points(recording: MarkerRecording, subject: SubjectSettings, settings: Lift
     return trunk_points(recording, settings.segment_ends, settings.hip_centres, subject.sex)
 
 
-def _cleaned(
-    recording: MarkerRecording, trial: TrialSettings, settings: LiftingSettings
-) -> tuple[MarkerRecording, MarkerRecording, list[Gap]]:
-    """Fill gaps, filter, and cut the trial's window out; the whole file without the filter stands second."""
-    smoothing = settings.filter
-    complete, gaps = fill_gaps(recording, settings.gaps.maximum_s, KEEP)
-    shortest = shortest_stretch(smoothing.cutoff_Hz, recording.rate)
-    complete, islands = without_islands(complete, shortest)
-    smooth = filter_markers(complete, smoothing.cutoff_Hz, smoothing.order)
-    gaps += islands
+def _within_window(
+    smooth: MarkerRecording, trial: TrialSettings, settings: LiftingSettings
+) -> MarkerRecording:
+    """The trial's window of a filtered recording."""
     if trial.window_s is None:
-        return smooth, complete, gaps
+        return smooth
     start, stop = trial.window_s
     inside = (smooth.time >= start) & (smooth.time <= stop)
+    shortest = shortest_stretch(settings.filter.cutoff_Hz, smooth.rate)
     if inside.sum() <= shortest:
         raise InputError(
-            f"{recording.source}: window_s {start:g} to {stop:g} s holds {inside.sum()} frames of the recording, which runs "
+            f"{smooth.source}: window_s {start:g} to {stop:g} s holds {inside.sum()} frames of the recording, which runs "
             f"from {smooth.time[0]:g} to {smooth.time[-1]:g} s; more than {shortest} are needed"
         )
     positions = {name: points[inside] for name, points in smooth.positions.items()}
-    kept = [gap for gap in gaps if gap.start_s <= stop and gap.start_s + gap.length_s > start]
-    return replace(smooth, time=smooth.time[inside], positions=positions), complete, kept
+    return replace(smooth, time=smooth.time[inside], positions=positions)
+
+
+def _gaps_within_window(gaps: list[Gap], trial: TrialSettings) -> list[Gap]:
+    if trial.window_s is None:
+        return gaps
+    start, stop = trial.window_s
+    return [gap for gap in gaps if gap.start_s <= stop and gap.start_s + gap.length_s > start]
 
 
 def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missing: dict[str, str]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.lifting.movement.centre_of_mass import segment_centres, trunk_centre
-from lumbar.lifting.movement.filtering import filter_markers
+from lumbar.lifting.movement.cleaning import smoothed
 from lumbar.lifting.movement.joint_centres import HIP_RULES, unit
 from lumbar.lifting.movement.pendulum_states import pivot_trajectory
 from lumbar.lifting.movement.segments import SegmentTable, all_tables
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.lifting.movement.lift import AnalysedLift
-    from lumbar.settings.lifting import LiftingSettings
+    from lumbar.settings.lifting import FilterSettings, LiftingSettings
     from lumbar.settings.subject import SubjectSettings
     from lumbar.tables.table import Table
 
@@ -123,15 +123,16 @@ def _choices(
     for cutoff in CUTOFFS_HZ:
         if cutoff < lift.complete.rate / 2:
             same = cutoff == settings.filter.cutoff_Hz
-            smooth = own.recording if same else _filtered(lift, needed, cutoff, settings.filter.order)
+            other = replace(settings.filter, cutoff_Hz=cutoff)
+            smooth = own.recording if same else _filtered(lift, needed, other)
             yield _Choice(f"cut-off {cutoff:g} Hz", smooth, own.table, own.ends, own.hips)
 
 
-def _filtered(lift: AnalysedLift, names: set[str], cutoff: float, order: int) -> MarkerRecording:
+def _filtered(lift: AnalysedLift, names: set[str], settings: FilterSettings) -> MarkerRecording:
     """The needed markers filtered with another cut-off, at the instants of the result."""
     complete = lift.complete
     few = replace(complete, positions={name: complete.positions[name] for name in sorted(names)})
-    smooth = filter_markers(few, cutoff, order)
+    smooth, _, _ = smoothed(few, settings)
     first = int(np.searchsorted(complete.time, lift.recording.time[0]))
     kept = slice(first, first + len(lift.recording))
     return replace(

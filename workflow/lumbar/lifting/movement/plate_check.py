@@ -10,7 +10,7 @@ import numpy as np
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.lifting.movement.carried_object import carried_object
 from lumbar.lifting.movement.centre_of_mass import held_frames
-from lumbar.lifting.movement.filtering import derivative, low_pass
+from lumbar.lifting.movement.cleaning import derivative, low_pass
 from lumbar.lifting.movement.joint_centres import unit
 from lumbar.lifting.movement.pendulum_states import turn
 from lumbar.lifting.movement.whole_body import whole_body_centre

@@ -17,7 +17,7 @@ from lumbar.lifting.measures.course import Lifter, base_of_support, course_of_li
 from lumbar.lifting.measures.extrapolated_centre import pendulum_rate
 from lumbar.lifting.measures.strength import ankle_torques
 from lumbar.lifting.movement.body import LOAD, WHOLE_BODY
-from lumbar.lifting.movement.filtering import derivative
+from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.pushes.motion import DepositMotion
 from lumbar.lifting.stability.basins import close_loops
 from lumbar.lifting.stability.funnel.funnel import exact_funnels

@@ -14,10 +14,10 @@ import numpy as np
 
 from lumbar.lifting.measures.base_of_support import FUNCTIONAL_SHARE
 from lumbar.lifting.measures.extrapolated_centre import pendulum_rate
-from lumbar.lifting.movement.filtering import derivative, filter_markers
-from lumbar.lifting.movement.gaps import fill_gaps
+from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.pushes.motion import SHANK, THIGH
 from lumbar.lifting.pushes.roc import areas, ordered
+from lumbar.lifting.stability.comparison.perturbed_trials import cleaned_trial
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -86,14 +86,19 @@ def body_trial(
         With ``legs``.
     lifting : LiftingSettings
         Gaps and filter.
+
+    Raises
+    ------
+    InputError
+        One of these markers is missing or has a gap that cannot be filled.
     """
-    complete, _ = fill_gaps(recording, lifting.gaps.maximum_s, lifting.gaps.longer)
-    smooth = filter_markers(complete, lifting.filter.cutoff_Hz, lifting.filter.order)
+    legs = settings.legs
+    feet = (*legs.knee, *legs.ankle, *legs.heel, *legs.toe)
+    smooth = cleaned_trial(recording, (*settings.pivot, *settings.top, *feet), lifting)
 
     def middle(names: tuple[str, ...]) -> np.ndarray:
         return np.mean([smooth[name] for name in names], axis=0)[:, 1:]
 
-    legs = settings.legs
     pelvis, top, knee, ankle = (
         middle(names) for names in (settings.pivot, settings.top, legs.knee, legs.ankle)
     )

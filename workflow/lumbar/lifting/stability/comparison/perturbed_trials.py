@@ -9,14 +9,15 @@ person; one that was pushed on the way does not, as no funnel covers disturbance
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.lifting.movement.filtering import filter_markers
-from lumbar.lifting.movement.gaps import fill_gaps
+from lumbar.lifting.movement.cleaning import clean
+from lumbar.lifting.movement.gaps import refuse_open_gaps
 from lumbar.lifting.movement.pendulum_states import pendulum_states
 from lumbar.lifting.stability.basins import close_loops
 from lumbar.lifting.stability.comparison.lyapunov_exponent import maximum_exponent
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 PHASE_POINTS = 401
 GROUPS = ("unperturbed", "perturbed")
 FEWEST_UNPERTURBED = 3
+FILL_OR_RAISE = "raise lifting.gaps.maximum_s, fill the gaps in the capture software, or leave the trial out"
+"""What helps a trial with a gap: all of it is compared."""
 CONTROL_WEIGHT_FACTORS = (0.01, 0.1, 1.0, 10.0, 100.0)
 COLUMNS = {
     "sign": "sign of gravity in Eq. 4.1: inverted, as a person stands, or hanging, as published",
@@ -81,10 +84,9 @@ def trial_of(
     Raises
     ------
     InputError
-        A marker is missing or has a gap that cannot be filled.
+        One of these markers is missing or has a gap that cannot be filled.
     """
-    complete, _ = fill_gaps(recording, lifting.gaps.maximum_s, lifting.gaps.longer)
-    smooth = filter_markers(complete, lifting.filter.cutoff_Hz, lifting.filter.order)
+    smooth = cleaned_trial(recording, (*settings.pivot, *settings.top), lifting)
     pivot, top = (np.mean([smooth[name] for name in end], axis=0) for end in (settings.pivot, settings.top))
     relative = settings.centre_share * (top - pivot)
     start, stop = float(smooth.time[0]), float(smooth.time[-1])
@@ -98,6 +100,15 @@ def trial_of(
         chosen.angular_velocity,
         float(chosen.length.mean()),
     )
+
+
+def cleaned_trial(
+    recording: MarkerRecording, markers: Iterable[str], lifting: LiftingSettings
+) -> MarkerRecording:
+    """Return a trial cleaned as a lift is; a gap that stays open in one of `markers` is an error that names it."""
+    cleaned = clean(recording, lifting)
+    refuse_open_gaps(recording, cleaned.gaps, lifting.gaps.maximum_s, set(markers), remedy=FILL_OR_RAISE)
+    return cleaned.smooth
 
 
 def mean_trajectory(trials: list[Trial], settings: PerturbationsSettings) -> Trajectory:

@@ -1,22 +1,63 @@
-"""Smoothing marker trajectories: Butterworth low-pass forward and backward, and derivatives.
+"""Cleaning a marker recording: gaps filled, what is seen too briefly left out, low-pass filtered; and derivatives.
 
+The filter is a Butterworth low-pass, forward and backward.
 Two passes of a filter of order n leave the phase alone but attenuate twice, so each pass has a higher cut-off
 than the two together: Winter, *Biomechanics and Motor Control of Human Movement*, 4th ed., section 3.4.4.2.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.lifting.movement.gaps import Gap, fill_gaps, without_islands
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
+
+if TYPE_CHECKING:
+    from lumbar.settings.lifting import FilterSettings, LiftingSettings
 
 PASSES = 2
 EXTENSION_PERIODS = 3
 """Periods of the cut-off after which the filter has forgotten how a stretch was continued, to about 1e-7."""
+
+
+@dataclass(frozen=True)
+class CleanedRecording:
+    """A marker recording made ready for derivatives; NaN where a gap stays open."""
+
+    smooth: MarkerRecording
+    """Gaps filled, filtered."""
+    complete: MarkerRecording
+    """The same without the filter."""
+    gaps: list[Gap]
+    """Of every marker, with those frames last that were seen too briefly."""
+
+
+def clean(recording: MarkerRecording, settings: LiftingSettings) -> CleanedRecording:
+    """Fill short gaps, leave out what is seen too briefly to be filtered, and filter.
+
+    Gaps that stay are no error here: whoever needs a marker says what a gap in it means.
+
+    Raises
+    ------
+    InputError
+        If the whole recording is too short for the filter.
+    """
+    complete, gaps = fill_gaps(recording, settings.gaps.maximum_s)
+    smooth, complete, islands = smoothed(complete, settings.filter)
+    return CleanedRecording(smooth, complete, [*gaps, *islands])
+
+
+def smoothed(
+    complete: MarkerRecording, settings: FilterSettings
+) -> tuple[MarkerRecording, MarkerRecording, list[Gap]]:
+    """Filter a recording without the stretches too short for it; the recording without them, and which they are."""
+    complete, islands = without_islands(complete, shortest_stretch(settings.cutoff_Hz, complete.rate))
+    return filter_markers(complete, settings.cutoff_Hz, settings.order), complete, islands
 
 
 def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndarray:

@@ -1,18 +1,27 @@
-"""Low-pass filter and derivatives against Winter's formulas and closed forms."""
+"""Cleaning of recordings, the same wherever one is used; low-pass filter and derivatives against Winter's formulas."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import sosfreqz
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.movement.filtering import (
+from lumbar.lifting.movement.cleaning import (
+    clean,
     derivative,
     dual_pass_sections,
     filter_markers,
     low_pass,
     shortest_stretch,
 )
+from lumbar.lifting.movement.gaps import ISLAND
+from lumbar.lifting.pushes.trial_separation import body_trial, values_of
+from lumbar.lifting.stability.comparison.perturbed_trials import trial_of
 from lumbar.records.markers import MarkerRecording
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.perturbations import PerturbationsSettings
+from lumbar.settings.plain import plain, typed
 
 
 @pytest.mark.parametrize("rate", [50.0, 100.0, 120.0, 1000.0])
@@ -124,3 +133,90 @@ def test_derivative_of_each_stretch_on_its_own():
     values[12] = np.nan
     with pytest.raises(InputError, match="frames 11 to 12: 2 frames"):
         derivative(values, 1.0)
+
+
+SETTINGS = LiftingSettings()
+TRIALS = typed(
+    PerturbationsSettings,
+    {
+        "subject": "S0",
+        "body_mass_kg": 70.0,
+        "mass_share": 0.678,
+        "centre_share": 0.626,
+        "pivot": ["SACRUM"],
+        "top": ["C7"],
+        "plane": "flexion_extension",
+        "legs": {"knee": ["KNEE"], "ankle": ["ANKLE"], "heel": ["HEEL"], "toe": ["TOE"]},
+        "unperturbed": ("a", "b", "c"),
+        "perturbed": ("d",),
+    },
+)
+ISLAND_FRAMES = slice(100, 110)
+
+
+def standing_up():
+    """Somebody who stands up, 3 s at 100 Hz, and leans a little forward meanwhile."""
+    time = np.arange(300) / 100
+    risen = 0.5 - 0.5 * np.cos(np.pi * np.clip(time, 0, 2) / 2)
+    places = {
+        "SACRUM": (-0.4 + 0.35 * risen, 0.5 + 0.4 * risen),
+        "C7": (-0.3 + 0.3 * risen, 1.0 + 0.4 * risen),
+        "KNEE": (0.05 - 0.05 * risen, 0.5 + 0 * time),
+        "ANKLE": (0 * time, 0.1 + 0 * time),
+        "HEEL": (-0.06 + 0 * time, 0.05 + 0 * time),
+        "TOE": (0.18 + 0 * time, 0.04 + 0 * time),
+        "HEAD": (-0.3 + 0.3 * risen, 1.2 + 0.4 * risen),
+    }
+    positions = {name: np.stack([0 * time, *place], axis=1) for name, place in places.items()}
+    return MarkerRecording("trial", time, 100.0, positions, source="trial.c3d")
+
+
+def with_an_island(recording, marker):
+    """A marker that is seen for 0.1 s between two gaps that no spline bridges."""
+    points = recording[marker].copy()
+    points[60 : ISLAND_FRAMES.start] = points[ISLAND_FRAMES.stop : 160] = np.nan
+    return replace(recording, positions={**recording.positions, marker: points})
+
+
+def pendulum_of(recording, settings=SETTINGS):
+    return plain(trial_of(recording, "perturbed", TRIALS, settings))
+
+
+def measures_of(recording, settings=SETTINGS):
+    return values_of(body_trial(recording, "perturbed", TRIALS, settings), TRIALS)
+
+
+def test_an_island_between_gaps_that_stay_is_left_out():
+    recording = standing_up()
+    cleaned = clean(with_an_island(recording, "HEAD"), SETTINGS)
+    assert np.isnan(cleaned.complete["HEAD"][ISLAND_FRAMES]).all()
+    assert np.flatnonzero(np.isnan(cleaned.smooth["HEAD"][:, 0])).tolist() == list(range(60, 160))
+    assert [(gap.first_frame, gap.n_frames) for gap in cleaned.gaps if gap.outcome == ISLAND] == [(100, 10)]
+    np.testing.assert_array_equal(cleaned.smooth["C7"], low_pass(recording["C7"], 100.0))
+
+
+@pytest.mark.parametrize("used", [pendulum_of, measures_of])
+@pytest.mark.parametrize("longer", ["keep", "error"])
+def test_an_island_in_a_marker_that_a_trial_does_not_use_changes_nothing(used, longer):
+    settings = typed(LiftingSettings, {"gaps": {"longer": longer}})
+    recording = standing_up()
+    np.testing.assert_equal(used(with_an_island(recording, "HEAD"), settings), used(recording))
+
+
+@pytest.mark.parametrize(("used", "marker"), [(pendulum_of, "C7"), (measures_of, "C7"), (measures_of, "TOE")])
+def test_an_island_in_a_marker_that_a_trial_uses_is_named_with_its_gaps(used, marker):
+    with pytest.raises(InputError) as caught:
+        used(with_an_island(standing_up(), marker))
+    said = str(caught.value)
+    assert f"{marker}: not seen for 0.4 s from 0.600 s (longer than allowed)" in said
+    assert f"{marker}: not seen for 0.1 s from 1.000 s (seen too briefly to be filtered: left out)" in said
+    assert "raise lifting.gaps.maximum_s" in said and "window_s" not in said
+
+
+@pytest.mark.parametrize("used", [pendulum_of, measures_of])
+def test_a_gap_at_the_end_of_a_trial_is_no_number(used):
+    """All of a trial is compared: what is not seen of it would be a movement of its own."""
+    recording = standing_up()
+    recording.positions["SACRUM"][280:] = np.nan
+    with pytest.raises(InputError, match=r"SACRUM: not seen for 0.2 s from 2.800 s \(at the end\)"):
+        used(recording)
