@@ -8,7 +8,7 @@ import pytest
 import lumbar
 from lumbar.records.record import Channel, Record
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
-from lumbar.tissue.diagnosis.sensors.sensor_faults import mended, sensor_faults
+from lumbar.tissue.diagnosis.sensors.sensor_faults import repair, sensor_faults
 from lumbar.tissue.models.motion import Motion
 
 STEP, MASS, DAMPING = 1e-3, 0.09, 0.2
@@ -42,7 +42,7 @@ def test_a_mass_is_as_large_as_without_the_noise():
     assert told_mass(noisy) < 0.97 * MASS
     faults = sensor_faults(noisy)
     assert faults
-    assert told_mass(mended(noisy, faults)) == pytest.approx(MASS, rel=0.005)
+    assert told_mass(repair([noisy])[0][0]) == pytest.approx(MASS, rel=0.005)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Faults of sensors and clocks: told with their size, mended, and never told of sound records."""
+"""Faults of sensors and clocks: told with their size, repaired, and never told of sound records."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from sensor_records import clean_records, tissue_record
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
-from lumbar.tissue.diagnosis.sensors.clock_skew import shifted
+from lumbar.tissue.diagnosis.sensors.clock_skew import shift_times
 from lumbar.tissue.diagnosis.sensors.excitation_band import edge_above_floor, within_band
-from lumbar.tissue.diagnosis.sensors.sensor_faults import mended, sensor_faults
+from lumbar.tissue.diagnosis.sensors.sensor_faults import repair, sensor_faults
 
 EFFECTS = ("none", "hardening", "coulomb")
 
@@ -31,7 +31,7 @@ def test_sound_records_are_not_accused_and_come_back_as_they_are():
         found = sensor_faults(record)
         accused.update(finding.kind for finding in found)
         if not found:
-            assert mended(record, found) is record
+            assert repair([record])[0][0] is record
     assert not accused
 
 
@@ -60,8 +60,8 @@ def test_the_skew_of_two_clocks(size):
     (found,) = sensor_faults(record)
     assert found.kind == "clock_skew"
     assert found.value == pytest.approx(-1e6 * size, abs=1.0)
-    even = mended(record, [found])
-    # Mended, the force repeats with the position again: its last period is its second one but for noise.
+    even = repair([record])[0][0]
+    # Repaired, the force repeats with the position again: its last period is its second one but for noise.
     period = round(10.0 / record.sampling_time)
     before, after = (
         np.std(item["output"][-period:] - item["output"][period : 2 * period]) for item in (record, even)
@@ -85,7 +85,7 @@ def test_lost_rows_are_put_back_where_they_were():
     )
     (found,) = sensor_faults(short)
     assert (found.kind, found.value) == ("dropped_samples", 4)
-    whole = mended(short, [found])
+    whole = repair([short])[0][0]
     assert whole.filled == tuple(lost)
     np.testing.assert_allclose(whole.time, sound.time, atol=1e-9)
     np.testing.assert_array_equal(whole["output"][kept], sound["output"][kept])
@@ -102,7 +102,7 @@ def test_held_samples_are_counted_and_filled_in(role):
     (found,) = sensor_faults(record)
     assert (found.kind, found.value) == ("held_samples", 2 * len(starts))
     assert sound.channels[role].quantity in found.sentence
-    after = mended(record, [found])
+    after = repair([record])[0][0]
     assert set(after.filled) == {*(starts + 1), *(starts + 2)}
     untouched = np.setdiff1d(np.arange(len(record)), after.filled)
     np.testing.assert_array_equal(after[role][untouched], sound[role][untouched])
@@ -149,11 +149,11 @@ def test_rows_that_are_missing_are_filled_and_told(tmp_path):
     assert record.between(5.01, 100.0).filled == (0, 1, 402)
 
 
-def test_what_is_mended_is_nearer_to_the_true_motion():
+def test_what_is_repaired_is_nearer_to_the_true_motion():
     sound = tissue_record("multisine", "coulomb", seconds=50.0, seed=9)
     for fault, size in (("noise", 0.02), ("steps", 0.05), ("jitter", 1e-3)):
         record = tissue_record("multisine", "coulomb", seconds=50.0, seed=9, fault=fault, size=size)
-        after = mended(record, sensor_faults(record))
+        after = repair([record])[0][0]
         before, left = (np.std(item["input"] - sound["input"]) for item in (record, after))
         assert left < 0.5 * before
         ends = np.r_[0:20, len(sound) - 20 : len(sound)]
@@ -165,7 +165,7 @@ def test_a_jitter_that_both_channels_share_is_taken_off_the_force_too():
         tissue_record("multisine", "hardening", seconds=50.0, seed=10, fault=fault, size=1e-3, quiet=1e-3)
         for fault in ("", "shared_jitter")
     )
-    after = mended(record, sensor_faults(record))
+    after = repair([record])[0][0]
     before, left = (np.std(item["output"] - sound["output"]) for item in (record, after))
     assert left < 0.65 * before
 
@@ -200,7 +200,7 @@ def test_shifting_in_time_against_a_closed_form():
     wave = np.sin(2 * np.pi * 0.31 * count + 0.3)
     rate = 2e-4
     expected = np.sin(2 * np.pi * 0.31 * count * (1 + rate) + 0.3)
-    assert np.abs(shifted(wave, rate) - expected)[20:-20].max() < 1e-3
+    assert np.abs(shift_times(wave, rate) - expected)[20:-20].max() < 1e-3
 
 
 def test_long_records_take_little_memory():
@@ -236,7 +236,7 @@ def test_single_samples_beyond_all_others_are_told_and_replaced():
     (found,) = sensor_faults(wild)
     assert (found.kind, found.value, found.record) == ("wild_samples", 2, wild.name)
     assert f"{wild.time[400]:.4g} s" in found.sentence and f"{-3 * size:.3g}" in found.sentence
-    force = mended(wild, [found])["output"]
+    force = repair([wild])[0][0]["output"]
     assert force[400] == pytest.approx((sound["output"][399] + sound["output"][401]) / 2)
     untouched = np.setdiff1d(np.arange(len(force)), [400, 900])
     assert np.array_equal(force[untouched], sound["output"][untouched])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
-from lumbar.tissue.diagnosis.sensors.sensor_faults import mended, sensor_faults
+from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import catalogue_of, catalogue_with
 from lumbar.tissue.effects.motion_sensor import MOTION_SENSOR
 from lumbar.tissue.effects.pendulum_load import GRAVITY
@@ -80,7 +80,7 @@ class DiagnosisSettings:
 
 
 def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:
-    """Prepare records as base and settings say, faults of a tissue test's sensors mended.
+    """Prepare records as base and settings say, faults of a tissue test's sensors repaired.
 
     Raises
     ------
@@ -90,7 +90,6 @@ def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experimen
     if settings.system != "tissue":
         seen = [for_base(record, BASES[settings.base]) for record in records]
         return replace(settings.prepared(seen), records=tuple(records))
-    faults = [finding for record in records for finding in sensor_faults(record)]
-    sound = [mended(record, faults) for record in records]
+    sound, faults = repair(records)
     experiment = settings.prepared(sound)
     return replace(experiment, records=tuple(sound), faults=tuple(faults))

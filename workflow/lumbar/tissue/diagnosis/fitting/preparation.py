@@ -41,7 +41,7 @@ class Experiment:
     surface: float = 0.0
     """Position from which positions are counted: that of a tissue's surface which the tool is not fastened to; else 0."""
     records: tuple[Record, ...] = ()
-    """All records, faults of their sensors mended."""
+    """All records, faults of their sensors repaired."""
     faults: tuple[Finding, ...] = ()
     """Faults of the sensors."""
     session: bool = False

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -11,8 +10,9 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.noise.noise_spectrum import line_power, smooth_power
 from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, Folding, find_period, fold_periods
-from lumbar.tissue.diagnosis.sensors.linear_response import linear_response
+from lumbar.tissue.diagnosis.sensors.repair import Repair, linear_response
 
+CLOCK_SKEW = "clock_skew"
 _FEWEST_PERIODS = FEWEST_PERIODS + 2
 """Periods from which on a line through their delays says something."""
 _SURE = 6.0
@@ -35,38 +35,31 @@ _ROUNDING = 1e-20
 """Power of the digits that a force is written with, in that of its mean period."""
 
 
-@dataclass(frozen=True)
-class ClockSkew:
-    """Two clocks that go differently."""
+def find_skew(record: Record) -> Repair | None:
+    """Find a skew between the clocks of force and position of a periodic record, where it is sure.
 
-    rate: float
-    """Seconds that the force falls behind the position in a second."""
-    error: float
-    """Its standard error."""
-
-    kind = "clock_skew"
-
-    def finding(self, record: Record) -> Finding:
-        """Say by how much the clocks differ."""
-        force, position = (record.channels[role].quantity for role in ("output", "input"))
-        moved = 1e3 * abs(self.rate) * record.duration
-        return Finding(
-            self.kind,
-            f"{record.name}: the {force} {'falls behind' if self.rate > 0 else 'runs ahead of'} the {position} by "
-            f"{1e6 * abs(self.rate):.3g} ± {2e6 * self.error:.2g} ppm, {moved:.2g} ms over the record: their clocks differ; the "
-            f"{force} is put on the clock of the {position} before fitting: sample both channels with one clock",
-            1e6 * self.rate,
-            "ppm",
-            record.name,
-        )
-
-    def mended(self, record: Record) -> Record:
-        """The record with the force on the clock of the position, taken as alike at the record's start."""
-        return record.with_values(output=shifted(record["output"], self.rate))
+    The force is put on the clock of the position, taken as alike at the record's start.
+    """
+    found = _skew(record)
+    if found is None:
+        return None
+    rate, error = found
+    force, position = (record.channels[role].quantity for role in ("output", "input"))
+    moved = 1e3 * abs(rate) * record.duration
+    finding = Finding(
+        CLOCK_SKEW,
+        f"{record.name}: the {force} {'falls behind' if rate > 0 else 'runs ahead of'} the {position} by "
+        f"{1e6 * abs(rate):.3g} ± {2e6 * error:.2g} ppm, {moved:.2g} ms over the record: their clocks differ; the "
+        f"{force} is put on the clock of the {position} before fitting: sample both channels with one clock",
+        1e6 * rate,
+        "ppm",
+        record.name,
+    )
+    return Repair(record.with_values(output=shift_times(record["output"], rate)), (finding,))
 
 
-def find_skew(record: Record) -> ClockSkew | None:
-    """Return the skew between the clocks of force and position of a periodic record, or None where none is sure.
+def _skew(record: Record) -> tuple[float, float] | None:
+    """Seconds that the force falls behind the position in a second, and the standard error; None where no skew is sure.
 
     What grows from period to period is, for a skew, the mean period's rate of change; for a tissue that changes, the mean
     force, position or speed (gain, stiffness, damping). A skew is told where the first alone leaves little, the others leave
@@ -108,15 +101,15 @@ def find_skew(record: Record) -> ClockSkew | None:
     left = amounts - slope * middle
     if np.sum(left**2) > (1 - _STRAIGHT) * np.sum(amounts**2):
         return None
-    return ClockSkew(-slope, float(np.sqrt(np.sum(left**2) / (len(left) - 2) / (middle @ middle))))
+    return -slope, float(np.sqrt(np.sum(left**2) / (len(left) - 2) / (middle @ middle)))
 
 
 def same_clocks(record: Record, rate: float) -> Record:
-    """Return a record mended by the skew of another one, where a linear tissue then explains its force better.
+    """Return a record repaired by the skew of another one, where a linear tissue then explains its force better.
 
     Records that are too short to tell a skew, or do not repeat, were made with the same two clocks.
     """
-    even = record.with_values(output=shifted(record["output"], rate))
+    even = record.with_values(output=shift_times(record["output"], rate))
     before, after = (np.sum((item["output"] - linear_response(item)) ** 2) for item in (record, even))
     return even if after < before else record
 
@@ -174,7 +167,7 @@ def _rate(values: np.ndarray, sampling_time: float) -> np.ndarray:
     return np.fft.irfft(spectrum, len(values))
 
 
-def shifted(values: np.ndarray, rate: float) -> np.ndarray:
+def shift_times(values: np.ndarray, rate: float) -> np.ndarray:
     """Values at times n (1 + rate), by a windowed sinc: noise keeps its colour up to nearly half the sampling rate.
 
     Parameters

@@ -1,35 +1,347 @@
-"""Noise of the position: what lies beyond the excitation's band, moving or not, and the force does not follow."""
+"""What of a position is no motion: noise, the steps of a converter, a clock that jitters, acceleration that no mass feels.
+
+Noise is there whether the tool moves or not. A sample taken δ too early or late is off by speed times δ. So the variance of
+what lies beyond the excitation's band is, at speed v, σ² + τ² v², with σ of the noise and τ of the jitter.
+
+Where a mass is moved, force is mass times acceleration. Noise of a position that is too small to be seen in it is large derived
+twice: it makes the mass come out too small, by its share of the acceleration's power, and the interval with it. From the
+frequency on at which the force follows less than half of the acceleration, the position is taken for noise.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.sensors.roughness import Roughness
+from lumbar.tissue.diagnosis.sensors.excitation_band import edge_above_floor, within_band
+from lumbar.tissue.diagnosis.sensors.repair import Repair
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.signals.spectral_edge import spectral_edge
+
+# Noise and jitter
+_BINS = 24
+_MAD = 1.4826
+"""Standard deviation of normal values over their median size."""
+_EFFICIENCY = 0.37
+"""Of that estimate: how much of the samples it uses."""
+_LEAST = 2e-5
+"""Least noise that is looked at, in standard deviations of the position."""
+_MATTERS = 0.03
+"""Least noise that matters, through stiffness and damping, in the noise of the force."""
+_MATTERS_ANYHOW = 1e-3
+"""Noise that matters to what turns with the speed, in standard deviations of the position."""
+_CONCENTRATED = 4.0
+"""RMS over the standard deviation by medians, from which on what is left is corners of the motion and no noise."""
+_SURE = 20.0
+"""Log-likelihood ratio from which on one of noise and jitter alone is not enough."""
+_PART = 0.1
+"""Least share of the variance beyond the band of something that is told."""
+# Quantisation
+_ON_STEPS = 0.9
+"""Share of the values that lie on steps."""
+_WITHIN = 0.05
+"""How far from a step a value may lie, in steps."""
+_EXPLAINS = 3.0
+"""Noise over that of the steps, up to which they explain it: at low speed it is coloured."""
+# Jitter
+_FORCE_EDGE = 2.0
+"""Edge of the force's band over that of the excitation: a nonlinear tissue answers at harmonics too."""
+_SHARED = 5.0
+"""Standard errors by which the force must be off by its own rate of change times the same times."""
+# Acceleration that a mass does not follow
+_SEGMENTS = 12
+_SHORTEST = 64
+"""Samples of the shortest segment whose spectrum is taken."""
+_SMOOTHED = 9
+"""Neighbouring frequencies whose spectra are taken together."""
+_BAND_POWER = 0.99
+"""Share of the force's power within which the mass is told."""
+_INERTIAL = 2.0
+"""Factor by which the squared error grows without the mass from which on there is one."""
+_FOLLOWED = 0.5
+"""Share of the acceleration that the force follows within the band."""
+_END = 8.0
+"""Length at both ends, in periods of the edge, that stays as it is; over as much again what is taken off sets in."""
+_ROUGH_SHARE = 0.01
+"""Share of the acceleration's power beyond the band from which on it moves a mass."""
 
 
 @dataclass(frozen=True, eq=False)
-class PositionNoise:
-    """Noise in a measured position."""
+class Roughness:
+    """What lies beyond the band of a position."""
 
-    roughness: Roughness
+    edge: float
+    """Hz."""
+    smooth: np.ndarray
+    rough: np.ndarray
+    speed: np.ndarray
+    answer: np.ndarray
+    """`smooth`, `rough`, `speed`, `answer`: shape (samples,): the position within its band, the rest of it, the speed (per
+    second), and the force beyond that band."""
+    noise: float
+    """σ, in the position's unit, over the whole of the spectrum; 0 where the jitter is enough."""
+    jitter: float
+    """τ, in seconds RMS; 0 where the noise is enough."""
 
-    kind = "position_noise"
+    @property
+    def moves(self) -> float:
+        """RMS of what noise and jitter do to the position."""
+        return float(np.hypot(self.noise, self.jitter * np.sqrt(np.mean(self.speed**2))))
 
-    def finding(self, record: Record) -> Finding:
-        """Say how large the noise is."""
-        channel, size = record.channels["input"], self.roughness.noise
-        return Finding(
-            self.kind,
-            f"{record.name}: the {channel.quantity} carries noise of {size:.2g} {channel.unit} RMS, which the "
-            f"{record.channels['output'].quantity} does not follow; what lies above {self.roughness.edge:.3g} Hz is taken "
-            "off before fitting: a quieter sensor, or a filter before it, would do better",
-            size,
-            channel.unit,
-            record.name,
-        )
 
-    def mended(self, record: Record) -> Record:
-        """The record with the position as it is within the excitation's band."""
-        return record.with_values(input=self.roughness.smooth)
+def find_roughness(record: Record) -> Repair | None:
+    """Find noise, quantisation or jitter of the position; what lies beyond the excitation's band is taken off."""
+    found = _roughness(record)
+    if found is None:
+        return None
+    smooth = record.with_values(input=found.smooth)
+    step = _quantisation(record["input"], found.moves)
+    if step:  # what is left of a staircase grows with speed as what jitter does
+        return Repair(smooth, (_step_finding(record, found, step),))
+    if found.noise > 0 and _is_motion(found, record):
+        return None
+    noise = (_noise_finding(record, found),) if found.noise > 0 else ()
+    if found.jitter > 0:
+        return Repair(_without_jitter(smooth, found), (*noise, _jitter_finding(record, found)))
+    return Repair(smooth, noise) if noise else None
+
+
+def _noise_finding(record: Record, found: Roughness) -> Finding:
+    channel = record.channels["input"]
+    return Finding(
+        "position_noise",
+        f"{record.name}: the {channel.quantity} carries noise of {found.noise:.2g} {channel.unit} RMS, which the "
+        f"{record.channels['output'].quantity} does not follow; what lies above {found.edge:.3g} Hz is taken "
+        "off before fitting: a quieter sensor, or a filter before it, would do better",
+        found.noise,
+        channel.unit,
+        record.name,
+    )
+
+
+def _step_finding(record: Record, found: Roughness, step: float) -> Finding:
+    channel = record.channels["input"]
+    return Finding(
+        "quantisation",
+        f"{record.name}: the {channel.quantity} is read in steps of {step:.3g} {channel.unit}; what lies above "
+        f"{found.edge:.3g} Hz is taken off before fitting: use the sensor's full resolution",
+        step,
+        channel.unit,
+        record.name,
+    )
+
+
+def _jitter_finding(record: Record, found: Roughness) -> Finding:
+    milliseconds = 1e3 * found.jitter
+    moved = found.jitter * float(np.sqrt(np.mean(found.speed**2)))
+    channel = record.channels["input"]
+    return Finding(
+        "jitter",
+        f"{record.name}: samples are taken {milliseconds:.2g} ms RMS beside their times: the {channel.quantity} is off in "
+        f"proportion to speed, by {moved:.2g} {channel.unit} RMS; what lies above {found.edge:.3g} Hz is taken off before "
+        "fitting: let a hardware clock start the samples, or record their times",
+        milliseconds,
+        "ms",
+        record.name,
+    )
+
+
+def _without_jitter(record: Record, found: Roughness) -> Record:
+    """The record with what the jitter of the position did to the force taken off.
+
+    The times by which samples are off are r v / (v² + λ), with r what lies beyond the band and λ what its noise is
+    worth; the force is off by its own rate of change times them, where it was sampled with the position.
+    """
+    step, force = record.sampling_time, record["output"]
+    edge = min(_FORCE_EDGE * found.edge, 0.39 / step)
+    slack = 0.1 * np.mean(found.speed**2) + (found.noise / found.jitter) ** 2
+    late = found.rough * found.speed / (found.speed**2 + slack)
+    smooth = within_band(force, step, edge)
+    effect = late * np.gradient(smooth, step)
+    rough = force - smooth
+    beyond = effect - within_band(effect, step, edge)
+    gain = float(beyond @ rough / np.maximum(beyond @ beyond, 1e-300))
+    error = float(np.std(rough - gain * beyond) / np.sqrt(np.maximum(beyond @ beyond, 1e-300)))
+    shared = gain if gain > _SHARED * error else 0.0
+    return record.with_values(output=force - shared * effect)
+
+
+def _roughness(record: Record) -> Roughness | None:
+    """Split a position at the edge of its band; None where nothing is left beyond it that matters and is rough all along."""
+    values, step = record["input"], record.sampling_time
+    edge = edge_above_floor(values, step)
+    if edge is None:
+        return None
+    smooth = within_band(values, step, edge)
+    rough, speed = values - smooth, np.gradient(smooth, step)
+    usual = _spread(rough)
+    if usual <= _LEAST * np.std(values) or np.sqrt(np.mean(rough**2)) > _CONCENTRATED * usual:
+        return None
+    noise, jitter = _noise_and_jitter(rough, speed, step, edge)
+    answer = record["output"] - within_band(record["output"], step, edge)
+    found = Roughness(edge, smooth, rough, speed, answer, noise, jitter)
+    return found if _matters(found, record) else None
+
+
+def _spread(values: np.ndarray) -> float:
+    return _MAD * float(np.median(np.abs(values)))
+
+
+def _noise_and_jitter(rough: np.ndarray, speed: np.ndarray, step: float, edge: float) -> tuple[float, float]:
+    """σ and τ of Var r[n] = Σₖ g[k]² (σ² + τ² v[n−k]²), with g the filter that left r; one is 0 where the other is enough."""
+    from scipy.signal import fftconvolve
+
+    taps = _response_beyond(step, edge) ** 2
+    share, power = float(taps.sum()), np.maximum(fftconvolve(speed**2, taps, "same"), 0.0)
+    order = np.argsort(power)
+    groups = [group for group in np.array_split(order, _BINS) if group.size]
+    found = np.array([_spread(rough[group]) ** 2 for group in groups])
+    found = np.maximum(found, 1e-12 * found.max())
+    moved = np.array([power[group].mean() for group in groups])
+    weight = 0.5 * share * _EFFICIENCY * len(rough) / len(groups)
+    bases = {"both": np.column_stack([np.full(len(moved), share), moved])}
+    bases["noise"], bases["jitter"] = bases["both"] * [1, 0], bases["both"] * [0, 1]
+    fits = {name: _variances(columns, found) for name, columns in bases.items()}
+    loss = {name: weight * _deviance(bases[name] @ fits[name], found) for name in fits}
+    sure = {name: loss[name] - loss["both"] > _SURE for name in ("noise", "jitter")}
+    alone = min(("noise", "jitter"), key=loss.get)
+    parts = fits["both"] * bases["both"].mean(axis=0)
+    both = sure["noise"] and sure["jitter"] and parts.min() > _PART * parts.sum()
+    noise, jitter = np.sqrt(fits["both" if both else alone])
+    return float(noise), float(jitter)
+
+
+def _variances(columns: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Not negative coefficients of variances, each weighed by what it is expected to be."""
+    from scipy.optimize import nnls
+
+    expected, fitted = found, np.zeros(columns.shape[1])
+    for _ in range(8):
+        fitted = nnls(columns / expected[:, None], found / expected)[0]
+        expected = np.maximum(columns @ fitted, 1e-6 * found.max())
+    return fitted
+
+
+def _deviance(expected: np.ndarray, found: np.ndarray) -> float:
+    """Of variances: Σ s²/σ² − 1 − ln s²/σ²."""
+    ratio = found / np.maximum(expected, 1e-6 * found.max())
+    return float(np.sum(ratio - 1 - np.log(ratio)))
+
+
+def _response_beyond(step: float, edge: float) -> np.ndarray:
+    """Impulse response of what leaves only what lies beyond the edge."""
+    reach = int(8 / (edge * step)) + 8
+    impulse = np.zeros(4 * reach + 1)
+    impulse[2 * reach] = 1.0
+    response = impulse - within_band(impulse, step, edge)
+    return response[reach : 3 * reach + 1]
+
+
+def _matters(found: Roughness, record: Record) -> bool:
+    """Whether noise or jitter moves a modelled force by a part of the force's own noise, or is large beside the motion."""
+    if found.moves > _MATTERS_ANYHOW * np.std(found.smooth):
+        return True
+    force, step = record["output"], record.sampling_time
+    share = float(np.sum(_response_beyond(step, found.edge) ** 2))
+    return _gain_at_edge(found, force) * found.moves > _MATTERS * _spread(found.answer) / np.sqrt(share)
+
+
+def _gain_at_edge(found: Roughness, force: np.ndarray) -> float:
+    """Size of stiffness and damping at the edge of the band, force over position."""
+    columns = np.column_stack([np.ones(len(force)), found.smooth, found.speed])
+    _, stiffness, damping = np.linalg.lstsq(columns, force, rcond=None)[0]
+    return float(np.hypot(stiffness, 2 * np.pi * found.edge * damping))
+
+
+def _is_motion(found: Roughness, record: Record) -> bool:
+    """Whether the force follows what lies beyond the band: then the tool moves so, and no sensor is at fault.
+
+    Samples at low speed are looked at, where a clock that jitters does not make both channels deviate alike.
+    """
+    force, step = record["output"], record.sampling_time
+    slow = np.abs(found.speed) <= np.median(np.abs(found.speed))
+    columns = np.column_stack([found.rough, np.gradient(found.rough, step)])[slow]
+    fitted = columns @ np.linalg.lstsq(columns, found.answer[slow], rcond=None)[0]
+    explained, left = np.sum(fitted**2), np.sum((found.answer[slow] - fitted) ** 2)
+    expected = _gain_at_edge(found, force) ** 2 * np.sum(columns[:, 0] ** 2)
+    return bool(explained > 25.0 * left / slow.sum() and explained > 0.25 * expected)
+
+
+def _quantisation(values: np.ndarray, noise: float) -> float | None:
+    """Step of quantised values, where it explains noise of this RMS (step over √12), or None."""
+    levels, counts = np.unique(values, return_counts=True)
+    often = levels[counts > 1] if np.mean(counts > 1) > 0.5 else levels
+    gaps = np.diff(often)
+    gaps = gaps[gaps > 1e-9 * np.ptp(values)]
+    if not gaps.size:
+        return None
+    step = float(np.quantile(gaps, 0.1))
+    near = gaps[np.abs(gaps / step - 1) < 2 * _WITHIN]
+    step = float(near.mean())
+    # The mean of many gaps is finer than the step's rounding; over the whole range it still has to count them right.
+    step = float(np.ptp(often) / max(round(np.ptp(often) / step), 1))
+    places = (values - often[0]) / step
+    on_steps = np.mean(np.abs(places - np.round(places)) < _WITHIN)
+    explains = noise <= _EXPLAINS * step / np.sqrt(12)
+    return step if on_steps >= _ON_STEPS and explains else None
+
+
+def find_rough_acceleration(record: Record) -> Repair | None:
+    """Find acceleration that the force of a moved mass does not follow; None where no mass is moved, or little of it is noise.
+
+    The position is left as it is within the band that the force follows, and at both ends: there what the filter adds is small
+    beside the position, but not derived twice.
+    """
+    length = 2 ** int(np.log2(max(len(record) / _SEGMENTS, 1)))
+    mass = _mass(record) if length >= _SHORTEST else None
+    if mass is None:
+        return None
+    from scipy.signal import csd, welch
+
+    rate = 1 / record.sampling_time
+    acceleration, force = Motion.of(record).acceleration, record["output"]
+    frequency, power = welch(acceleration, rate, nperseg=length)
+    crossed = csd(acceleration, force, rate, nperseg=length)[1].real
+    together = np.ones(_SMOOTHED) / _SMOOTHED
+    followed = np.convolve(crossed, together, "same") / np.convolve(power, together, "same") / mass
+    inside = np.flatnonzero(followed >= _FOLLOWED)
+    if not inside.size or inside[-1] + 1 >= len(frequency):
+        return None
+    edge = float(frequency[inside[-1] + 1])
+    share = float(power[frequency > edge].sum() / power.sum())
+    if share <= _ROUGH_SHARE:
+        return None
+    channel = record.channels["input"]
+    finding = Finding(
+        "rough_acceleration",
+        f"{record.name}: {100 * share:.2g} % of the power of the {channel.quantity}'s second derivative lies above "
+        f"{edge:.3g} Hz, where the {record.channels['output'].quantity} does not follow it: noise, which would make a "
+        "mass come out too small by as much; it is taken off before fitting",
+        edge,
+        "Hz",
+        record.name,
+    )
+    position, step = record["input"], record.sampling_time
+    rough = position - within_band(position, step, edge)
+    from_end = np.minimum(np.arange(len(position)), np.arange(len(position))[::-1])
+    inside = np.clip(from_end * step * edge / _END - 1, 0, 1)
+    smooth = position - np.sin(0.5 * np.pi * inside) ** 2 * rough
+    return Repair(record.with_values(input=smooth), (finding,))
+
+
+def _mass(record: Record) -> float | None:
+    """Mass by which the force follows the acceleration, in the records' units; None where there is none."""
+    force, step = record["output"], record.sampling_time
+    edge = spectral_edge(force - force.mean(), _BAND_POWER) / step
+    if 4 * edge * step > 1:
+        return None
+    smooth = within_band(record["input"], step, edge)
+    speed = np.gradient(smooth, step)
+    columns = np.column_stack([np.ones(len(force)), smooth, speed, np.gradient(speed, step)])
+    fitted, errors = np.linalg.lstsq(columns, force, rcond=None)[:2]
+    without = np.linalg.lstsq(columns[:, :-1], force, rcond=None)[1]
+    moved = errors.size and without.size and fitted[-1] > 0 and without[0] > _INERTIAL * errors[0]
+    return float(fitted[-1]) if moved else None

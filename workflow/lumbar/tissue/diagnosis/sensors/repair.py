@@ -1,17 +1,31 @@
-"""What of a force a plain linear tissue explains, roughly: to fill samples in, and to see whether a mend helps."""
+"""A record without a fault of its sensors, and what a plain linear tissue explains of it."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from lumbar.records.record import Record
+from lumbar.tissue.diagnosis.finding import Finding
 
 _RELAXATION_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)
 """Seconds."""
 
 
+@dataclass(frozen=True, eq=False)
+class Repair:
+    """What is wrong with a sensor or a clock, and the record as it would be without, as far as that can be had."""
+
+    record: Record
+    findings: tuple[Finding, ...]
+    """What is wrong, how much, and what to do."""
+
+
 def linear_response(record: Record, left_out: np.ndarray | None = None) -> np.ndarray:
     """Force of the linear tissue that fits a record: a constant, stiffness, damping and relaxing branches.
+
+    Roughly: to fill samples in, and to see whether a repair helps.
 
     Parameters
     ----------

@@ -1,0 +1,284 @@
+"""Samples that are no measurement: missing rows, wild readings, values that are held, rows that were dropped unnoticed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lumbar.records.record import Record
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.sensors.repair import Repair, linear_response
+
+# Wild readings
+_BESIDE_WILD = 7
+"""Samples of the running median that a wild one is measured from."""
+_MOST_WILD = 1e-3
+"""Share of the samples that may be wild: what comes more often belongs to the force."""
+# Held values
+_LONGEST = 25
+"""Repeated samples in a row; what stays longer may be meant to."""
+_BESIDE = 3
+"""Samples on either side over which the speed is taken."""
+_STEPS_OF_RESOLUTION = 20
+"""Size of the changes beside a run, in steps of the channel's resolution, that leaves no room for equal neighbours."""
+_VARIED = 0.5
+"""Least share of the runs that stand at values of their own: those of a dead zone share one."""
+_NEXT_TO_ANOTHER = 0.5
+"""Share of the samples beside a run at which the channel must move, in a channel that is held elsewhere."""
+_FEWEST_RUNS = 2
+_CHANCE = (5, 4)
+"""Runs of two equal values that are told: so many more than as many times what is expected by chance."""
+_LONG = 0.2
+"""Share of runs of three equal values and more that is never by chance."""
+_DIGITS = 2e-6
+"""Resolution of values written with six or seven digits, in the largest of them."""
+_FINE = 1e-3
+"""Resolution that cannot be told from finer ones, in the usual step from sample to sample."""
+_NEAR = 0.05
+"""What is nearly equal, in that step."""
+_JUMPS = (0.4, 6.0)
+"""Jump after a run over the travel that its neighbours' speed makes of it; less is a start after a rest."""
+_SHARE = 0.6
+"""Share of the runs that must catch up, of those whose speed shows it."""
+_SMOOTH = 0.7
+"""Change of the steps over the steps, below which a channel moves smoothly."""
+# Dropped rows
+_MOST_TOGETHER = 3
+"""Samples lost in one place that are told; where more would fit better, a corner of the motion may be taken for them."""
+_DEGREE = 5
+_POINTS = 12
+"""Points of the polynomial through a place, half of them on either side."""
+_CLEAR = 100.0
+"""Squared misfit, in those that are usual in the record, that is a jump."""
+_CURED = 30.0
+"""Times by which the squared misfit must fall when samples are put in."""
+_FEWEST_STEPS = 0.03
+"""Least travel per sample, in that of the whole record, at a place where loss is told."""
+
+
+def find_gaps(record: Record) -> Repair | None:
+    """Find rows that the clock says are missing; they were filled in when the record was read."""
+    if not record.filled:
+        return None
+    count = len(record.filled)
+    finding = Finding(
+        "gap",
+        f"{record.name}: {count} row{'s are' if count > 1 else ' is'} missing, the first at "
+        f"{record.time[record.filled[0]]:.4g} s; filled in from beside: look for rows lost while recording",
+        count,
+        "samples",
+        record.name,
+    )
+    return Repair(record, (finding,))
+
+
+def find_wild(record: Record) -> Repair | None:
+    """Find single readings of the force far outside the range of all others, as of a loose contact or a lost bit.
+
+    One is wild that lies further from the median of the seven samples about it than the medians of the whole record lie from
+    one another. A force that jumps, or stands for more than a sample where it went, is none. They are put on the straight line
+    between their neighbours.
+    """
+    from scipy.ndimage import median_filter
+
+    force = record["output"]
+    smooth = median_filter(force, _BESIDE_WILD, mode="nearest")
+    wild = np.flatnonzero(np.abs(force - smooth) > np.ptp(smooth))
+    alone = wild[(wild > 0) & (wild < len(force) - 1)]
+    if not len(alone) or len(alone) < len(wild) or len(wild) > max(1.0, _MOST_WILD * len(force)):
+        return None
+    if not np.all(np.diff(alone) > 1):
+        return None
+    channel, count = record.channels["output"], len(alone)
+    worst = float(force[alone][np.argmax(np.abs(force[alone]))])
+    are = "samples of the {} stand" if count > 1 else "sample of the {} stands"
+    finding = Finding(
+        "wild_samples",
+        f"{record.name}: {count} single {are.format(channel.quantity)} outside the range of all others, the first at "
+        f"{record.time[alone[0]]:.4g} s, the largest {worst:.3g} {channel.unit}; replaced from beside: look for a "
+        "loose contact, or for readings that were lost on the way",
+        count,
+        "samples",
+        record.name,
+    )
+    repaired = force.copy()
+    repaired[alone] = 0.5 * (force[alone - 1] + force[alone + 1])
+    return Repair(record.with_values(output=repaired), (finding,))
+
+
+def find_held(record: Record, role: str) -> Repair | None:
+    """Find samples of a channel that stays at one value for a few samples while it is moving, and then catches up.
+
+    They are interpolated by a cubic spline, and noted as filled. Of a force, what a linear tissue makes of the position is taken
+    off first: the position is known there.
+    """
+    found = _held_samples(record[role])
+    if found is None:
+        return None
+    from scipy.interpolate import make_interp_spline
+
+    samples, runs = found
+    finding = Finding(
+        "held_samples",
+        f"{record.name}: the {record.channels[role].quantity} is held over {len(samples)} samples in {runs} places, the first at "
+        f"{record.time[samples[0]]:.4g} s, while it moves; they are filled in from beside: look for a sensor that "
+        "is read too often, or for lost messages",
+        len(samples),
+        "samples",
+        record.name,
+    )
+    known = linear_response(record, samples) if role == "output" else np.zeros(len(record))
+    values = record[role].copy()
+    kept = np.setdiff1d(np.arange(len(record)), samples)
+    values[samples] = known[samples] + make_interp_spline(kept, (values - known)[kept], k=3)(samples)
+    filled = tuple(np.union1d(record.filled, samples).astype(int).tolist())
+    return Repair(replace(record.with_values(**{role: values}), filled=filled), (finding,))
+
+
+def _held_samples(values: np.ndarray) -> tuple[np.ndarray, int] | None:
+    """Every sample of a channel that repeats the one before while it moved, and in how many runs; or None.
+
+    A rest, a flat top, a dead zone and the crest of a wave repeat a value too. A held sample differs from them in that
+    the channel moves on both sides of it, that the runs stand at different values, and that the value jumps afterwards to
+    where the motion has gone. Where noise hides that jump, values that are far finer than the noise do not repeat by
+    chance.
+    """
+    steps = np.diff(values)
+    starts, lengths = _runs(steps)
+    if len(starts) < _FEWEST_RUNS:
+        return None
+    resolution = _resolution(values, steps)
+    shares = _moving(steps, starts, lengths, resolution)
+    shares[(values[starts] == values.max()) | (values[starts] == values.min())] = 0
+    every = starts, lengths
+    starts, lengths = starts[shares == 1], lengths[shares == 1]
+    if len(starts) < _FEWEST_RUNS or len(np.unique(values[starts])) < _VARIED * len(starts):
+        return None
+    several = np.sum(lengths > 1) >= max(_FEWEST_RUNS, _LONG * len(starts))
+    if not several and len(starts) < _CHANCE[0] + _CHANCE[1] * _by_chance(steps, resolution):
+        return None
+    if not _caught_up(steps, starts, lengths):
+        return None
+    # Of two runs close to each other either hides that the channel moves beside the other.
+    beside = (shares >= _NEXT_TO_ANOTHER) & (every[1] <= lengths.max())
+    starts, lengths = (found[beside] for found in every)
+    samples = np.concatenate(
+        [start + 1 + np.arange(length) for start, length in zip(starts, lengths, strict=True)]
+    )
+    return samples, len(starts)
+
+
+def _runs(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First sample of every run of equal values, and how many samples repeat it."""
+    equal = np.concatenate([[False], steps == 0, [False]])
+    starts = np.flatnonzero(~equal[:-1] & equal[1:])
+    return starts, np.flatnonzero(equal[:-1] & ~equal[1:]) - starts
+
+
+def _resolution(values: np.ndarray, steps: np.ndarray) -> float:
+    """Smallest distance between two values that occur, and no less than what digits that were cut off may make of it."""
+    gaps = np.diff(np.unique(values))
+    least = max(_DIGITS * np.abs(values).max(), _FINE * float(np.median(np.abs(steps[steps != 0]))))
+    gaps = gaps[gaps > least]
+    return float(gaps.min()) if gaps.size else least
+
+
+def _moving(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray, resolution: float) -> np.ndarray:
+    """Share of the samples beside every run at which the channel moves; 0 where it moves by little more than its resolution."""
+    before = starts[:, None] - 1 - np.arange(_BESIDE)
+    after = (starts + lengths)[:, None] + np.arange(_BESIDE + 1)
+    inside = (before.min(axis=1) >= 0) & (after.max(axis=1) < len(steps)) & (lengths <= _LONGEST)
+    beside = np.abs(steps[np.clip(np.hstack([before, after]), 0, len(steps) - 1)])
+    moves = beside > 0
+    usual = beside.sum(axis=1) / np.maximum(moves.sum(axis=1), 1)
+    return np.where(inside & (usual > _STEPS_OF_RESOLUTION * resolution), moves.mean(axis=1), 0.0)
+
+
+def _by_chance(steps: np.ndarray, resolution: float) -> float:
+    """Equal neighbours to be expected of a channel that is read to this resolution: as dense as those that are nearly equal."""
+    near = max(_NEAR * float(np.median(np.abs(steps[steps != 0]))), 2.5 * resolution)
+    return float(np.sum((steps != 0) & (np.abs(steps) < near)) * resolution / (2 * near))
+
+
+def _caught_up(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> bool:
+    """Whether the channel jumps after its runs to where it would have gone; or is too rough to show it."""
+    before = starts[:, None] - 1 - np.arange(_BESIDE)
+    after = (starts + lengths + 1)[:, None] + np.arange(_BESIDE)
+    near = np.hstack([before[:, ::-1], after])
+    speed = steps[near].mean(axis=1)
+    roughness = np.median(np.abs(np.diff(steps[near], axis=1)), axis=1)
+    jump = steps[starts + lengths] / np.where(speed == 0, np.inf, speed * (lengths + 1))
+    clear = np.abs(speed) * lengths > 2 * roughness
+    if clear.sum() >= _FEWEST_RUNS:
+        return bool(np.mean((jump[clear] > _JUMPS[0]) & (jump[clear] < _JUMPS[1])) >= _SHARE)
+    moved = np.abs(steps[steps != 0])
+    return bool(np.median(np.abs(np.diff(steps))) > _SMOOTH * np.median(moved))
+
+
+def find_dropped(record: Record) -> Repair | None:
+    """Find rows that were lost and whose times were written evenly all the same: the position jumps by whole samples' travel.
+
+    Through the samples on either side of every place a polynomial is laid, as they stand and as they would stand with one to
+    `_MOST_TOGETHER` samples missing between. A corner of the motion, a step or a spike fits neither way; a lost sample fits
+    once it is put in. The lost samples are put in by a cubic spline and noted as filled; the clock goes on for longer.
+    """
+    from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+    values = record["input"]
+    if len(values) < 4 * _POINTS:
+        return None
+    half = _POINTS // 2
+    travel = np.abs(np.diff(values))
+    moving = uniform_filter1d(travel, _POINTS - 1)[half - 1 : -half + 1] > _FEWEST_STEPS * travel.mean()
+    misfit = sum(np.convolve(values, column[::-1], "valid") ** 2 for column in _across(0))
+    usual = np.median(misfit[moving]) + (1e-7 * np.ptp(values)) ** 2
+    windows = np.flatnonzero((misfit > _CLEAR * usual) & moving)
+    if not windows.size:
+        return None
+    around = values[windows[:, None] + np.arange(_POINTS)]
+    put_in = np.array(
+        [np.sum((around @ _across(missing).T) ** 2, axis=1) for missing in range(1, _MOST_TOGETHER + 3)]
+    )
+    best, least = put_in.argmin(axis=0) + 1, put_in.min(axis=0)
+    cured = np.zeros(len(misfit))
+    cured[windows] = misfit[windows] / np.maximum(least, 1e-3 * usual)
+    lost = (cured[windows] > _CURED) & (best <= _MOST_TOGETHER)
+    lost &= cured[windows] >= maximum_filter1d(cured, 2 * half - 1)[windows]
+    return _put_in(record, windows[lost] + half - 1, best[lost]) if lost.any() else None
+
+
+def _across(missing: int) -> np.ndarray:
+    """What is at right angles to all polynomials through `_POINTS` samples, so many missing in their middle."""
+    half = _POINTS // 2
+    places = np.concatenate([np.arange(half), half + missing + np.arange(half)]).astype(float)
+    places = (places - places.mean()) / np.ptp(places)
+    return np.linalg.qr(np.vander(places, _POINTS, increasing=True))[0][:, _DEGREE + 1 :].T
+
+
+def _put_in(record: Record, places: np.ndarray, missing: np.ndarray) -> Repair:
+    """Put so many missing samples in after each of these places."""
+    from scipy.interpolate import make_interp_spline
+
+    count = int(missing.sum())
+    finding = Finding(
+        "dropped_samples",
+        f"{record.name}: the motion jumps in {len(places)} place{'s' * (len(places) > 1)} by the travel of "
+        f"{count} sample{'s' * (count > 1)}, first after {record.time[places[0]]:.4g} s: rows were lost though the "
+        "clock goes on; they are put back in from beside: record time stamps where the samples are taken",
+        count,
+        "samples",
+        record.name,
+    )
+    late = np.zeros(len(record), dtype=int)
+    late[places + 1] = missing
+    measured = np.arange(len(record)) + np.cumsum(late)
+    every = np.arange(measured[-1] + 1)
+    channels = {}
+    for role, channel in record.channels.items():
+        values = make_interp_spline(measured, channel.values, k=3)(every)
+        values[measured] = channel.values
+        channels[role] = replace(channel, values=values)
+    filled = np.union1d(np.setdiff1d(every, measured), measured[list(record.filled)]).astype(int)
+    time = record.time[0] + record.sampling_time * every
+    return Repair(replace(record, time=time, channels=channels, filled=tuple(filled.tolist())), (finding,))
