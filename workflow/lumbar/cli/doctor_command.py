@@ -14,7 +14,7 @@ def add(commands) -> None:
         commands,
         "doctor",
         "say which effects and mistakes could have been seen in records, from what size on, and what to record besides",
-        "lumbar doctor recordings/tissue --quick",
+        "lumbar doctor recordings/tissue",
     )
     add_folder(parser)
     add_fit(parser)
@@ -25,16 +25,6 @@ def add(commands) -> None:
         help="effects that are put into the records (default: all of the catalogue)",
     )
     parser.add_argument("--no-faults", action="store_true", help="leave out the mistakes of a recording")
-    parser.add_argument(
-        "--all-forms",
-        action="store_true",
-        help="every mathematical form of an effect, in place of its first: about three times as long",
-    )
-    parser.add_argument(
-        "--quick",
-        action="store_true",
-        help="the predicted smallest size and one diagnosis that confirms it, in place of a search",
-    )
     parser.add_argument(
         "--excitation",
         type=Path,
@@ -55,8 +45,6 @@ def run(options) -> None:
         records,
         effects=options.effects,
         faults=not options.no_faults,
-        all_forms=options.all_forms,
-        quick=options.quick,
         machine=settings.signals.machine,
         gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
         **chosen,

@@ -29,8 +29,6 @@ def doctor(
     *,
     effects: Sequence[str] | None = None,
     faults: bool = True,
-    all_forms: bool = False,
-    quick: bool = False,
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     periods: Mapping[str, float] | None = None,
@@ -42,11 +40,11 @@ def doctor(
     seed: int = SEED,
     data: str = "",
 ) -> Examined:
-    """Answer "could I have seen it?": put every effect into the records at falling strength and diagnose them blind.
+    """Answer "could I have seen it?": predict how large every effect must be to be named, and confirm it by a blind diagnosis.
 
-    The records are diagnosed first. The refined model is taken for the truth; its answers to the records' own motions,
-    with an effect added and noise like the records' own, are diagnosed as `diagnose` would. Mistakes of a recording (signs,
-    zeros, units, lags, resolution) are put into the records as they are. Some 100 diagnoses: minutes.
+    The records are diagnosed first. The refined model is taken for the truth; its answers to the records' own motions, with
+    twice what is predicted of an effect and noise like the records' own, are diagnosed as `diagnose` would. Mistakes of a
+    recording (signs, zeros, units, lags, resolution) are put into the records as they are, at falling size. Some 50 diagnoses.
 
     Parameters
     ----------
@@ -56,10 +54,6 @@ def doctor(
         Effects to put in; default all of the catalogue.
     faults : bool
         Try mistakes of a recording too.
-    all_forms : bool
-        Every mathematical form of an effect, in place of its first.
-    quick : bool
-        The predicted smallest size and one diagnosis that confirms it, in place of a search; the largest mistakes only.
     base, train, periods, session, settings, machine, gravity_m_s2, forward
         As of `diagnose`.
     seed : int
@@ -77,12 +71,11 @@ def doctor(
     --------
     >>> import lumbar
     >>> from lumbar.twin.examples import example_records
-    >>> found = lumbar.doctor(example_records(), effects=["coulomb_friction"], faults=False, quick=True)
+    >>> found = lumbar.doctor(example_records(), effects=["coulomb_friction"], faults=False)
     >>> found["coulomb_friction"].words
     'named'
     """
-    from lumbar.base.progress import track
-    from lumbar.tissue.diagnosis.doctor.examination import Scope, examine
+    from lumbar.tissue.diagnosis.doctor.examination import examine
     from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 
     records = list(records)
@@ -117,11 +110,17 @@ def doctor(
         seed=seed,
         data=data,
     )
-    scope = Scope(None if effects is None else tuple(effects), faults, all_forms, quick)
-    limits = machine_limits(machine, own.verdict.experiment)
-    return Examined(
-        own, examine(records, own.verdict, own.candidates, verdict_on, scope, limits, seed, track)
+    examination = examine(
+        records,
+        own.verdict,
+        own.candidates,
+        verdict_on,
+        effects=effects,
+        faults=faults,
+        limits=machine_limits(machine, own.verdict.experiment),
+        seed=seed,
     )
+    return Examined(own, examination)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -134,31 +133,31 @@ class Examined:
     """What was put in and what was said of it."""
 
     def __getitem__(self, effect: str) -> EffectSize:
-        """From what size on an effect, in the first form that was tried, would have been named."""
+        """From what size on an effect would have been named."""
         for item in self.examination.effects:
             if item.form.effect == effect:
                 return item
-        known = ", ".join(dict.fromkeys(item.form.effect for item in self.examination.effects))
+        known = ", ".join(item.form.effect for item in self.examination.effects)
         raise InputError(f"effect {effect!r} was not put in; put in were {known}")
 
     @cached_property
     def table(self) -> Table:
         """From what size on each effect would have been named."""
-        from lumbar.tissue.diagnosis.doctor.doctor_tables import effects_table
+        from lumbar.tissue.diagnosis.doctor.report import effects_table
 
         return effects_table(self.examination, self.diagnosis.data)
 
     @cached_property
     def fault_table(self) -> Table:
         """Which mistakes of a recording would have been told."""
-        from lumbar.tissue.diagnosis.doctor.doctor_tables import faults_table
+        from lumbar.tissue.diagnosis.doctor.report import faults_table
 
         return faults_table(self.examination, self.diagnosis.data)
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``doctor`` and, where mistakes were tried, ``doctor_faults`` as CSV, LaTeX and HTML, and ``doctor.json``."""
         from lumbar.base.files import write_json
-        from lumbar.tissue.diagnosis.doctor.doctor_tables import to_json
+        from lumbar.tissue.diagnosis.doctor.report import to_json
 
         folder = Path(folder)
         self.table.write(folder / "doctor")
@@ -186,12 +185,12 @@ class Examined:
         write_text(Path(path), motion_csv(further.excitation.motion, unit))
 
     def __str__(self) -> str:
-        from lumbar.tissue.diagnosis.doctor.doctor_text import report
+        from lumbar.tissue.diagnosis.doctor.report import terminal_text
 
-        return report(self.examination)
+        return terminal_text(self.examination)
 
     def __repr__(self) -> str:
-        named = sum(item.smallest is not None for item in self.examination.effects)
+        named = sum(item.is_named for item in self.examination.effects)
         return f"<Examined: {named} of {len(self.examination.effects)} effects would be named>"
 
     def _repr_html_(self) -> str:

@@ -1,149 +1,183 @@
-"""From what size on each effect of the catalogue would be named in a set of records."""
+"""How large an effect must be to be named in a set of records: predicted, and confirmed by one blind diagnosis."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.design.detectable import threshold_ratio
-from lumbar.tissue.diagnosis.doctor.injection import Injection, without_effect
-from lumbar.tissue.diagnosis.doctor.outcome import Diagnose, Kind, Outcome, diagnosed, judge_effect
-from lumbar.tissue.diagnosis.doctor.smallest import Search, search
-from lumbar.tissue.diagnosis.doctor.truth import Truth
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.records.record import Record
+from lumbar.tissue.diagnosis.doctor.injection import Injection, Truth, without_effect
 from lumbar.tissue.diagnosis.selection.forward_selection import ADEQUATE
-from lumbar.tissue.diagnosis.selection.null_distribution import shipped
+from lumbar.tissue.diagnosis.selection.sentences import effects_text
+from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.models.form import Effect, Form
 
-STRONGEST = 16.0
-"""RMS of an effect's force, in those of the noise, from which the search falls."""
-_BEYOND_PREDICTED = 4.0
-"""The same, at least, in the predicted smallest one."""
+CONFIRMED_AT = 2.0
+"""Size with which a prediction is confirmed, in predicted ones."""
+STRONG = 16.0
+"""The same in those of the noise, where nothing is predicted: the model can take up all of the effect."""
+
+Diagnose = Callable[[list[Record], int], Verdict]
+"""From records and the most effects that may be added to a verdict."""
+
+
+class Kind(StrEnum):
+    """Kinds of outcomes, the best first."""
+
+    NAMED = "named"
+    TIED = "tied"
+    TOLD = "told"
+    UNEXPLAINED = "unexplained"
+    REFUSED = "refused"
+    UNSEEN = "unseen"
+    MISTAKEN = "mistaken"
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What was said of records in which an effect or a fault is known to be."""
+
+    kind: Kind
+    """``named``: the effect and nothing else; ``tied``: with others; ``told``: as a finding; ``unexplained``: something is
+    missing and no effect explains it; ``refused``: the records were not diagnosed; ``unseen``; ``mistaken``: something
+    else was named."""
+    others: tuple[str, ...] = ()
+    """Effects that it is tied with or mistaken for."""
+    message: str = ""
+    """Of a refusal or a finding."""
+    verdict: Verdict | None = None
+    """None where the records were refused."""
+
+    @property
+    def words(self) -> str:
+        """In a few words."""
+        if self.kind is Kind.MISTAKEN:
+            return f"mistaken for {effects_text(self.others)}"
+        if self.kind is Kind.TIED:
+            return f"tied with {effects_text(self.others)}"
+        if self.kind is Kind.TOLD and self.message.startswith(_TAKEN_UP):
+            return self.message
+        return str(self.kind)
 
 
 @dataclass(frozen=True, eq=False)
 class EffectSize:
-    """From what size on one effect would be named."""
+    """The smallest size at which one effect should be named, and what was said of it at `CONFIRMED_AT` times that."""
 
     form: Form
     injection: Injection
-    noise: float
-    """RMS per sample, in the output's unit."""
     present: float | None
     """RMS of its force in the records themselves, where the diagnosis named it there."""
-    predicted: float | None
-    """Smallest RMS of its force that a search would select, to first order; None where the model can take up all of it.
-    """
-    trials: Search | None
-    """None where these motions do not call the effect forth."""
+    predicted: float | None = None
+    """Smallest RMS of its force that a search would select, to first order; None where the model can take up all of it."""
+    put_in: float | None = None
+    """RMS of its force in the records that were diagnosed; None where these motions do not call the effect forth."""
+    outcome: Outcome | None = None
+    """What was said of them. Sizes are in the output's unit."""
 
     @property
-    def smallest(self) -> float | None:
-        """Smallest RMS of its force at which it was named, in the output's unit; None where it never was."""
-        if self.trials is None or self.trials.smallest is None:
-            return None
-        return self.trials.smallest * self.noise
-
-    @property
-    def smallest_fit(self) -> Fit | None:
-        """The model with the effect at that size."""
-        return None if self.smallest is None else self.injection.at(self.smallest)
+    def is_named(self) -> bool:
+        """Whether the effect was named, and nothing else."""
+        return self.outcome is not None and self.outcome.kind is Kind.NAMED
 
     @property
     def words(self) -> str:
-        """What was said of it where it is strong, and if that is another thing, that it is named where it is weaker."""
-        if self.trials is None:
-            return "not excited"
-        outcome = self.trials.at_strongest
-        if self.smallest is not None and outcome.kind is not Kind.NAMED:
-            return f"named, but {outcome.words} where strong"
-        return outcome.words
-
-    @property
-    def words_below(self) -> str:
-        """What was said of it where it is too weak to be named."""
-        below = self.trials.at_missed if self.trials and self.smallest is not None else None
-        return below.words if below else ""
+        """What was said of it."""
+        return "not excited" if self.outcome is None else self.outcome.words
 
 
-def forms_to_try(
-    catalogue: dict[str, Effect], truth: Truth, all_forms: bool
-) -> list[tuple[Form, Fit, np.ndarray | None]]:
-    """Forms to put in, with the model that each is put into and, of effects of the model, their fitted parameters.
+def effect_size(truth: Truth, effect: Effect, least_gain: float, diagnose: Diagnose) -> EffectSize:
+    """Predict the smallest size of an effect's first form that would be named, and diagnose records with more of it.
 
-    Of every effect the first form, or all; of an effect that the records themselves have the form that was found.
-    """
-    found = []
-    for effect in catalogue.values():
-        if effect.name in truth.verdict.selected:
-            rest, form, nonlinear = without_effect(truth.fit, effect.name)
-            found.append((form, rest, nonlinear))
-            continue
-        found += [(form, truth.fit, None) for form in (effect.forms if all_forms else effect.forms[:1])]
-    return found
-
-
-def effect_sizes(
-    truth: Truth,
-    catalogue: dict[str, Effect],
-    tried: list[tuple[Form, Fit, np.ndarray | None]],
-    diagnose: Diagnose,
-    quick: bool,
-) -> Iterator[EffectSize]:
-    """Search the smallest size of every form that would be named.
+    An effect that the records themselves have is taken out of the model first, and put in again in the form that was found.
 
     Parameters
     ----------
-    catalogue : dict of str to Effect
-        All candidates of a diagnosis.
-    tried : list
-        Of `forms_to_try`.
+    least_gain : float
+        Likelihood-ratio statistic that a search asks for.
     diagnose : callable
         Blind diagnosis.
-    quick : bool
-        One diagnosis per form.
     """
-    null = shipped(truth.fit.structure.base.system)
-    threshold = threshold_ratio(null, sum(len(effect.forms) for effect in catalogue.values()))
-    for form, model, nonlinear in tried:
-        if nonlinear is None:
-            injection = Injection.middle(model, form, truth.training)
-        else:
-            injection = Injection(model, form, nonlinear, truth.training)
-        yield _sized(truth, injection, threshold, diagnose, quick)
+    present = effect.name in truth.verdict.selected
+    if present:
+        injection = Injection(*without_effect(truth.fit, effect.name), truth.training)
+    else:
+        injection = Injection.middle(truth.fit, effect.forms[0], truth.training)
+    form, model = injection.form, injection.model
+    own = injection.rms(truth.fit) if present else None
+    if injection.largest <= 0:
+        return EffectSize(form, injection, own)
+    predicted = injection.predicted(truth.noise * _least_visible(truth, injection, least_gain))
+    wanted = STRONG * truth.noise if predicted is None else CONFIRMED_AT * predicted
+    put_in = min(wanted, injection.largest)
+    found = diagnosis_or_refusal(
+        truth.records(injection.at(put_in)), len(model.structure.forms) + 1, diagnose
+    )
+    outcome = judge_effect(found, effect.name, model.structure.effects, model.structure.base.name)
+    return EffectSize(form, injection, own, predicted, put_in, outcome)
 
 
-def _least_visible(model: Fit, training: FitData, threshold: float) -> float:
+def _least_visible(truth: Truth, injection: Injection, least_gain: float) -> float:
     """RMS in those of the noise that a search must see of an effect.
 
-    Its gain N r² must reach the threshold. Beside an effect that the model has already it must also raise the error above what
+    Its gain N r² must reach the least one. Beside an effect that the model has already it must also raise the error above what
     counts as adequate: a search ends there.
     """
-    least = float(np.sqrt(threshold / training.size))
-    return max(least, float(np.sqrt(ADEQUATE**2 - 1))) if model.structure.forms else least
+    least = float(np.sqrt(least_gain / truth.training.size))
+    return max(least, float(np.sqrt(ADEQUATE**2 - 1))) if injection.model.structure.forms else least
 
 
-def _sized(
-    truth: Truth, injection: Injection, threshold: float, diagnose: Diagnose, quick: bool
-) -> EffectSize:
-    form, model, noise = injection.form, injection.model, truth.noise
-    present = None
-    if model is not truth.fit:
-        present = injection.rms(truth.fit)
-    if injection.largest <= 0:
-        return EffectSize(form, injection, noise, present, None, None)
-    predicted = injection.predicted(noise * _least_visible(model, truth.training, threshold))
-    most = len(model.structure.forms) + 1
+def diagnosis_or_refusal(records: list[Record], most_effects: int, diagnose: Diagnose) -> Verdict | str:
+    """Diagnose records; return the message where they are refused."""
+    try:
+        return diagnose(records, most_effects)
+    except (InputError, NumericalError) as error:
+        return str(error)
 
-    def outcome_at(strength: float) -> Outcome:
-        records = truth.records(injection.at(min(strength * noise, injection.largest)))
-        found = diagnosed(records, most, diagnose)
-        return judge_effect(found, form.effect, model.structure.effects, model.structure.base.name)
 
-    expected = predicted / noise
-    strongest = max(STRONGEST, _BEYOND_PREDICTED * expected) if expected == expected else STRONGEST
-    found = search(outcome_at, expected, min(strongest, injection.largest / noise), quick)
-    return EffectSize(form, injection, noise, present, predicted if expected == expected else None, found)
+def judge_effect(found: Verdict | str, effect: str, before: tuple[str, ...], base_before: str) -> Outcome:
+    """Say what became of one effect that was put into records beside those that are in them.
+
+    Parameters
+    ----------
+    found : Verdict or str
+        Of the records with it, or the message of their refusal.
+    before : tuple of str
+        Effects that are in the records beside it.
+    base_before : str
+        Name of the base that is in them.
+    """
+    if isinstance(found, str):
+        return Outcome(Kind.REFUSED, message=found)
+    others = tuple(name for name in found.selected if name != effect and name not in before)
+    tied = tuple(
+        dict.fromkeys(
+            name
+            for item in found.tied_with
+            for name in item.effects
+            if name != effect and name not in found.selected and name not in before
+        )
+    )
+    if effect in found.selected and not others:
+        kind = Kind.TIED if tied else Kind.UNEXPLAINED if found.verdict == "unexplained" else Kind.NAMED
+        return Outcome(kind, tied, verdict=found)
+    if any(effect in item.effects for item in found.tied_with):
+        return Outcome(Kind.TIED, others, verdict=found)
+    message = next((item.sentence for item in found.findings if item.kind in _OF_THE_MODEL), "")
+    base = found.base.fit.structure.base.name
+    if base != base_before and not others and not message:
+        message = f"{_TAKEN_UP} {base}"
+    if message and not others:
+        return Outcome(Kind.TOLD, message=message, verdict=found)
+    if found.verdict == "unexplained":
+        return Outcome(Kind.UNEXPLAINED, verdict=found)
+    return Outcome(Kind.MISTAKEN if others else Kind.UNSEEN, others, verdict=found)
+
+
+_TAKEN_UP = "taken up by the base"
+_OF_THE_MODEL = ("higher_order_linear", "direction", "sign")
+"""Kinds of findings that an effect in the records may be told as."""
