@@ -10,8 +10,7 @@ from scipy.io import loadmat
 
 import lumbar
 from lumbar.interface.reading import read_listed
-from lumbar.records.record import Channel, Record
-from lumbar.records.record_set import RecordSet
+from lumbar.records.record import Channel, Record, RecordSet
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from running import PROJECT
 

@@ -10,8 +10,7 @@ from c3d_builder import DEC, INTEL, MIPS, build_c3d
 from marker_gaps import missing_share
 
 from lumbar.base.errors import InputError
-from lumbar.records.c3d_data import analog_channels, read_analog, read_coordinates
-from lumbar.records.c3d_file import read_c3d
+from lumbar.records.c3d_file import analog_channels, read_analog, read_c3d, read_coordinates
 from lumbar.records.c3d_structure import check_structure
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout

@@ -8,7 +8,7 @@ from lumbar.study.settings_files import load_settings
 
 if TYPE_CHECKING:
     from lumbar.interface.refinement import Refinement
-    from lumbar.records.record_set import RecordSet
+    from lumbar.records.record import RecordSet
     from lumbar.settings.study_settings import StudySettings
 
 

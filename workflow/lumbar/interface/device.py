@@ -103,7 +103,7 @@ def export_fmu(
     from lumbar.tissue.fmu.build.export_model import export_models
     from lumbar.tissue.fmu.build.package import export_fmus
     from lumbar.tissue.fmu.check.file_check import check_new_files
-    from lumbar.tissue.haptics.export_warning import with_device
+    from lumbar.tissue.haptics.device_table import with_device
 
     settings = settings or RuntimeSettings()
     settings = replace(

@@ -16,7 +16,7 @@ from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable
 from lumbar.records.importing.recording import Choices, ImportedRecording, to_record
 from lumbar.records.importing.source_file import read_content, read_source, record_name
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
-from lumbar.records.record_set import RecordSet
+from lumbar.records.record import RecordSet
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from lumbar.base.errors import InputError
-from lumbar.records.record_set import RecordSet
+from lumbar.records.record import RecordSet
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import ColumnLayout, MarkerLayout, RecordSettings
 

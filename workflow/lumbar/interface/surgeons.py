@@ -188,7 +188,7 @@ class Signals:
     @property
     def properties(self) -> Table:
         """What the signals are and ask of the machine."""
-        from lumbar.tissue.signals.signal_properties import signal_properties
+        from lumbar.tissue.signals.excitation import signal_properties
 
         return signal_properties(self.excitation, self.data)
 
@@ -201,7 +201,7 @@ class Signals:
     def save(self, folder: str | os.PathLike) -> None:
         """Write every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""
         from lumbar.base.files import write_csv, write_json
-        from lumbar.tissue.signals.signal_properties import machine_file, multisine_description
+        from lumbar.tissue.signals.excitation import machine_file, multisine_description
 
         folder = Path(folder)
         for signal in self.excitation.signals:

@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.marker_file import MarkerFile
+from lumbar.records.marker_file import MarkerFile, split_points
 from lumbar.records.numbers import number
-from lumbar.records.point_kinds import split_points
 from lumbar.records.record import LARGEST
 
 _CHANNELS = [f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ"]

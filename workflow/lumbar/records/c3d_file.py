@@ -1,17 +1,148 @@
-"""C3D marker files: points, events and what the file says of itself, after `lumbar.records.c3d_structure` has found it sound."""
+"""C3D marker files: points, events and what the file says of itself, after `lumbar.records.c3d_structure` has found it sound.
+
+Each frame holds four numbers per point (x, y, z, and a residual that is negative where the point was not seen),
+then the analog samples, all channels of one instant together. Numbers are 4-byte reals or 2-byte integers,
+in the byte order and the format of reals of the processor that the file names (C3D user guide, www.c3d.org).
+"""
 
 from __future__ import annotations
 
 import itertools
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from lumbar.records.c3d_data import parameter_list, read_coordinates
-from lumbar.records.c3d_structure import C3dStructure, check_structure
-from lumbar.records.marker_file import MarkerFile, RecordedEvent, mark_missing
-from lumbar.records.point_kinds import split_points
+from lumbar.base.errors import InputError
+from lumbar.records.c3d_structure import C3dStructure, check_structure, integers, reals
+from lumbar.records.marker_file import MarkerFile, RecordedEvent, mark_missing, split_points
+
+
+@dataclass(frozen=True)
+class AnalogChannels:
+    """What the analog channels of a C3D file are, and how their samples become physical values."""
+
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    """`labels`, `units`: one per channel; empty where the file states none."""
+    rate: float
+    """Samples per second."""
+    per_frame: int
+    """Samples per frame of points."""
+    scale: np.ndarray
+    offset: np.ndarray
+    """`scale`, `offset`: shape (n_channels,): value = (sample - offset) * scale; NaN where the file states none."""
+    unsigned: bool
+    """Whether 2-byte samples count from 0 to 65535."""
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+
+def read_coordinates(path: Path, structure: C3dStructure) -> np.ndarray:
+    """Coordinates in the file's unit, shape (n_frames, n_points, 3); NaN where the residual is negative."""
+    raw = _frames(path, structure, 0, 4 * structure.n_points)
+    decode, factor = (reals, 1.0) if structure.scale < 0 else (integers, structure.scale)
+    quads = decode(raw, structure.processor).reshape(structure.n_frames, structure.n_points, 4)
+    points = quads[..., :3] * factor
+    points[~(quads[..., 3] >= 0)] = np.nan
+    return points
+
+
+def analog_channels(path: Path, structure: C3dStructure) -> AnalogChannels:
+    """Describe the analog channels of a file; none where it has none.
+
+    Raises
+    ------
+    InputError
+        The number of channels does not divide the samples of a frame.
+    """
+    parameters = structure.parameters
+    used = parameters.get("ANALOG:USED") or [structure.n_analog // max(structure.analog_per_frame, 1)]
+    n_channels = int(used[0]) % 65536
+    if not structure.n_analog or not n_channels:
+        n_channels, per_frame = 0, 0
+    elif structure.n_analog % n_channels:
+        raise InputError(
+            f"{path}: {structure.n_analog} analog samples per frame; a multiple of the {n_channels} channels "
+            "is needed"
+        )
+    else:
+        per_frame = structure.n_analog // n_channels
+    general = float((parameters.get("ANALOG:GEN_SCALE") or [1.0])[0])
+    unsigned = "UNSIGNED" in map(str.upper, map(str, parameters.get("ANALOG:FORMAT", [])))
+    offset = _per_channel(parameters, "OFFSET", n_channels, np.nan)
+    return AnalogChannels(
+        labels=tuple(map(str, _per_channel(parameters, "LABELS", n_channels, ""))),
+        units=tuple(map(str, _per_channel(parameters, "UNITS", n_channels, ""))),
+        rate=structure.rate * per_frame,
+        per_frame=per_frame,
+        scale=np.array(_per_channel(parameters, "SCALE", n_channels, np.nan), dtype=float) * general,
+        offset=np.array([value % 65536 if unsigned else value for value in offset], dtype=float),
+        unsigned=unsigned,
+    )
+
+
+def read_analog(
+    path: Path, structure: C3dStructure, channels: AnalogChannels, numbers: Sequence[int]
+) -> np.ndarray:
+    """Physical values of some channels.
+
+    Parameters
+    ----------
+    numbers : sequence of int
+        Channels, counted from 0.
+
+    Returns
+    -------
+    ndarray, shape (n_frames * channels.per_frame, len(numbers))
+
+    Raises
+    ------
+    InputError
+        A channel that the file does not have, or for which it states no scale or offset.
+    """
+    numbers = list(numbers)
+    absent = [number + 1 for number in numbers if not 0 <= number < len(channels)]
+    if absent:
+        raise InputError(f"{path}: no analog channel {absent[0]}; the file has {len(channels)}")
+    unscaled = [n for n in numbers if not np.isfinite(channels.scale[n] + channels.offset[n])]
+    if unscaled:
+        raise InputError(
+            f"{path}: analog channel {unscaled[0] + 1} ({channels.labels[unscaled[0]]}) has no ANALOG:SCALE or "
+            "no ANALOG:OFFSET; export the recording again"
+        )
+    raw = _frames(path, structure, 4 * structure.n_points, structure.n_analog)
+    raw = raw.reshape(structure.n_frames * channels.per_frame, len(channels), structure.word_bytes)
+    raw = np.ascontiguousarray(raw[:, numbers]).reshape(len(raw), -1)
+    samples = (reals if structure.scale < 0 else integers)(raw, structure.processor).astype(float)
+    if channels.unsigned and structure.scale > 0:
+        samples %= 65536
+    return (samples - channels.offset[numbers]) * channels.scale[numbers]
+
+
+def parameter_list(parameters: dict[str, list], name: str) -> list:
+    """Values of a parameter; lists of more than 255 continue in NAME2, NAME3 and so on."""
+    names = [name, *(f"{name}{number}" for number in range(2, 256))]
+    lists = [parameters[name] for name in itertools.takewhile(parameters.__contains__, names)]
+    return list(itertools.chain.from_iterable(lists))
+
+
+def _per_channel(parameters: dict[str, list], name: str, n_channels: int, missing) -> list:
+    values = parameter_list(parameters, f"ANALOG:{name}")[:n_channels]
+    kind = str if isinstance(missing, str) else (int, float)
+    values = [value if isinstance(value, kind) else missing for value in values]
+    return values + [missing] * (n_channels - len(values))
+
+
+def _frames(path: Path, structure: C3dStructure, first_word: int, n_words: int) -> np.ndarray:
+    """Bytes of the words from `first_word` on of every frame, shape (n_frames, n_words * word_bytes)."""
+    data = np.memmap(path, np.uint8, "r", structure.data_start, (structure.n_frames, structure.frame_bytes))
+    start = first_word * structure.word_bytes
+    return np.array(data[:, start : start + n_words * structure.word_bytes])
+
 
 _KINDS = {
     "ANGLES": "joint angle, not a position",

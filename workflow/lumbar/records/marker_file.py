@@ -1,7 +1,14 @@
-"""What a marker file holds before its labels, unit and axes are translated."""
+"""What a marker file holds before its labels, unit and axes are translated, and which of its points a model computed.
+
+Plug-in Gait and its relatives store joint angles, forces, moments and powers as if they were points, and
+segment axes and the centre of mass as points too. Lists in the file say which (`POINT:TYPE_GROUPS` of the C3D
+user guide); where a file has none, the labels' endings do.
+"""
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -64,3 +71,71 @@ def mark_missing(points: np.ndarray) -> np.ndarray:
     missing = ~np.isfinite(points).all(axis=-1) | (points == 0).all(axis=-1)
     points[missing] = np.nan
     return points
+
+
+_ENDINGS = (
+    (re.compile(r"Angles?(\W.*)?$"), "joint angle, not a position"),
+    (re.compile(r"(Force|GRF)s?(\W.*)?$"), "force, not a position"),
+    (re.compile(r"Moments?(\W.*)?$"), "moment, not a position"),
+    (re.compile(r"Powers?(\W.*)?$"), "power, not a position"),
+)
+_CENTRE_OF_MASS = re.compile(r"^(Cent(re|er)OfMass(Floor)?|CoM|COM)$")
+_UNLABELLED = re.compile(r"^(\*\d*|[CU]_\d+|uname\*?\d*|Unlabell?ed.*)$", re.IGNORECASE)
+_SEGMENT_AXES = "OALP"
+"""Last letters under which Plug-in Gait stores each segment's origin and the ends of its three axes."""
+
+
+def split_points(
+    source: str,
+    time: np.ndarray,
+    rate: float,
+    unit: str,
+    labels: list[str],
+    points: np.ndarray,
+    listed: dict[str, str] | None = None,
+    events: tuple[RecordedEvent, ...] = (),
+    notes: tuple[str, ...] = (),
+) -> MarkerFile:
+    """Sort the points of a file into measured markers, computed points and what is left out.
+
+    Parameters
+    ----------
+    source, time, rate, unit, events, notes
+        As in `MarkerFile`.
+    labels : list of str
+        One per point.
+    points : ndarray, shape (n_frames, n_points, 3)
+        NaN where missing.
+    listed : dict of str to str, optional
+        Labels that the file itself lists as angles, forces, … with the reason.
+    """
+    listed = listed or {}
+    counts = Counter(labels)
+    axes = _segment_axes(labels)
+    positions, model_points, dropped = {}, {}, {}
+    for index, label in enumerate(labels):
+        name = label.rpartition(":")[2]
+        values = points[:, index]
+        if label in listed:
+            dropped[label] = listed[label]
+        elif not label or _UNLABELLED.match(name):
+            dropped[label or f"point {index + 1}"] = "trajectory without a label"
+        elif counts[label] > 1:
+            dropped[label] = f"label used for {counts[label]} points"
+        elif reason := next((reason for ending, reason in _ENDINGS if ending.search(name)), None):
+            dropped[label] = reason
+        elif label in axes or _CENTRE_OF_MASS.match(name):
+            dropped[label] = "computed segment axis" if label in axes else "computed centre of mass"
+            model_points[label] = values
+        elif np.isnan(values).all():
+            dropped[label] = "never seen"
+        else:
+            positions[label] = values
+    return MarkerFile(source, time, rate, unit, positions, model_points, dropped, events, notes)
+
+
+def _segment_axes(labels: list[str]) -> set[str]:
+    present = set(labels)
+    stems = {label[:-1] for label in labels if label[-1:] == "O"}
+    complete = [stem for stem in stems if all(stem + letter in present for letter in _SEGMENT_AXES)]
+    return {stem + letter for stem in complete for letter in _SEGMENT_AXES}

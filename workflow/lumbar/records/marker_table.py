@@ -21,9 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.marker_file import MarkerFile, NoMarkers, mark_missing
+from lumbar.records.marker_file import MarkerFile, NoMarkers, mark_missing, split_points
 from lumbar.records.numbers import number
-from lumbar.records.point_kinds import split_points
 from lumbar.records.record import LARGEST
 
 _TIME = re.compile(r"^(?:time|t|zeit)[\s_]*[\[(]?(s|sec|ms|)[\])]?$", re.IGNORECASE)

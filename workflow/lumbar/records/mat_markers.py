@@ -18,9 +18,8 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.marker_file import MarkerFile, NoMarkers, RecordedEvent, mark_missing
+from lumbar.records.marker_file import MarkerFile, NoMarkers, RecordedEvent, mark_missing, split_points
 from lumbar.records.marker_table import even_clock
-from lumbar.records.point_kinds import split_points
 from lumbar.records.record import LARGEST
 from lumbar.records.unpacking import check_matlab
 

@@ -1,9 +1,10 @@
-"""The validated record that every analysis works on: evenly sampled channels with units."""
+"""The validated record that every analysis works on, evenly sampled channels with units, and sets of such records."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 
@@ -223,3 +224,85 @@ def same_units(records: list[Record]) -> None:
                     "all records of a set need the same channels and units",
                 )
     problems.raise_if_any()
+
+
+class RecordSet(Sequence[Record]):
+    """Records that were made alike, one per excitation.
+
+    Parameters
+    ----------
+    records : iterable of Record
+        With names of their own.
+
+    Raises
+    ------
+    InputError
+        If two records share a name.
+    """
+
+    def __init__(self, records: Iterable[Record]):
+        self._records = list(records)
+        names = self.names
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError(
+                f"records share the name {', '.join(map(repr, twice))}: each needs one of its own"
+            )
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the records, in their order."""
+        return [record.name for record in self._records]
+
+    def __len__(self) -> int:
+        return len(self._records)
+
+    @overload
+    def __getitem__(self, which: int | str) -> Record: ...
+    @overload
+    def __getitem__(self, which: slice) -> RecordSet: ...
+    def __getitem__(self, which):
+        if isinstance(which, slice):
+            return RecordSet(self._records[which])
+        if isinstance(which, str):
+            self._check_names([which])
+            return self._records[self.names.index(which)]
+        return self._records[which]
+
+    def with_periods(self, periods: Mapping[str, float]) -> RecordSet:
+        """Return the records with the periods of their excitations in seconds, by the record's name."""
+        self._check_names(periods)
+        return RecordSet(
+            replace(record, period=periods.get(record.name, record.period)) for record in self._records
+        )
+
+    def _check_names(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in self.names:
+                raise InputError(f"no record {name!r}; there are {', '.join(self.names)}")
+
+    def rows(self) -> list[dict]:
+        """What every record is: one dict per record, for tables."""
+        return [
+            {
+                "record": record.name,
+                "samples": len(record),
+                "rate (Hz)": round(1 / record.sampling_time, 4),
+                "duration (s)": round(record.duration, 4),
+                "channels": ", ".join(f"{item.quantity} ({item.unit})" for item in record.channels.values()),
+            }
+            for record in self._records
+        ]
+
+    def __repr__(self) -> str:
+        lines = [
+            f"  {row['record']}: {row['samples']} samples at {row['rate (Hz)']:g} Hz, {row['duration (s)']:g} s; "
+            f"{row['channels']}"
+            for row in self.rows()
+        ]
+        return "\n".join([f"{len(self)} record{'s' * (len(self) != 1)}", *lines])
+
+    def _repr_html_(self) -> str:
+        import pandas as pd
+
+        return pd.DataFrame(self.rows()).to_html(index=False)

@@ -1,10 +1,18 @@
-"""Stretches of samples: where something holds without a break."""
+"""Stretches of samples: where something holds without a break, and flat tops, as of a converter at the end of its range.
+
+A force that a mechanism limits (contact that is lost, a gripper that slips) carries the sensor's noise on top and does not
+repeat to the last digit; a converter's limit does. What a clipped channel would have shown is not in the file.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+
+from lumbar.base.errors import Problems
+from lumbar.records.record import Record, place_of
 
 
 def runs(flags: np.ndarray) -> Iterator[slice]:
@@ -12,3 +20,103 @@ def runs(flags: np.ndarray) -> Iterator[slice]:
     edges = np.flatnonzero(np.diff(np.concatenate(([0], np.asarray(flags, dtype=np.int8), [0]))))
     for start, stop in edges.reshape(-1, 2):
         yield slice(int(start), int(stop))
+
+
+_SHORTEST_RUN = 3
+"""Samples in a row at the extreme that make a flat top."""
+_FEWEST_SAMPLES = 6
+_CROWDED = 5
+"""Times as many samples at the extreme as at the value next to it: a coarse converter repeats its other values too."""
+_ENTRY_SPREAD = 1.5
+"""Ratio of the speeds at which a position enters its flat tops: a commanded hold is always entered alike."""
+_FEWEST_TOPS = 3
+_STEPS = 4
+"""Samples over which the speed into a flat top is taken."""
+_TURNED = 4.0
+"""Twice the time, in speed over deceleration, after which a motion that was cut off would be back."""
+RESPONSES = ("output", "moment")
+EXCITATIONS = ("input",)
+"""Roles that are looked at; surgeons and people rest where they like."""
+
+
+@dataclass(frozen=True)
+class FlatTop:
+    """Samples at one extreme of a channel."""
+
+    level: float
+    samples: int
+    """In flat tops."""
+    starts: np.ndarray
+    """First sample of every flat top."""
+
+
+def flat_tops(values: np.ndarray) -> list[FlatTop]:
+    """Flat tops at the largest and at the smallest value; empty where a channel is not clipped."""
+    levels, counts = np.unique(values, return_counts=True)
+    found: list[FlatTop] = []
+    if len(levels) < 3:
+        return found
+    for extreme, beside in ((-1, -2), (0, 1)):
+        at = np.concatenate([[False], values == levels[extreme], [False]])
+        starts, stops = np.flatnonzero(~at[:-1] & at[1:]), np.flatnonzero(at[:-1] & ~at[1:])
+        long = stops - starts >= _SHORTEST_RUN
+        samples = int(np.sum((stops - starts)[long]))
+        if samples >= _FEWEST_SAMPLES and counts[extreme] > _CROWDED * counts[beside]:
+            found.append(FlatTop(float(levels[extreme]), samples, starts[long]))
+    return found
+
+
+def _comes_to_rest(top: FlatTop, values: np.ndarray) -> np.ndarray:
+    """For every flat top whether the motion slowed down into it and stayed: bool, shape (tops,).
+
+    What is cut off a motion that goes on would have turned round after speed over deceleration, and come back after twice
+    that; a rest is entered without speed, or lasts longer.
+    """
+    rests = np.zeros(len(top.starts), dtype=bool)
+    for number, start in enumerate(top.starts):
+        if start < 2 * _STEPS:
+            rests[number] = start == 0
+            continue
+        late = abs(values[start] - values[start - _STEPS]) / _STEPS
+        early = abs(values[start - _STEPS] - values[start - 2 * _STEPS]) / _STEPS
+        speed, deceleration = late - (early - late) / 2, (early - late) / _STEPS
+        left = np.flatnonzero(values[start:] != top.level)
+        stays = left[0] if left.size else len(values) - start
+        rests[number] = deceleration > 0 and stays * deceleration > _TURNED * speed
+    return rests
+
+
+def _is_hold(top: FlatTop, values: np.ndarray) -> bool:
+    """Whether a position rests at its extreme: it slows down into it, or stops few times or always at the same speed."""
+    entries = top.starts[(top.starts >= 2) & ~_comes_to_rest(top, values)]
+    speeds = np.abs(values[entries - 1] - values[entries - 2])
+    return len(entries) < _FEWEST_TOPS or speeds.max() <= _ENTRY_SPREAD * speeds.min()
+
+
+def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
+    """Refuse a record whose force is clipped, or whose position is and does not merely rest there.
+
+    Parameters
+    ----------
+    lines : sequence of int, optional
+        Line of each sample in the file that it was read from.
+
+    Raises
+    ------
+    InputError
+        With level, number of samples and stretches of every clipped channel.
+    """
+    problems = Problems(record.source or record.name)
+    for role, channel in record.channels.items():
+        if role not in (*RESPONSES, *EXCITATIONS):
+            continue
+        for top in flat_tops(channel.values):
+            if role in EXCITATIONS and _is_hold(top, channel.values):
+                continue
+            problems.add(
+                role,
+                f"clipped: {top.samples} samples lie exactly at {top.level:g} {channel.unit}, in {len(top.starts)} stretches "
+                f"from {place_of(top.starts[0], lines)} on",
+                "record with a larger range, cut the stretches out, or accept them with the layout's 'clipped: accept'",
+            )
+    problems.raise_if_any()

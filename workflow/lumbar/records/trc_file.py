@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.marker_file import MarkerFile, mark_missing
+from lumbar.records.marker_file import MarkerFile, mark_missing, split_points
 from lumbar.records.numbers import number
-from lumbar.records.point_kinds import split_points
 from lumbar.records.record import LARGEST
 
 _CLOCK_TOLERANCE = 0.05

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.records.record import Channel, Record
-from lumbar.records.record_set import RecordSet
+from lumbar.records.record import Channel, Record, RecordSet
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, SyntheticPerson, TrueEvents
 from lumbar.twin.lifting_recordings import write_lift

@@ -8,8 +8,8 @@ import yaml
 
 from lumbar import cli
 from lumbar.base.errors import InputError
-from lumbar.records.clipping import check_clipping, flat_tops
 from lumbar.records.record import Channel, Record
+from lumbar.records.stretches import check_clipping, flat_tops
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.record_checks import check_excitation
 from lumbar.tissue.diagnosis.selection.refine import refine

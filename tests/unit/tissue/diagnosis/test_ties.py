@@ -30,7 +30,7 @@ from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
-from lumbar.tissue.signals.machine_limits import Kinematics, peak_kinematics
+from lumbar.tissue.signals.motion_range import Kinematics, peak_kinematics
 from lumbar.twin.hidden_effects.force_simulation import calibrated, simulate
 from lumbar.twin.hidden_effects.hidden_catalogue import form_named
 from lumbar.twin.hidden_effects.hidden_form import Scales

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.settings.device import DeviceSettings
-from lumbar.tissue.haptics.sampled_model import SampledModel
+from lumbar.tissue.haptics.closed_loop import SampledModel
 
 
 def drawn_device(rng: np.random.Generator) -> DeviceSettings:

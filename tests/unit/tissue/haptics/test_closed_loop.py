@@ -11,8 +11,13 @@ from loop_draws import drawn_device, drawn_model
 from scipy.integrate import solve_ivp
 
 from lumbar.settings.device import DeviceSettings
-from lumbar.tissue.haptics.closed_loop import largest_pole, largest_stable_gain, loop_response, propagation
-from lumbar.tissue.haptics.sampled_model import SampledModel
+from lumbar.tissue.haptics.closed_loop import (
+    SampledModel,
+    largest_pole,
+    largest_stable_gain,
+    loop_response,
+    propagation,
+)
 from lumbar.tissue.haptics.simulation import difference_equation, encoder_ripple, simulate
 
 STYLUS = DeviceSettings()

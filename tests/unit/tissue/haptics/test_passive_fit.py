@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import nnls
 from tissue_fits import COEFFICIENTS
 
+from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.passive_fit import (
     Branches,
     DeviceCondition,
@@ -18,7 +19,6 @@ from lumbar.tissue.haptics.passive_fit import (
 )
 from lumbar.tissue.haptics.passive_models import takes_energy
 from lumbar.tissue.haptics.passivity import required_damping
-from lumbar.tissue.haptics.sampled_model import SampledModel
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.models.first_order import FirstOrder, undiscretise
 from lumbar.tissue.models.transfer_function import TransferFunction

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from loop_draws import drawn_model
 
+from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.passivity import damping_at, required_damping
-from lumbar.tissue.haptics.sampled_model import SampledModel
 
 PERIOD = 0.01
 ONE = np.ones(1)

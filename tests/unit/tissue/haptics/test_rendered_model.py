@@ -11,11 +11,10 @@ from tissue_fits import COEFFICIENTS, fitted
 
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import RuntimeSettings
-from lumbar.tissue.haptics.analysis import analyse
-from lumbar.tissue.haptics.judgement import judge
+from lumbar.tissue.haptics.closed_loop import SampledModel
+from lumbar.tissue.haptics.judgement import analyse, judge
 from lumbar.tissue.haptics.lowest_rate import lowest_rates
 from lumbar.tissue.haptics.rendered_model import direction, exported_at, rendered
-from lumbar.tissue.haptics.sampled_model import SampledModel
 
 SETTINGS = RuntimeSettings()
 STYLUS = SETTINGS.device

@@ -18,7 +18,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.reference_response import reference_push
-from lumbar.tissue.haptics.export_warning import with_device
+from lumbar.tissue.haptics.device_table import with_device
 from lumbar.tissue.haptics.judgement import judge, judge_fmu
 from lumbar.tissue.haptics.rendered_model import exported_at, rendered
 from study_settings import changed
@@ -103,7 +103,7 @@ def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models):
     model = next(model for model in fmu_models if model.name == name)
     found = judge_fmu(fmu_folder / f"{name}_fmi3.fmu", settings)
     expected = rendered(model, STYLUS)
-    from lumbar.tissue.haptics.analysis import analyse, run_loop
+    from lumbar.tissue.haptics.judgement import analyse, run_loop
 
     assert found.analysis.damping == pytest.approx(analyse(expected, STYLUS).damping, rel=1e-6)
     assert found.analysis.gain == pytest.approx(analyse(expected, STYLUS).gain, rel=1e-6)

@@ -5,8 +5,7 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.settings.surgeon import WelchSettings
-from lumbar.tissue.signals.bandwidth import level_frequency, power_share_frequency
-from lumbar.tissue.signals.welch import position_psd
+from lumbar.tissue.signals.spectrum import level_frequency, position_psd, power_share_frequency
 
 FREQUENCY = np.arange(0, 50.0001, 0.01)
 

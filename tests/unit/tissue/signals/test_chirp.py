@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.signals.chirp import linear_chirp
+from lumbar.tissue.signals.waveforms import linear_chirp
 
 
 @pytest.mark.parametrize(("duration", "lowest", "highest"), [(10, 0.0, 5.0), (10, 0.5, 5.0), (60, 0.1, 20.0)])

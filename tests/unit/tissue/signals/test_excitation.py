@@ -8,9 +8,14 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.settings.signals import SignalsSettings
-from lumbar.tissue.signals.excitation import design_excitation, excited_band
-from lumbar.tissue.signals.machine_limits import peak_kinematics
-from lumbar.tissue.signals.signal_properties import machine_file, multisine_description, signal_properties
+from lumbar.tissue.signals.excitation import (
+    design_excitation,
+    excited_band,
+    machine_file,
+    multisine_description,
+    signal_properties,
+)
+from lumbar.tissue.signals.motion_range import peak_kinematics
 from study_settings import changed
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.signals.machine_limits import Kinematics, check_machine_limits, peak_kinematics
+from lumbar.tissue.signals.motion_range import Kinematics, check_machine_limits, peak_kinematics
 
 LIMITS = Kinematics(30, 1000, 20000)
 

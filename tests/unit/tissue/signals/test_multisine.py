@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.signals.crest_factor import clipped_phases, crest_factor
-from lumbar.tissue.signals.multisine import design_multisine, excited_lines, schroeder_phases
+from lumbar.tissue.signals.multisine import (
+    clipped_phases,
+    crest_factor,
+    design_multisine,
+    excited_lines,
+    schroeder_phases,
+)
 
 FIFTY = {"period": 10.0, "band": 5.0}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.signals.band_limited_noise import band_limited_noise
+from lumbar.tissue.signals.waveforms import band_limited_noise
 
 
 def test_noise_is_gaussian_with_mean_zero_and_unit_rms():

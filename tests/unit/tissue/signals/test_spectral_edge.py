@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lumbar.tissue.signals.spectral_edge import occupied_band, spectral_edge
+from lumbar.tissue.signals.spectrum import occupied_band, spectral_edge
 
 SAMPLES = 4000
 LOW, HIGH = (np.sin(2 * np.pi * line * np.arange(SAMPLES) / SAMPLES) for line in (40, 200))

@@ -5,7 +5,7 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.settings.surgeon import WelchSettings
-from lumbar.tissue.signals.welch import position_psd, velocity_psd
+from lumbar.tissue.signals.spectrum import position_psd, velocity_psd
 
 SETTINGS = WelchSettings()
 

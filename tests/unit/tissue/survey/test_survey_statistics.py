@@ -15,13 +15,15 @@ from lumbar.records.ratings import Ratings, read_ratings
 from lumbar.settings.survey import SurveySettings
 from lumbar.tissue.survey.best_picks import equal_shares_test, pick_shares
 from lumbar.tissue.survey.paired_analysis import (
+    EXACT_LIMIT,
     compare_pairs,
     friedman,
+    positive_rank_sum_distribution,
     resampled_counts,
+    signed_rank_test,
     superiority_interval,
     vargha_delaney,
 )
-from lumbar.tissue.survey.signed_rank import EXACT_LIMIT, positive_rank_sum_distribution, signed_rank_test
 from lumbar.tissue.survey.survey_analysis import analyse_survey, describe_participants
 from lumbar.tissue.survey.table_3_2 import holm, kruskal_wallis, mann_whitney, modes, pairs, printed
 from study_settings import study_settings

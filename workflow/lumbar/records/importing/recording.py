@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.clipping import check_clipping
 from lumbar.records.importing.clock import check_forward, contradictions, evened, longest, stated_time
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.roles import NONE, Role, Wish, find_roles
 from lumbar.records.record import LARGEST, Channel, Record, check_record, place_of, samples_between
+from lumbar.records.stretches import check_clipping
 
 CHANNELS = {"position": "input", "force": "output"}
 """Channel of a record by the role of a column."""

@@ -1,7 +1,8 @@
-"""Variables of a file without rows (MATLAB, HDF5) as columns of one table."""
+"""Variables of MATLAB files (4 to 7.3) and HDF5 files, which know no rows, as columns of one table."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
 
 import numpy as np
@@ -10,6 +11,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.importing.dialect import FEWEST_ROWS
 from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
 from lumbar.records.importing.units import name_and_unit
+from lumbar.records.unpacking import MOST_NUMBERS, check_matlab
 
 _MOST_COLUMNS = 64
 _RATES = ("fs", "f_s", "fsample", "rate", "samplerate", "sampling_rate", "sample_rate", "samplingrate")
@@ -95,3 +97,105 @@ def _stated(arrays: Mapping[str, np.ndarray]):
             yield StatedRate(value, path)
         elif name in _INTERVALS:
             yield StatedRate(1 / value, path)
+
+
+def read_matlab(content: bytes, source: str, table: str | None = None) -> RawTable:
+    """Read a MATLAB file; parameters as of `lumbar.records.importing.text_table.read_text`.
+
+    Raises
+    ------
+    InputError
+        If it is none, or holds no vectors of one length.
+    """
+    from scipy.io import loadmat
+
+    check_matlab(io.BytesIO(content), source)
+    try:
+        variables = loadmat(io.BytesIO(content), squeeze_me=True, struct_as_record=False)
+    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
+        raise InputError(f"{source}: not a MATLAB file that can be read ({error})") from error
+    arrays: dict[str, np.ndarray] = {}
+    opaque: list[str] = []
+    for name, value in variables.items():
+        if not name.startswith("__") or name == "__function_workspace__":
+            _collect(name, value, arrays, opaque)
+    if opaque and not arrays:
+        raise InputError(
+            f"{source}: holds MATLAB objects (tables, timetables, …), which other programs cannot read; save their columns "
+            "as variables, or the table T as table2struct(T, 'ToScalar', true)"
+        )
+    return to_table(arrays, source, "MATLAB", table)
+
+
+_LABELS = ("label", "Label", "name", "Name")
+_VALUES = ("values", "Values", "data", "Data")
+"""Fields of a signal as Simulink and measuring systems write it: its values are named after its label."""
+
+
+def _collect(path: str, value, arrays: dict[str, np.ndarray], opaque: list[str]) -> None:
+    """Note the numbers of a variable and of all its fields, by path."""
+    if type(value).__name__ in ("MatlabOpaque", "MatlabFunction") or path.startswith("__"):
+        opaque.append(path)
+    elif hasattr(value, "_fieldnames"):
+        fields = {name: getattr(value, name) for name in value._fieldnames}
+        label = next((fields[name] for name in _LABELS if isinstance(fields.get(name), str)), "")
+        for name, field in fields.items():
+            own = f".{label}" if label and name in _VALUES else f".{name}"
+            _collect(f"{path}{own}", field, arrays, opaque)
+    elif isinstance(value, np.ndarray) and value.dtype == object:
+        for number, item in enumerate(value.ravel(), start=1):
+            _collect(f"{path}({number})", item, arrays, opaque)
+    elif np.asarray(value).dtype.kind in "fiu":
+        arrays[path] = np.asarray(value)
+
+
+def read_hdf5(content: bytes, source: str, table: str | None = None) -> RawTable:
+    """Read an HDF5 file; parameters as of `lumbar.records.importing.text_table.read_text`.
+
+    A matrix is taken with its samples along the longer axis: MATLAB writes them along the other one than most.
+
+    Raises
+    ------
+    InputError
+        If h5py is not installed, or the file is broken or holds no vectors of one length.
+    """
+    try:
+        import h5py
+    except ImportError as error:
+        raise InputError(
+            f"{source}: an HDF5 file (MATLAB 7.3 writes them too) needs the package h5py: pip install 'lumbar[import]'"
+        ) from error
+    arrays: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+
+    def collect(path: str, item) -> None:
+        for name in item.attrs:
+            if np.size(item.attrs[name]) == 1 and np.asarray(item.attrs[name]).dtype.kind in "fiu":
+                arrays[f"{path}/{name}"] = np.asarray(item.attrs[name])
+        if not isinstance(item, h5py.Dataset) or path.startswith("#"):  # MATLAB's own book-keeping
+            return
+        if item.size is not None and item.size > MOST_NUMBERS:
+            raise InputError(
+                f"{source}: {path} says that it holds {item.size} numbers; at most {MOST_NUMBERS} are read"
+            )
+        fields = item.dtype.names
+        for name in fields or [None]:
+            if (item.dtype[name] if name else item.dtype).kind in "fiu":
+                values = np.squeeze(item[name] if name else item[()])
+                long = values.ndim == 2 and values.shape[1] > values.shape[0]
+                arrays[f"{path}/{name}" if name else path] = values.T if long else values
+        unit = next((item.attrs[name] for name in item.attrs if name.casefold() in ("unit", "units")), None)
+        if unit is not None:
+            units[path] = unit.decode() if isinstance(unit, bytes) else str(unit)
+
+    try:
+        with h5py.File(io.BytesIO(content), "r") as file:
+            file.visititems(collect)
+            for name, value in file.attrs.items():
+                if np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu":
+                    arrays[name] = np.asarray(value)
+    except InputError:
+        raise
+    except Exception as error:  # a broken file leads h5py to errors of many kinds
+        raise InputError(f"{source}: a broken HDF5 file ({error})") from error
+    return to_table(arrays, source, "HDF5", table, units)

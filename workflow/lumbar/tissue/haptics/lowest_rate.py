@@ -10,10 +10,9 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import RuntimeSettings
-from lumbar.tissue.haptics.closed_loop import largest_stable_gain
+from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
 from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.haptics.rendered_model import exported_at, rendered
-from lumbar.tissue.haptics.sampled_model import SampledModel
 from lumbar.tissue.models.fitted_model import FittedModel
 
 FASTEST_HZ = 20_000.0

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import NumericalError
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.passivity import alias_sums
-from lumbar.tissue.haptics.sampled_model import SampledModel, all_angles
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.models.transfer_function import TransferFunction
 

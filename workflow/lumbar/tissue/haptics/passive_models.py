@@ -12,10 +12,10 @@ from lumbar.base.errors import NumericalError
 from lumbar.records.record import Record
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tables.table import Table
-from lumbar.tissue.haptics.analysis import Analysis, analyse
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
+from lumbar.tissue.haptics.judgement import Analysis, analyse
 from lumbar.tissue.haptics.passive_fit import Branches, DeviceCondition, fit_passive
 from lumbar.tissue.haptics.rendered_model import exported_at, renderable, rendered, scale_of
-from lumbar.tissue.haptics.sampled_model import SampledModel, all_angles
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.identification.identify_tissue import ports_of, scores_of
 from lumbar.tissue.models.fitted_model import FittedModel

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.tissue.haptics.sampled_model import SampledModel, all_angles
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 
 _REFINED = 101
 

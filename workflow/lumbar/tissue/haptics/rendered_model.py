@@ -13,7 +13,7 @@ from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import ExportModel, averaged_samples, export_models
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.build.units import work_units
-from lumbar.tissue.haptics.sampled_model import SampledModel
+from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.simulation import Step
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import Port

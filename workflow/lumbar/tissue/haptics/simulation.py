@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.settings.device import DeviceSettings
-from lumbar.tissue.haptics.closed_loop import period, propagation
-from lumbar.tissue.haptics.sampled_model import SampledModel, all_angles
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, period, propagation
 
 PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0
 """The hand's push: depth, time of its flank of half a cosine, and how long all is watched."""

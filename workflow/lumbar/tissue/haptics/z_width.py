@@ -14,13 +14,12 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.device import DeviceSettings
 from lumbar.settings.runtime import RuntimeSettings
-from lumbar.tissue.haptics.closed_loop import largest_stable_gain
+from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
 from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.haptics.rendered_model import exported_at, rendered
-from lumbar.tissue.haptics.sampled_model import SampledModel
 from lumbar.tissue.models.fitted_model import FittedModel
 
-FASTEST_HZ = 10_000.0
+_FASTEST_PLOTTED_HZ = 10_000.0
 _RATES, _DAMPINGS, _POINTS = 9, 9, 400
 
 
@@ -49,7 +48,7 @@ def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
         Transfer functions; at least one.
     """
     slowest = 1.0 / models[0].sampling_time
-    rates = np.geomspace(slowest, max(FASTEST_HZ, slowest), _RATES)
+    rates = np.geomspace(slowest, max(_FASTEST_PLOTTED_HZ, slowest), _RATES)
     needed = {model.name: np.array([_needed(model, rate, settings) for rate in rates]) for model in models}
     damping = np.geomspace(
         settings.device.damping_N_s_m / 10.0, settings.device.damping_N_s_m * 10.0, _DAMPINGS

@@ -10,8 +10,13 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
-from lumbar.tissue.signals.bandwidth import level_frequency, power_share_frequency
-from lumbar.tissue.signals.welch import QUANTITIES, position_psd, velocity_psd
+from lumbar.tissue.signals.spectrum import (
+    QUANTITIES,
+    level_frequency,
+    position_psd,
+    power_share_frequency,
+    velocity_psd,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

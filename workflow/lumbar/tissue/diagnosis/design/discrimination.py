@@ -27,7 +27,7 @@ from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.ties import noise_rms
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
-from lumbar.tissue.signals.machine_limits import Kinematics
+from lumbar.tissue.signals.motion_range import Kinematics
 
 REFITTED = 4
 """How many excitations, the best to first order, are judged with full refits."""

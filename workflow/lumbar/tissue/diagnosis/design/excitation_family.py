@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.signals.machine_limits import Kinematics, peak_kinematics
+from lumbar.tissue.signals.motion_range import Kinematics, peak_kinematics
 from lumbar.tissue.signals.multisine import schroeder_phases
-from lumbar.tissue.signals.spectral_edge import occupied_band
+from lumbar.tissue.signals.spectrum import occupied_band
 
 LONGEST = 30.0
 """Seconds of an excitation, unless it repeats the training record for longer."""

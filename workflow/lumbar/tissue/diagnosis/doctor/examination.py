@@ -33,7 +33,7 @@ from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import choose, without_channels
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.signals.machine_limits import Kinematics
+from lumbar.tissue.signals.motion_range import Kinematics
 
 _HARDEST = 3
 """Effects, those that must be largest to be named, that a further record is sought for where nothing is unclear."""

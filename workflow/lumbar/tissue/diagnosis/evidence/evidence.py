@@ -20,7 +20,7 @@ from lumbar.tissue.diagnosis.selection.ties import Ties, signal_angles
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import without_channels
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.signals.machine_limits import Kinematics
+from lumbar.tissue.signals.motion_range import Kinematics
 
 if TYPE_CHECKING:
     from lumbar.settings.signals import MachineSettings

@@ -10,7 +10,7 @@ from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
-from lumbar.tissue.signals.spectral_edge import occupied_band
+from lumbar.tissue.signals.spectrum import occupied_band
 
 _WIDE = 0.5
 """Half width of an interval, as a share of the value, from which on a parameter is poorly known."""

@@ -10,7 +10,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.noise.periods import find_period
-from lumbar.tissue.signals.spectral_edge import spectral_edge
+from lumbar.tissue.signals.spectrum import spectral_edge
 
 MOST = 150_000
 """Samples of all records together that a diagnosis takes as they are."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.signals.spectral_edge import spectral_edge
+from lumbar.tissue.signals.spectrum import spectral_edge
 
 _ENOUGH = 6000
 """Samples of all records together that a fit is left with, where the position's band allows it."""

@@ -17,7 +17,7 @@ from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.signals.spectral_edge import spectral_edge
+from lumbar.tissue.signals.spectrum import spectral_edge
 
 _SURE = 4.0
 """Standard errors by which an energy must differ from 0."""

@@ -19,7 +19,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.sensors.excitation_band import edge_above_floor, within_band
 from lumbar.tissue.diagnosis.sensors.repair import Repair
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.signals.spectral_edge import spectral_edge
+from lumbar.tissue.signals.spectrum import spectral_edge
 
 # Noise and jitter
 _BINS = 24
