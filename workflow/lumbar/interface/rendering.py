@@ -152,7 +152,7 @@ class Rendering:
             If no model is a transfer function.
         """
         from lumbar.publishing.figures.haptic_figures import z_width_figure
-        from lumbar.tissue.haptics.z_width import z_width
+        from lumbar.tissue.haptics.passivity import z_width
 
         if not self.linear:
             raise InputError("the Z-width needs a model of models.json: none of these is a transfer function")

@@ -13,7 +13,7 @@ from lumbar.base.errors import InputError
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.judgement import analyse, judge
-from lumbar.tissue.haptics.lowest_rate import lowest_rates
+from lumbar.tissue.haptics.passivity import lowest_rates
 from lumbar.tissue.haptics.rendered_model import direction, exported_at, rendered
 
 SETTINGS = RuntimeSettings()

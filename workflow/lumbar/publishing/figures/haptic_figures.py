@@ -17,7 +17,7 @@ from lumbar.publishing.figures.style import (
 )
 from lumbar.settings.device import DeviceSettings
 from lumbar.tissue.haptics.judgement import Judgement
-from lumbar.tissue.haptics.z_width import ZWidth
+from lumbar.tissue.haptics.passivity import ZWidth
 
 
 @house_style

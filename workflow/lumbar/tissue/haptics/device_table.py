@@ -12,7 +12,7 @@ from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.haptics.judgement import Analysis, Judgement, analyse
-from lumbar.tissue.haptics.lowest_rate import FASTEST_HZ
+from lumbar.tissue.haptics.passivity import FASTEST_HZ
 from lumbar.tissue.haptics.rendered_model import renderable, rendered
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
 

@@ -15,8 +15,7 @@ from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.haptics.closed_loop import largest_stable_gain
-from lumbar.tissue.haptics.lowest_rate import lowest_rates
-from lumbar.tissue.haptics.passivity import required_damping
+from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import RenderedModel, exported_at, rendered, scale_of
 from lumbar.tissue.haptics.simulation import (
     LoopRun,

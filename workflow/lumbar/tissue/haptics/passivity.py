@@ -1,4 +1,4 @@
-"""The passivity condition of a sampled virtual environment: how much damping a device needs for any passive hand.
+"""Passivity of a sampled virtual environment: the damping it needs, the lowest rate it allows, and the Z-width of a device.
 
 J. E. Colgate and G. G. Schenkel, Passivity of a class of sampled-data systems: application to haptic interfaces, Journal
 of Robotic Systems 14 (1997) 37–47: a device with damping b behind a hold of the force of H(z) is passive if and only if
@@ -9,15 +9,25 @@ With the force late by a part τ of the sampling time the same argument holds wi
 hand and device is −(1 − exp(−jωT))/T · Σₙ exp(−jωₙτ) Yₙ/ωₙ², ωₙ = ω + 2πn/T, and every Yₙ may lie anywhere in the disc of
 centre and radius 1/(2b). Its characteristic equation has no root for any of them where |2b − L S(τ)| > |L| S(0), with
 L = (1 − exp(−jωT)) H/T and S(τ) = Σₙ exp(−jωₙτ)/ωₙ²; the condition above is τ = 0.
+
+J. E. Colgate and J. M. Brown, Factors affecting the Z-width of a haptic display, Proc. IEEE International Conference on
+Robotics and Automation (1994) 3205–3210.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
-from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.settings.device import DeviceSettings
+from lumbar.settings.runtime import RuntimeSettings
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
+from lumbar.tissue.haptics.rendered_model import exported_at, rendered
+from lumbar.tissue.models.fitted_model import FittedModel
 
 _REFINED = 101
 
@@ -82,3 +92,122 @@ def required_damping(model: SampledModel, points: int = 2000) -> RequiredDamping
     worst = int(values.argmax())
     frequency = angles[worst] / (2.0 * np.pi * model.sampling_time)
     return RequiredDamping(max(float(values[worst]), 0.0), float(frequency))
+
+
+FASTEST_HZ = 20_000.0
+_SCANNED, _HALVINGS, _POINTS = 8, 8, 400
+
+
+def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float | None, float | None]:
+    """Lowest rates in Hz for a passive and for a stable loop, on a servo that is as fast as the model.
+
+    Parameters
+    ----------
+    model : FittedModel
+        A transfer function.
+    settings : RuntimeSettings
+        Moving average, device and hand.
+
+    Returns
+    -------
+    tuple of (float or None)
+        To about a percent, from the rate of identification up to `FASTEST_HZ`; None where the model is not safe up to
+        there, or has no counterpart at other rates and is not safe at its own.
+    """
+    device, slowest = settings.device, 1.0 / model.sampling_time
+
+    @cache
+    def loop_at(rate: float) -> SampledModel | None:
+        """The model at a rate; None where it has no counterpart there."""
+        try:
+            return rendered(exported_at(model, settings, rate), replace(device, rate_Hz=rate)).loops[0]
+        except (InputError, NumericalError):
+            return None
+
+    def passive(rate: float) -> bool:
+        loop = loop_at(rate)
+        return loop is not None and required_damping(loop, _POINTS).damping <= device.damping_N_s_m
+
+    def stable(rate: float) -> bool:
+        loop = loop_at(rate)
+        return loop is not None and largest_stable_gain(loop, device)[0] > 1.0
+
+    return _lowest(slowest, passive), _lowest(slowest, stable)
+
+
+def _lowest(slowest: float, safe: Callable[[float], bool]) -> float | None:
+    """Go down from the fastest rate to the first that is not safe, then halve the interval."""
+    rates = [float(rate) for rate in np.geomspace(slowest, max(FASTEST_HZ, slowest), _SCANNED)]
+    unsafe = next((rate for rate in reversed(rates) if not safe(rate)), None)
+    if unsafe is None:
+        return slowest
+    if unsafe == rates[-1]:
+        return slowest if safe(slowest) else None
+    safe_from = rates[rates.index(unsafe) + 1]
+    for _ in range(_HALVINGS):
+        middle = float(np.sqrt(unsafe * safe_from))
+        unsafe, safe_from = (unsafe, middle) if safe(middle) else (middle, safe_from)
+    return safe_from
+
+
+_FASTEST_PLOTTED_HZ = 10_000.0
+_RATES, _DAMPINGS = 9, 9
+
+
+@dataclass(frozen=True)
+class ZWidth:
+    """What a device can render."""
+
+    rates: np.ndarray
+    """Shape (rates,): hz."""
+    needed: dict[str, np.ndarray]
+    """Dict of str to numpy.ndarray, each of shape (rates,): damping in N·s/m that makes a device passive with a model, by
+    its name; NaN where it has no counterpart at a rate."""
+    damping: np.ndarray
+    """Shape (dampings,): of the device, N·s/m."""
+    stiffness: dict[float, tuple[np.ndarray, np.ndarray]]
+    """Dict of float to tuple of numpy.ndarray, each of shape (dampings,): by rate: largest stiffness in N/m of a spring,
+    behind the same moving average, that is passive, and that is stable in the hand."""
+
+
+def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
+    """Return the damping that models need by rate, and the stiffnesses that the device can render by its damping.
+
+    Parameters
+    ----------
+    models : sequence of FittedModel
+        Transfer functions; at least one.
+    """
+    slowest = 1.0 / models[0].sampling_time
+    rates = np.geomspace(slowest, max(_FASTEST_PLOTTED_HZ, slowest), _RATES)
+    needed = {model.name: np.array([_needed(model, rate, settings) for rate in rates]) for model in models}
+    damping = np.geomspace(
+        settings.device.damping_N_s_m / 10.0, settings.device.damping_N_s_m * 10.0, _DAMPINGS
+    )
+    samples = exported_at(models[0], settings, slowest).moving_average
+    ends = dict.fromkeys([slowest, max(slowest, settings.device.rate_Hz)])
+    return ZWidth(
+        rates, needed, damping, {rate: _stiffnesses(damping, rate, samples, settings.device) for rate in ends}
+    )
+
+
+def _needed(model: FittedModel, rate: float, settings: RuntimeSettings) -> float:
+    device = replace(settings.device, rate_Hz=rate)
+    try:
+        return required_damping(
+            rendered(exported_at(model, settings, rate), device).loops[0], _POINTS
+        ).damping
+    except (InputError, NumericalError):
+        return np.nan
+
+
+def _stiffnesses(
+    damping: np.ndarray, rate: float, samples: int, device: DeviceSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of a spring behind the mean of so many samples."""
+    average = np.full(samples, 1.0 / samples)
+    spring = SampledModel("spring", average, np.ones(1), 1.0 / rate).late(1e-3 * device.delay_ms)
+    devices = [replace(device, damping_N_s_m=float(value)) for value in damping]
+    # The damping needed is proportional to the stiffness.
+    passive = damping / required_damping(spring, _POINTS).damping
+    return passive, np.array([largest_stable_gain(spring, item)[0] for item in devices])
