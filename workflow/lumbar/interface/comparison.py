@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from lumbar.tables.table import Table
     from lumbar.tissue.diagnosis.finding import Finding
-    from lumbar.tissue.diagnosis.residuals.residual_report import Simulated
+    from lumbar.tissue.diagnosis.residuals.locate import Simulated
 
 
 def compare(
@@ -96,13 +96,13 @@ def locate(
 def _on_records(
     records, model, train, periods, session, seed, data
 ) -> tuple[FittedModel, list[Simulated], str, tuple]:
-    from lumbar.tissue.diagnosis.fitting.manageable import manageable
+    from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
     from lumbar.tissue.diagnosis.fitting.preparation import prepare
     from lumbar.tissue.diagnosis.fitting.session import in_session
-    from lumbar.tissue.diagnosis.residuals.residual_report import residual_reports
+    from lumbar.tissue.diagnosis.residuals.locate import residual_reports
 
     data = label_of(data, records)
-    records, changed = manageable(list(records), session)
+    records, changed = limit_samples(list(records), session)
     if not isinstance(model, FittedModel):
         found = f"an object of class {type(model).__name__}"
         raise InputError(f"model is {found}: give one model, e.g. identification['KB'] or diagnosis.model")

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from lumbar.publishing.explorer.page import ExplorerPage
     from lumbar.tissue.diagnosis.evidence.evidence import Evidence
     from lumbar.tissue.diagnosis.law.proposal import Proposal
-    from lumbar.tissue.diagnosis.residuals.residual_report import Simulated
+    from lumbar.tissue.diagnosis.residuals.locate import Simulated
     from lumbar.tissue.diagnosis.selection.verdict import Verdict
     from lumbar.tissue.models.fitted_model import FittedModel
     from lumbar.tissue.models.form import Effect
@@ -95,14 +95,14 @@ def diagnose(
     >>> print(str(diagnosis).splitlines()[0])
     The KB model is missing coulomb friction: with it the error on unseen records falls from 0.224 to 0.0099 N.
     """
-    from lumbar.tissue.diagnosis.fitting.manageable import manageable
+    from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
     from lumbar.tissue.diagnosis.law.beside_verdict import law_beside, with_law
     from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 
     settings = settings or ImprovementSettings()
     chosen = chosen_settings(settings, base, train, periods, gravity_m_s2, forward, session)
     data = label_of(data, records)
-    used, changed = manageable(list(records), chosen.session)
+    used, changed = limit_samples(list(records), chosen.session)
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
     proposing = settings.propose_law and chosen.system == "tissue" and not chosen.forward
@@ -159,7 +159,7 @@ class Diagnosis:
     @cached_property
     def base_on_records(self) -> list[Simulated]:
         """The base model beside every record, and where it fails."""
-        from lumbar.tissue.diagnosis.residuals.residual_report import compare_and_locate
+        from lumbar.tissue.diagnosis.residuals.locate import compare_and_locate
 
         verdict = self.verdict
         floor, trained = verdict.experiment.floor, verdict.experiment.floor_from

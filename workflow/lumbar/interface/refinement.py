@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lumbar.interface.comparison import Comparisons, Locations
     from lumbar.tissue.diagnosis.finding import Finding
     from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-    from lumbar.tissue.diagnosis.residuals.residual_report import Simulated
+    from lumbar.tissue.diagnosis.residuals.locate import Simulated
     from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
     from lumbar.tissue.models.fitted_model import FittedModel
 
@@ -78,10 +78,10 @@ def chosen_settings(settings, base, train, periods, gravity_m_s2, forward, sessi
 
 def refined(records, effects, settings, seed, data) -> Refinement:
     """Fit the base with these effects, each added in turn, on records of a manageable size."""
-    from lumbar.tissue.diagnosis.fitting.manageable import manageable
+    from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
     from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
 
-    used, changed = manageable(records, settings.session)
+    used, changed = limit_samples(records, settings.session)
     experiment, path = fit_path(used, effects, settings)
     return Refinement(used, settings, experiment, path, seed, data, changed)
 
@@ -141,7 +141,7 @@ class Refinement:
 
     @cached_property
     def _on_records(self) -> list[Simulated]:
-        from lumbar.tissue.diagnosis.residuals.residual_report import compare_and_locate
+        from lumbar.tissue.diagnosis.residuals.locate import compare_and_locate
 
         seen, fit = self.experiment, self.path[-1].fit
         return compare_and_locate(

@@ -11,7 +11,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
 from lumbar.records.stretches import check_clipping, flat_tops
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.record_checks import check_excitation
+from lumbar.tissue.diagnosis.fitting.preparation import check_excitation
 from lumbar.tissue.diagnosis.selection.refine import refine
 from lumbar.tissue.diagnosis.selection.sentences import details
 from lumbar.tissue.effects.catalogue import TISSUE
@@ -223,7 +223,7 @@ def test_a_force_that_grows_beyond_measure_with_speed_is_in_no_other_unit():
     """Slow motion tells units apart: there a force that explodes at high speed is as in any other record."""
     from periodic_records import STEP, record
 
-    from lumbar.tissue.diagnosis.fitting.record_checks import check_excitation
+    from lumbar.tissue.diagnosis.fitting.preparation import check_excitation
 
     time = np.arange(0, 20, STEP)
     slow = 5 * np.sin(2 * np.pi * 0.2 * time)

@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from lumbar.tissue.diagnosis.fitting.dependent_errors import are_white, correlation_times, score_covariance
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
-from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance, sensitivities
+from lumbar.tissue.diagnosis.fitting.uncertainty import (
+    are_white,
+    correlation_times,
+    estimates,
+    scaled_covariance,
+    score_covariance,
+    sensitivities,
+)
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure

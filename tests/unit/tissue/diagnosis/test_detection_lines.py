@@ -15,7 +15,7 @@ import yaml
 from scipy.signal import lfilter
 
 from lumbar import cli
-from lumbar.tissue.diagnosis.residuals.frequency_diagnostic import (
+from lumbar.tissue.diagnosis.residuals.time_frequency import (
     EVEN,
     EXCITED,
     ODD,

@@ -9,9 +9,9 @@ from periodic_records import noise, record
 from scipy.signal import butter, cheby1, cheby2, freqs, lfilter
 
 from lumbar.records.record import Channel, Record
+from lumbar.tissue.diagnosis.fitting.decimation import decimate
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
-from lumbar.tissue.diagnosis.linear.decimation import decimated
 from lumbar.tissue.diagnosis.linear.higher_order import linear_dynamics
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, slope_forces
 from lumbar.tissue.diagnosis.selection.forward_selection import evaluate, unseen_improvement
@@ -184,7 +184,7 @@ def test_a_held_command_is_answered_by_a_discrete_model():
 
 def test_long_records_are_fitted_at_a_lower_rate_and_err_at_the_full_one():
     prepared = experiment(two_branches, step=0.001)
-    assert len(decimated(prepared.training).force) < len(prepared.training.force) / 5
+    assert len(decimate(prepared.training).force) < len(prepared.training.force) / 5
     found = linear_dynamics(prepared)
     assert len(found.errors(prepared.training)) == prepared.training.size
     assert found.test_rms < 1.05 * SIGMA

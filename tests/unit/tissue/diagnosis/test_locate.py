@@ -13,19 +13,18 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
-from lumbar.tissue.diagnosis.residuals.cycle_diagnostic import rank_correlation
-from lumbar.tissue.diagnosis.residuals.frequency_diagnostic import (
+from lumbar.tissue.diagnosis.residuals.locate import locate, location_table
+from lumbar.tissue.diagnosis.residuals.motion_diagnostics import rank_correlation, reversals
+from lumbar.tissue.diagnosis.residuals.residual import Residual, chi_square_p, steady_velocity
+from lumbar.tissue.diagnosis.residuals.residual_tests import cross_correlation, ljung_box
+from lumbar.tissue.diagnosis.residuals.time_frequency import (
     EVEN,
     EXCITED,
     ODD,
     excited_lines,
     line_classes,
+    mann_kendall_p,
 )
-from lumbar.tissue.diagnosis.residuals.locate import locate, location_table
-from lumbar.tissue.diagnosis.residuals.residual import Residual, chi_square_p, steady_velocity
-from lumbar.tissue.diagnosis.residuals.residual_tests import cross_correlation, ljung_box
-from lumbar.tissue.diagnosis.residuals.state_diagnostics import reversals
-from lumbar.tissue.diagnosis.residuals.time_diagnostic import mann_kendall_p
 
 DETECTION_GRID = [line for line in range(1, 50, 2) if line % 9 != 0]
 """Odd lines, of which 9, 27 and 45 are left out."""

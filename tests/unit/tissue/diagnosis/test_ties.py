@@ -23,7 +23,7 @@ from lumbar.tissue.diagnosis.design.excitation_family import excitation_family
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
-from lumbar.tissue.diagnosis.fitting.sensitivity_subspace import beyond, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.ties import angles_between, complete_linkage, signal_angles
 from lumbar.tissue.effects.catalogue import TISSUE

@@ -11,7 +11,7 @@ from lumbar.publishing.pages.html import picture, table
 from lumbar.tables.words import unit_in_print
 from lumbar.tissue.diagnosis.design.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence
-from lumbar.tissue.diagnosis.residuals.residual_diagnostic import probability
+from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection.ladder_digits import told_apart
 from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable, runner_up
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL

@@ -23,7 +23,7 @@ from lumbar.publishing.explorer.shown import (
 from lumbar.tissue.diagnosis.design.discrimination import Separation, excitation_csv, separation_sentence
 from lumbar.tissue.diagnosis.evidence.diagnosis_files import EXCITATION
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence
-from lumbar.tissue.diagnosis.residuals.residual_report import Simulated
+from lumbar.tissue.diagnosis.residuals.locate import Simulated
 from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
 from lumbar.tissue.diagnosis.selection.refined_model import model_name
 from lumbar.tissue.diagnosis.selection.sentences import headline

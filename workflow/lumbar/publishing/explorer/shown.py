@@ -9,16 +9,15 @@ import numpy as np
 
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.session import in_session
-from lumbar.tissue.diagnosis.residuals.frequency_diagnostic import (
+from lumbar.tissue.diagnosis.residuals.locate import residual_of, simulation
+from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversal_reach, reversals
+from lumbar.tissue.diagnosis.residuals.time_frequency import (
     EVEN,
     EXCITED,
     ODD,
     excited_lines,
     line_classes,
 )
-from lumbar.tissue.diagnosis.residuals.locate import residual_of
-from lumbar.tissue.diagnosis.residuals.residual_report import simulation
-from lumbar.tissue.diagnosis.residuals.state_diagnostics import reversal_reach, reversals
 from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
 from lumbar.tissue.diagnosis.selection.refined_model import model_name
 from lumbar.tissue.diagnosis.selection.verdict import Verdict

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, house_style, label_panels, new_figure
-from lumbar.tissue.diagnosis.residuals.frequency_diagnostic import ABOVE, BELOW, BETWEEN, EVEN, EXCITED, ODD
 from lumbar.tissue.diagnosis.residuals.locate import Location
-from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual
-from lumbar.tissue.diagnosis.residuals.residual_diagnostic import View, percent
+from lumbar.tissue.diagnosis.residuals.motion_diagnostics import SIGNIFICANT_Z, no_cell_stands_out
+from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent
 from lumbar.tissue.diagnosis.residuals.residual_tests import EVEN_FUNCTIONS, LINEAR_FUNCTIONS
-from lumbar.tissue.diagnosis.residuals.state_diagnostics import SIGNIFICANT_Z, no_cell_stands_out
+from lumbar.tissue.diagnosis.residuals.time_frequency import ABOVE, BELOW, BETWEEN, EVEN, EXCITED, ODD
 
 _LINES = {
     EXCITED: {"marker": "o", "color": SERIES[0], "label": "excited"},

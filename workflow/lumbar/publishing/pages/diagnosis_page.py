@@ -11,7 +11,7 @@ from lumbar.tables.words import unit_in_print
 from lumbar.tissue.diagnosis.design.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence
 from lumbar.tissue.diagnosis.evidence.limitations import undecided
-from lumbar.tissue.diagnosis.residuals.residual_diagnostic import probability
+from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection.forward_selection import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.sentences import details, effects_text, headline, readable, runner_up
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL

@@ -12,7 +12,7 @@ from lumbar.publishing.figures.signature_figures import signature_figure
 from lumbar.publishing.figures.style import save
 from lumbar.publishing.pages.record_pages import LOCATION_CAPTION
 from lumbar.tissue.diagnosis.law.proposal import Proposal
-from lumbar.tissue.diagnosis.residuals.residual_report import Simulated, least_explained
+from lumbar.tissue.diagnosis.residuals.locate import Simulated, least_explained
 from lumbar.tissue.diagnosis.selection.sentences import runner_up
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.signature import pictured_form

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.publishing.pages.html import document, figure, heading, listing, paragraph, table
-from lumbar.tissue.diagnosis.residuals.residual_report import Simulated
+from lumbar.tissue.diagnosis.residuals.locate import Simulated
 
 
 def comparison_page(simulated: list[Simulated], model: str, data: str, pictures: dict[str, Path]) -> str:

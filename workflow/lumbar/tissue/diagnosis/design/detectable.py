@@ -8,7 +8,7 @@ import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, nonlinear_starts
-from lumbar.tissue.diagnosis.fitting.sensitivity_subspace import added_forces, beyond, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import added_forces, beyond, tangent_basis
 from lumbar.tissue.diagnosis.selection.null_distribution import NullDistribution
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.diagnosis.selection.ties import noise_rms

@@ -21,7 +21,7 @@ from lumbar.tissue.diagnosis.design.excitation_family import (
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
-from lumbar.tissue.diagnosis.fitting.sensitivity_subspace import beyond, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
 from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import TIED

@@ -26,7 +26,7 @@ from lumbar.tissue.diagnosis.doctor.faults import FAULTS, Fault, FaultOutcomes, 
 from lumbar.tissue.diagnosis.doctor.injection import Truth
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
-from lumbar.tissue.diagnosis.fitting.sensitivity_subspace import beyond, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.selection.null_distribution import shipped
 from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
 from lumbar.tissue.diagnosis.selection.verdict import Verdict

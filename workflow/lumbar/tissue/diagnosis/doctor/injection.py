@@ -11,7 +11,7 @@ import numpy as np
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, nonlinear_starts, shape_bounds
-from lumbar.tissue.diagnosis.fitting.sensitivity_subspace import beyond, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
 from lumbar.tissue.diagnosis.selection.verdict import Verdict

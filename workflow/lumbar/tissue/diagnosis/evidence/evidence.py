@@ -13,7 +13,7 @@ from lumbar.tissue.diagnosis.design.discrimination import Separation, separating
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.residuals.residual_report import Simulated, compare_and_locate
+from lumbar.tissue.diagnosis.residuals.locate import Simulated, compare_and_locate
 from lumbar.tissue.diagnosis.selection.forward_selection import Candidate, evaluate, extend
 from lumbar.tissue.diagnosis.selection.null_distribution import NullDistribution, shipped
 from lumbar.tissue.diagnosis.selection.ties import Ties, signal_angles

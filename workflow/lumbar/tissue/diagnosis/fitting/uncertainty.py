@@ -1,18 +1,97 @@
-"""Intervals of fitted parameters from the curvature of the training error, and from how its errors depend on one another."""
+"""What records say of a fit's parameters: sensitivities, 95 % intervals, and what a refit could take up of a signal."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from lumbar.tissue.diagnosis.fitting.dependent_errors import are_white, score_covariance
+from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, linear_with_new
 from lumbar.tissue.diagnosis.forward.forward_fit import ForwardFit
+from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.model_data import FittedParameter, unit_of
+from lumbar.tissue.models.structure import forces_of
 from lumbar.tissue.models.tissue_models import MODELS
 
+_LAGS = 20
+"""Autocorrelations that the test of whiteness looks at."""
+_LEVEL = 0.01
+"""Probability that white errors are taken for dependent ones."""
+_WINDOW = 5.0
+"""Correlation times over which a correlation is summed: beyond, the sum gathers nothing but its own scatter."""
+_BANDWIDTH = 12.0
+"""Correlation times that Bartlett's window spans; it then misses about a tenth of the variance, for which the critical value
+allows."""
+_LEAST_EFFECTIVE = 0.5
+"""Share of the samples that the estimates' own degrees of freedom leave at least."""
 _WIDEST = 20.0
 """Largest half-width of an interval of a logarithm."""
+_SMALLEST = 1e-9
+"""Directions whose singular value is below this share of the largest are rounding."""
+
+
+def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
+    """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the sensor's zeros.
+
+    By central differences, of a model that a force drives from its equations; the zeros, where there are any, come last.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples that count, parameters)
+    """
+    if isinstance(fit, ForwardFit):
+        return fit.sensitivities(data)
+    structure, motion = fit.structure, data.motion
+
+    def simulated(linear, logarithms):
+        return data.counted(structure.simulate(motion, linear, np.exp(logarithms)))
+
+    logarithms = np.log(fit.nonlinear)
+    columns = []
+    scale = np.abs(fit.linear)
+    steps = 1e-4 * np.where(scale > 0, scale, max(scale.max(), 1e-6))
+    for index, step in enumerate(steps):
+        change = np.zeros(len(fit.linear))
+        change[index] = step
+        difference = simulated(fit.linear + change, logarithms) - simulated(fit.linear - change, logarithms)
+        columns.append(difference / (2 * step))
+    for index in range(len(logarithms)):
+        change = np.zeros(len(logarithms))
+        change[index] = 1e-4
+        difference = simulated(fit.linear, logarithms + change) - simulated(fit.linear, logarithms - change)
+        columns.append(difference / 2e-4)
+    if structure.base.sensor_zero:
+        columns += list(data.counted(data.zeros).T)
+    return np.stack(columns, axis=1)
+
+
+def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance of linear parameters and logarithms of nonlinear ones, each times its sensitivity's size.
+
+    Gauss–Newton, s²(JᵀJ)⁻¹, where the whitened residual passes for white; else (JᵀJ)⁻¹ Σ (JᵀJ)⁻¹ with the covariance Σ of the
+    scores (`score_covariance`).
+
+    Returns
+    -------
+    numpy.ndarray, shape (parameters, parameters)
+    numpy.ndarray, shape (parameters,)
+        Sizes: 2-norms of the sensitivities.
+    """
+    return data.kept(("covariance", fit), lambda: _scaled_covariance(fit, data))
+
+
+def _scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
+    jacobian = sensitivities(fit, data)
+    size = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
+    scaled = jacobian / size
+    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
+    errors = fit.whitened_errors(data)
+    if are_white(data.by_record(errors)):
+        return inverse * fit.squared_error / max(data.size - jacobian.shape[1], 1), size
+    return inverse @ score_covariance(data.by_record(scaled * errors[:, None])) @ inverse, size
 
 
 def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> list[FittedParameter]:
@@ -100,67 +179,6 @@ def _around(value: float, deviation: float) -> tuple[float, float]:
     return value / factor, value * factor
 
 
-def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance of linear parameters and logarithms of nonlinear ones, each times its sensitivity's size.
-
-    Gauss–Newton, s²(JᵀJ)⁻¹, where the whitened residual passes for white; else (JᵀJ)⁻¹ Σ (JᵀJ)⁻¹ with the covariance Σ of the
-    scores (`lumbar.tissue.diagnosis.fitting.dependent_errors`).
-
-    Returns
-    -------
-    numpy.ndarray, shape (parameters, parameters)
-    numpy.ndarray, shape (parameters,)
-        Sizes: 2-norms of the sensitivities.
-    """
-    return data.kept(("covariance", fit), lambda: _scaled_covariance(fit, data))
-
-
-def _scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
-    jacobian = sensitivities(fit, data)
-    size = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
-    scaled = jacobian / size
-    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
-    errors = fit.whitened_errors(data)
-    if are_white(data.by_record(errors)):
-        return inverse * fit.squared_error / max(data.size - jacobian.shape[1], 1), size
-    return inverse @ score_covariance(data.by_record(scaled * errors[:, None])) @ inverse, size
-
-
-def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
-    """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the sensor's zeros.
-
-    By central differences, of a model that a force drives from its equations; the zeros, where there are any, come last.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples that count, parameters)
-    """
-    if isinstance(fit, ForwardFit):
-        return fit.sensitivities(data)
-    structure, motion = fit.structure, data.motion
-
-    def simulated(linear, logarithms):
-        return data.counted(structure.simulate(motion, linear, np.exp(logarithms)))
-
-    logarithms = np.log(fit.nonlinear)
-    columns = []
-    scale = np.abs(fit.linear)
-    steps = 1e-4 * np.where(scale > 0, scale, max(scale.max(), 1e-6))
-    for index, step in enumerate(steps):
-        change = np.zeros(len(fit.linear))
-        change[index] = step
-        difference = simulated(fit.linear + change, logarithms) - simulated(fit.linear - change, logarithms)
-        columns.append(difference / (2 * step))
-    for index in range(len(logarithms)):
-        change = np.zeros(len(logarithms))
-        change[index] = 1e-4
-        difference = simulated(fit.linear, logarithms + change) - simulated(fit.linear, logarithms - change)
-        columns.append(difference / 2e-4)
-    if structure.base.sensor_zero:
-        columns += list(data.counted(data.zeros).T)
-    return np.stack(columns, axis=1)
-
-
 def zero_interval(fit: Fit, data: FitData) -> tuple[float, float]:
     """95 % interval of the sensor's zero, the last where records have their own; 0 where the base has none."""
     if not fit.structure.base.sensor_zero:
@@ -186,3 +204,159 @@ def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> floa
         total += float(np.einsum("ij,jk,ik->", scaled, covariance[:known, :known], scaled))
         count += len(scaled)
     return total / count
+
+
+def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
+    """Orthonormal basis of the tangent space over all samples that count of these records, one record after another.
+
+    To first order a refit moves the simulation within the tangent space of the model, the span of its sensitivities; only
+    what lies outside tells another model from it (Bates and Watts, Nonlinear Regression Analysis, 1988, chapter 2).
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples, directions)
+    """
+    columns = np.concatenate([sensitivities(fit, record) for record in records])
+    size = np.sqrt(np.sum(columns**2, axis=0))
+    left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return left[:, values > _SMALLEST * values[0]]
+
+
+def beyond(basis: np.ndarray, signals: np.ndarray) -> np.ndarray:
+    """Part of signals (samples first) that is orthogonal to a basis."""
+    return signals - basis @ (basis.T @ signals)
+
+
+def simulation_over(fit: Fit, records: list[FitData]) -> np.ndarray:
+    """Whitened free run over all samples that count of these records, one record after another."""
+    return np.concatenate([record.counted(fit.simulate(record.motion)) for record in records])
+
+
+def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.ndarray:
+    """Whitened forces that a form adds, one per amplitude; of forms without linear parameters the change it makes."""
+    if form.place is Place.PARALLEL:
+        return data.counted(forces_of(form, data.motion, start))
+    structure, linear = fit.structure.with_form(form), linear_with_new(fit, form)
+    changed = replace(
+        fit, structure=structure, linear=linear, nonlinear=np.concatenate([fit.nonlinear, start])
+    )
+    return data.counted(changed.simulate(data.motion) - fit.simulate(data.motion))[:, None]
+
+
+def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray, name: str) -> None:
+    """Refuse an effect that the training record does not excite.
+
+    That is so where a force as large as the whole response would change the model's error by less than the noise: the 95 %
+    interval of the effect's size then holds everything.
+
+    Parameters
+    ----------
+    without : Fit
+        The model without the effect.
+    data : FitData
+        Training record.
+    nonlinear : numpy.ndarray
+        Of the form.
+    name : str
+        Name of the model, for the message.
+    """
+    basis = tangent_basis(without, [data])
+    forces = added_forces(without, form, data, nonlinear)
+    size, left = np.sum(forces**2, axis=0), np.sum(beyond(basis, forces) ** 2, axis=0)
+    error = without.squared_error / data.size
+    response = float(np.var(data.settled(data.force)))
+    # An effect of RMS r adds N r² left/size to the squared error; noise hides 1.96² of its own variance.
+    hidden = (size == 0) | (left * data.size * response <= 1.96**2 * error * size)
+    if np.all(hidden):
+        raise InputError(
+            f"{data.name}: the record does not excite {form.effect}: added to {name} it could be as large as the whole response "
+            "without being seen; leave it out, or train on a record that shows it"
+        )
+
+
+def are_white(errors: Sequence[np.ndarray]) -> bool:
+    """Whether errors of several records pass for white noise: the test of Ljung and Box (Biometrika 65 (1978) 297-303)."""
+    from scipy.stats import chi2
+
+    size = sum(map(len, errors))
+    lags = min(_LAGS, min(map(len, errors)) - 1)
+    correlation = _autocorrelation([item[:, None] for item in errors], lags)[1:, 0]
+    statistic = size * (size + 2) * np.sum(correlation**2 / (size - np.arange(1, lags + 1)))
+    return bool(statistic < chi2.ppf(1 - _LEVEL, lags))
+
+
+def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
+    """Covariance of the sum of scores that depend on one another, so that 1.96 standard deviations of it hold 95 %.
+
+    They do where noise is coloured, or a wrong model leaves more than noise: the sandwich of Huber and White with the scores' own
+    correlation in its middle (Newey and West, Econometrica 55 (1987) 703-708; for models that are too small Hjalmarsson and
+    Ljung, IEEE Trans. Automat. Contr. 37 (1992) 1004-1008). White-noise intervals of such fits are several times too narrow.
+
+    Bartlett's window over `_BANDWIDTH` correlation times of the slowest score, within each record. Normal quantiles take the
+    estimate for the truth; those of Kiefer and Vogelsang (Econometric Theory 21 (2005) 1130-1164, table 1) at this share b of
+    the samples, 1.96 + 2.9694 b + 0.416 b² − 0.5324 b³, know how it scatters. The errors of a fit are smaller than those of
+    the truth by the degrees of freedom, which are counted in independent samples.
+
+    Parameters
+    ----------
+    scores : sequence of numpy.ndarray, each of shape (samples, parameters)
+        Sensitivities times errors, by record.
+
+    Returns
+    -------
+    numpy.ndarray, shape (parameters, parameters)
+    """
+    size = sum(map(len, scores))
+    # At a bound they do not add up to 0; their mean is no scatter.
+    mean = sum(item.sum(axis=0) for item in scores) / size
+    centred = [item - mean for item in scores]
+    times = correlation_times(centred)
+    bandwidth = min(_BANDWIDTH * float(times.max()), float(size))
+    middle = sum(_windowed(item, bandwidth) for item in centred)
+    share = bandwidth / size
+    critical = 1.96 + 2.9694 * share + 0.416 * share**2 - 0.5324 * share**3
+    effective = max(1 - 2 * float(times.sum()) / size, _LEAST_EFFECTIVE)
+    return middle * (critical / 1.96) ** 2 / effective
+
+
+def correlation_times(scores: Sequence[np.ndarray]) -> np.ndarray:
+    """Integrated correlation time 1/2 + Σ ρ of each column in samples, 1/2 where they are independent.
+
+    Summed over the smallest window of `_WINDOW` such times (Sokal's rule: Madras and Sokal, J. Stat. Phys. 50 (1988)
+    109-186).
+    """
+    lags = max(map(len, scores)) - 1
+    times = np.cumsum(_autocorrelation(scores, lags), axis=0) - 0.5
+    wide_enough = np.arange(lags + 1)[:, None] >= _WINDOW * times
+    wide_enough[-1] = True
+    return np.maximum(times[np.argmax(wide_enough, axis=0), np.arange(times.shape[1])], 0.5)
+
+
+def _autocorrelation(series: Sequence[np.ndarray], lags: int) -> np.ndarray:
+    """Of each column over all records, without removing means; shape (lags + 1, columns)."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    total = np.zeros((lags + 1, series[0].shape[1]))
+    for item in series:
+        length = next_fast_len(2 * len(item) - 1, real=True)
+        power = np.abs(rfft(item, length, axis=0)) ** 2
+        found = irfft(power, length, axis=0)[: min(lags + 1, len(item))]
+        total[: len(found)] += found
+    return total / np.where(total[0] > 0, total[0], 1.0)
+
+
+def _windowed(scores: np.ndarray, bandwidth: float) -> np.ndarray:
+    """Σ w(k) Γ(k) with Bartlett's weights, in the frequency domain, where they are never negative."""
+    from scipy.fft import next_fast_len, rfft
+
+    size = len(scores)
+    length = next_fast_len(2 * size - 1, real=True)
+    lags = np.arange(1, min(int(np.ceil(bandwidth)), size))
+    window = np.zeros(length)
+    window[0] = 1.0
+    window[lags] = window[-lags] = 1 - lags / bandwidth
+    # A real signal's spectrum is symmetric: all frequencies count twice but the first, and the last of an even number.
+    weights = rfft(window).real
+    weights[1 : None if length % 2 else -1] *= 2
+    spectrum = rfft(scores, length, axis=0)
+    return ((spectrum.conj() * weights[:, None]).T @ spectrum).real / length

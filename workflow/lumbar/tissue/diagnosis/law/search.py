@@ -18,7 +18,7 @@ import numpy as np
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit, nonlinear_starts, shape_bounds, solve_linear
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.fitting.sensitivity_subspace import added_forces, beyond, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import added_forces, beyond, tangent_basis
 from lumbar.tissue.diagnosis.law.law_form import distinct, form_of
 from lumbar.tissue.diagnosis.law.terms import Term
 from lumbar.tissue.diagnosis.selection.forward_selection import (

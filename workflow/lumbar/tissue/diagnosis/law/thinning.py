@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from lumbar.tissue.diagnosis.fitting.decimation import PER_CYCLE, band_edge
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
-from lumbar.tissue.diagnosis.fitting.manageable import PER_CYCLE, band_edge
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.models.motion import Motion
 

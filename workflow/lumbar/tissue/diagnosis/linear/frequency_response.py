@@ -17,7 +17,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.higher_order import LinearDynamics
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import Folding, fold_periods
-from lumbar.tissue.diagnosis.residuals.frequency_diagnostic import excited_lines
+from lumbar.tissue.diagnosis.residuals.time_frequency import excited_lines
 
 _WINDOW = 9
 """Neighbouring excited lines over which the response is taken as a parabola."""

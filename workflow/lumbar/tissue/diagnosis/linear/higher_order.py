@@ -18,12 +18,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from lumbar.tissue.diagnosis.fitting.decimation import decimate
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import solve_linear
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.linear.decimation import decimated
-from lumbar.tissue.diagnosis.linear.pole_relocation import relocated_poles
-from lumbar.tissue.diagnosis.linear.poles import Poles, forces, slope_forces
+from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces
 from lumbar.tissue.models.held_input import is_held
 from lumbar.tissue.models.joined_motions import JoinedMotions
 from lumbar.tissue.models.motion import Motion
@@ -102,7 +101,7 @@ def linear_dynamics(experiment: Experiment) -> LinearDynamics:
 
     The test records have no say. Long records are fitted at a lower rate; errors are those at the full one.
     """
-    data = decimated(experiment.training)
+    data = decimate(experiment.training)
     best = _chosen(list(_candidates(data)), data)
     whitened = best.whitened_errors(experiment.training)
     return replace(

@@ -13,13 +13,33 @@ from functools import cached_property
 import numpy as np
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.noise.bursts import Bursts, find_bursts
-from lumbar.tissue.diagnosis.noise.noise_spectrum import excess, line_power, smooth_power
-from lumbar.tissue.diagnosis.noise.nonrepeating import AMPLITUDE, DRIFT, LINE, OTHER, Part, remove_structure
+from lumbar.tissue.diagnosis.noise.nonrepeating import (
+    AMPLITUDE,
+    DRIFT,
+    LINE,
+    OTHER,
+    Part,
+    excess,
+    line_power,
+    remove_structure,
+    smooth_power,
+)
 from lumbar.tissue.diagnosis.noise.periods import Folding, find_period, fold_periods, repeats
 
+_CERTAIN = 6.0
+"""Standard errors by which sizes must be related beyond what noise of any colour and distribution gives."""
+_LASTING = 0.25
+"""Share of what neighbouring samples lack of a correlation of 1 where deviations are smallest that they lack less where they are
+large. A sensor's noise that grows with the force, and a clock that trembles, make samples that differ but do not last."""
+_FEWEST = 4
+"""Periods whose differences, two by two, are independent of each other at the same phase."""
+_QUIET = 0.25
+"""Share of the phases that the noise is measured in: those where other periods spread least."""
+_NEIGHBOURS = 5
+"""Phases over which a spread is averaged."""
+_LOUD = 2.5
+"""Variance over that of the noise from which on a phase is not quiet."""
 __all__ = ["NoiseFloor", "find_period", "noise_floor"]
-
 WHITENING_ORDER = 12
 """Highest order of the autoregressive model of the noise."""
 _NEARLY = 0.998
@@ -103,23 +123,6 @@ class NoiseFloor:
         return np.interp(frequency, lines[1:], level[1:])
 
 
-def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
-    """Yule–Walker: coefficients 1, −a₁, …, −aₙ of the prediction error, and variance over that of the error.
-
-    Parameters
-    ----------
-    covariance : numpy.ndarray, shape (n + 1,)
-        Of a signal, at lags 0 to n samples.
-    """
-    order = len(covariance) - 1
-    if order < 1 or covariance[0] <= 0:
-        return np.ones(1), 1.0
-    lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
-    coefficients = np.linalg.lstsq(covariance[lags], covariance[1:], rcond=1e-12)[0]
-    error = covariance[0] - coefficients @ covariance[1:]
-    return np.concatenate([[1.0], -coefficients]), float(covariance[0] / max(error, 1e-12 * covariance[0]))
-
-
 def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | None:
     """Return the noise floor of a periodic record, or None where its input, or another input beside it, does not repeat.
 
@@ -160,14 +163,16 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
     if exact:
         power = np.full_like(power, variance)
     effective = degrees * _share_of_white(power, degrees / folding.samples)
+    values = sum((part.values for part in parts), np.zeros_like(noise))
+    together = Part("all parts", values, sum(part.degrees for part in parts))
     spread = 2 / (9 * effective)
     low, high = (variance / (1 - spread + sign * _NORMAL_975 * np.sqrt(spread)) ** 3 for sign in (1, -1))
     return NoiseFloor(
         rms=float(np.sqrt(variance)),
         low=float(np.sqrt(low)),
         high=float(np.sqrt(high)),
-        structured=_described(parts, bursts, variance, record, folding),
-        structured_rms=float(np.hypot(_rms_together(parts, variance), bursts.rms if bursts else 0.0)),
+        structured=_described(parts, bursts, variance, mean_period, record),
+        structured_rms=float(np.hypot(together.rms(variance), bursts.rms if bursts else 0.0)),
         input_driven_rms=input_driven,
         spectrum=_density(power, folding.samples, record.sampling_time),
         degrees_of_freedom=float(effective),
@@ -176,27 +181,6 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
         periods=len(folded),
         exact=exact,
     )
-
-
-def _bursts_beside(
-    noise: np.ndarray, parts: list[Part], degrees: float
-) -> tuple[np.ndarray, list[Part], float, Bursts | None]:
-    """Look for bursts in the noise and the changes without a name: what these explain of bursts is theirs by chance."""
-    changes = [part for part in parts if part.kind == OTHER]
-    changing = sum((part.values for part in changes), np.zeros_like(noise))
-    rows = len(noise) - 1
-    together = degrees * rows / max(rows - len(changes), 1)
-    bursts = find_bursts(noise + changing, together)
-    if bursts is None or np.mean(changing**2) > _MOST * bursts.rms**2:
-        return noise, parts, degrees, None
-    return noise + changing, [part for part in parts if part.kind != OTHER], together, bursts
-
-
-def _resolution(mean_period: np.ndarray) -> float:
-    """RMS of rounding to the smallest step between values (B. Widrow, AIEE Trans. 79, 1961: step/√12)."""
-    steps = np.diff(np.unique(mean_period))
-    step = float(steps.min()) / np.sqrt(12) if steps.size else 0.0
-    return max(step, _DIGITS * float(np.abs(mean_period).max()))
 
 
 def _without_input_deviations(
@@ -227,19 +211,33 @@ def _relaxed(rows: np.ndarray, samples: int) -> np.ndarray:
     return np.fft.irfft(np.fft.rfft(rows, axis=1) / (1 + 1j * frequency * samples), rows.shape[1], axis=1)
 
 
+def _bursts_beside(
+    noise: np.ndarray, parts: list[Part], degrees: float
+) -> tuple[np.ndarray, list[Part], float, Bursts | None]:
+    """Look for bursts in the noise and the changes without a name: what these explain of bursts is theirs by chance."""
+    changes = [part for part in parts if part.kind == OTHER]
+    changing = sum((part.values for part in changes), np.zeros_like(noise))
+    rows = len(noise) - 1
+    together = degrees * rows / max(rows - len(changes), 1)
+    bursts = find_bursts(noise + changing, together)
+    if bursts is None or np.mean(changing**2) > _MOST * bursts.rms**2:
+        return noise, parts, degrees, None
+    return noise + changing, [part for part in parts if part.kind != OTHER], together, bursts
+
+
+def _resolution(mean_period: np.ndarray) -> float:
+    """RMS of rounding to the smallest step between values (B. Widrow, AIEE Trans. 79, 1961: step/√12)."""
+    steps = np.diff(np.unique(mean_period))
+    step = float(steps.min()) / np.sqrt(12) if steps.size else 0.0
+    return max(step, _DIGITS * float(np.abs(mean_period).max()))
+
+
 def _share_of_white(power: np.ndarray, rows: float) -> float:
     """How many degrees of freedom the variance of coloured noise has, relative to white: (ΣS)²/(n ΣS²)."""
     level = smooth_power(power, rows)[1:]
     if not level.size or power.max() <= 0:
         return 1.0
     return float(level.sum() ** 2 / (level.size * np.sum(level**2)))
-
-
-def _rms_together(parts: list[Part], variance: float) -> float:
-    if not parts:
-        return 0.0
-    kind = "all"
-    return Part(kind, sum(part.values for part in parts), sum(part.degrees for part in parts)).rms(variance)
 
 
 def _density(power: np.ndarray, samples: int, sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
@@ -251,13 +249,10 @@ def _density(power: np.ndarray, samples: int, sampling_time: float) -> tuple[np.
 
 
 def _described(
-    parts: list[Part], bursts: Bursts | None, variance: float, record: Record, folding: Folding
+    parts: list[Part], bursts: Bursts | None, variance: float, mean_period: np.ndarray, record: Record
 ) -> tuple[tuple[str, float], ...]:
-    unit = record.channels["output"].unit
-    mean_period = folding.fold(record["output"]).mean(axis=0)
-    described = [
-        (_words(part, mean_period, unit, record.sampling_time), part.rms(variance)) for part in parts
-    ]
+    unit, step = record.channels["output"].unit, record.sampling_time
+    described = [(_words(part, mean_period, unit, step), part.rms(variance)) for part in parts]
     if bursts is not None:
         share = 100 * (1 - bursts.quiet.mean())
         words = f"bursts: {share:.2g} % of the period, always the same places, in which the force drops or slips by other amounts"
@@ -286,3 +281,116 @@ def _words(part: Part, mean_period: np.ndarray, unit: str, sampling_time: float)
     if energy[odd_one] > 0.7 * energy.sum():
         return f"other change: period {odd_one + 2} differs from the others"
     return "other change over the periods"
+
+
+def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
+    """Yule–Walker: coefficients 1, −a₁, …, −aₙ of the prediction error, and variance over that of the error.
+
+    Parameters
+    ----------
+    covariance : numpy.ndarray, shape (n + 1,)
+        Of a signal, at lags 0 to n samples.
+    """
+    order = len(covariance) - 1
+    if order < 1 or covariance[0] <= 0:
+        return np.ones(1), 1.0
+    lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
+    coefficients = np.linalg.lstsq(covariance[lags], covariance[1:], rcond=1e-12)[0]
+    error = covariance[0] - coefficients @ covariance[1:]
+    return np.concatenate([[1.0], -coefficients]), float(covariance[0] / max(error, 1e-12 * covariance[0]))
+
+
+@dataclass(frozen=True, eq=False)
+class Bursts:
+    """Drops, slips and tears: deviations that come at the same places of every period, last, and are no noise."""
+
+    variance: float
+    """Of the noise beside them, per sample."""
+    quiet: np.ndarray
+    """Shape (samples,): phases without them."""
+    rms: float
+    """Of them over the whole period, less the noise."""
+
+
+def find_bursts(noise: np.ndarray, degrees: float) -> Bursts | None:
+    """Tell deviations that the motion brings about from noise; None where there are none.
+
+    Noise is as large at one phase of a period as at another. A tissue that breaks a little differently every time adds
+    deviations that repeat in no form, but come where the motion brings them about. They are told by the places: how large the
+    deviations of two periods are, phase by phase, is then related. Ranks are compared: spikes and heavy tails, which fall
+    anywhere, do not matter.
+
+    Parameters
+    ----------
+    noise : numpy.ndarray, shape (periods, samples)
+        Deviations of the periods from their mean.
+    degrees : float
+        Degrees of freedom that are left in them.
+    """
+    if len(noise) < _FEWEST or not np.any(noise) or relation_of_sizes(noise) <= _CERTAIN:
+        return None
+    per_row = degrees / noise.size
+    halves = noise[::2], noise[1::2]
+    quietest = [_spread(rows) <= np.quantile(_spread(rows), _QUIET) for rows in halves]
+    # Phases are chosen in some periods and measured in the others: the least of many spreads is no noise level.
+    measured = [other[:, phases] for other, phases in zip(halves[::-1], quietest, strict=True)]
+    variance = float(
+        sum(np.sum(item**2) for item in measured) / (per_row * sum(item.size for item in measured))
+    )
+    quiet = _spread(noise) <= _LOUD * variance * per_row
+    if variance <= 0 or not _last(noise, quiet):
+        return None
+    excess = float(np.mean(noise**2)) / per_row - variance
+    return Bursts(variance, quiet, float(np.sqrt(excess))) if excess > 0 else None
+
+
+def relation_of_sizes(noise: np.ndarray) -> float:
+    """Standard errors by which the sizes of deviations at the same phase of different periods are related.
+
+    Spearman's rank correlation of the sizes of differences between two periods each, over all pairs of such differences.
+    Its standard error allows for sizes that resemble their neighbours (M. S. Bartlett, J. R. Stat. Soc. Suppl. 8 (1946) 27-41).
+
+    Parameters
+    ----------
+    noise : numpy.ndarray, shape (periods, samples)
+        Four periods at least.
+    """
+    count, samples = len(noise) // 2, noise.shape[1]
+    sizes = np.abs(noise[: 2 * count : 2] - noise[1 : 2 * count : 2])
+    ranks = np.stack([_ranks(row) for row in sizes]) - (samples + 1) / 2
+    deviation = np.sqrt(np.mean(ranks**2, axis=1, keepdims=True))
+    if not np.all(deviation > 0):
+        return 0.0
+    ranks /= deviation
+    pairs = count * (count - 1) / 2
+    together = (np.sum(ranks.sum(axis=0) ** 2) - np.sum(ranks**2)) / 2 / (pairs * samples)
+    power = np.sum(np.abs(np.fft.rfft(ranks, axis=1)) ** 2, axis=0) / count
+    own = np.fft.irfft(power, samples)[: samples // 8] / samples
+    return float(together * np.sqrt(pairs * samples / (1 + 2 * np.sum(own[1:] ** 2))))
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    """Ranks from 1 on, equal values sharing theirs."""
+    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(counts) - (counts - 1) / 2)[place]
+
+
+def _spread(rows: np.ndarray) -> np.ndarray:
+    """Mean square over the periods, averaged over neighbouring phases; shape (samples,)."""
+    reach = _NEIGHBOURS // 2
+    around = np.pad(np.mean(rows**2, axis=0), reach, mode="wrap")
+    return np.convolve(around, np.full(_NEIGHBOURS, 1 / _NEIGHBOURS), mode="valid")
+
+
+def _last(noise: np.ndarray, quiet: np.ndarray) -> bool:
+    """Whether large deviations last longer than the noise remembers."""
+    quietest = _spread(noise) <= np.quantile(_spread(noise), _QUIET)
+    of_noise = _neighbours(noise, quietest[1:] & quietest[:-1])
+    return _neighbours(noise, ~quiet[1:] & ~quiet[:-1]) > of_noise + _LASTING * (1 - of_noise)
+
+
+def _neighbours(noise: np.ndarray, where: np.ndarray) -> float:
+    """Correlation of neighbouring samples."""
+    first, second = noise[:, :-1][:, where], noise[:, 1:][:, where]
+    energy = np.sum(first**2) + np.sum(second**2)
+    return float(2 * np.sum(first * second) / energy) if energy > 0 else 0.0

@@ -10,8 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, chi_square_p
-from lumbar.tissue.diagnosis.residuals.residual_diagnostic import View, only, probability
+from lumbar.tissue.diagnosis.residuals.residual import (
+    SIGNIFICANT,
+    Residual,
+    View,
+    chi_square_p,
+    only,
+    probability,
+)
 
 _NORMAL_975 = 1.959964
 _WHITENESS_LAGS = 20

@@ -5,8 +5,8 @@ from __future__ import annotations
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
-from lumbar.tissue.diagnosis.fitting.identifiability import check_excited
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited
 from lumbar.tissue.diagnosis.selection.base_choice import choose_base
 from lumbar.tissue.diagnosis.selection.forward_selection import Candidate, exchange, extend
 from lumbar.tissue.diagnosis.selection.refined_model import fitted_model, model_name

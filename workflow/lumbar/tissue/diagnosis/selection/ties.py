@@ -1,7 +1,7 @@
 """How alike the candidates' effects are: the angle between the forces that they add.
 
 What a candidate adds to the base is its simulation less the base's, on all records. Of this counts what the base's own
-parameters cannot take up (`lumbar.tissue.diagnosis.fitting.sensitivity_subspace`). Two effects whose added forces point the
+parameters cannot take up (`lumbar.tissue.diagnosis.fitting.uncertainty`). Two effects whose added forces point the
 same way explain the same error; the angle between them says how far they can be told apart, whatever the noise.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.fitting.sensitivity_subspace import beyond, simulated_over, tangent_basis
+from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, simulation_over, tangent_basis
 from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
@@ -52,8 +52,8 @@ def signal_angles(diagnosis: Verdict) -> Ties | None:
     records = [experiment.training, *experiment.tests]
     candidates = _with_tied(diagnosis)
     basis = tangent_basis(diagnosis.base.fit, records)
-    base = simulated_over(diagnosis.base.fit, records)
-    added = np.stack([simulated_over(item.fit, records) - base for item in candidates], axis=1)
+    base = simulation_over(diagnosis.base.fit, records)
+    added = np.stack([simulation_over(item.fit, records) - base for item in candidates], axis=1)
     added = beyond(basis, added)
     size = np.sqrt(np.sum(added**2, axis=0))
     noise = noise_rms(diagnosis)

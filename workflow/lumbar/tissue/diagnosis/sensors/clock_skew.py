@@ -8,7 +8,7 @@ import numpy as np
 
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.noise.noise_spectrum import line_power, smooth_power
+from lumbar.tissue.diagnosis.noise.nonrepeating import line_power, smooth_power
 from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, Folding, find_period, fold_periods
 from lumbar.tissue.diagnosis.sensors.repair import Repair, linear_response
 

@@ -10,7 +10,7 @@ from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
 from lumbar.settings.tissue import TissueSettings
-from lumbar.tissue.diagnosis.fitting.manageable import ENOUGH, MOST, manageable
+from lumbar.tissue.diagnosis.fitting.decimation import ENOUGH, MOST, limit_samples
 
 
 def at(rate, position, force, name="fast"):
@@ -26,13 +26,13 @@ def slow(samples, seed=0):
 
 def test_records_that_are_few_enough_stay_the_very_same():
     given = [record(multisine(10), multisine(10)), record(slow(5000), slow(5000), "other")]
-    kept, findings = manageable(given)
+    kept, findings = limit_samples(given)
     assert findings == () and all(one is other for one, other in zip(kept, given, strict=True))
 
 
 def test_a_fast_record_of_a_slow_motion_is_thinned_and_told():
     position = slow(2 * MOST)
-    (lower,), (told,) = manageable([at(5000, position, relaxing_force(position))])
+    (lower,), (told,) = limit_samples([at(5000, position, relaxing_force(position))])
     assert told.kind == "decimated" and told.record == "fast"
     factor = round(5000 / told.value)
     assert 2 <= factor <= 2 * MOST / ENOUGH
@@ -43,7 +43,7 @@ def test_a_fast_record_of_a_slow_motion_is_thinned_and_told():
 
 def test_a_lower_rate_divides_the_period():
     position = multisine(90, 2500, np.arange(1, 11))
-    (lower,), (told,) = manageable([at(1000, position, position)])
+    (lower,), (told,) = limit_samples([at(1000, position, position)])
     assert told.kind == "decimated"
     assert 2.5 / lower.sampling_time == pytest.approx(round(2.5 / lower.sampling_time))
 
@@ -51,7 +51,7 @@ def test_a_lower_rate_divides_the_period():
 def test_a_motion_that_needs_its_rate_keeps_it_and_only_what_is_too_long_is_cut():
     wide = noise(3 * MOST, 1)
     short = noise(2000, 2)
-    (long, same), (told,) = manageable([at(1000, wide, wide), at(1000, short, short, "short")])
+    (long, same), (told,) = limit_samples([at(1000, wide, wide), at(1000, short, short, "short")])
     assert told.kind == "shortened" and len(same) == 2000 and len(long) == MOST - 2000
     assert f"first {(MOST - 2000) / 1000:g} s of {3 * MOST / 1000:g} s" in told.sentence
     assert np.array_equal(long["input"], wide[: len(long)])

@@ -1,4 +1,4 @@
-"""Records at a rate, and of a length, that a search of many fits can afford; what was changed is said."""
+"""Records at a rate, and of a length, that a search of many fits can afford."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.noise.periods import find_period
+from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.signals.spectrum import spectral_edge
 
 MOST = 150_000
@@ -23,9 +25,13 @@ _SEARCHED = 1_000_000
 _BAND_POWER = 0.999
 """Share of the position's power below the upper end of its band. Not of its steps: those of a coarse encoder would keep
 long records at their rate."""
+_ENOUGH_LINEAR = 6000
+"""Samples of all records together that a fit of linear models is left with, where the position's band allows it."""
+_STEP_POWER = 0.9999
+"""Share of the power of the position's steps below the upper end of its band. Of steps, for a damper answers the speed."""
 
 
-def manageable(records: list[Record], session: bool = False) -> tuple[list[Record], tuple[Finding, ...]]:
+def limit_samples(records: list[Record], session: bool = False) -> tuple[list[Record], tuple[Finding, ...]]:
     """Return records that a diagnosis can afford, and a finding for every one that was changed.
 
     Where all records together hold more than `MOST` samples, of those of one rate every n-th sample is taken, so that
@@ -49,8 +55,8 @@ def manageable(records: list[Record], session: bool = False) -> tuple[list[Recor
     """
     if sum(map(len, records)) <= MOST:
         return records, ()
-    lower, findings = _decimated(records)
-    cut, told = _shortened(lower)
+    lower, findings = _pick(records)
+    cut, told = _cut(lower)
     if session and told:
         raise InputError(
             f"the records of the session hold {sum(map(len, lower))} samples together, at the lowest rate that their excitation "
@@ -60,12 +66,26 @@ def manageable(records: list[Record], session: bool = False) -> tuple[list[Recor
     return cut, (*findings, *told)
 
 
+def decimate(data: FitData) -> FitData:
+    """The same records at a lower rate, smoothed over two of its samples; as they are where they are short.
+
+    Position and force go through the same filter, so that a linear model from one to the other stays what it is. The filter
+    sees whole windows only: nothing rings at the ends. Errors are then taken as they are: the noise left is another one.
+    """
+    factor = min(round(data.size / _ENOUGH_LINEAR), _largest_factor(data))
+    if factor < 2:
+        return data
+    if isinstance(data, JointData):
+        return JointData.of([_smooth(part, factor) for part in data.parts])
+    return _smooth(data, factor)
+
+
 def band_edge(position: np.ndarray) -> float:
     """Upper end of the excitation's band, in cycles per sample."""
     return spectral_edge(position - position.mean(), _BAND_POWER)
 
 
-def _decimated(records: list[Record]) -> tuple[list[Record], list[Finding]]:
+def _pick(records: list[Record]) -> tuple[list[Record], list[Finding]]:
     wanted = int(sum(map(len, records)) / ENOUGH)
     rates = [round(1 / record.sampling_time, 6) for record in records]
     factors = {
@@ -104,7 +124,7 @@ def _factor(records: list[Record], wanted: int) -> int:
     return next(whole, largest)
 
 
-def _shortened(records: list[Record]) -> tuple[list[Record], list[Finding]]:
+def _cut(records: list[Record]) -> tuple[list[Record], list[Finding]]:
     """Cut the longest records to their beginnings until all together are few enough."""
     sizes = np.sort([len(record) for record in records])[::-1]
     if sizes.sum() <= MOST:
@@ -139,3 +159,23 @@ def _part(record: Record, samples: slice) -> Record:
     }
     filled = tuple(kept.index(sample) for sample in record.filled if sample in kept)
     return replace(record, time=record.time[samples], channels=channels, filled=filled)
+
+
+def _largest_factor(data: FitData) -> int:
+    """Largest factor that leaves `PER_CYCLE` samples in the fastest cycle of any of the records."""
+    parts = data.parts if isinstance(data, JointData) else (data,)
+    edges = [spectral_edge(np.diff(part.motion.position), _STEP_POWER) for part in parts]
+    return min(int(1 / (PER_CYCLE * edge)) for edge in edges)
+
+
+def _smooth(data: FitData, factor: int) -> FitData:
+    motion, window = data.motion, np.hanning(2 * factor + 1)[1:-1]
+    window /= window.sum()
+    position, force = (
+        np.convolve(signal, window, "valid")[::factor] for signal in (motion.position, data.force)
+    )
+    step = factor * motion.sampling_time
+    lower = Motion(np.arange(len(position)) * step, position, step, motion.smooth)
+    late = (len(window) - 1) / 2 * motion.sampling_time
+    before = data.begins * motion.sampling_time
+    return FitData(data.name, lower, force, counts_from=max(before + data.counts_from - late, 0.0))
