@@ -72,7 +72,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python benchmarks/browser.py
 	python benchmarks/pendulum.py
 	python benchmarks/calibration.py --markdown docs/acceptance.md
-	snakemake --cores $(CORES) hidden_effects --configfile config/hidden_effects_full.yaml
+	python benchmarks/hidden_effects/run.py --processes $(CORES)
 
 lint: environment ## what the continuous integration checks before the tests
 	ruff check .

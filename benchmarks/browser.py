@@ -18,16 +18,13 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
 import lumbar
-from lumbar.settings.hidden_effects import HiddenEffectsSettings
 from lumbar.settings.twin import TwinSettings
-from lumbar.twin.hidden_effects.experiment_folder import write_experiment
-from lumbar.twin.two_hidden_effects import make_two_hidden_effects
+from lumbar.twin.two_hidden_effects import TissueTestRanges, two_hidden_effects, write_records
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PERIODS = 12
@@ -71,8 +68,9 @@ def row(what: str, seconds: float, aim: float | None = None, unit: str = "s") ->
 
 def experiment(folder: Path) -> Path:
     """Write the records of an experiment with two hidden effects."""
-    settings = replace(HiddenEffectsSettings(), periods=PERIODS)
-    write_experiment(folder, make_two_hidden_effects(TwinSettings(), settings))
+    twin = TwinSettings()
+    ranges = TissueTestRanges(periods=PERIODS)
+    write_records(folder, two_hidden_effects(twin.two_hidden_effects, twin.seed, ranges))
     return folder
 
 

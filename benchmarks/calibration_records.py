@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hidden_effects.catalogue import form_named
+from hidden_effects.form import HiddenEffect, Scales, calibrated, simulate
+from hidden_effects.noise import draw_noise
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.effects.catalogue import TISSUE as CATALOGUE
 from lumbar.tissue.models.form import Effect, Form
-from lumbar.twin.hidden_effects.force_simulation import HiddenEffect, calibrated, simulate
-from lumbar.twin.hidden_effects.hidden_catalogue import form_named
-from lumbar.twin.hidden_effects.hidden_form import Scales, log_uniform
-from lumbar.twin.hidden_effects.hidden_tissue import Tissue, maxwell_force
-from lumbar.twin.hidden_effects.load_cell_noise import draw_noise
-from lumbar.twin.hidden_effects.tool_motion import RATE_HZ, ToolMotion, draw_motions
+from lumbar.twin.kelvin_boltzmann import Tissue, maxwell_force
+from lumbar.twin.tool_motion import RATE_HZ, ToolMotion, draw_motions
+from lumbar.twin.two_hidden_effects import log_uniform
 
 PERIODS = {"clock skew": 6}
 """Of 10 s in the training record; a skew takes five periods to be told. The unseen record is 10 s of noise in the same band, 0.1

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from calibration_records import CONDITIONS
-from lumbar.tissue.diagnosis.scoring.scores import share_with_interval
+from hidden_effects.scores import share_with_interval
 
 CONFIDENCE = 0.95
 WHITE, COLOURED = "white", "coloured"

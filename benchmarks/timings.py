@@ -81,14 +81,13 @@ def diagnosis() -> None:
     """One blind diagnosis from the shell, start-up included."""
     import json
 
-    from lumbar.settings.hidden_effects import HiddenEffectsSettings
     from lumbar.settings.twin import TwinSettings
-    from lumbar.twin.hidden_effects.experiment_folder import write_experiment
-    from lumbar.twin.two_hidden_effects import make_two_hidden_effects
+    from lumbar.twin.two_hidden_effects import two_hidden_effects, write_records
 
     with tempfile.TemporaryDirectory() as folder:
         records, output = Path(folder) / "records", Path(folder) / "out"
-        write_experiment(records, make_two_hidden_effects(TwinSettings(), HiddenEffectsSettings()))
+        twin = TwinSettings()
+        write_records(records, two_hidden_effects(twin.two_hidden_effects, twin.seed))
         command = [sys.executable, "-c", "import sys; from lumbar.cli import main; sys.exit(main())"]
         command += ["diagnose", str(records), "--output", str(output)]
         seconds = best_time(lambda: subprocess.run(command, check=True, capture_output=True), repeats=3)

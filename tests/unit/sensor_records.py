@@ -96,7 +96,7 @@ def motion(kind: str, rng: np.random.Generator, time: np.ndarray, highest: float
 def _force(kind: str, time: np.ndarray, position: np.ndarray) -> np.ndarray:
     step = time[1] - time[0]
     if kind == "backlash":
-        from lumbar.twin.hidden_effects.rate_independent import play
+        from hidden_effects.rate_independent import play
 
         position = play(position, 0.05 * np.ptp(position) / 2)
     speed = np.gradient(position, step)

@@ -57,7 +57,6 @@ CATEGORIES = {
 STAGES = CATEGORIES | {
     "crate": CATEGORIES["claims"],
     "records": CATEGORIES["twin"],
-    "hidden_effects": CATEGORIES["improvement"],
     "report": "Report",
 }
 QUALITY = ("quality", "quality_of_trials")

@@ -190,8 +190,8 @@ rule twin_two_hidden_effects:
         **measured(peak_mb=125, seconds=3),
     params:
         code=library_code("twin_two_hidden_effects.py"),
-        twin=without(settings.twin, "surgeon", "tissue", "lifting"),
-        generator=plain(settings.hidden_effects),
+        settings=plain(settings.twin.two_hidden_effects),
+        seed=settings.twin.seed,
     message:
         "Synthetic tissue tests with two hidden effects"
     script:

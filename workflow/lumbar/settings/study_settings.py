@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from lumbar.settings.hidden_effects import HiddenEffectsSettings
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.key import NAME, UNIQUE, key, required, section, settings
 from lumbar.settings.lifting import LiftingSettings
@@ -93,4 +92,3 @@ class StudySettings:
     population: PopulationSettings = section(default_factory=PopulationSettings)
     pushes: PushesSettings = section(default_factory=PushesSettings)
     twin: TwinSettings = section(default_factory=TwinSettings)
-    hidden_effects: HiddenEffectsSettings = section(default_factory=HiddenEffectsSettings)

@@ -316,12 +316,9 @@ class SyntheticLiftingSettings:
 
 @settings
 class TwoHiddenEffectsSettings:
-    """A second set of synthetic tissue tests, with two effects and little noise."""
+    """A second set of synthetic tissue tests, with dry friction, hardening and little noise."""
 
-    mechanisms: tuple[str, str] = key(
-        "Mechanisms of the two effects.", default=("coulomb_friction", "hardening_stiffness")
-    )
-    number: int = key("Draw of the generator.", default=1, ge=0)
+    number: int = key("Which draw of tissue, motion and effects.", default=1, ge=0)
     noise_share: float = key(
         "RMS of the noise over that of the force without the effects.", default=0.01, gt=0, le=1
     )

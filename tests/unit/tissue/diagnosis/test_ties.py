@@ -9,10 +9,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hidden_effects_cases import recorded_motion
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
+from hidden_effects.catalogue import form_named
+from hidden_effects.form import Scales, calibrated, simulate
+from hidden_effects_cases import recorded_motion
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.design.discrimination import (
     excitation_csv,
@@ -31,11 +33,8 @@ from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.signals.motion_range import Kinematics, peak_kinematics
-from lumbar.twin.hidden_effects.force_simulation import calibrated, simulate
-from lumbar.twin.hidden_effects.hidden_catalogue import form_named
-from lumbar.twin.hidden_effects.hidden_form import Scales
-from lumbar.twin.hidden_effects.hidden_tissue import Tissue
-from lumbar.twin.hidden_effects.tool_motion import RATE_HZ, line_spectrum_motion
+from lumbar.twin.kelvin_boltzmann import Tissue
+from lumbar.twin.tool_motion import RATE_HZ, line_spectrum_motion
 
 TRUE_TISSUE = Tissue(elastic=0.5, relaxing=0.6, relaxation_s=0.15)
 ONE_LINE = 10

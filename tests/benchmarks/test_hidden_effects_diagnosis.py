@@ -8,21 +8,20 @@ from __future__ import annotations
 import json
 
 import pytest
-from hidden_effects_cases import settings
 
-from lumbar.tissue.diagnosis.scoring.scores import outcome
-from lumbar.tissue.diagnosis.selection.batch import diagnose_folders
+from hidden_effects.catalogue import MECHANISMS, SINGLE
+from hidden_effects.diagnosing import diagnose_folders
+from hidden_effects.experiment import plan_batch, write_experiments
+from hidden_effects.scores import outcome
+from hidden_effects.settings import HiddenEffectsSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.twin.hidden_effects.experiment import plan_batch
-from lumbar.twin.hidden_effects.experiment_folder import write_experiments
-from lumbar.twin.hidden_effects.hidden_catalogue import MECHANISMS, SINGLE
 
 pytestmark = pytest.mark.statistical
 
-STRONG = settings(
+STRONG = HiddenEffectsSettings(
     periods=3,
     slices=1,
-    residual_over_noise=[5, 15],
+    residual_over_noise=(5, 15),
     noise_colours={"white": 1, "autoregressive": 0, "flicker": 0},
 )
 OTHER_FORM = 1

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.base.progress import track
 from lumbar.records.columns import read_record
 from lumbar.records.record import Record
 from lumbar.settings.tissue import TissueSettings
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 
 LAYOUT = TissueSettings().layout
 """Columns of the recordings."""
@@ -30,15 +30,18 @@ def read_folder(folder: str | os.PathLike) -> list[Record]:
     return [read_record(file, LAYOUT) for file in files]
 
 
-def diagnose_folders(folder: str | os.PathLike, diagnose: Callable[[list[Record]], dict]) -> dict[str, dict]:
+def diagnose_folders(
+    folder: str | os.PathLike, diagnosis: Callable[[list[Record]], dict] | None = None
+) -> dict[str, dict]:
     """Diagnose every experiment below a folder.
 
     Parameters
     ----------
     folder : path
         Holds one folder of recordings per experiment.
-    diagnose : callable
-        Takes the records of one experiment and returns its diagnosis as plain data.
+    diagnosis : callable, optional
+        Takes the records of one experiment and returns its diagnosis as plain data; by default `diagnose` with default
+        settings.
 
     Returns
     -------
@@ -46,14 +49,19 @@ def diagnose_folders(folder: str | os.PathLike, diagnose: Callable[[list[Record]
         Diagnosis by experiment. One that reached no result is ``{"error": message}``: it counts against the
         diagnosis instead of ending the benchmark.
     """
+    diagnosis = diagnosis or _diagnosis
     experiments = sorted(path for path in Path(folder).iterdir() if path.is_dir())
     if not experiments:
         raise InputError(f"{folder}: holds no folder of an experiment")
     diagnoses = {}
-    for experiment in track(experiments, f"diagnosing {Path(folder).name}"):
+    for experiment in experiments:
         records = read_folder(experiment)
         try:
-            diagnoses[experiment.name] = diagnose(records)
+            diagnoses[experiment.name] = diagnosis(records)
         except (InputError, NumericalError) as error:
             diagnoses[experiment.name] = {"error": str(error)}
     return diagnoses
+
+
+def _diagnosis(records: list[Record]) -> dict:
+    return diagnose(records).to_json()

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.errors import Problems
-from lumbar.twin.hidden_effects.force_simulation import calibrated, residual_rms, simulate
-from lumbar.twin.hidden_effects.hidden_catalogue import (
-    OUTSIDE_FORMS,
-    PAIRS,
-    SINGLE,
-    form_named,
-    forms_of,
-)
-from lumbar.twin.hidden_effects.hidden_form import OUTSIDE, Scales, log_uniform
-from lumbar.twin.hidden_effects.hidden_tissue import Tissue
-from lumbar.twin.hidden_effects.load_cell_noise import draw_noise
-from lumbar.twin.hidden_effects.tool_motion import RATE_HZ, ToolMotion, draw_motions
-
-if TYPE_CHECKING:
-    from lumbar.settings.hidden_effects import HiddenEffectsSettings
+from hidden_effects.catalogue import OUTSIDE_FORMS, PAIRS, SINGLE, form_named, forms_of
+from hidden_effects.form import OUTSIDE, Scales, calibrated, simulate
+from hidden_effects.noise import draw_noise
+from hidden_effects.settings import HiddenEffectsSettings
+from lumbar.base.files import write_json
+from lumbar.twin.kelvin_boltzmann import residual_rms
+from lumbar.twin.tool_motion import RATE_HZ, ToolMotion
+from lumbar.twin.two_hidden_effects import draw_test, write_records
 
 KINDS = ("single", "pair", OUTSIDE, "null")
 """One effect of the catalogue; two; one that the catalogue does not hold; none."""
@@ -54,23 +47,6 @@ class HiddenExperiment:
     """Shape (samples, 3): time (s), position (mm), force (N) by record name."""
     label: dict
     """Truth, as it stands in ``labels.json``."""
-
-
-def check_settings(settings: HiddenEffectsSettings) -> None:
-    """Check what the schema cannot: ranges that run upward, and that some colour of noise occurs.
-
-    Raises
-    ------
-    InputError
-        With every wrong key.
-    """
-    problems = Problems("configuration: hidden_effects")
-    for key, value in vars(settings).items():
-        if isinstance(value, tuple) and value[0] > value[1]:
-            problems.add(key, f"[{value[0]:g}, {value[1]:g}]", "the smaller value comes first")
-    if sum(vars(settings.noise_colours).values()) <= 0:
-        problems.add("noise_colours", "all weights are 0", "at least one colour must occur")
-    problems.raise_if_any()
 
 
 def plan_batch(kind: str, part: int, settings: HiddenEffectsSettings) -> list[Plan]:
@@ -105,7 +81,8 @@ def _plan(kind: str, number: int, forms: tuple[str, ...]) -> Plan:
 def make_experiment(plan: Plan, settings: HiddenEffectsSettings) -> HiddenExperiment:
     """Draw and simulate one experiment; depends on the seed and the plan alone, not on other experiments."""
     rng = np.random.default_rng([settings.seed, KINDS.index(plan.kind), plan.number])
-    tissue, motions, noise = _draw_setting(rng, settings)
+    tissue, motions = draw_test(rng, settings)
+    noise = _draw_noise_settings(rng, settings)
     multisine = motions["multisine"]
     scales = Scales.of(multisine, tissue)
     noise_rms = noise.pop("share") * scales.force
@@ -119,7 +96,7 @@ def make_experiment(plan: Plan, settings: HiddenEffectsSettings) -> HiddenExperi
         name: _recorded(motion, simulate(motion, tissue, effects), noise_rms, noise, rng)
         for name, motion in motions.items()
     }
-    residuals = [residual_rms(multisine, tissue, [effect]) for effect in effects]
+    residuals = [residual_rms(multisine, simulate(multisine, tissue, [effect])) for effect in effects]
     label = {
         "effects": [effect.form.mechanism for effect in effects],
         "form": [effect.form.label for effect in effects],
@@ -138,29 +115,14 @@ def make_experiment(plan: Plan, settings: HiddenEffectsSettings) -> HiddenExperi
     return HiddenExperiment(records, label)
 
 
-def _draw_setting(
-    rng: np.random.Generator, settings: HiddenEffectsSettings
-) -> tuple[Tissue, dict[str, ToolMotion], dict]:
-    """Tissue, motions and noise of an experiment, in the ranges of the configuration."""
-    elastic = rng.uniform(*settings.elastic_N_per_mm)
-    relaxing = float(
-        np.clip(elastic * rng.uniform(*settings.relaxing_over_elastic), *settings.relaxing_N_per_mm)
-    )
-    tissue = Tissue(float(elastic), relaxing, log_uniform(rng, *settings.relaxation_s))
-    motions = draw_motions(
-        rng,
-        peak_mm=float(rng.uniform(*settings.amplitude_mm)),
-        slope=float(rng.choice([0.0, -0.5])),
-        schroeder=bool(rng.integers(2)),
-        periods=settings.periods,
-    )
-    colours = vars(settings.noise_colours)
-    noise = {
+def _draw_noise_settings(rng: np.random.Generator, settings: HiddenEffectsSettings) -> dict:
+    """Share, colour and correlation of an experiment's noise, in the ranges of the settings."""
+    colours = settings.noise_colours
+    return {
         "share": float(rng.uniform(*settings.noise_share)),
         "colour": str(rng.choice(list(colours), p=np.array(list(colours.values())) / sum(colours.values()))),
         "correlation": float(rng.uniform(*settings.autoregressive_correlation)),
     }
-    return tissue, motions, noise
 
 
 def _chosen_forms(rng: np.random.Generator, plan: Plan) -> list:
@@ -175,3 +137,15 @@ def _recorded(
     position, clean = motion.sampled(motion.position), motion.sampled(force)
     added = draw_noise(rng, len(clean), noise_rms, noise["colour"], noise["correlation"], RATE_HZ)
     return np.column_stack([np.arange(len(clean)) / RATE_HZ, position, clean + added])
+
+
+def write_experiments(
+    folder: str | os.PathLike, labels: str | os.PathLike, plans: list[Plan], settings: HiddenEffectsSettings
+) -> None:
+    """Make experiments and write their recordings, one folder each, and, apart, the truth as JSON by experiment."""
+    truth = {}
+    for plan in plans:
+        experiment = make_experiment(plan, settings)
+        write_records(Path(folder) / plan.name, experiment.records)
+        truth[plan.name] = experiment.label
+    write_json(labels, truth)

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from scipy.stats import binomtest
 
+from hidden_effects.power_curve import PowerCurve, fit_power_curve, strength_interval
 from lumbar.base.errors import Problems
 from lumbar.tables.table import SYNTHETIC_TWIN, Table
-from lumbar.tissue.diagnosis.scoring.power_curve import PowerCurve, fit_power_curve, strength_interval
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.settings.hidden_effects import HiddenEffectsSettings
+    from hidden_effects.settings import HiddenEffectsSettings
 
 NAMED, TIED, EXTRA, PARTLY = "named", "tied", "extra", "partly"
 WRONG, UNEXPLAINED, MISSED = "wrong", "unexplained", "missed"

@@ -12,7 +12,7 @@ from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, SINGLE_COLUMN
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.tissue.diagnosis.scoring.power_curve import PowerCurve
+    from hidden_effects.power_curve import PowerCurve
 
 
 @house_style
@@ -22,7 +22,7 @@ def confusion_figure(confusion: pd.DataFrame):
     Parameters
     ----------
     confusion : pandas.DataFrame
-        Of `lumbar.tissue.diagnosis.scoring.scores.confusion`: counts, first column ``hidden``.
+        Of `hidden_effects.scores.confusion`: counts, first column ``hidden``.
     """
     hidden = [str(name).replace("_", " ") for name in confusion["hidden"]]
     counts = confusion.drop(columns="hidden")

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from lumbar.twin.hidden_effects.hidden_form import HiddenForm, additive, log_uniform
-from lumbar.twin.hidden_effects.rate_independent import bouc_wen, dahl, play, rounded_play, stop
+from hidden_effects.form import HiddenForm, additive
+from hidden_effects.rate_independent import bouc_wen, dahl, play, rounded_play, stop
+from lumbar.twin.two_hidden_effects import log_uniform
 
 
 def coulomb_sign(motion, tissue, strength):

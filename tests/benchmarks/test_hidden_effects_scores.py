@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
-from hidden_effects_cases import diagnosis, oracle, settings
 from scipy.optimize import minimize
 from scipy.special import expit
 from statsmodels.stats.proportion import proportion_confint
 
-from lumbar.base.errors import InputError
-from lumbar.tissue.diagnosis.scoring.power_curve import fit_power_curve, strength_interval
-from lumbar.tissue.diagnosis.scoring.scores import (
+from hidden_effects.catalogue import MECHANISMS, OUTSIDE_FORMS, SINGLE
+from hidden_effects.power_curve import fit_power_curve, strength_interval
+from hidden_effects.run import WHOLE, batches, begin_anew_if_changed, make_and_diagnose, publish
+from hidden_effects.scores import (
     accuracy_table,
     confusion,
     forms_table,
@@ -20,8 +23,10 @@ from lumbar.tissue.diagnosis.scoring.scores import (
     scores,
     share_with_interval,
 )
-from lumbar.twin.hidden_effects.hidden_catalogue import MECHANISMS, OUTSIDE_FORMS, SINGLE
-from study_settings import study_settings
+from hidden_effects.settings import DRAWN, HiddenEffectsSettings
+from hidden_effects_cases import diagnosis, oracle
+from lumbar.base.errors import InputError
+from lumbar.base.files import write_json
 
 FRICTION, HARDENING = "coulomb_friction", "hardening_stiffness"
 
@@ -88,7 +93,7 @@ def test_an_oracle_scores_full_marks():
     truth = labels()
     frame = scores(truth, {name: oracle(label) for name, label in truth.items()})
     assert frame["right"].all()
-    table = accuracy_table(frame, settings()).frame
+    table = accuracy_table(frame, HiddenEffectsSettings()).frame
     assert (table["share_percent"] == 100).all()
     assert table["low_percent"].max() < 100
     single = table[table["experiments"].str.startswith("one effect")]
@@ -113,7 +118,7 @@ def test_mistakes_are_counted_where_they_belong():
     said["null_0003"] = diagnosis("named", ["my_own_effect"])
     said["null_0005"] = {"error": "no"}
     frame = scores(truth, said)
-    table = accuracy_table(frame, settings()).frame.set_index("experiments")
+    table = accuracy_table(frame, HiddenEffectsSettings()).frame.set_index("experiments")
     row = table.loc["one effect, ≥ 4 × noise"]
     assert (row["wrong"], row["tied"], row["right"]) == (1, 1, row["count"] - 2)
     nothing = table.loc["nothing hidden"]
@@ -123,7 +128,7 @@ def test_mistakes_are_counted_where_they_belong():
     assert matrix.loc["delay", "tied"] == 1
     assert matrix.loc["nothing", "my_own_effect"] == 1
     assert matrix.loc["nothing", "failed"] == 1
-    by_form = forms_table(frame, settings()).frame
+    by_form = forms_table(frame, HiddenEffectsSettings()).frame
     delay = by_form[by_form["mechanism"] == "delay"]
     assert delay["count"].sum() - delay["right"].sum() == 2
     assert set(", ".join(delay["instead"]).split(", ")) <= {"inertia", "–"}
@@ -132,8 +137,8 @@ def test_mistakes_are_counted_where_they_belong():
 def test_nothing_strong_leaves_an_empty_table_of_forms():
     truth = {"null_0000": labels()["null_0000"]}
     frame = scores(truth, {"null_0000": diagnosis("adequate")})
-    assert forms_table(frame, settings()).frame.empty
-    assert len(accuracy_table(frame, settings()).frame) == 2
+    assert forms_table(frame, HiddenEffectsSettings()).frame.empty
+    assert len(accuracy_table(frame, HiddenEffectsSettings()).frame) == 2
 
 
 def test_labels_and_diagnoses_must_belong_together():
@@ -205,22 +210,67 @@ def test_a_power_curve_needs_experiments_of_different_strength():
 def test_power_summary_names_what_was_tested():
     truth = labels()
     frame = scores(truth, {name: oracle(label) for name, label in truth.items()})
-    summary = power_summary(frame, settings(bootstrap_resamples=20), seed=1)
+    summary = power_summary(frame, HiddenEffectsSettings(bootstrap_resamples=20), seed=1)
     assert summary["experiments"] == 3 * len(SINGLE)
     assert summary["isotonic"] == summary["tested"][0]
 
 
-def test_the_whole_benchmark_differs_in_numbers_alone():
-    full, quick = vars(study_settings("hidden_effects_full.yaml").hidden_effects), vars(settings())
-    assert {key for key in full if full[key] != quick[key]} == {
-        "experiments_per_form",
-        "experiments_per_pair",
-        "experiments_per_outside_form",
-        "nulls",
-        "nulls_per_batch",
-        "keep_recordings",
-        "bootstrap_resamples",
-    }
+def test_the_whole_benchmark_makes_the_same_experiments_and_more():
+    for key in DRAWN:
+        assert getattr(WHOLE, key) == getattr(HiddenEffectsSettings(), key)
+    assert len(batches(Path(), WHOLE)) == 4 * (12 + 5 + 10) + 20
+
+
+@pytest.fixture
+def few(tmp_path, monkeypatch):
+    """Two batches of three nulls, with a diagnosis that takes no time and is counted."""
+    made = []
+
+    def diagnose_folders(folder):
+        made.append(folder.name)
+        return {path.name: diagnosis("adequate") for path in folder.iterdir()}
+
+    monkeypatch.setattr("hidden_effects.diagnosing.diagnose_folders", diagnose_folders)
+    settings = HiddenEffectsSettings(
+        experiments_per_form=0, experiments_per_pair=0, experiments_per_outside_form=0
+    )
+    return tmp_path, replace(settings, nulls=3, nulls_per_batch=2, periods=2), made
+
+
+def make_missing(folder, settings):
+    begin_anew_if_changed(folder, settings)
+    for batch in batches(folder, settings):
+        if not batch.done(settings):
+            make_and_diagnose(batch, settings)
+
+
+def test_a_run_goes_on_from_what_another_has_diagnosed(few):
+    folder, settings, made = few
+    make_missing(folder, settings)
+    assert made == ["null_00", "null_01"]
+    make_missing(folder, replace(settings, confidence=0.9, keep_recordings=False))
+    assert made == ["null_00", "null_01"]
+    make_missing(folder, replace(settings, nulls=5, keep_recordings=False))
+    assert made[2:] == ["null_01", "null_02"]  # the second one has grown
+    assert [path.name for path in (folder / "experiments").iterdir()] == ["null_00"]
+    make_missing(folder, replace(settings, seed=5))
+    assert made[4:] == ["null_00", "null_01"]
+
+
+def test_publishing_writes_tables_and_pictures(tmp_path):
+    (batch,) = batches(
+        tmp_path, HiddenEffectsSettings(experiments_per_form=0, experiments_per_pair=0, nulls=0, slices=1)
+    )
+    truth = labels()
+    write_json(batch.labels, truth)
+    write_json(batch.diagnoses, {name: oracle(label) for name, label in truth.items()})
+    publish(tmp_path, [batch], HiddenEffectsSettings(bootstrap_resamples=20))
+    names = ["scores.csv", "confusion.csv", "power.json"]
+    names += [
+        f"tables/{table}.{ending}" for table in ("accuracy", "forms") for ending in ("csv", "tex", "html")
+    ]
+    names += [f"figures/{figure}.{ending}" for figure in ("confusion", "power") for ending in ("svg", "pdf")]
+    assert all((tmp_path / name).stat().st_size for name in names)
 
 
 def test_logistic_curve_is_the_maximum_that_a_general_optimiser_finds():

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import fftconvolve
 
-from lumbar.twin.hidden_effects.hidden_form import OUTSIDE, HiddenForm, additive, between, log_uniform
+from hidden_effects.form import OUTSIDE, HiddenForm, additive, between
+from lumbar.twin.two_hidden_effects import log_uniform
 
 _STREAMS = {"multisine": 0, "chirp": 1, "noise": 2}
 

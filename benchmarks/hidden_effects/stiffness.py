@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.twin.hidden_effects.hidden_form import HiddenForm, additive, between, log_uniform
+from hidden_effects.form import HiddenForm, additive, between
+from lumbar.twin.two_hidden_effects import log_uniform
 
 
 def cubic(motion, tissue, strength):

@@ -1,4 +1,4 @@
-"""One mathematical form of a hidden effect: what it does to motion or force, and how strong it may be."""
+"""One mathematical form of a hidden effect: what it does to motion or force, and how strong it may be and is."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.twin.hidden_effects.hidden_tissue import Tissue
-from lumbar.twin.hidden_effects.tool_motion import ToolMotion
+from lumbar.twin.kelvin_boltzmann import Tissue, severity_leaving
+from lumbar.twin.tool_motion import ToolMotion
 
 OUTSIDE = "outside"
 """Mechanism of the forms that belong to no entry of the catalogue."""
@@ -107,6 +107,51 @@ def between(weakest: float, strongest: float) -> Callable[..., tuple[float, floa
     return lambda scales, **shape: (weakest, strongest)
 
 
-def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Random number whose logarithm is uniform."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+@dataclass(frozen=True)
+class HiddenEffect:
+    """A form with its strength and its other parameters."""
+
+    form: HiddenForm
+    strength: float
+    shape: dict
+
+
+def simulate(motion: ToolMotion, tissue: Tissue, effects: list[HiddenEffect]) -> np.ndarray:
+    """Noise-free force on the simulation's grid, newtons.
+
+    The motion passes the mount, the tissue answers with its own force and those beside it, and the sensor
+    records the sum: effects act at these three places, in the given order within each.
+    """
+    placed = {
+        place: [effect for effect in effects if effect.form.place == place]
+        for place in ("mount", "tissue", "sensor")
+    }
+    for effect in placed["mount"]:
+        motion = effect.form.act(motion, effect.strength, **effect.shape)
+    force = tissue.force(motion)
+    beside = [effect.form.act(motion, tissue, effect.strength, **effect.shape) for effect in placed["tissue"]]
+    for extra in beside:
+        force = force + extra
+    for effect in placed["sensor"]:
+        force = effect.form.act(motion, force, effect.strength, **effect.shape)
+    return force
+
+
+def calibrated(
+    form: HiddenForm, shape: dict, wanted_N: float, motion: ToolMotion, tissue: Tissue, scales: Scales
+) -> HiddenEffect:
+    """Effect whose residual, left by the best Kelvin–Boltzmann model of the multisine, is `wanted_N`.
+
+    The strongest admissible effect is returned when even that leaves less.
+    """
+
+    def effect_at(severity: float) -> HiddenEffect:
+        return HiddenEffect(form, form.strength(scales, shape, severity), shape)
+
+    severity = severity_leaving(
+        wanted_N,
+        motion,
+        lambda severity: simulate(motion, tissue, [effect_at(severity)]),
+        least_N=1e-9 * scales.force,
+    )
+    return effect_at(severity)

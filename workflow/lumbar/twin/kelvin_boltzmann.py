@@ -1,19 +1,24 @@
-"""The Kelvin–Boltzmann tissue below every hidden effect, and how much of a force no such tissue explains."""
+"""A Kelvin–Boltzmann tissue, and the strength at which an effect hidden in it leaves a wanted residual."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 from scipy.signal import lfilter
 
-from lumbar.twin.hidden_effects.tool_motion import RATE_HZ, ToolMotion
+from lumbar.twin.tool_motion import RATE_HZ, ToolMotion
 
 SETTLING_S = 0.5
 """Left out at the start of every record when a residual is measured."""
 _FIT_STRIDE = 4
 """The fit runs on every fourth grid point, 500 Hz: its trapezoidal error is below 0.05 % up to 5 Hz."""
+_TOLERANCE = 0.01
+"""Relative accuracy of the wanted residual."""
+_STEPS = 6
+"""Severities tried on the way up."""
 
 
 @dataclass(frozen=True)
@@ -95,3 +100,51 @@ def _unexplained(first: np.ndarray, second: np.ndarray, target: np.ndarray) -> n
     gram = np.array([[first @ first, first @ second], [first @ second, second @ second]])
     weights = np.linalg.solve(gram, [first @ target, second @ target])
     return target - weights[0] * first - weights[1] * second
+
+
+def severity_leaving(
+    wanted_N: float, motion: ToolMotion, force_at: Callable[[float], np.ndarray], least_N: float
+) -> float:
+    """Return the least severity at which the best Kelvin–Boltzmann tissue leaves a residual; else that which leaves most.
+
+    The residual need not grow with the strength throughout (a very fast branch replaces the base's own, a signal
+    clipped to nothing is explained by no tissue): the weakest effect that will do is the plausible one.
+
+    Parameters
+    ----------
+    wanted_N : float
+        RMS of the residual.
+    motion : ToolMotion
+        Of the record on which it is measured.
+    force_at : callable
+        Noise-free force on the simulation's grid, by severity between 0 (weakest) and 1 (strongest).
+    least_N : float
+        What counts as no residual.
+    """
+
+    def excess(severity: float) -> float:
+        return float(np.log(max(residual_rms(motion, force_at(severity)), least_N) / wanted_N))
+
+    known = {0.0: excess(0.0)}
+    for step in range(1, _STEPS + 1):
+        low, high = (step - 1) / _STEPS, step / _STEPS
+        known[high] = excess(high)
+        if known[high] > 0:
+            return 0.0 if known[low] > 0 else _root(excess, low, high, known[low], known[high])
+    return max(known, key=known.get)
+
+
+def residual_rms(motion: ToolMotion, force: np.ndarray) -> float:
+    """RMS of what the best Kelvin–Boltzmann tissue leaves of a force on the simulation's grid, newtons."""
+    return float(np.sqrt(np.mean(kelvin_boltzmann_residual(motion, motion.sampled(force)) ** 2)))
+
+
+def _root(excess: Callable[[float], float], low: float, high: float, at_low: float, at_high: float) -> float:
+    known = {low: at_low, high: at_high}
+
+    def cached(severity: float) -> float:
+        value = known[severity] if severity in known else excess(severity)
+        known[severity] = value
+        return 0.0 if abs(value) < _TOLERANCE else value
+
+    return float(brentq(cached, low, high, xtol=1e-4))

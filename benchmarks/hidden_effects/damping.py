@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.twin.hidden_effects.hidden_form import HiddenForm, additive, log_uniform
-from lumbar.twin.hidden_effects.hidden_tissue import maxwell_force
-from lumbar.twin.hidden_effects.tool_motion import RATE_HZ
+from hidden_effects.form import HiddenForm, additive
+from lumbar.twin.kelvin_boltzmann import maxwell_force
+from lumbar.twin.tool_motion import RATE_HZ
+from lumbar.twin.two_hidden_effects import log_uniform
 
 
 def damping_with_depth(motion, tissue, strength, offset_mm):

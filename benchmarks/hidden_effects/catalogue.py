@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
+from hidden_effects import channel, damping, friction, outside, stiffness
+from hidden_effects.form import HiddenForm
 from lumbar.base.errors import InputError
-from lumbar.twin.hidden_effects import hidden_channel as channel
-from lumbar.twin.hidden_effects import hidden_damping as damping
-from lumbar.twin.hidden_effects import hidden_friction as friction
-from lumbar.twin.hidden_effects import hidden_stiffness as stiffness
-from lumbar.twin.hidden_effects import outside
-from lumbar.twin.hidden_effects.hidden_form import HiddenForm
 
 SINGLE = (*stiffness.FORMS, *friction.FORMS, *damping.FORMS, *channel.FORMS)
 """Forms of the catalogue's mechanisms."""

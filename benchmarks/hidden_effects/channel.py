@@ -6,8 +6,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from lumbar.twin.hidden_effects.hidden_form import HiddenForm, additive, between, log_uniform
-from lumbar.twin.hidden_effects.tool_motion import BAND_HZ
+from hidden_effects.form import HiddenForm, additive, between
+from lumbar.twin.tool_motion import BAND_HZ
+from lumbar.twin.two_hidden_effects import log_uniform
 
 
 def transport(motion, force, strength):

@@ -1,22 +1,11 @@
-"""What several tests of the hidden effects share: settings, an oracle, and motions of recorded files."""
+"""What several tests of the hidden effects share: an oracle and motions of recorded files."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from lumbar.settings.hidden_effects import HiddenEffectsSettings
-from lumbar.twin.hidden_effects.tool_motion import OVERSAMPLING, ToolMotion
-from study_settings import changed
-
-PROJECT = Path(__file__).resolve().parents[2]
-
-
-def settings(**changes) -> HiddenEffectsSettings:
-    """The project's own settings, with changes."""
-    return changed(HiddenEffectsSettings(), **changes)
+from lumbar.twin.tool_motion import OVERSAMPLING, ToolMotion
 
 
 def recorded_motion(name: str, time: np.ndarray, position: np.ndarray) -> ToolMotion:

@@ -1,1 +1,0 @@
-"""Scores of the diagnosis on experiments whose hidden effect is known."""
