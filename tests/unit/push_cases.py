@@ -6,8 +6,7 @@ import numpy as np
 
 from lumbar.lifting.pushes import contest
 from lumbar.lifting.pushes.motion import DepositMotion
-from lumbar.lifting.pushes.person import Traits
-from lumbar.lifting.pushes.simulation import Scene
+from lumbar.lifting.pushes.simulation import Scene, Traits
 from lumbar.settings.pushes import PushesSettings
 
 START, STOP = np.deg2rad([2.0, 4.0, 150.0]), np.deg2rad([0.0, 25.0, 155.0])

@@ -5,9 +5,9 @@ from job import run, stem
 
 def main(input, output, params):
     """Read all trials, compare them, write table and figure."""
-    from lumbar.lifting.pushes.feedback import feedback_sentence
     from lumbar.lifting.pushes.trial_separation import (
         body_trial,
+        feedback_sentence,
         separation_frame,
         separation_table,
         values_of,

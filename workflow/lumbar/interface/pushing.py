@@ -58,9 +58,8 @@ def push_states(
         Where the trunk is pushed, between hips and shoulders (``pushes.push.height_share``).
     """
     from lumbar.lifting.measures.course import Lifter
-    from lumbar.lifting.pushes.levels import levels_of
+    from lumbar.lifting.pushes.levels import levels_of, states_frame
     from lumbar.lifting.pushes.motion import deposit_motion
-    from lumbar.lifting.pushes.states import states_frame
     from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
 
     lifters, motions, trajectories = [], [], []
@@ -150,7 +149,7 @@ def push_outcomes(states: pd.DataFrame, settings: PushesSettings, seed: int) -> 
     import pandas as pd
 
     from lumbar.lifting.pushes.contest import COLUMNS, push_bodies
-    from lumbar.lifting.pushes.states import from_states
+    from lumbar.lifting.pushes.levels import from_states
 
     people = [part for _, part in states.groupby("subject", sort=False)] if len(states) else []
     frames = [push_bodies(*from_states(part), settings, seed) for part in people]
@@ -204,8 +203,8 @@ def _scored(
 ) -> PushPrediction:
     """Score all pushes drawn; `states_of` gives the states of some lifts."""
     from lumbar.lifting.pushes.contest import contest_of
+    from lumbar.lifting.pushes.levels import from_states
     from lumbar.lifting.pushes.prediction import follow
-    from lumbar.lifting.pushes.states import from_states
 
     if drawn.empty:
         raise InputError(

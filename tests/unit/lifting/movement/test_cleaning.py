@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import sosfreqz
+from trial_cases import perturbation_settings
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.cleaning import (
@@ -20,7 +21,6 @@ from lumbar.lifting.pushes.trial_separation import body_trial, values_of
 from lumbar.lifting.stability.comparison.perturbed_trials import trial_of
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.perturbations import PerturbationsSettings
 from lumbar.settings.plain import plain, typed
 
 
@@ -136,21 +136,7 @@ def test_derivative_of_each_stretch_on_its_own():
 
 
 SETTINGS = LiftingSettings()
-TRIALS = typed(
-    PerturbationsSettings,
-    {
-        "subject": "S0",
-        "body_mass_kg": 70.0,
-        "mass_share": 0.678,
-        "centre_share": 0.626,
-        "pivot": ["SACRUM"],
-        "top": ["C7"],
-        "plane": "flexion_extension",
-        "legs": {"knee": ["KNEE"], "ankle": ["ANKLE"], "heel": ["HEEL"], "toe": ["TOE"]},
-        "unperturbed": ("a", "b", "c"),
-        "perturbed": ("d",),
-    },
-)
+TRIALS = perturbation_settings(legs={"knee": ["KNEE"], "ankle": ["ANKLE"], "heel": ["HEEL"], "toe": ["TOE"]})
 ISLAND_FRAMES = slice(100, 110)
 
 

@@ -19,11 +19,10 @@ from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.pushes import prediction
 from lumbar.lifting.pushes.body import centre_of_mass
 from lumbar.lifting.pushes.contest import draw_pushes, scene_of
-from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, KNOTS
+from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, KNOTS, from_states, states_frame
 from lumbar.lifting.pushes.motion import bodies_of, deposit_motion
-from lumbar.lifting.pushes.person import Traits
 from lumbar.lifting.pushes.prediction import verdict_json
-from lumbar.lifting.pushes.states import from_states, states_frame
+from lumbar.lifting.pushes.simulation import Traits
 from lumbar.lifting.stability.basins import close_loops
 from lumbar.lifting.stability.funnel.funnel import exact_funnels
 from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift

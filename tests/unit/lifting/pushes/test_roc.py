@@ -10,12 +10,12 @@ from lumbar.lifting.pushes import roc
 from lumbar.lifting.pushes.roc import (
     areas,
     best_threshold,
+    cross_validated_rates,
     curve,
     interval,
-    ordered,
     person_weights,
     sensitivity_at,
-    told_by_others,
+    sort_scores,
 )
 
 
@@ -30,7 +30,7 @@ def sample():
 
 def test_area_is_mann_whitneys_share_of_pairs(sample):
     score, event, _ = sample
-    (found,) = areas(ordered(*sample), np.ones((1, 12), dtype=int))
+    (found,) = areas(sort_scores(*sample), np.ones((1, 12), dtype=int))
     expected = mannwhitneyu(score[event], score[~event]).statistic / (event.sum() * (~event).sum())
     assert found == pytest.approx(expected, rel=1e-12)
     assert np.trapezoid(*curve(score, event)[::-1]) == pytest.approx(expected, rel=1e-12)
@@ -40,7 +40,7 @@ def test_a_person_drawn_twice_counts_as_two(sample, monkeypatch):
     monkeypatch.setattr(roc, "AT_ONCE", 500)  # two samples at a time
     score, event, person = sample
     weights = person_weights(12, 5, [3])
-    for row, found in zip(weights, areas(ordered(*sample), weights), strict=True):
+    for row, found in zip(weights, areas(sort_scores(*sample), weights), strict=True):
         drawn = np.repeat(np.arange(len(score)), row[person])
         high, low = score[drawn][event[drawn]], score[drawn][~event[drawn]]
         pairs = (high[:, None] > low).mean() + 0.5 * (high[:, None] == low).mean()
@@ -62,9 +62,13 @@ def test_thresholds_of_other_persons_tell_what_normal_scores_allow():
     rng = np.random.default_rng(1)
     event = np.tile([True, False], 4000)
     score, person = rng.normal(size=8000) + 2 * event, np.repeat(np.arange(40), 200)
-    assert told_by_others(score, event, person, 5, [1]) == pytest.approx((norm.cdf(1), norm.cdf(1)), abs=0.02)
+    assert cross_validated_rates(score, event, person, 5, [1]) == pytest.approx(
+        (norm.cdf(1), norm.cdf(1)), abs=0.02
+    )
     # A score that is nothing but the person's own cannot be learnt from others.
-    assert told_by_others(rng.normal(size=8000), event, person, 5, [1]) != pytest.approx((1.0, 1.0), abs=0.4)
+    assert cross_validated_rates(rng.normal(size=8000), event, person, 5, [1]) != pytest.approx(
+        (1.0, 1.0), abs=0.4
+    )
 
 
 @pytest.mark.statistical
@@ -77,10 +81,10 @@ def test_intervals_over_persons_cover_the_true_area():
         score = rng.normal(size=person.size)
         return score, score + own + rng.normal(0, 0.5, person.size) > 0, person
 
-    true = areas(ordered(*cohort(np.random.default_rng(0), 4000)), np.ones((1, 4000), dtype=int))[0]
+    true = areas(sort_scores(*cohort(np.random.default_rng(0), 4000)), np.ones((1, 4000), dtype=int))[0]
     held = 0
     for seed in range(200):
-        scores = ordered(*cohort(np.random.default_rng([1, seed]), 25))
+        scores = sort_scores(*cohort(np.random.default_rng([1, seed]), 25))
         low, high = interval(areas(scores, person_weights(25, 400, [2, seed])))
         held += low <= true <= high
     assert 180 <= held <= 196

@@ -10,9 +10,9 @@ from push_cases import deposit, scene_of
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
 
-from lumbar.lifting.pushes import person
+from lumbar.lifting.pushes import simulation as person
 from lumbar.lifting.pushes.body import JOINT_ANGLES, centre_of_pressure, ground_force
-from lumbar.lifting.pushes.reference import returning, target
+from lumbar.lifting.pushes.motion import returning, target
 from lumbar.lifting.pushes.simulation import STANDS, Pushes, accelerations, simulate
 from lumbar.settings.pushes import PushesSettings
 

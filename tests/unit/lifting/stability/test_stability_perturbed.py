@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 from stability_cases import minimum_jerk
+from trial_cases import perturbation_settings
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.stability.comparison.perturbed_trials import (
@@ -18,24 +19,10 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
     relative_value,
     trials_table,
 )
-from lumbar.settings.perturbations import PerturbationsSettings
 from lumbar.settings.plain import typed
 from lumbar.settings.stability import StabilitySettings
 
-SETTINGS = typed(
-    PerturbationsSettings,
-    {
-        "subject": "S0",
-        "body_mass_kg": 70.0,
-        "mass_share": 0.678,
-        "centre_share": 0.626,
-        "pivot": ["SACRUM"],
-        "top": ["C7"],
-        "plane": "flexion_extension",
-        "unperturbed": ("u0", "u1", "u2", "u3"),
-        "perturbed": ("far", "near"),
-    },
-)
+SETTINGS = perturbation_settings(unperturbed=("u0", "u1", "u2", "u3"), perturbed=("far", "near"))
 STABILITY = typed(
     StabilitySettings,
     {

@@ -164,7 +164,7 @@ def pendulum_states(
     grid = np.linspace(start, stop, points)
     position, velocity, acceleration = spline(grid), spline(grid, 1), spline(grid, 2)
     return {
-        plane: _planar_states(
+        plane: planar_states(
             grid, *(values[:, [axis, 2]] for values in (position, velocity, acceleration)), what
         )
         for plane, axis in PLANES.items()
@@ -193,8 +193,10 @@ def _unbroken(time: np.ndarray, relative: np.ndarray, start: float, stop: float,
     return slice(first, last)
 
 
-def _planar_states(time, position, velocity, acceleration, what: str) -> PendulumStates:
-    """States from planar motion; arguments of shape (points, 2): horizontal and vertical part."""
+def planar_states(
+    time: np.ndarray, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, what: str
+) -> PendulumStates:
+    """States from planar motion relative to the pivot; arguments of shape (points, 2): horizontal and vertical part."""
     (r, z), (r1, z1), (r2, z2) = position.T, velocity.T, acceleration.T
     length = np.hypot(r, z)
     if length.min() < SHORTEST:

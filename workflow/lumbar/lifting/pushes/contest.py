@@ -16,10 +16,16 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.pushes.levels import BACKWARD, FORWARD, PREDICTORS, Levels
-from lumbar.lifting.pushes.motion import DepositMotion, bodies_of
-from lumbar.lifting.pushes.person import Traits, draw_traits, generator, persons_of
-from lumbar.lifting.pushes.reference import references_of
-from lumbar.lifting.pushes.simulation import Pushes, Scene, simulate
+from lumbar.lifting.pushes.motion import DepositMotion, bodies_of, references_of
+from lumbar.lifting.pushes.simulation import (
+    Pushes,
+    Scene,
+    Traits,
+    draw_traits,
+    generator,
+    persons_of,
+    simulate,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

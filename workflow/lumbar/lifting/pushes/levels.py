@@ -2,12 +2,13 @@
 
 The measures are those of the chapter on stability, each with its own model of the person; none is told how the simulated body
 is built or controlled. Where a measure says which push a person can take, its level with a push is what that push leaves.
+A table holds what the pushes need of a lift: the motion of its links and the levels, instant by instant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,8 @@ from lumbar.lifting.measures.extrapolated_centre import pendulum_rate
 from lumbar.lifting.measures.strength import ankle_torques
 from lumbar.lifting.movement.body import LOAD, WHOLE_BODY
 from lumbar.lifting.movement.cleaning import derivative
+from lumbar.lifting.movement.pendulum_states import planar_states
+from lumbar.lifting.pushes.body import LINKS
 from lumbar.lifting.pushes.motion import DepositMotion
 from lumbar.lifting.stability.basins import close_loops
 from lumbar.lifting.stability.funnel.funnel import exact_funnels
@@ -26,6 +29,8 @@ from lumbar.lifting.stability.model.pendulum_loop import SIGNS
 from lumbar.lifting.stability.model.trajectory import Trajectory, find_problems
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from lumbar.settings.stability import StabilitySettings
 
 FORWARD, BACKWARD = "forward", "backward"
@@ -193,49 +198,37 @@ def _whole_body(lifter: Lifter, motion: DepositMotion) -> Trajectory | None:
     body, box, points = lifter.facts["body_mass_kg"], lifter.facts["box_mass_kg"], lifter.points
     centre = (body * points[WHOLE_BODY] + box * points[LOAD]) / (body + box)
     relative = centre - (points["L_ANKLE"] + points["R_ANKLE"]) / 2
-    planar = [
-        derivative(relative, lifter.rate, order)[here] if order else relative[here] for order in range(3)
-    ]
-    (r, z), (r1, z1), (r2, z2) = ((part[:, 1], part[:, 2]) for part in planar)
-    length = np.hypot(r, z)
-    rate = (r1 * z - r * z1) / length**2
-    stretch = (r * r1 + z * z1) / length
-    facts = lifter.facts
+    moving = relative, *(derivative(relative, lifter.rate, order) for order in (1, 2))
+    states = planar_states(motion.time, *(part[here, 1:] for part in moving), lifter.facts["lift"])
     trajectory = Trajectory(
-        *(
-            facts["subject"],
-            facts.get("experience", ""),
-            float(box),
-            "whole body",
-            "flexion_extension",
-            "mid_ankle",
-        ),
-        *(
-            motion.time,
-            np.unwrap(np.arctan2(r, z)),
-            rate,
-            (r2 * z - r * z2) / length**2 - 2 * stretch * rate / length,
-        ),
-        *(float(body + box), float(length.mean())),
+        subject=lifter.facts["subject"],
+        experience=lifter.facts.get("experience", ""),
+        box_mass_kg=float(box),
+        com="whole body",
+        plane="flexion_extension",
+        pivot="mid_ankle",
+        time=motion.time,
+        angle=states.angle,
+        angular_velocity=states.angular_velocity,
+        angular_acceleration=states.angular_acceleration,
+        mass_kg=float(body + box),
+        length_m=float(states.length.mean()),
     )
     return None if find_problems(trajectory).entries else trajectory
 
 
 def _add_basins(found, com, sign, trajectories, motions, settings, push_share) -> None:
     """Add impulses and areas of exact basins to the levels."""
-    from dataclasses import replace
-
     name, area = f"basin_{com}_{sign}", f"basin_area_{com}_{sign}"
     there = [index for index, item in enumerate(trajectories) if item is not None]
     index_of = {id(trajectories[index]): index for index in there}
     settings = replace(settings, knots=KNOTS)
     results, failures = all_or_each(_basins_of, [trajectories[i] for i in there], sign, settings, basin=name)
+    reasons = "; ".join({failure.basin: failure.reason for failure in failures}.values())
     for level in found:
-        for direction in DIRECTIONS:
-            for key in (name, area):
-                level.values[key, direction] = np.full(len(level.time), np.nan)
-        level.missing[name] = "no sound pendulum"
-    reasons: Mapping[str, str] = {failure.basin: failure.reason for failure in failures}
+        nowhere = np.full(len(level.time), np.nan)
+        level.values.update({(key, direction): nowhere for key in (name, area) for direction in DIRECTIONS})
+        level.missing[name] = reasons or "no sound pendulum"
     for items, (loops, funnels) in results:
         for column, item in enumerate(items):
             index = index_of[id(item)]
@@ -250,11 +243,67 @@ def _add_basins(found, com, sign, trajectories, motions, settings, push_share) -
                 level.values[name, direction] = inertia * largest / lever
                 level.values[area, direction] = np.full(len(level.time), funnels.mean_area[column])
             level.missing.pop(name)
-    for level in found:
-        if name in level.missing and reasons:
-            level.missing[name] = "; ".join(reasons.values())
 
 
 def _basins_of(trajectories: list[Trajectory], sign: str, settings: StabilitySettings):
     loops = close_loops(trajectories, sign, settings)
     return loops, exact_funnels(loops, settings.goal_level)
+
+
+_MOTION = {"angle": "rad", "rate": "rad_s", "acceleration": "rad_s2"}
+_ONE_EACH = (
+    "subject",
+    "lift",
+    "mass_kg",
+    "height_m",
+    "box_mass_kg",
+    "trunk_centre",
+    "ankle_height_m",
+    "heel_m",
+    "toe_m",
+)
+"""Values that are the same at all instants of a lift."""
+
+
+def states_frame(motions: Iterable[DepositMotion], levels: Iterable[Levels]) -> pd.DataFrame:
+    """Return motions and levels of several lifts, one row per instant."""
+    import pandas as pd
+
+    frames = []
+    for motion, level in zip(motions, levels, strict=True):
+        columns = {"time_s": motion.time}
+        for name, unit in _MOTION.items():
+            columns |= {f"{link}_{unit}": row for link, row in zip(LINKS, getattr(motion, name), strict=True)}
+        columns["shift_m_per_N_s"] = level.shift
+        columns |= {f"{name}_{direction}": item for (name, direction), item in level.values.items()}
+        frame = pd.DataFrame(columns)
+        for name in _ONE_EACH:
+            frame[name] = getattr(motion, name)
+        for link, length in zip(LINKS, motion.lengths, strict=True):
+            frame[f"{link}_m"] = length
+        frames.append(frame)
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+
+def from_states(frame: pd.DataFrame) -> tuple[list[DepositMotion], list[Levels]]:
+    """Return the motions and levels of a table of `states_frame`."""
+    motions, levels = [], []
+    if frame.empty:
+        return motions, levels
+    for _, part in frame.groupby("lift", sort=False):
+        first = part.iloc[0]
+        moving = {
+            name: np.stack([part[f"{link}_{unit}"].to_numpy(float) for link in LINKS])
+            for name, unit in _MOTION.items()
+        }
+        one = {name: first[name] if name in ("subject", "lift") else float(first[name]) for name in _ONE_EACH}
+        time = part["time_s"].to_numpy(float)
+        lengths = np.array([first[f"{link}_m"] for link in LINKS], dtype=float)
+        motions.append(DepositMotion(time=time, lengths=lengths, **moving, **one))
+        values = {
+            (name, direction): part[f"{name}_{direction}"].to_numpy(float)
+            for name in PREDICTORS
+            for direction in DIRECTIONS
+        }
+        levels.append(Levels(time, values, part["shift_m_per_N_s"].to_numpy(float), {}))
+    return motions, levels

@@ -13,12 +13,13 @@ from lumbar.lifting.pushes.contest import Contest, contest_of, push_bodies
 from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, NOTHING, PREDICTORS, score
 from lumbar.lifting.pushes.roc import (
     SPECIFICITY,
+    area,
     areas,
+    cross_validated_rates,
     interval,
-    ordered,
     person_weights,
     sensitivity_at,
-    told_by_others,
+    sort_scores,
 )
 from lumbar.tables.table import Table
 
@@ -136,16 +137,15 @@ def prediction_frame(contest: Contest, scoring: ScoringSettings, seed: int) -> p
 
 
 def _row(kind, direction, name, values, steps, person, weights, scoring, seed) -> dict:
-    scores = ordered(values, steps, person)
     low = high = None
     if weights.shape[1] >= scoring.fewest_persons:
-        low, high = interval(areas(scores, weights))
-    failures, successes = told_by_others(values, steps, person, scoring.folds, [seed, 4])
+        low, high = interval(areas(sort_scores(values, steps, person), weights))
+    failures, successes = cross_validated_rates(values, steps, person, scoring.folds, [seed, 4])
     return {
         "contest": kind,
         "direction": direction,
         "measure": name,
-        "auc": float(areas(scores, np.ones((1, weights.shape[1]), dtype=int))[0]),
+        "auc": area(values, steps),
         "auc_low": low,
         "auc_high": high,
         "sensitivity_95": sensitivity_at(values, steps, SPECIFICITY),
@@ -201,7 +201,7 @@ def _tied(
     weights = person_weights(len(subjects), scoring.resamples, [seed, 3])
 
     def resampled(name: str) -> np.ndarray:
-        return areas(ordered(*scores_of(frame, name, ALL_SIZES), person), weights)
+        return areas(sort_scores(*scores_of(frame, name, ALL_SIZES), person), weights)
 
     reference = resampled(best)
     differences = {name: interval(reference - resampled(name)) for name in names if name != best}
@@ -293,12 +293,11 @@ def sensitivity_frame(
             # Nobody steps any more, or everybody: there is nothing to tell.
             rows.append({"changed": what, "factor": factor, "pushes": 0})
             continue
-        person = np.zeros(len(frame), dtype=int)
         found = {}
         for name in contestants(ALL_SIZES):
             values, steps = scores_of(frame, name, ALL_SIZES)
             if name not in BASELINES and np.isfinite(values).all():
-                found[name] = float(areas(ordered(values, steps, person), np.ones((1, 1), dtype=int))[0])
+                found[name] = area(values, steps)
         ranking = sorted(found, key=lambda name: -found[name])
         rows.append(
             {

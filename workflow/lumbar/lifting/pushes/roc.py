@@ -18,7 +18,7 @@ AT_ONCE = 2**17
 
 
 @dataclass(frozen=True)
-class Ordered:
+class SortedScores:
     """Scores in rising order, ties together, for areas under many weights of persons."""
 
     order: np.ndarray
@@ -31,26 +31,23 @@ class Ordered:
     """Shape (n,): index of the person, in that order."""
 
 
-def ordered(score: np.ndarray, event: np.ndarray, person: np.ndarray) -> Ordered:
+def sort_scores(score: np.ndarray, event: np.ndarray, person: np.ndarray) -> SortedScores:
     """Sort scores once; arrays of shape (n,), persons as whole numbers from 0."""
     order = np.argsort(score, kind="stable")
     values = score[order]
     starts = np.flatnonzero(np.r_[True, values[1:] != values[:-1]])
-    return Ordered(order, starts, event[order], person[order])
+    return SortedScores(order, starts, event[order], person[order])
 
 
-def areas(scores: Ordered, weights: np.ndarray) -> np.ndarray:
-    """Area under the curve for weights of persons.
+def area(score: np.ndarray, event: np.ndarray) -> float:
+    """Area under the curve, every event counted once; arrays of shape (n,)."""
+    return float(areas(sort_scores(score, event, np.zeros(len(score), dtype=int)), np.ones((1, 1)))[0])
 
-    Parameters
-    ----------
-    weights : numpy.ndarray, shape (samples, persons)
-        How often each person counts.
 
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        NaN where a sample has no event, or nothing else.
+def areas(scores: SortedScores, weights: np.ndarray) -> np.ndarray:
+    """Areas under the curve, shape (samples,), for weights of persons, shape (samples, persons): how often each counts.
+
+    NaN where a sample has no event, or nothing else.
     """
     found = np.empty(len(weights))
     count = max(1, AT_ONCE // len(scores.person))
@@ -104,19 +101,12 @@ def best_threshold(score: np.ndarray, event: np.ndarray) -> float:
     return float((values[best - 1] + following) / 2)
 
 
-def told_by_others(
+def cross_validated_rates(
     score: np.ndarray, event: np.ndarray, person: np.ndarray, folds: int, seed: list[int]
 ) -> tuple[float, float]:
     """Shares of events and of the others told right, each person by the best threshold of other persons.
 
-    Parameters
-    ----------
-    score, event : numpy.ndarray, shape (n,)
-    person : numpy.ndarray of int, shape (n,)
-    folds : int
-        Groups of persons; as many as persons where there are fewer.
-    seed : list of int
-        Of the grouping.
+    Arrays have shape (n,). `folds` groups of persons are drawn by `seed`; as many as persons where there are fewer.
     """
     persons = np.unique(person)
     count = min(folds, len(persons))
