@@ -12,7 +12,7 @@ STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
 CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-portable acceptance report provenance crate check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
+.PHONY: results test test-statistical test-portable acceptance report provenance crate check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
 
 results: environment ## every table, figure and FMU of the study (default target)
 	@python -m lumbar.base.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
@@ -35,8 +35,12 @@ $(VENV)/cluster: $(VENV)/installed envs/cluster-lock.txt
 cluster: $(VENV)/cluster ## .venv with what SLURM and object storage need: docs/cluster.md
 
 # A file stays with one worker, as its fixtures do; the longest come first, in order.
-test: environment ## the tests
-	python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
+TEST := python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
+test: environment ## the tests, but for those of the next target
+	$(TEST)
+
+test-statistical: environment ## rates over many draws, and the default study whole, on one core and on two
+	$(TEST) -m "statistical or nightly"
 
 test-portable: environment ## tests, results and verdicts under other processors' kernels, threads, Pythons, packages: hours
 	python tests/portable/run.py

@@ -7,9 +7,11 @@ import shutil
 
 import pytest
 
+from patience import PATIENCE_S
+
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-WAIT_MS = 120_000
-"""For jobs of a machine that is shared with others; nothing is asserted of time."""
+DRAWN = "() => (window.Bokeh?.documents ?? []).every((item) => item.is_idle)"
+"""Whether every picture stands where it stays: a pointer that is moved before misses it."""
 
 
 @pytest.fixture(scope="session")
@@ -35,13 +37,14 @@ def new_page(browser):
 
     def open_page(address: str, ready: str = "body[data-ready=yes]", **options):
         page = browser.new_page(**options)
-        page.set_default_timeout(WAIT_MS)
+        page.set_default_timeout(1000 * PATIENCE_S)
         page.wrong, page.asked = [], []
         page.on("pageerror", lambda error: page.wrong.append(str(error)))
         page.on("dialog", lambda dialog: (page.wrong.append(dialog.message), dialog.dismiss()))
         page.on("request", lambda request: page.asked.append(request.url))
         page.goto(address)
         page.wait_for_selector(ready)
+        page.wait_for_function(DRAWN)
         opened.append(page)
         return page
 

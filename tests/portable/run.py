@@ -108,7 +108,7 @@ def call(command: list, environment: dict[str, str], cwd: Path, log: Path) -> tu
 
 def unit_step(run: Run, python: Path, environment: dict[str, str], folder: Path) -> tuple[int, str]:
     """Run the unit tests."""
-    command = [python, "-m", "pytest", "tests/unit", "-q", "-p", "no:cacheprovider"]
+    command = [python, "-m", "pytest", "tests/unit", "-m", "not acceptance", "-q", "-p", "no:cacheprovider"]
     status, text = call(command, environment, PROJECT, folder / "unit.log")
     counts = re.findall(r"^.*\b(?:passed|failed|error)\b.* in .*$", text, flags=re.M)
     return status, counts[-1].strip("= ") if counts else "did not end"

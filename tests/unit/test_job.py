@@ -11,6 +11,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from patience import PATIENCE_S
+
 SCRIPTS = Path(__file__).resolve().parents[2] / "workflow" / "scripts"
 
 
@@ -90,7 +92,7 @@ def test_ctrl_c_ends_a_command_in_one_line_and_leaves_nothing(tmp_path):
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "def run(options):\n"
         f"    with replacing({str(tmp_path / 'old.txt')!r}) as path:\n"
-        "        path.write_text('half of the new'); print('ready', flush=True); time.sleep(60)\n"
+        "        path.write_text('half of the new'); print('ready', flush=True); time.sleep(3600)\n"
         "class Parser:\n"
         "    def parse_args(self, arguments): return type('Options', (), {'run': staticmethod(run)})\n"
         "command.build_parser = Parser\n"
@@ -101,7 +103,7 @@ def test_ctrl_c_ends_a_command_in_one_line_and_leaves_nothing(tmp_path):
     )
     assert process.stdout.readline() == "ready\n"
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, said) == (130, "lumbar: interrupted\n")
     assert (tmp_path / "old.txt").read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["old.txt"]

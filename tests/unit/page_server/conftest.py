@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import threading
 from functools import partial
 from types import SimpleNamespace
 
 import pytest
-from asking import ask
+from asking import ask, serving
 
 import lumbar
 from lumbar.page_server.explored_set import ExploredSet
@@ -50,29 +49,37 @@ def broken(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def served(explored, broken, tmp_path_factory):
+def begin():
+    """Set: diagnoses on the server go on. A test that asks while one is made clears it first."""
+    event = threading.Event()
+    event.set()
+    return event
+
+
+@pytest.fixture(scope="session")
+def slow(explored, begin, tmp_path_factory):
+    """A set of the same records that is not diagnosed before it may."""
+
+    def make():
+        begin.wait()
+        return explored.diagnosis
+
+    return ExploredSet("slow", make, tmp_path_factory.mktemp("slow"), read=example_records)
+
+
+@pytest.fixture(scope="session")
+def served(explored, slow, broken, begin, tmp_path_factory):
     """The server: ``get`` and ``post`` return status, headers and text; ``own`` is the folder for own recordings."""
     output = tmp_path_factory.mktemp("own") / "out"
-    own = OwnDiagnosis(partial(lumbar.diagnose, settings=QUICK), output)
-    started, held = threading.Event(), []
 
-    def serve():
-        asyncio.set_event_loop(asyncio.new_event_loop())
-        server = new_server([explored, broken], 0, own)
-        server.start()
-        held.append(server)
-        started.set()
-        server.io_loop.start()
+    def diagnose(records, **how):
+        begin.wait()
+        return lumbar.diagnose(records, settings=QUICK, **how)
 
-    thread = threading.Thread(target=serve, daemon=True)
-    thread.start()
-    assert started.wait(60)
-    port = held[0].port
-    yield SimpleNamespace(
-        port=port, get=partial(ask, port, "GET"), post=partial(ask, port, "POST"), own=output
-    )
-    held[0].io_loop.add_callback(held[0].io_loop.stop)
-    thread.join(10)
+    with serving(lambda: new_server([explored, slow, broken], 0, OwnDiagnosis(diagnose, output))) as port:
+        yield SimpleNamespace(
+            port=port, get=partial(ask, port, "GET"), post=partial(ask, port, "POST"), own=output
+        )
 
 
 @pytest.fixture

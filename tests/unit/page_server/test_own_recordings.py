@@ -7,17 +7,18 @@ import http.client
 import io
 import json
 import re
-import time
 import zipfile
 
 import numpy as np
 import pytest
+from asking import ended
 
 from lumbar.page_server import own_recordings
 from lumbar.page_server.field_problems import FIELDS, in_fields
 from lumbar.page_server.own_recordings import OwnRecordings
 from lumbar.page_server.trust import HOST
 from lumbar.twin.examples import example_records
+from patience import PATIENCE_S
 
 SCRIPT = "<img src=x onerror=alert(1)>"
 
@@ -59,18 +60,17 @@ def test_columns_and_units_are_found_and_what_is_open_is_asked_for(own_tab, cont
     assert [item["file"] for item in state["files"]] == ["multisine.txt"]
 
 
-def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents):
+def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents, begin):
     for name, content in contents.items():
         own_tab(f"file?name={name}", content)
     wanted = {"choices": {"force_unit": "N"}, "name": "mine", "train": ["other"]}
+    begin.clear()
     status, answer = own_tab("start", wanted)
     assert status == 200
     assert own_tab("start", wanted)[1]["error"].startswith("a diagnosis of this tab is under way")
-    page, _, asked_for = answer["address"].partition("?")
     assert served.get(answer["address"])[0] == 200
-    while not (state := json.loads(served.get(f"/_progress?page={page}&{asked_for}")[2]))["done"]:
-        time.sleep(0.05)
-    assert state["error"] == ""
+    begin.set()
+    assert ended(served, answer["address"])["error"] == ""
     _, _, text = served.get(answer["address"])
     assert "missing coulomb friction" in text
     assert "other (training)" in text and "multisine (unseen)" in text
@@ -83,15 +83,15 @@ def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents):
     }
 
 
-def test_a_diagnosis_is_cancelled(own_tab, served, contents):
+def test_a_diagnosis_is_cancelled(own_tab, served, contents, begin):
     for name, content in contents.items():
         own_tab(f"file?name={name}", content)
+    begin.clear()
     _, answer = own_tab("start", {"choices": {"force_unit": "N"}, "name": "cancelled"})
     page, _, asked_for = answer["address"].partition("?")
     assert served.post(f"/_cancel?page={page}&{asked_for}", "")[0] == 200
-    while not (state := json.loads(served.get(f"/_progress?page={page}&{asked_for}")[2]))["done"]:
-        time.sleep(0.05)
-    assert "cancelled" in state["error"]
+    begin.set()
+    assert "cancelled" in ended(served, answer["address"])["error"]
 
 
 def _workbook(rows):
@@ -209,7 +209,7 @@ def test_every_option_has_its_field():
 def test_a_large_file_is_refused_before_it_is_read(served, own_tab):
     status, answer = own_tab("look", {})
     assert status == 200
-    connection = http.client.HTTPConnection(HOST, served.port, timeout=60)
+    connection = http.client.HTTPConnection(HOST, served.port, timeout=PATIENCE_S)
     connection.putrequest("POST", "/_own/file?name=large.csv")
     connection.putheader("Content-Length", str(200_000_000))
     connection.putheader("X-Lumbar-Tab", "any")

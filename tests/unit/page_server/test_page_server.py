@@ -7,12 +7,11 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from asking import ask
+from asking import ask, ended
 
 import lumbar
 from lumbar.base.errors import InputError
@@ -120,34 +119,28 @@ def test_a_record_is_sketched_between_its_extremes():
     assert f"from {values.min():.3g} to {values.max():.3g} N in 24 s" in sketch.words
 
 
-def waited(served, page):
-    """State of a page's work once it has ended."""
-    while True:
-        status, _, text = served.get(f"/_progress?page={page}")
-        assert status == 200
-        if json.loads(text)["done"]:
-            return json.loads(text)
-        time.sleep(0.05)
-
-
-def test_page_is_served_when_the_diagnosis_is_made(served, explored):
+def test_page_is_served_when_the_diagnosis_is_made(served, begin):
     assert (served.get("/")[0], served.get("/")[1]["Location"]) == (302, "/records")
-    status, _, text = served.get("/records")
-    assert status == 200
-    if not explored.ready:
-        assert 'id="cancel"' in text
-        assert text.count("<polyline") == len(example_records())
-        assert waited(served, "/records")["error"] == ""
-        status, _, text = served.get("/records")
-    assert "Keep these effects in the study" in text
-    assert "Diagnose your own recordings" in text
+    begin.clear()
+    status, _, text = served.get("/slow")
+    assert (status, 'id="cancel"' in text) == (200, True)
+    assert text.count("<polyline") == len(example_records())
+    begin.set()
+    assert ended(served, "/slow")["error"] == ""
+    assert "Diagnose your own recordings" in served.get("/slow")[2]
+
+
+def test_effects_can_be_kept_where_a_study_is_served(served):
+    served.get("/records")
+    ended(served, "/records")
+    assert "Keep these effects in the study" in served.get("/records")[2]
 
 
 def test_a_diagnosis_that_fails_says_why_and_may_be_tried_again(served, broken):
     for _ in range(2):
         status, _, text = served.get("/broken")
         assert status == 200 and "Try again" in text
-        assert "no such folder" in waited(served, "/broken")["error"]
+        assert "no such folder" in ended(served, "/broken")["error"]
 
 
 ELSEWHERE = [

@@ -12,6 +12,8 @@ from types import SimpleNamespace
 import psutil
 import pytest
 
+from patience import PATIENCE_S
+
 WORKFLOW = Path(__file__).resolve().parents[3] / "workflow"
 JOB = """
 import os, sys, time
@@ -21,7 +23,7 @@ sys.path.insert(0, {scripts!r})
 from job import run
 def main(*_):
     Path({said!r}).write_text(str(os.getpid()))
-    time.sleep(300)
+    time.sleep(3600)
 run(main, SimpleNamespace(rule="a_rule", log=[{log!r}], input=None, output=None, params=None))
 """
 STARTED = "import subprocess, sys; subprocess.run(['bash', '-c', f'set -euo pipefail;  {sys.executable} ' + sys.argv[1]])"
@@ -56,7 +58,7 @@ def test_a_job_ends_with_the_process_that_runs_it(how, tmp_path):
     parent.kill()
     parent.wait()
     try:
-        psutil.wait_procs([worker], timeout=60)
+        psutil.wait_procs([worker], timeout=PATIENCE_S)
         assert not worker.is_running() or worker.status() == psutil.STATUS_ZOMBIE
     finally:
         if worker.is_running():

@@ -180,6 +180,7 @@
   element("save").addEventListener("click", () => begin("/_own/save", (answer) => say("outcome", answer.text)));
 
   function restored(state, number) {
+    if (number !== asked) return; // files came first: what was typed since stays
     for (const name of TEXTS) if (state.choices[name] !== undefined && element(name).tagName === "INPUT") element(name).value = state.choices[name];
     for (const name of SWITCHES) element(name).checked = state.choices[name] === true;
     const [from, to] = state.choices.trim;

@@ -23,6 +23,7 @@ from lumbar.tissue.fmu.build.compiler import TARGETS, host_target, resolve_targe
 from lumbar.tissue.fmu.build.mach_o import universal_library
 from lumbar.tissue.fmu.build.package import export_fmus, fmu_contents
 from lumbar.tissue.fmu.build.reference_response import reference_push
+from patience import PATIENCE_S
 from study_settings import changed
 
 HERE = Path(__file__).parents[2]
@@ -201,7 +202,7 @@ def test_misuse_is_answered_and_sanitizers_find_nothing(index, tmp_path):
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
     for arguments in ([], ["random", "1", "200000"], ["random", "2", "200000"]):
         done = subprocess.run(
-            [tmp_path / "misuse", *arguments], capture_output=True, text=True, check=False, timeout=60
+            [tmp_path / "misuse", *arguments], capture_output=True, text=True, check=False, timeout=PATIENCE_S
         )
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
