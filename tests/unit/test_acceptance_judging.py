@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hidden_effects_cases import diagnosis
 
 import acceptance_run
 from acceptance_page import write_section
 from answers import Answer, ask, surprise
+from hidden_effects_cases import diagnosis
 from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
 
