@@ -26,10 +26,12 @@ sys.path[:0] = [
 import numpy as np  # noqa: E402
 
 from lumbar.lifting.body_model import anatomy  # noqa: E402
-from lumbar.lifting.body_model.build import build  # noqa: E402
-from lumbar.lifting.body_model.fit import BodyFit, fit  # noqa: E402
-from lumbar.lifting.body_model.trial_markers import at_nodes, measured_markers  # noqa: E402
-from lumbar.lifting.body_model.trunk import model_points, predicted_marker  # noqa: E402
+from lumbar.lifting.body_model.build import (  # noqa: E402
+    at_nodes,
+    build,
+    measured_markers,
+)
+from lumbar.lifting.body_model.fit import BodyFit, fit, model_points, predicted_marker  # noqa: E402  # noqa: E402
 from lumbar.lifting.movement.centre_of_mass import segment_centres, trunk_centre  # noqa: E402
 from lumbar.lifting.movement.cleaning import filter_markers  # noqa: E402
 from lumbar.lifting.movement.gaps import fill_gaps  # noqa: E402
@@ -277,8 +279,8 @@ def t12(shared: Path) -> None:
 
 def areas(shared: Path) -> None:
     """Basin areas of the box transfer with intervals."""
-    from lumbar.lifting.body_model.basin_intervals import basin_intervals
     from lumbar.lifting.body_model.lift_model import model_of_lift
+    from lumbar.lifting.body_model.pendulums import basin_intervals
     from lumbar.lifting.movement.lift import analyse_lift
 
     study, subject = study_settings("studies/box_transfer.yaml"), subject_settings("box_transfer")

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from pydrake.symbolic import Polynomial, Variables
 
-from lumbar.lifting.stability.funnel.polynomials import monomials
+from lumbar.lifting.stability.programme.polynomials import monomials
 
 
 def drake_rate(coefficients: np.ndarray) -> float:

@@ -23,8 +23,11 @@ sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from lumbar.lifting.population.bootstrap import cluster_bootstrap  # noqa: E402
-from lumbar.lifting.population.contrast import between_groups, within_persons  # noqa: E402
+from lumbar.lifting.population.contrast import (  # noqa: E402
+    between_groups,
+    cluster_bootstrap,
+    within_persons,
+)
 from lumbar.lifting.population.sample_size import person_mean_sd, persons_needed, power  # noqa: E402
 from lumbar.lifting.population.variance_components import variance_components  # noqa: E402
 from simulated_people import UNEQUAL, draw_group, draw_pair  # noqa: E402

@@ -27,11 +27,10 @@ sys.path.insert(0, str(PROJECT / "workflow"))
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from lumbar.lifting.stability.basins import close_loops  # noqa: E402
-from lumbar.lifting.stability.funnel.funnel import exact_funnels, funnel_variants  # noqa: E402
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels, funnel_variants  # noqa: E402
+from lumbar.lifting.stability.funnel.interval_proof import proved_share  # noqa: E402
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family  # noqa: E402
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check  # noqa: E402
-from lumbar.lifting.stability.funnel.polynomials import growth_polynomial  # noqa: E402
 from lumbar.lifting.stability.funnel.saturation import (  # noqa: E402
     UNSATURATED,
     Saturation,
@@ -39,11 +38,12 @@ from lumbar.lifting.stability.funnel.saturation import (  # noqa: E402
     reference_of,
     saturated_funnels,
 )
-from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift  # noqa: E402
+from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops  # noqa: E402
+from lumbar.lifting.stability.model.trajectories import trajectories_of_lift  # noqa: E402
 from lumbar.lifting.stability.programme.certified_funnel import certified_funnels  # noqa: E402
-from lumbar.lifting.stability.programme.circle_programme import CircleProgramme  # noqa: E402
-from lumbar.lifting.stability.programme.cvxpy_formulation import RateProgramme  # noqa: E402
-from lumbar.lifting.stability.proof.interval_proof import proved_share  # noqa: E402
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import RateProgramme  # noqa: E402
+from lumbar.lifting.stability.programme.polynomials import growth_polynomial  # noqa: E402
+from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme  # noqa: E402
 from lumbar.settings.stability import StabilitySettings  # noqa: E402
 
 ROWS: list[dict] = []

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.lifting.body_model.rotations import weighted_poses
+from lumbar.lifting.body_model.structure import weighted_poses
 from lumbar.twin.lifting_recordings import true_movement
 
 JOINT_SD_M = {"C7T1": 0.0115, "T12L1": 0.0115, "L4L5": 0.0095, "MID_HIP": 0.0087}

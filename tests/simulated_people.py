@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lumbar.lifting.population.person_means import PersonMeans
+from lumbar.lifting.population.variance_components import PersonMeans
 
 UNEQUAL = "1 to 5"
 """Numbers of trials drawn for every person by itself."""

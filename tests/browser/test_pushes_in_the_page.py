@@ -9,14 +9,13 @@ import pytest
 from accessibility import serious
 
 from lumbar.interface.lift_page import lift_page
-from lumbar.lifting.stability.basins import close_loops
-from lumbar.lifting.stability.comparison.grid import headline
 from lumbar.lifting.stability.extended_basins import torque_limit
 from lumbar.lifting.stability.funnel import monte_carlo_check
-from lumbar.lifting.stability.funnel.funnel import exact_funnels
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage, simulate
 from lumbar.lifting.stability.funnel.saturation import extra_acceleration, reference_of
-from lumbar.lifting.stability.model.lift_trajectories import LiftStates
+from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
+from lumbar.lifting.stability.model.trajectories import LiftStates, headline
 from lumbar.settings.stability import StabilitySettings
 
 SETTINGS = StabilitySettings()

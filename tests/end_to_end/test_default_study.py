@@ -151,7 +151,7 @@ def test_a_subjects_mass_reruns_only_what_depends_on_it(folder):
     ("module", "rerun", "untouched"),
     [
         ("lumbar.tissue.survey.table_3_2", "table_3_2", "table_3_1"),
-        ("lumbar.lifting.stability.model.riccati", "table_4_1", "table_3_2"),
+        ("lumbar.lifting.stability.model.eq_4_2_regulator", "table_4_1", "table_3_2"),
     ],
 )
 def test_editing_a_library_module_reruns_what_uses_it(folder, module, rerun, untouched):

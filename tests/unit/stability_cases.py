@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.lifting.stability.model.pendulum_loop import Pendulums, gather
-from lumbar.lifting.stability.model.riccati import check_weights
-from lumbar.lifting.stability.model.trajectory import Trajectory
+from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
+from lumbar.lifting.stability.model.eq_4_2_regulator import check_weights
+from lumbar.lifting.stability.model.trajectories import Trajectory
 
 GRAVITY = 9.81
 WEIGHTS = check_weights([[1.0, 0.0], [0.0, 0.1]], 1e-3, [[100.0, 0.0], [0.0, 10.0]])

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from lumbar.lifting.stability.programme.bilinear_alternation import RESOLUTION
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,7 @@ def main(input, output, params):
     """Measure every lift, write each course, the long table, and the figures."""
     from lumbar.base.files import read_json, write_csv
     from lumbar.interface.movement import measure_movement
-    from lumbar.lifting.measures.lift_values import long_table
-    from lumbar.lifting.measures.measures_page import write_measures
+    from lumbar.lifting.measures.lift_values import long_table, write_measures
     from lumbar.publishing.figures.movement_figures import course_figure, support_figure
     from lumbar.publishing.figures.style import save
     from lumbar.settings.plain import typed

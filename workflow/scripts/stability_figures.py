@@ -8,7 +8,7 @@ def main(input, output, params):
     import pandas as pd
 
     from lumbar.base.files import read_json
-    from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
+    from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
     from lumbar.publishing.figures.basin_comparison_figure import comparison_figure
     from lumbar.publishing.figures.stability_figures import figure_4_3, figure_4_4, shown_lift
     from lumbar.publishing.figures.style import person_and_box, save

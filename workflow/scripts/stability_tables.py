@@ -10,15 +10,14 @@ def main(input, output, params):
     import pandas as pd
 
     from lumbar.base.files import read_json, write_csv
-    from lumbar.lifting.stability.basins import DTYPES
-    from lumbar.lifting.stability.comparison.basin_areas import areas_table
-    from lumbar.lifting.stability.comparison.compared_study import Study
-    from lumbar.lifting.stability.comparison.cross_check import cross_checked
-    from lumbar.lifting.stability.comparison.grid_table import grid_table
+    from lumbar.lifting.stability.basins import DTYPES, areas_table
+    from lumbar.lifting.stability.comparison.percent_differences import Study
     from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
+    from lumbar.lifting.stability.comparison.table_4_1_grid import grid_table
     from lumbar.lifting.stability.extended_basins import COUNTS, extended_table
     from lumbar.lifting.stability.model.failures import announcement, failures_frame, failures_table, joined
-    from lumbar.lifting.stability.model.lift_trajectories import LiftStates
+    from lumbar.lifting.stability.model.trajectories import LiftStates
+    from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import cross_checked
     from lumbar.publishing.figures.grid_figure import grid_figure
     from lumbar.publishing.figures.style import save
     from lumbar.settings.plain import typed

@@ -13,7 +13,7 @@ import pytest
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.interface.lift_page import FILES, saved_lifts
-from lumbar.lifting.measures.base_of_support import BaseOfSupport
+from lumbar.lifting.measures.balance import BaseOfSupport
 from lumbar.publishing.lift_page.moving_body import balance_columns, body_columns
 
 EVIL = "</script><script>alert(1)</script>"

@@ -46,7 +46,7 @@ class LiftModel:
     @cached_property
     def areas(self) -> pd.DataFrame:
         """Exact mean basin area of every pendulum with its 95 % interval, by the study's sign of gravity."""
-        from lumbar.lifting.body_model.basin_intervals import basin_intervals
+        from lumbar.lifting.body_model.pendulums import basin_intervals
 
         sign = self.stability.pendulum.sign
         return basin_intervals(self.modelled.pendulums, self.stability, sign, self.pivot)
@@ -114,9 +114,9 @@ def save_without_model(folder: str | os.PathLike) -> None:
     import pandas as pd
 
     from lumbar.base.files import write_csv
-    from lumbar.lifting.body_model.basin_intervals import COLUMNS as AREAS
     from lumbar.lifting.body_model.lift_model import COLUMNS as STATES
     from lumbar.lifting.body_model.lift_model import MARKERS
+    from lumbar.lifting.body_model.pendulums import COLUMNS as AREAS
 
     for name, columns in {"pendulum": STATES, "markers": MARKERS, "areas": AREAS}.items():
         write_csv(Path(folder) / f"body_model_{name}.csv", pd.DataFrame(columns=[*columns, "data"]))

@@ -19,9 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.lifting.stability.basins import LiftBasins
-    from lumbar.lifting.stability.model.failures import Failure
-    from lumbar.lifting.stability.model.lift_trajectories import LiftStates
-    from lumbar.lifting.stability.model.trajectory import Trajectory
+    from lumbar.lifting.stability.model.trajectories import Failure, LiftStates, Trajectory
 
 
 def basins(
@@ -67,7 +65,7 @@ def basins(
     pelvis, lateral_bending, hanging, unit time: 0.8897 rad²/s on average, 1.928 at first
     pelvis, flexion_extension, hanging, unit time: 0.889 rad²/s on average, 1.925 at first
     """
-    from lumbar.lifting.stability.model.lift_trajectories import LiftStates
+    from lumbar.lifting.stability.model.trajectories import LiftStates
 
     settings = settings or StabilitySettings()
     if isinstance(lift, Lift):
@@ -81,7 +79,7 @@ def basins(
 def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
     """Read ``pendulum.csv``, the facts beside it unless they are given, and ``other_pivots.csv`` where it is there."""
     from lumbar.base.files import read_json
-    from lumbar.lifting.stability.model.lift_trajectories import LiftStates
+    from lumbar.lifting.stability.model.trajectories import LiftStates
 
     facts = facts or read_json(path.with_suffix(".json"))
     others = path.with_name("other_pivots.csv")
@@ -108,7 +106,7 @@ class Basins:
 
     @cached_property
     def _found(self) -> tuple[list[Trajectory], list[Failure]]:
-        from lumbar.lifting.stability.comparison.grid import headline
+        from lumbar.lifting.stability.model.trajectories import headline
 
         return self.states.trajectories(headline(self.settings, self.states.facts["pivot"]))
 
@@ -126,7 +124,7 @@ class Basins:
     def computed(self) -> LiftBasins:
         """Areas, funnels and what could not be computed."""
         from lumbar.lifting.stability.basins import basins_of_lift
-        from lumbar.lifting.stability.model.convention import THESIS
+        from lumbar.lifting.stability.model.trajectories import THESIS
 
         as_in_thesis, _ = self.states.trajectories(THESIS)
         return basins_of_lift(self.trajectories, self.settings, self.seed, as_in_thesis)
@@ -134,7 +132,7 @@ class Basins:
     @cached_property
     def grid(self) -> pd.DataFrame:
         """Average cross-sections under every convention, each with its null control (θ0 = 0)."""
-        from lumbar.lifting.stability.comparison.grid import grid_areas
+        from lumbar.lifting.stability.comparison.table_4_1_grid import grid_areas
 
         return grid_areas(self.states, self.settings)
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.interface.person import Lift
-    from lumbar.lifting.stability.model.trajectory import Trajectory
+    from lumbar.lifting.stability.model.trajectories import Trajectory
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.stability import StabilitySettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -103,7 +103,7 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
     import pandas as pd
 
     from lumbar.lifting.stability.model.failures import all_or_each
-    from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
+    from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
 
     sound: list[tuple[str, Trajectory]] = []
     rows: list[tuple] = []
@@ -130,9 +130,9 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
 
 def _areas_of(trajectories: list[Trajectory], settings: StabilitySettings) -> np.ndarray:
     """Average cross-sections, shape (signs, trajectories)."""
-    from lumbar.lifting.stability.basins import weights_of
-    from lumbar.lifting.stability.funnel.funnel import exact_funnels, regulate
-    from lumbar.lifting.stability.model.pendulum_loop import gather
+    from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+    from lumbar.lifting.stability.model.eq_4_1_pendulum import gather
+    from lumbar.lifting.stability.model.eq_4_2_regulator import regulate, weights_of
 
     items, count = trajectories * len(SIGNS), len(trajectories)
     signs = [sign for sign in SIGNS for _ in range(count)]
@@ -149,7 +149,7 @@ def _unmeasured(reason: str) -> pd.DataFrame:
     import pandas as pd
 
     from lumbar.lifting.measures.registry import MEASURES
-    from lumbar.lifting.stability.model.trajectory import COMS, PLANES
+    from lumbar.lifting.stability.model.trajectories import COMS, PLANES
 
     rows = [
         (measure.name, plane, measure.unit, measure.safer, measure.source)

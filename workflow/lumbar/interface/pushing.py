@@ -60,7 +60,7 @@ def push_states(
     from lumbar.lifting.measures.course import Lifter
     from lumbar.lifting.pushes.levels import levels_of, states_frame
     from lumbar.lifting.pushes.motion import deposit_motion
-    from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
+    from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
 
     lifters, motions, trajectories = [], [], []
     for item in lifts:

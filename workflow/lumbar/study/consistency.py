@@ -179,7 +179,7 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
     if study.has("stability") or study.has("population"):
         _check_groups(study, add)
     if study.has("stability") or study.has("perturbations"):
-        from lumbar.lifting.stability.model.riccati import weight_problems
+        from lumbar.lifting.stability.model.eq_4_2_regulator import weight_problems
 
         problems.extend(weight_problems(**vars(settings.stability.regulator)))
         checks = settings.stability.checks

@@ -11,12 +11,9 @@ import pytest
 from lumbar.base.errors import InputError
 from lumbar.interface.body_model import body_model
 from lumbar.lifting.body_model import anatomy
-from lumbar.lifting.body_model.basin_intervals import basin_intervals
-from lumbar.lifting.body_model.build import build
-from lumbar.lifting.body_model.fit import fit
-from lumbar.lifting.body_model.pendulums import Conditions, model_pendulums
-from lumbar.lifting.body_model.trial_markers import at_nodes, measured_markers
-from lumbar.lifting.body_model.trunk import model_points, predicted_marker
+from lumbar.lifting.body_model.build import at_nodes, build, measured_markers
+from lumbar.lifting.body_model.fit import fit, model_points, predicted_marker
+from lumbar.lifting.body_model.pendulums import Conditions, basin_intervals, model_pendulums
 from lumbar.lifting.movement.centre_of_mass import segment_centres
 from lumbar.lifting.movement.events import Event
 from lumbar.lifting.movement.gaps import fill_gaps

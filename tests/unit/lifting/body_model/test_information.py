@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.body_model.block_tridiagonal import factored
-from lumbar.lifting.body_model.information import Information, Noise
+from lumbar.lifting.body_model.information import Information, Noise, factored
 
 N, SIZE, CONSTANTS = 8, 3, 2
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from lumbar.lifting.measures.base_of_support import BaseOfSupport, footprint, grounded, joined
+from lumbar.lifting.measures.balance import BaseOfSupport, footprint, grounded, joined
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.4, 0.6]])  # the last one lies inside
 

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lumbar.lifting.measures.base_of_support import BaseOfSupport
-from lumbar.lifting.measures.capturability import (
+from lumbar.lifting.measures.balance import (
+    BaseOfSupport,
     braking_speed,
     capture_margin,
+    extrapolated_centre,
+    pendulum_rate,
     pressure_limits,
+    smallest_impulse,
     viability_margin,
 )
-from lumbar.lifting.measures.extrapolated_centre import extrapolated_centre, pendulum_rate, smallest_impulse
 from lumbar.lifting.measures.strength import AnkleTorques, ankle_torques, trunk_extension_strength
 
 G, MASS, LENGTH = 9.81, 80.0, 0.98

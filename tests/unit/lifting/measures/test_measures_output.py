@@ -8,8 +8,7 @@ import pytest
 
 from lumbar.interface.movement import measure_movement
 from lumbar.interface.person import Lift
-from lumbar.lifting.measures.lift_values import long_table
-from lumbar.lifting.measures.measures_page import SENSITIVITY, measures_page, write_measures
+from lumbar.lifting.measures.lift_values import SENSITIVITY, long_table, measures_page, write_measures
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.publishing.figures.movement_figures import SHOWN, course_figure, support_figure
 from lumbar.records.markers import MarkerRecording

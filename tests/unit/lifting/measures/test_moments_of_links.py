@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy
 
-from lumbar.lifting.measures.inverse_dynamics import Link, net_moment
+from lumbar.lifting.measures.back_load import Link, net_moment
 
 G, RATE = 9.81, 1000.0
 TIME = np.arange(0, 2, 1 / RATE)

@@ -11,8 +11,8 @@ from recorded_athlete import ATHLETE
 
 from lumbar.interface.movement import measure_movement
 from lumbar.interface.person import Lift, lift
+from lumbar.lifting.measures.back_load import Link, net_moment
 from lumbar.lifting.measures.course import Lifter, course_of_lift, links_above_l5s1
-from lumbar.lifting.measures.inverse_dynamics import Link, net_moment
 from lumbar.lifting.measures.lift_values import COLUMNS, long_table
 from lumbar.lifting.measures.registry import ALL, FRONTAL, MEASURES, SAGITTAL
 from lumbar.lifting.movement.body import com_of

@@ -9,12 +9,14 @@ from scipy import optimize, stats
 from statsmodels.stats.power import TTestIndPower, TTestPower
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.population.bootstrap import cluster_bootstrap
-from lumbar.lifting.population.contrast import between_groups, within_persons
-from lumbar.lifting.population.percent_interval import percent_interval
-from lumbar.lifting.population.person_means import PersonMeans
+from lumbar.lifting.population.contrast import (
+    between_groups,
+    cluster_bootstrap,
+    percent_interval,
+    within_persons,
+)
 from lumbar.lifting.population.sample_size import detectable_difference, persons_needed, power
-from lumbar.lifting.population.variance_components import change_components, variance_components
+from lumbar.lifting.population.variance_components import PersonMeans, change_components, variance_components
 from simulated_people import UNEQUAL, draw_group, draw_pair
 
 

@@ -24,8 +24,8 @@ from lumbar.lifting.pushes.motion import bodies_of, deposit_motion
 from lumbar.lifting.pushes.prediction import verdict_json
 from lumbar.lifting.pushes.simulation import Traits
 from lumbar.lifting.stability.basins import close_loops
-from lumbar.lifting.stability.funnel.funnel import exact_funnels
-from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.pushes import PushesSettings, PushSettings

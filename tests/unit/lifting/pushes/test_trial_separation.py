@@ -18,7 +18,8 @@ from lumbar.lifting.pushes.trial_separation import (
     separation_table,
     values_of,
 )
-from lumbar.lifting.stability.funnel.funnel import exact_funnels, regulate
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
 
 SETTINGS = perturbation_settings()
 POINTS = 201

@@ -11,12 +11,18 @@ import pytest
 from stability_cases import minimum_jerk
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.stability.basins import CHECK_COLUMNS, COLUMNS, basins_of_lift, close_loops
-from lumbar.lifting.stability.comparison.basin_areas import areas_table
-from lumbar.lifting.stability.comparison.percent_differences import percent_differences, varied_areas
-from lumbar.lifting.stability.funnel.funnel import exact_funnels
-from lumbar.lifting.stability.model.lift_trajectories import trajectories_of_lift
-from lumbar.lifting.stability.model.trajectory import COMS, PLANES, find_problems, in_unit_time
+from lumbar.lifting.stability.basins import CHECK_COLUMNS, COLUMNS, areas_table, basins_of_lift
+from lumbar.lifting.stability.comparison.percent_differences import percent_differences
+from lumbar.lifting.stability.comparison.table_4_1_controls import varied_areas
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
+from lumbar.lifting.stability.model.trajectories import (
+    COMS,
+    PLANES,
+    find_problems,
+    in_unit_time,
+    trajectories_of_lift,
+)
 from lumbar.publishing.figures.stability_figures import ellipses, shown_lift
 from lumbar.settings.plain import typed
 from lumbar.settings.stability import StabilitySettings

@@ -10,18 +10,19 @@ import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.funnel import funnel_variants, regulate
-from lumbar.lifting.stability.funnel.invariance import boundary_growth
-from lumbar.lifting.stability.proof.interval import Interval
-from lumbar.lifting.stability.proof.interval_bounds import (
+from lumbar.lifting.stability.funnel.exact_funnel import boundary_growth, funnel_variants
+from lumbar.lifting.stability.funnel.interval import Interval
+from lumbar.lifting.stability.funnel.interval_proof import (
     _coefficient_rates,
     _coefficients,
     _derivatives,
     _g,
     _g_arc,
     _g_time,
+    interpolants,
+    proved_share,
 )
-from lumbar.lifting.stability.proof.interval_proof import interpolants, proved_share
+from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
 
 
 @pytest.fixture(scope="module", params=["hanging", "inverted"])

@@ -10,17 +10,22 @@ import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.funnel import exact_funnels, regulate
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
-from lumbar.lifting.stability.funnel.polynomials import (
+from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
+from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import (
+    AGREEMENT,
+    RateProgramme,
+    rate_differences,
+)
+from lumbar.lifting.stability.programme.polynomials import (
     circle_maximum,
     harmonics,
     harmonics_of_monomials,
     monomials,
 )
-from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
-from lumbar.lifting.stability.programme.circle_programme import CircleProgramme
-from lumbar.lifting.stability.programme.cvxpy_formulation import AGREEMENT, RateProgramme, rate_differences
+from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme
 
 OPTIONS = {"alternations": 2, "margin": 2e-5}
 

@@ -13,7 +13,7 @@ from test_stability_grid import lift_states, study_of
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.stability.basins import basins_of_lift
-from lumbar.lifting.stability.comparison import compared_study
+from lumbar.lifting.stability.comparison import table_4_1_controls
 from lumbar.lifting.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.lifting.stability.comparison.percent_differences import comparisons
 from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
@@ -29,7 +29,7 @@ from lumbar.lifting.stability.model.failures import (
     failures_frame,
     failures_table,
 )
-from lumbar.lifting.stability.model.trajectory import COMS, PLANES
+from lumbar.lifting.stability.model.trajectories import COMS, PLANES
 from lumbar.publishing.figures.basin_comparison_figure import comparison_figure
 from lumbar.publishing.figures.stability_figures import figure_4_3, figure_4_4
 from study_settings import changed
@@ -118,7 +118,7 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, mon
 
     study = study_of([lift_states(), lift_states("novice")], replace(FAST, checks=()), published)
     gone = (study.boa["subject"] == "novice") & (study.boa["com"] == "thorax") & (study.boa["time"] == "real")
-    monkeypatch.setattr(compared_study, "varied_areas", areas)
+    monkeypatch.setattr(table_4_1_controls, "varied_areas", areas)
     table, controls, _, missing = tables_4_1(replace(study, boa=study.boa[~gone]))
     rows = table.frame.set_index(["comparison", "com"])
     row = rows.loc["expert_vs_novice", "thorax"]

@@ -9,15 +9,27 @@ import pytest
 from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.funnel import exact_funnels, funnel_variants, reachable_area, regulate
-from lumbar.lifting.stability.funnel.invariance import boundary_growth, normal_axes
+from lumbar.lifting.stability.funnel.exact_funnel import (
+    boundary_growth,
+    exact_funnels,
+    funnel_variants,
+    reachable_area,
+)
 from lumbar.lifting.stability.funnel.monte_carlo_check import (
     monte_carlo_check,
     quadratic_form,
     simulate,
     upper_share,
 )
-from lumbar.lifting.stability.model.riccati import Weights, cost_to_go, determinant, gain, riccati_rate
+from lumbar.lifting.stability.model.eq_4_2_regulator import (
+    Weights,
+    cost_to_go,
+    determinant,
+    gain,
+    normal_axes,
+    regulate,
+    riccati_rate,
+)
 
 SIGNS = ("hanging", "inverted")
 

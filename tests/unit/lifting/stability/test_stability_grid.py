@@ -13,21 +13,19 @@ from test_stability_areas import SETTINGS, lift, states_and_facts
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.basins import basins_of_lift
-from lumbar.lifting.stability.comparison import grid as grid_module
-from lumbar.lifting.stability.comparison.compared_study import Study
-from lumbar.lifting.stability.comparison.grid import COLUMNS, grid_areas
-from lumbar.lifting.stability.comparison.grid_table import (
+from lumbar.lifting.stability.comparison import table_4_1_grid
+from lumbar.lifting.stability.comparison.percent_differences import Study, comparison_names
+from lumbar.lifting.stability.comparison.table_4_1 import published_sentence, tables_4_1
+from lumbar.lifting.stability.comparison.table_4_1_grid import (
+    AREA_COLUMNS,
+    grid_areas,
     grid_differences,
     grid_table,
     survival_sentence,
     survivors,
 )
-from lumbar.lifting.stability.comparison.percent_differences import comparison_names
-from lumbar.lifting.stability.comparison.table_4_1 import published_sentence, tables_4_1
-from lumbar.lifting.stability.model.convention import GRID, THESIS
 from lumbar.lifting.stability.model.failures import joined
-from lumbar.lifting.stability.model.lift_trajectories import LiftStates
-from lumbar.lifting.stability.model.trajectory import COMS, PLANES
+from lumbar.lifting.stability.model.trajectories import COMS, GRID, PLANES, THESIS, LiftStates
 from lumbar.publishing.figures.grid_figure import grid_figure
 from lumbar.settings.stability import CompareSettings
 
@@ -169,7 +167,7 @@ def test_an_outsider_gets_the_same_area_from_the_file(fine, convention, still):
 
 
 def test_every_convention_has_its_area_or_a_reason(study):
-    assert list(study.grid.columns) == [*COLUMNS, "experience"]
+    assert list(study.grid.columns) == [*AREA_COLUMNS, "experience"]
     assert len(study.grid) == 3 * len(GRID) * 6
     assert (study.grid["reason"] == "").all() and study.grid["mean_area"].notna().all()
     without = grid_areas(lift_states(hips=False), INVERTED)
@@ -186,7 +184,7 @@ def test_one_lost_convention_leaves_the_others_their_areas(monkeypatch):
                 raise NumericalError(f"{item.label}: out of reach")
         return np.ones((len(trajectories), 2))
 
-    monkeypatch.setattr(grid_module, "areas_with_null", areas)
+    monkeypatch.setattr(table_4_1_grid, "areas_with_null", areas)
     found = grid_areas(lift_states(), INVERTED)
     lost = found[found["mean_area"].isna()]
     assert len(found) == 96 and len(lost) == 4

@@ -7,9 +7,9 @@ import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.lifting.stability.funnel.funnel import exact_funnels, regulate
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
-from lumbar.lifting.stability.funnel.polynomials import monomials, side_map
 from lumbar.lifting.stability.funnel.saturation import (
     Saturation,
     disturbance_of,
@@ -17,12 +17,17 @@ from lumbar.lifting.stability.funnel.saturation import (
     saturated_funnels,
     saturated_growth,
 )
-from lumbar.lifting.stability.programme.bilinear_alternation import alternate
+from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
 from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
-from lumbar.lifting.stability.programme.circle_programme import CircleProgramme
-from lumbar.lifting.stability.programme.saturation_cases import Case, case_maximum, saturation_cases
-from lumbar.lifting.stability.programme.sum_of_squares import Certificate
-from lumbar.lifting.stability.proof.interval_proof import proved_share
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import alternate
+from lumbar.lifting.stability.programme.polynomials import (
+    Case,
+    case_maximum,
+    monomials,
+    saturation_cases,
+    side_map,
+)
+from lumbar.lifting.stability.programme.sum_of_squares import Certificate, CircleProgramme
 
 SIGNS = ("hanging", "inverted")
 KINDS = ("torque", "mass", "both")

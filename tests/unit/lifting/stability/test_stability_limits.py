@@ -11,9 +11,8 @@ from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 from lumbar.base.errors import InputError
 from lumbar.lifting.population.contrast import Interval
 from lumbar.lifting.stability.comparison.lyapunov_exponent import maximum_exponent
-from lumbar.lifting.stability.comparison.verdicts import verdict
-from lumbar.lifting.stability.funnel.funnel import exact_funnels, reachable_area, regulate
-from lumbar.lifting.stability.funnel.invariance import normal_axes
+from lumbar.lifting.stability.comparison.table_4_1_controls import verdict
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels, reachable_area
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family, with_lyapunov_function
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.funnel.saturation import (
@@ -22,8 +21,8 @@ from lumbar.lifting.stability.funnel.saturation import (
     reference_of,
     saturated_funnels,
 )
-from lumbar.lifting.stability.model.pendulum_loop import feedforward_torque
-from lumbar.lifting.stability.model.riccati import check_weights
+from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
+from lumbar.lifting.stability.model.eq_4_2_regulator import check_weights, normal_axes, regulate
 
 SIGNS = ("hanging", "inverted")
 

@@ -7,8 +7,8 @@ import pytest
 from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.lifting.stability.model.pendulum_loop import feedforward_torque, remainder
-from lumbar.lifting.stability.model.riccati import (
+from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque, remainder
+from lumbar.lifting.stability.model.eq_4_2_regulator import (
     Weights,
     check_weights,
     cost_to_go,

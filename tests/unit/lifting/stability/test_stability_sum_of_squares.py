@@ -9,18 +9,23 @@ import pytest
 from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.funnel import even_knots, regulate
-from lumbar.lifting.stability.funnel.invariance import boundary_growth
+from lumbar.lifting.stability.funnel.exact_funnel import boundary_growth, even_knots
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
-from lumbar.lifting.stability.funnel.polynomials import (
+from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
+    ACCURACY,
+    RESOLUTION,
+    LevelStep,
+    alternate,
+)
+from lumbar.lifting.stability.programme.polynomials import (
+    Case,
     circle_map,
     circle_maximum,
     gram_map,
     growth_polynomial,
     monomials,
 )
-from lumbar.lifting.stability.programme.bilinear_alternation import ACCURACY, RESOLUTION, LevelStep, alternate
-from lumbar.lifting.stability.programme.saturation_cases import Case
 from lumbar.lifting.stability.programme.sum_of_squares import Certificate, SumOfSquares, grams
 
 C = (np.sqrt(13) - 1) / 6

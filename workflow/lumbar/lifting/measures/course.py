@@ -10,23 +10,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.measures.base_of_support import (
+from lumbar.lifting.measures.back_load import Link, horizontal_axes, inclination, lumbar_flexion, net_moment
+from lumbar.lifting.measures.balance import (
     FOOT_BREADTH,
     FOOT_LENGTH,
     BaseOfSupport,
+    capture_margin,
+    extrapolated_centre,
     footprint,
     grounded,
     joined,
-)
-from lumbar.lifting.measures.capturability import (
-    capture_margin,
     middle_of_standing,
+    pendulum_rate,
     pressure_limits,
+    smallest_impulse,
     viability_margin,
 )
-from lumbar.lifting.measures.extrapolated_centre import extrapolated_centre, pendulum_rate, smallest_impulse
-from lumbar.lifting.measures.inverse_dynamics import Link, net_moment
-from lumbar.lifting.measures.posture import horizontal_axes, inclination, lumbar_flexion
 from lumbar.lifting.measures.strength import ankle_torques, trunk_extension_strength
 from lumbar.lifting.movement.body import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.cleaning import derivative

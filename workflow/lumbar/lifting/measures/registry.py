@@ -106,7 +106,7 @@ MEASURES = {
             "N·s",
             HIGHER,
             "Smallest impulse after which the nonlinear pendulum with the same limits of torque cannot be stopped without a step",
-            f"separatrix in closed form (lumbar.lifting.measures.capturability); {KOOLEN}",
+            f"separatrix in closed form (lumbar.lifting.measures.balance); {KOOLEN}",
             _planes("viability_margin", "N_s"),
             SMALLEST,
         ),

@@ -14,11 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.population.bootstrap import cluster_bootstrap
-from lumbar.lifting.population.contrast import Contrast, Interval, between_groups, within_persons
-from lumbar.lifting.population.person_means import PersonMeans
+from lumbar.lifting.population.contrast import (
+    Contrast,
+    Interval,
+    between_groups,
+    cluster_bootstrap,
+    within_persons,
+)
 from lumbar.lifting.population.variance_components import (
     ESTIMATED,
+    PersonMeans,
     VarianceComponents,
     change_components,
     variance_components,

@@ -9,8 +9,8 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.population.comparison import Comparison
-from lumbar.lifting.population.person_means import FEWEST_PERSONS
 from lumbar.lifting.population.sample_size import detectable_difference, persons_needed
+from lumbar.lifting.population.variance_components import FEWEST_PERSONS
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:

@@ -8,11 +8,12 @@ Student's, with equal numbers of trials it is so with any ratio, and a ratio tha
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.lifting.population.person_means import PersonMeans, too_few
+from lumbar.lifting.population.variance_components import PersonMeans, too_few, variance_components
 
 CONFIDENCE = 0.95
 
@@ -189,3 +190,77 @@ def within_persons(first: PersonMeans, second: PersonMeans, name: str = "both") 
     if not remark and not sd > 0:
         remark = "no interval: the difference is the same in everybody"
     return Contrast(*map(float, values.mean(axis=1)), variances, count - 1.0, sd, remark)
+
+
+FEWEST_RESAMPLED = 5
+"""Persons of each group below which few different samples can be drawn."""
+
+
+def cluster_bootstrap(
+    first: np.ndarray, second: np.ndarray | None, seed: int, resamples: int = 2000
+) -> Interval:
+    """Return the 95 % bootstrap-t interval of a difference of means over persons.
+
+    Parameters
+    ----------
+    first, second : numpy.ndarray, shape (persons,)
+        Means of each person's trials; second is None where `first` holds the differences of paired means.
+    """
+    generator = np.random.default_rng(seed)
+    sides = [first] if second is None else [first, second]
+    fewest = min(map(len, sides))
+    if fewest < FEWEST_RESAMPLED:
+        return Interval(remark=f"no bootstrap: {fewest} persons, at least {FEWEST_RESAMPLED} are needed")
+    drawn = [values[generator.integers(0, len(values), (resamples, len(values)))] for values in sides]
+    differences, errors = _difference(drawn)
+    difference, error = (float(value) for value in _difference(sides))
+    # A sample of one person again and again has no scatter of its own: it tells nothing.
+    scattered = errors > 1e-12 * error
+    if not error > 0 or not scattered.any():
+        return Interval(remark="no bootstrap: persons do not differ")
+    studentised = (differences[scattered] - difference) / errors[scattered]
+    low, high = np.quantile(studentised, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return Interval(float(difference - high * error), float(difference - low * error))
+
+
+def _difference(sides: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Difference of means along the last axis, and its standard error."""
+    means = [values.mean(axis=-1) for values in sides]
+    variance = sum(values.var(axis=-1, ddof=1) / values.shape[-1] for values in sides)
+    return (means[0] if len(sides) == 1 else means[0] - means[1]), np.sqrt(variance)
+
+
+Trials = Mapping[str, Sequence[float]]
+
+
+def percent_interval(
+    first: Trials, second: Trials, paired: bool, names: tuple[str, str] = ("first", "second")
+) -> Interval:
+    """Return the 95 % interval of 100(first − second)/second over persons, or why there is none.
+
+    Parameters
+    ----------
+    first, second : mapping of str to sequence of float
+        Trials of every person.
+    paired : bool
+        Whether the same persons are on both sides; those found on one side alone are left out.
+    names : tuple of str
+        Of the sides, for messages.
+
+    Examples
+    --------
+    >>> before = {"ann": [10.0, 10.2], "bob": [12.0], "eve": [11.0]}
+    >>> after = {"ann": [11.0, 11.4], "bob": [13.1], "eve": [12.2]}
+    >>> found = percent_interval(after, before, paired=True)
+    >>> round(found.low, 1), round(found.high, 1)
+    (8.1, 13.5)
+    """
+    sides = [PersonMeans.of(trials) for trials in (first, second)]
+    absent = [name for name, side in zip(names, sides, strict=True) if not len(side)]
+    if absent:
+        return Interval(remark=f"no interval: nobody of {' and of '.join(absent)}")
+    if paired and set(sides[0].persons).isdisjoint(sides[1].persons):
+        return Interval(remark="no interval: nobody is on both sides")
+    if paired:
+        return within_persons(*sides, name=names[0]).percent_interval
+    return between_groups(*sides, variance_components(sides).variance_ratio, names=names).percent_interval

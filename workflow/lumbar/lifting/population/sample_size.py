@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.population.person_means import FEWEST_PERSONS
+from lumbar.lifting.population.variance_components import FEWEST_PERSONS
 
 MOST_PERSONS = 100_000
 """Persons (of each group) beyond which a study is called out of reach."""

@@ -13,20 +13,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.measures.capturability import braking_speed, middle_of_standing, pressure_limits
+from lumbar.lifting.measures.balance import braking_speed, middle_of_standing, pendulum_rate, pressure_limits
 from lumbar.lifting.measures.course import Lifter, base_of_support, course_of_lift
-from lumbar.lifting.measures.extrapolated_centre import pendulum_rate
 from lumbar.lifting.measures.strength import ankle_torques
 from lumbar.lifting.movement.body import LOAD, WHOLE_BODY
 from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.pendulum_states import planar_states
 from lumbar.lifting.pushes.body import LINKS
 from lumbar.lifting.pushes.motion import DepositMotion
-from lumbar.lifting.stability.basins import close_loops
-from lumbar.lifting.stability.funnel.funnel import exact_funnels
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
+from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.failures import all_or_each
-from lumbar.lifting.stability.model.pendulum_loop import SIGNS
-from lumbar.lifting.stability.model.trajectory import Trajectory, find_problems
+from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
 
 if TYPE_CHECKING:
     import pandas as pd

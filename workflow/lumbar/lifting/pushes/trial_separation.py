@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.measures.base_of_support import FUNCTIONAL_SHARE
-from lumbar.lifting.measures.extrapolated_centre import pendulum_rate
+from lumbar.lifting.measures.balance import FUNCTIONAL_SHARE, pendulum_rate
 from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.pushes.motion import SHANK, THIGH
 from lumbar.lifting.pushes.roc import area
@@ -32,10 +31,10 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
     cleaned_trial,
     mean_trajectory,
 )
-from lumbar.lifting.stability.funnel.funnel import ClosedLoops, exact_funnels
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.funnel.lyapunov_family import with_lyapunov_function
-from lumbar.lifting.stability.model.pendulum_loop import Pendulums, gather
-from lumbar.lifting.stability.model.riccati import Weights
+from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, Weights
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lumbar.lifting.stability.basins import AREA_HEADERS, as_counts, basin_rows, meaningful
 from lumbar.lifting.stability.basins import COLUMNS as BASIN_COLUMNS
-from lumbar.lifting.stability.basins import basin_rows, close_loops, meaningful
-from lumbar.lifting.stability.comparison.basin_areas import AREA_HEADERS, as_counts
-from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, exact_funnels
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
+from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.saturation import Saturation, reference_of
 from lumbar.lifting.stability.methods import METHODS, MethodResult, headline_methods, thesis_methods
-from lumbar.lifting.stability.model.failures import Failure, all_or_each
-from lumbar.lifting.stability.model.pendulum_loop import SIGNS
-from lumbar.lifting.stability.model.trajectory import Trajectory
-from lumbar.lifting.stability.proof.interval_proof import proved_share
+from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
+from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:

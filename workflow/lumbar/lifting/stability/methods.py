@@ -22,11 +22,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, funnel_variants
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, funnel_variants
+from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, saturated_funnels
-from lumbar.lifting.stability.programme.bilinear_alternation import RESOLUTION, alternate
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
 from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
-from lumbar.lifting.stability.proof.interval_proof import proved_share
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION, alternate
 
 if TYPE_CHECKING:
     from lumbar.settings.stability import StabilitySettings

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.stability.basins import close_loops
-from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels
-from lumbar.lifting.stability.funnel.invariance import normal_axes
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage
 from lumbar.lifting.stability.methods import METHODS, chosen_methods
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, normal_axes
 from lumbar.lifting.stability.model.failures import all_or_each
-from lumbar.lifting.stability.model.trajectory import Trajectory
+from lumbar.lifting.stability.model.trajectories import Trajectory
 from lumbar.publishing.figures.stability_figures import NO_BASIN, PLANE_TITLES, shared_legend
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.stability.comparison.grid_table import CHOICES, compared
+from lumbar.lifting.stability.comparison.table_4_1_grid import CHOICES, comparison_cells
 from lumbar.publishing.figures.stability_figures import shared_legend
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
 
@@ -31,13 +31,13 @@ def grid_figure(grid: pd.DataFrame):
     Parameters
     ----------
     grid : pandas.DataFrame
-        Of `lumbar.lifting.stability.comparison.grid_table.grid_differences`. Without a comparison, the movements are drawn.
+        Of `lumbar.lifting.stability.comparison.table_4_1_grid.grid_differences`. Without a comparison, the movements are drawn.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    cells = compared(grid)
+    cells = comparison_cells(grid)
     null = "null control (θ0 = 0)"
     if cells.empty:
         cells = grid[grid["percent"].notna()]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.measures.base_of_support import BaseOfSupport
+from lumbar.lifting.measures.balance import BaseOfSupport
 from lumbar.lifting.measures.course import CORNERS
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, house_style, new_figure

@@ -14,7 +14,7 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
     references,
     values_of,
 )
-from lumbar.lifting.stability.funnel.invariance import normal_axes
+from lumbar.lifting.stability.model.eq_4_2_regulator import normal_axes
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.measures.base_of_support import BaseOfSupport
+from lumbar.lifting.measures.balance import BaseOfSupport
 from lumbar.lifting.measures.course import CORNERS
 from lumbar.lifting.movement.body import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES

@@ -13,7 +13,7 @@ from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import DEPOSIT, MEASURES
 from lumbar.lifting.movement.body import points_of
-from lumbar.lifting.stability.model.lift_trajectories import LiftStates
+from lumbar.lifting.stability.model.trajectories import LiftStates
 from lumbar.publishing.explorer.one_file import Drawn, beside, drawn, one_file
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from bokeh.document import Document
     from bokeh.models import ColumnDataSource
 
-    from lumbar.lifting.stability.model.failures import Failure
+    from lumbar.lifting.stability.model.trajectories import Failure
     from lumbar.publishing.lift_page.recorded_lift import RecordedLift
     from lumbar.settings.stability import StabilitySettings
 

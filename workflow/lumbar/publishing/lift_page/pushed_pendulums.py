@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.stability.basins import close_loops
-from lumbar.lifting.stability.comparison.grid import headline
 from lumbar.lifting.stability.extended_basins import binds, torque_limit, torque_range
-from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, exact_funnels
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
 from lumbar.lifting.stability.funnel.saturation import reference_of
-from lumbar.lifting.stability.model.failures import Failure, all_or_each
-from lumbar.lifting.stability.model.lift_trajectories import LiftStates
-from lumbar.lifting.stability.model.trajectory import Trajectory
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
+from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.trajectories import Failure, LiftStates, Trajectory, headline
 
 if TYPE_CHECKING:
     from lumbar.settings.stability import StabilitySettings

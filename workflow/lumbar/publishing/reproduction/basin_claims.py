@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from lumbar.lifting.stability.comparison.grid_table import compared
 from lumbar.lifting.stability.comparison.percent_differences import comparison_names
+from lumbar.lifting.stability.comparison.table_4_1_grid import comparison_cells
 from lumbar.publishing.reproduction.claim import Claim, Finding, Results
 from lumbar.settings.stability import GROUPS
 
@@ -88,7 +88,7 @@ def _trajectories_matter(synthetic: bool):
     """Compare the differences with those of the null control (θ0 = 0), for both signs of gravity, over the grid."""
 
     def judge(results: Results) -> Finding:
-        cells = compared(results["table_4_1_grid"])
+        cells = comparison_cells(results["table_4_1_grid"])
         if len(cells) < 3:
             return _MISSING
         explained, words = {}, []

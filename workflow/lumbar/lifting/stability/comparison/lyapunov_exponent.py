@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.stability.model.trajectory import COMS, Trajectory
+from lumbar.lifting.stability.model.trajectories import COMS, Trajectory
 
 FEWEST_TRIALS = 30
 """Repetitions below which the exponent's own scatter exceeds what it should tell apart (Bruijn et al., Journal of

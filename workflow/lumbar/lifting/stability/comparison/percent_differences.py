@@ -6,29 +6,27 @@ duration, mass and length are left) and with Q, R and b changed, `taylor_areas` 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.basins import close_loops, weights_of
-from lumbar.lifting.stability.funnel.funnel import Funnels, exact_funnels, integrate_backward, regulate
-from lumbar.lifting.stability.funnel.polynomials import circle_maximum, growth_polynomial
-from lumbar.lifting.stability.model.pendulum_loop import gather
-from lumbar.lifting.stability.model.riccati import Weights
-from lumbar.lifting.stability.model.trajectory import COMS, PLANES, Trajectory
+from lumbar.lifting.stability.model.trajectories import (
+    COMS,
+    PLANES,
+    Convention,
+    LiftStates,
+    Trajectory,
+    headline,
+)
+from lumbar.settings.plain import plain
 from lumbar.settings.stability import GROUPS
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.settings.stability import StabilitySettings
-
-TAYLOR_DEGREES = (3, 5, 7)
-VARIANTS = ("base", "null", *(f"{name}{change}" for name in ("Q", "R", "b") for change in ("/", "*")))
-"""``base``, ``null``, and ``Q``, ``R``, ``b`` divided and multiplied by the factor of the configuration."""
 
 
 def percent_differences(
@@ -133,65 +131,78 @@ def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None, groups
             yield comparison, None, None, f"not testable: {reason}"
 
 
-def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
-    """Average cross-sections (exact method) under the null control and with Q, R and b changed, all at once.
-
-    Parameters
-    ----------
-    cases : mapping of str to list of Trajectory
-        Trajectories by change: where it is one of `VARIANTS`, under that, and as they are under any other name.
-
-    Returns
-    -------
-    dict of str to numpy.ndarray, shape (trajectories,)
-        By change.
-
-    Raises
-    ------
-    NumericalError
-        One of them has no basin.
-    """
-    counts = [len(own) for own in cases.values()]
-    factors = {"/": 1 / settings.sensitivity_factor, "*": settings.sensitivity_factor}
-    changes = [{name[0]: factors[name[1]]} if name[1:] in factors else {} for name in cases]
-    items = [
-        replace(item, angle=np.zeros_like(item.angle)) if name == "null" else item
-        for name, own in cases.items()
-        for item in own
-    ]
-    scale = {
-        quantity: np.repeat([change.get(quantity, 1.0) for change in changes], counts)
-        for quantity in ("Q", "R", "b")
-    }
-    pendulum, base = settings.pendulum, weights_of(settings)
-    weights = Weights(base.state * scale["Q"][:, None], base.control * scale["R"], base.terminal)
-    damping = pendulum.damping_N_m_s * scale["b"]
-    signs = [pendulum.sign] * len(items)
-    pendulums = gather(items, signs, list(damping), pendulum.gravity_m_s2, settings.limits.knots)
-    areas = exact_funnels(regulate(pendulums, weights), settings.goal_level).mean_area
-    return dict(zip(cases, np.split(areas, np.cumsum(counts)[:-1]), strict=True))
+def headline_words(settings: StabilitySettings) -> str:
+    """Say the headline's sign, time and mass."""
+    pendulum = settings.pendulum
+    sign = {"inverted": "as people stand", "hanging": "hanging"}[pendulum.sign]
+    return ", ".join([sign, f"{pendulum.time} time", pendulum.mass.replace("_", " ")])
 
 
-def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, degree: int) -> np.ndarray:
-    """Average cross-sections (exact method) with the sine replaced by its Taylor polynomial of a degree.
+def regulator_sentence(settings: StabilitySettings) -> str:
+    """Say what regulator all basins have."""
+    regulator, pendulum = settings.regulator, settings.pendulum
+    return (
+        f"Regulator of all basins: Q = {plain(regulator.state_weight)}, R = {regulator.control_weight:g}, "
+        f"Qf = {plain(regulator.terminal_weight)}; b = {pendulum.damping_N_m_s:g} N·m·s/rad; it is assumed, the same for all"
+    )
 
-    Raises
-    ------
-    NumericalError
-        The polynomial has no basin that is finite.
-    """
-    fewer = replace(settings, knots=settings.limits.knots)
-    loops = close_loops(trajectories, settings.pendulum.sign, fewer)
-    goal = np.full(len(trajectories), np.log(settings.goal_level))
 
-    def slope(point, log_level):
-        polynomial = growth_polynomial(loops.form(point), np.exp(log_level), degree)
-        return circle_maximum(polynomial, degree + 1)
+def comparison_definition(settings: StabilitySettings) -> str:
+    """Say what the comparisons are."""
+    first, second = settings.compare.groups
+    return (
+        f"{first}_vs_{second}: 100(A_{first} − A_{second})/A_{second} with the heaviest box of both; decrease_in_mass_…: "
+        "100(A_light − A_heavy)/A_heavy with that lifter's heaviest and lightest box; A = (1/T)∫πρ/√det S dt in rad²/s"
+    )
 
-    with np.errstate(over="ignore", invalid="ignore"):
-        level = np.exp(integrate_backward(loops, goal, slope))
-        areas = Funnels(f"Taylor {degree}", loops.pendulums.duration, loops.cost[::2], level).mean_area
-    if not np.isfinite(areas).all():
-        index = int(np.argmin(np.isfinite(areas)))
-        raise NumericalError(f"{loops.pendulums.labels[index]}: no finite basin with Taylor degree {degree}")
-    return areas
+
+def number_or_none(value) -> float | None:
+    """Return a number, or None for what could not be computed."""
+    return None if value is None or np.isnan(value) else float(value)
+
+
+@dataclass(frozen=True)
+class Study:
+    """What the tables of a study are made of."""
+
+    lifts: Sequence[LiftStates]
+    """With ``experience`` among their facts."""
+    boa: pd.DataFrame
+    grid: pd.DataFrame
+    """`boa`, `grid`: ``boa.csv`` and ``grid.csv`` of all lifts, with a column ``experience``."""
+    settings: StabilitySettings
+    published: pd.DataFrame
+    """The thesis's Table 4.1."""
+    data: str
+    """Where the data come from."""
+
+    @property
+    def people(self) -> pd.DataFrame:
+        """Label and box of every lift: it counts also where all its basins are missing."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {"experience": lift.facts["experience"], "box_mass_kg": lift.facts["box_mass_kg"]}
+                for lift in self.lifts
+            ]
+        )
+
+    def trajectories(self, mass=None) -> list[Trajectory]:
+        """Sound trajectories of the headline, of all lifts; `mass` changes their masses (of the facts)."""
+        lifts = self.lifts if mass is None else [replace(lift, facts=mass(lift.facts)) for lift in self.lifts]
+        return [
+            item
+            for lift in lifts
+            for item in lift.trajectories(headline(self.settings, lift.facts["pivot"]))[0]
+        ]
+
+    def areas(self, method: str, convention: Convention) -> pd.DataFrame:
+        """Rows of `boa` of one method and convention (its pivot is the study's own)."""
+        boa = self.boa
+        return boa[
+            (boa["method"] == method)
+            & (boa["sign"] == convention.sign)
+            & (boa["time"] == convention.time)
+            & (boa["mass"] == convention.mass)
+        ]

@@ -19,11 +19,11 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.movement.cleaning import clean
 from lumbar.lifting.movement.gaps import refuse_open_gaps
 from lumbar.lifting.movement.pendulum_states import pendulum_states
-from lumbar.lifting.stability.basins import close_loops
 from lumbar.lifting.stability.comparison.lyapunov_exponent import maximum_exponent
-from lumbar.lifting.stability.funnel.funnel import Funnels, exact_funnels
-from lumbar.lifting.stability.model.pendulum_loop import SIGNS
-from lumbar.lifting.stability.model.trajectory import Trajectory, find_problems
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
+from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
+from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
+from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
 from lumbar.records.markers import MarkerRecording
 from lumbar.tables.table import Table
 

@@ -11,20 +11,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.lifting.stability.basins import COLUMNS
-from lumbar.lifting.stability.comparison.compared_study import Study, variants
-from lumbar.lifting.stability.comparison.grid import headline
-from lumbar.lifting.stability.comparison.grid_table import compared, grid_differences, survival_sentence
-from lumbar.lifting.stability.comparison.percent_differences import comparison_names, percent_differences
-from lumbar.lifting.stability.comparison.table_4_1_controls import controls_table
-from lumbar.lifting.stability.comparison.table_4_1_words import (
+from lumbar.lifting.stability.comparison.percent_differences import (
+    Study,
     comparison_definition,
+    comparison_names,
     headline_words,
     number_or_none,
+    percent_differences,
     regulator_sentence,
 )
-from lumbar.lifting.stability.model.convention import THESIS
+from lumbar.lifting.stability.comparison.table_4_1_controls import controls_table, variants
+from lumbar.lifting.stability.comparison.table_4_1_grid import (
+    comparison_cells,
+    grid_differences,
+    survival_sentence,
+)
 from lumbar.lifting.stability.model.failures import failures_frame, joined
-from lumbar.lifting.stability.model.trajectory import PLANES
+from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, headline
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -141,7 +144,7 @@ def published_sentence(published: pd.DataFrame) -> str:
 
 def _null_notes(grid: pd.DataFrame, settings: StabilitySettings, pivots: list[str]) -> list[str]:
     """Say for both signs what the differences owe to the movement, in the headline's time and mass about its pivot."""
-    cells, notes = compared(grid), []
+    cells, notes = comparison_cells(grid), []
     pendulum = settings.pendulum
     here = (cells["time"] == pendulum.time) & (cells["mass"] == pendulum.mass) & cells["pivot"].isin(pivots)
     for sign in ("inverted", "hanging"):

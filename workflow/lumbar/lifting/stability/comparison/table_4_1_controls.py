@@ -6,31 +6,256 @@ grid, and a sentence that says whether the difference survives this.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.population.contrast import Interval
-from lumbar.lifting.population.percent_interval import percent_interval
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.population.contrast import Interval, percent_interval
 from lumbar.lifting.stability.basins import COLUMNS
-from lumbar.lifting.stability.comparison.compared_study import BODY_MASS_SHARE, CHANGES, Study
-from lumbar.lifting.stability.comparison.grid_table import compared
 from lumbar.lifting.stability.comparison.lyapunov_exponent import compared_exponents
-from lumbar.lifting.stability.comparison.percent_differences import comparisons
-from lumbar.lifting.stability.comparison.table_4_1_words import (
+from lumbar.lifting.stability.comparison.percent_differences import (
+    Study,
     comparison_definition,
+    comparisons,
     headline_words,
     number_or_none,
     regulator_sentence,
 )
-from lumbar.lifting.stability.comparison.verdicts import verdict
-from lumbar.lifting.stability.model.trajectory import PLANES
+from lumbar.lifting.stability.comparison.table_4_1_grid import MOVEMENT_SHARE, comparison_cells
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels, integrate_backward
+from lumbar.lifting.stability.model.eq_4_1_pendulum import gather
+from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops, regulate, weights_of
+from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.trajectories import (
+    PLANES,
+    Failure,
+    Trajectory,
+)
+from lumbar.lifting.stability.programme.polynomials import circle_maximum, growth_polynomial
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.lifting.population.contrast import Interval
     from lumbar.settings.stability import StabilitySettings
+
+BODY_MASS_SHARE = 0.1
+"""By how much of it everybody's body mass is raised and lowered."""
+
+_KEYS = ("subject", "experience", "box_mass_kg", "com", "plane")
+TAYLOR = {f"taylor_{degree}": degree for degree in (3, 5, 7)}
+"""Degree of the sine's polynomial by change."""
+CHANGES = {
+    "null": "null control",
+    "lighter": "lighter bodies",
+    "heavier": "heavier bodies",
+    "box_share": "the box shared the other way",
+    **{f"{name}/": f"{name} divided" for name in ("Q", "R", "b")},
+    **{f"{name}*": f"{name} multiplied" for name in ("Q", "R", "b")},
+    **{name: f"Taylor degree {degree}" for name, degree in TAYLOR.items()},
+}
+
+
+def _body_mass(factor: float):
+    """Return what changes the masses of a lift's facts as if everybody weighed `factor` times as much."""
+
+    def changed(facts):
+        masses = {
+            com: {"without_box": factor * own["without_box"]}
+            | {"with_box": own["with_box"] + (factor - 1) * own["without_box"]}
+            for com, own in facts["mass_kg"].items()
+        }
+        return {**facts, "mass_kg": masses}
+
+    return changed
+
+
+def _box_share(facts):
+    """Share the box the other way: whole to every centre of mass instead of in proportion, or the reverse."""
+    box, own = (
+        float(facts["box_mass_kg"]),
+        {com: item["without_box"] for com, item in facts["mass_kg"].items()},
+    )
+    whole = facts["box"]["share"] == "by_mass"
+    masses = {
+        com: {"without_box": mass, "with_box": mass + (box if whole else box * mass / sum(own.values()))}
+        for com, mass in own.items()
+    }
+    return {**facts, "mass_kg": masses}
+
+
+OTHER_MASSES = {
+    "lighter": _body_mass(1 - BODY_MASS_SHARE),
+    "heavier": _body_mass(1 + BODY_MASS_SHARE),
+    "box_share": _box_share,
+}
+
+
+def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
+    """Return average cross-sections under every change that the headline is examined with.
+
+    Returns
+    -------
+    areas : dict of str to pandas.DataFrame
+        By change: ``subject, experience, box_mass_kg, com, plane, mean_area``.
+    failures : list of Failure
+        Areas that could not be computed: they have no row.
+    """
+    settings, trajectories = study.settings, study.trajectories()
+    cases = dict.fromkeys(VARIANTS, trajectories) | {
+        name: study.trajectories(mass) for name, mass in OTHER_MASSES.items()
+    }
+    # All of one kind at once are fastest; only where one has no basin is each computed by itself.
+    try:
+        at_once = varied_areas(cases, settings) if trajectories else {}
+    except NumericalError:
+        at_once = {}
+    areas, failures = {}, []
+    for name in (*VARIANTS, *TAYLOR, *OTHER_MASSES):
+        items = cases.get(name, trajectories)
+        if name in at_once:
+            results = [(items, at_once[name])]
+        else:
+            results, failed = all_or_each(
+                variant_areas, items, name, settings, basin=f"Table 4.1, {CHANGES.get(name, 'exact')}"
+            )
+            failures += failed
+        areas[name] = _areas_frame(results)
+    return areas, failures
+
+
+def variant_areas(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> np.ndarray:
+    """Average cross-sections of some trajectories under one change."""
+    if name in TAYLOR:
+        return taylor_areas(trajectories, settings, TAYLOR[name])
+    return varied_areas({name: trajectories}, settings)[name]
+
+
+def _areas_frame(results: list[tuple[list[Trajectory], np.ndarray]]) -> pd.DataFrame:
+    import pandas as pd
+
+    rows = [
+        {name: getattr(item, name) for name in _KEYS} | {"mean_area": area}
+        for items, areas in results
+        for item, area in zip(items, areas, strict=True)
+    ]
+    return pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
+
+
+VARIANTS = ("base", "null", *(f"{name}{change}" for name in ("Q", "R", "b") for change in ("/", "*")))
+"""``base``, ``null``, and ``Q``, ``R``, ``b`` divided and multiplied by the factor of the configuration."""
+
+
+def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
+    """Average cross-sections (exact method) under the null control and with Q, R and b changed, all at once.
+
+    Parameters
+    ----------
+    cases : mapping of str to list of Trajectory
+        Trajectories by change: where it is one of `VARIANTS`, under that, and as they are under any other name.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray, shape (trajectories,)
+        By change.
+
+    Raises
+    ------
+    NumericalError
+        One of them has no basin.
+    """
+    counts = [len(own) for own in cases.values()]
+    factors = {"/": 1 / settings.sensitivity_factor, "*": settings.sensitivity_factor}
+    changes = [{name[0]: factors[name[1]]} if name[1:] in factors else {} for name in cases]
+    items = [
+        replace(item, angle=np.zeros_like(item.angle)) if name == "null" else item
+        for name, own in cases.items()
+        for item in own
+    ]
+    scale = {
+        quantity: np.repeat([change.get(quantity, 1.0) for change in changes], counts)
+        for quantity in ("Q", "R", "b")
+    }
+    pendulum, base = settings.pendulum, weights_of(settings)
+    weights = Weights(base.state * scale["Q"][:, None], base.control * scale["R"], base.terminal)
+    damping = pendulum.damping_N_m_s * scale["b"]
+    signs = [pendulum.sign] * len(items)
+    pendulums = gather(items, signs, list(damping), pendulum.gravity_m_s2, settings.limits.knots)
+    areas = exact_funnels(regulate(pendulums, weights), settings.goal_level).mean_area
+    return dict(zip(cases, np.split(areas, np.cumsum(counts)[:-1]), strict=True))
+
+
+def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, degree: int) -> np.ndarray:
+    """Average cross-sections (exact method) with the sine replaced by its Taylor polynomial of a degree.
+
+    Raises
+    ------
+    NumericalError
+        The polynomial has no basin that is finite.
+    """
+    fewer = replace(settings, knots=settings.limits.knots)
+    loops = close_loops(trajectories, settings.pendulum.sign, fewer)
+    goal = np.full(len(trajectories), np.log(settings.goal_level))
+
+    def slope(point, log_level):
+        polynomial = growth_polynomial(loops.form(point), np.exp(log_level), degree)
+        return circle_maximum(polynomial, degree + 1)
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        level = np.exp(integrate_backward(loops, goal, slope))
+        areas = Funnels(f"Taylor {degree}", loops.pendulums.duration, loops.cost[::2], level).mean_area
+    if not np.isfinite(areas).all():
+        index = int(np.argmin(np.isfinite(areas)))
+        raise NumericalError(f"{loops.pendulums.labels[index]}: no finite basin with Taylor degree {degree}")
+    return areas
+
+
+def verdict(
+    percent: float | None, null: float | None, changed: dict[str, float | None], interval: Interval
+) -> str:
+    """Return the sentence.
+
+    Parameters
+    ----------
+    percent : float or None
+        The percentage; None where the study cannot tell.
+    null : float or None
+        That of the null control.
+    changed : dict of str to float
+        The percentage under each change, by its name.
+    interval : Interval
+        Over persons, where there are enough.
+    """
+    if percent is None:
+        return "not testable in this study"
+    movement = 1.0 if null is None else (percent - null) / percent if percent else 0.0
+    turned = [name for name, value in changed.items() if value is not None and value * percent <= 0]
+    reasons = []
+    if turned:
+        reasons.append(f"its sign turns with {', '.join(turned)}")
+    if movement < MOVEMENT_SHARE:
+        reasons.append(
+            f"the null control shows {null:+.2f} % of the {percent:+.2f} %: it tells of duration, mass and length"
+        )
+    unknown = [name for name, value in changed.items() if value is None]
+    if null is None:
+        unknown.append("the null control")
+    if unknown:
+        reasons.append(f"no basin with {', '.join(unknown)}")
+    if interval.known and interval.low <= 0 <= interval.high:
+        reasons.append("its interval over persons contains 0")
+    certainty = (
+        f"95 % interval over persons [{interval.low:+.2f}, {interval.high:+.2f}] %"
+        if interval.known
+        else interval.remark
+    )
+    if reasons:
+        return f"does not survive: {'; '.join(reasons)} ({certainty})"
+    return f"survives null control, sensitivity and sign ({certainty})"
 
 
 def controls_table(study: Study, found: dict, areas: pd.DataFrame, grid: pd.DataFrame) -> Table:
@@ -40,7 +265,7 @@ def controls_table(study: Study, found: dict, areas: pd.DataFrame, grid: pd.Data
     settings = study.settings
     sides = list(comparisons(areas, study.people, settings.compare.groups))
     trajectories = study.trajectories()
-    of_grid = compared(grid)
+    of_grid = comparison_cells(grid)
     cells_of = dict(iter(of_grid.groupby(["comparison", "com", "plane"])))
     rows = []
     for plane in PLANES:

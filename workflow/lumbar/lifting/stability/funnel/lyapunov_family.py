@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, funnel_variants
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, funnel_variants
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
 
 RELATIVE_TOLERANCE = 1e-9
 

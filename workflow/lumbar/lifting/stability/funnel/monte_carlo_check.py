@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels
-from lumbar.lifting.stability.funnel.invariance import normal_axes
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, normal_axes
 
 LEVEL_TOLERANCE = 1e-6
 """Relative excess of V over ρ that still counts as the boundary: starts lie on it."""

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, integrate_backward
-from lumbar.lifting.stability.funnel.invariance import LARGEST_SEMI_AXIS, normal_axes
-from lumbar.lifting.stability.model.pendulum_loop import Pendulums, remainder
+from lumbar.lifting.stability.funnel.exact_funnel import LARGEST_SEMI_AXIS, Funnels, integrate_backward
+from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, remainder
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, normal_axes
 
 SAMPLES = 96
 SECTORS = 8

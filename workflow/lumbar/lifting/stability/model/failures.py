@@ -8,19 +8,17 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.model.trajectory import Trajectory
+from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-NO_TRAJECTORY = "trajectory"
-"""What is missing where the trajectory itself is unsound: all basins of it."""
 COLUMNS = {
     "subject": "who lifted",
     "experience": "experience of the lifter",
@@ -31,24 +29,6 @@ COLUMNS = {
     "basins of an unsound trajectory",
     "reason": "why, what was found and what is allowed",
 }
-
-
-@dataclass(frozen=True)
-class Failure:
-    """One basin that could not be computed; attributes as `COLUMNS`."""
-
-    subject: str
-    experience: str
-    box_mass_kg: float
-    com: str
-    plane: str
-    basin: str
-    reason: str
-
-    @classmethod
-    def of(cls, item: Trajectory, basin: str, reason: str) -> Failure:
-        """Return the failure of a basin of one trajectory."""
-        return cls(item.subject, item.experience, item.box_mass_kg, item.com, item.plane, basin, reason)
 
 
 def all_or_each(

@@ -24,9 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, even_knots
-from lumbar.lifting.stability.funnel.invariance import boundary_growth
-from lumbar.lifting.stability.funnel.polynomials import require_taylor_range
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, boundary_growth, even_knots
 from lumbar.lifting.stability.funnel.saturation import (
     LEAST_LEVEL,
     UNSATURATED,
@@ -35,8 +33,14 @@ from lumbar.lifting.stability.funnel.saturation import (
     require_torque,
     saturated_growth,
 )
-from lumbar.lifting.stability.programme.circle_programme import CircleProgramme
-from lumbar.lifting.stability.programme.saturation_cases import Case, case_maximum, saturation_cases
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
+from lumbar.lifting.stability.programme.polynomials import (
+    Case,
+    case_maximum,
+    require_taylor_range,
+    saturation_cases,
+)
+from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme
 
 MOST_ALTERNATIONS = 8
 """Alternations after which a margin that is still negative is an error."""

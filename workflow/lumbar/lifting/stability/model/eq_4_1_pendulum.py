@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.lifting.stability.model.trajectory import Trajectory
+from lumbar.lifting.stability.model.trajectories import Trajectory
 
 SIGNS = {"hanging": 1.0, "inverted": -1.0}
 """Sign σ of the gravity term."""

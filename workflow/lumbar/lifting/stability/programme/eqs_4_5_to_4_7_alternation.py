@@ -29,9 +29,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lumbar.lifting.stability.funnel.funnel import ClosedLoops, Funnels, even_knots, with_cost
-from lumbar.lifting.stability.funnel.invariance import boundary_growth
-from lumbar.lifting.stability.funnel.polynomials import circle_map
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, boundary_growth, even_knots
 from lumbar.lifting.stability.funnel.saturation import (
     UNSATURATED,
     Saturation,
@@ -40,8 +38,13 @@ from lumbar.lifting.stability.funnel.saturation import (
     require_torque,
     saturated_growth,
 )
-from lumbar.lifting.stability.model.riccati import cost_to_go_euler, determinant
-from lumbar.lifting.stability.programme.saturation_cases import Case, saturation_cases
+from lumbar.lifting.stability.model.eq_4_2_regulator import (
+    ClosedLoops,
+    cost_to_go_euler,
+    determinant,
+    with_cost,
+)
+from lumbar.lifting.stability.programme.polynomials import Case, circle_map, saturation_cases
 from lumbar.lifting.stability.programme.sum_of_squares import Certificate, SumOfSquares, grams
 
 ACCURACY = 1e-6

@@ -12,73 +12,118 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache
 
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.invariance import (
-    LARGEST_SEMI_AXIS,
+from lumbar.lifting.stability.model.eq_4_1_pendulum import remainder
+from lumbar.lifting.stability.model.eq_4_2_regulator import (
+    ClosedLoops,
     NormalForm,
-    boundary_growth,
+    determinant,
     normal_axes,
-    normal_form,
 )
-from lumbar.lifting.stability.model.pendulum_loop import Pendulums
-from lumbar.lifting.stability.model.riccati import Weights, cost_to_go, decay_matrix, determinant, gain
+
+SAMPLES = 48
+"""Points on the boundary among which Newton's starts are chosen, for semi-axes up to `SMALL_SEMI_AXIS`."""
+SECTORS = 4
+"""Parts of the boundary that each give one start, likewise."""
+SMALL_SEMI_AXIS = 2.0
+"""Largest |e| on the ellipse in rad for which these are enough: a wider one has more peaks."""
+MOST_DOUBLINGS = 4
+"""How often samples and sectors are doubled for wider ellipses."""
+LARGEST_SEMI_AXIS = SMALL_SEMI_AXIS * 2**MOST_DOUBLINGS
+"""Largest |e| in rad up to which the maximum is reliable: five turns, beyond any useful basin."""
+NEWTON_STEPS = 2
+
+
+@cache
+def _circle(samples: int) -> tuple[np.ndarray, ...]:
+    """Cos φ, sin φ, cos²φ, 2·cos φ·sin φ, sin²φ at the samples."""
+    position = np.linspace(0.0, 2 * np.pi, samples, endpoint=False)
+    c, s = np.cos(position), np.sin(position)
+    return c, s, c**2, 2 * c * s, s**2
+
+
+def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
+    """Return the largest V̇/ρ on the boundary V = ρ in 1/s.
+
+    Parameters
+    ----------
+    form : NormalForm
+        Entries of shape (...,).
+    level : numpy.ndarray, shape (...)
+        ρ > 0; axes before those of `form` are levels of the same pendulums.
+
+    Returns
+    -------
+    numpy.ndarray, shape (...)
+        The boundary moves inward everywhere if this is negative; {V ≤ ρ(t)} is invariant as long as ρ̇/ρ
+        is not below it.
+    """
+    root = np.sqrt(level)
+    semi_axis, kappa = form.amplitude * root, form.coupling / root
+    doublings = int(np.clip(np.ceil(np.log2(semi_axis.max() / SMALL_SEMI_AXIS)), 0, MOST_DOUBLINGS))
+    values = _growth_samples(form, semi_axis, kappa, SAMPLES << doublings)
+    start, sampled = _candidates(values, SECTORS << doublings)
+    polished = _newton(form, semi_axis, kappa, start, 2 * np.pi / values.shape[-1])
+    return np.maximum(sampled, polished).max(axis=-1)
+
+
+def _growth_samples(form: NormalForm, semi_axis: np.ndarray, kappa: np.ndarray, samples: int) -> np.ndarray:
+    c, s, c2, cs2, s2 = _circle(samples)
+    values = kappa[..., None] * s * remainder(form.angle[..., None], semi_axis[..., None] * c)
+    values += form.alpha[..., None] * c2
+    values += form.beta[..., None] * cs2
+    values += form.gamma[..., None] * s2
+    return np.negative(values, out=values)
+
+
+def _candidates(values: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return position and height of the highest sample in each of `count` sectors, shape (..., count).
+
+    The growth is nearly the same on opposite sides of the ellipse, so the highest sample of all may belong
+    to the lower of two peaks: every sector's best is polished.
+    """
+    samples = values.shape[-1]
+    sectors = values.reshape(*values.shape[:-1], count, samples // count)
+    start = (sectors.argmax(axis=-1) + np.arange(count) * (samples // count)) * (2 * np.pi / samples)
+    return start, sectors.max(axis=-1)
+
+
+def _newton(
+    form: NormalForm, semi_axis: np.ndarray, kappa: np.ndarray, start: np.ndarray, spacing: float
+) -> np.ndarray:
+    """Climb from each start to its peak and return the heights, shape (..., starts).
+
+    The quadratic part of V̇/ρ is −((α + γ)/2 + Re(((α − γ)/2 − iβ)·z²)) of z = exp iφ.
+    """
+    angle, semi_axis, kappa = form.angle[..., None], semi_axis[..., None], kappa[..., None]
+    half = (0.5 * (form.alpha - form.gamma) - 1j * form.beta)[..., None]
+    mean = (0.5 * (form.alpha + form.gamma))[..., None]
+    sine, cosine = np.sin(angle), np.cos(angle)
+    position = start
+    for _ in range(NEWTON_STEPS):
+        z = np.exp(1j * position)
+        quadratic = half * z * z
+        s = z.imag
+        error, across = semi_axis * z.real, semi_axis * s
+        there = np.exp(1j * (angle + error))
+        # The remainder of the sine and its slope: where to climb may be rounded, heights may not.
+        h1 = there.real - cosine
+        h = there.imag - sine - error * cosine
+        slope = 2 * quadratic.imag - kappa * (z.real * h - across * s * h1)
+        bend = 4 * quadratic.real + kappa * s * (h + 3 * error * h1 + across * across * there.imag)
+        # A step is taken only where the function bends down, and never past the neighbouring samples.
+        step = np.divide(-slope, bend, out=np.zeros_like(slope), where=bend < 0)
+        position = position + np.minimum(np.maximum(step, -spacing), spacing)
+    z = np.exp(1j * position)
+    return -mean - (half * z * z).real - kappa * z.imag * remainder(angle, semi_axis * z.real)
+
 
 KINK = 1e-7
 """Change of ln ρ per knot by which predicted and corrected step differ only at a kink."""
-
-
-@dataclass(frozen=True)
-class ClosedLoops:
-    """Pendulums under their finite-horizon regulator."""
-
-    pendulums: Pendulums
-    weights: Weights
-    cost: np.ndarray
-    """Shape (points, pendulums, 3): S(t) of V = x̄ᵀSx̄ at the knots and halfway between them."""
-    decay: np.ndarray
-    """Shape (points, pendulums, 3): M(t) of V̇ = −x̄ᵀMx̄ along the linear loop."""
-    gains: np.ndarray
-    """Shape (points, pendulums, 2): K1 (N·m/rad) and K2 (N·m·s/rad) of the feedback."""
-
-    @property
-    def knots(self) -> int:
-        """Number of knots: every other point of the grid."""
-        return (len(self.cost) + 1) // 2
-
-    @property
-    def step(self) -> np.ndarray:
-        """Seconds between knots, shape (pendulums,)."""
-        return self.pendulums.duration / (self.knots - 1)
-
-    def form(self, point) -> NormalForm:
-        """Return V̇/ρ in normal coordinates at points of the grid (an index or a slice)."""
-        return NormalForm(*(part[point] for part in self._parts))
-
-    @cached_property
-    def _parts(self) -> tuple[np.ndarray, ...]:
-        form = normal_form(self.pendulums, self.pendulums.angle, self.cost, self.decay)
-        return tuple(vars(form).values())
-
-    def chosen(self, index: np.ndarray) -> ClosedLoops:
-        """Return the loops of these pendulums, which may repeat."""
-        given, weights = self.pendulums, self.weights
-        pendulums = Pendulums(
-            tuple(given.labels[number] for number in index),
-            *(part[index] for part in (given.inertia, given.damping, given.gravity_torque, given.duration)),
-            given.angle[:, index],
-        )
-        own = Weights(
-            *(
-                part[index] if part.ndim > shared else part
-                for part, shared in ((weights.state, 1), (weights.control, 0), (weights.terminal, 1))
-            )
-        )
-        parts = (part[:, index] for part in (self.cost, self.decay, self.gains))
-        return ClosedLoops(pendulums, own, *parts)
 
 
 @dataclass(frozen=True)
@@ -115,17 +160,6 @@ class Funnels:
     def minimum_area(self) -> np.ndarray:
         """Smallest cross-section in rad²/s, shape (pendulums,)."""
         return self.area.min(axis=0)
-
-
-def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
-    """Close the loop with the finite-horizon regulator (Eqs 4.2 and 4.4)."""
-    return with_cost(pendulums, weights, cost_to_go(pendulums, weights))
-
-
-def with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> ClosedLoops:
-    """Close the loop with the gain of a given solution S of the Riccati equation."""
-    gains = np.stack(gain(pendulums, weights.control, cost), axis=-1)
-    return ClosedLoops(pendulums, weights, cost, decay_matrix(pendulums, weights, cost), gains)
 
 
 def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:

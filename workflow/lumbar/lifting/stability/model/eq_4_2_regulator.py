@@ -6,11 +6,17 @@ A symmetric 2×2 matrix is held as its three entries (s11, s12, s22) along the l
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import NumericalError, Problems
-from lumbar.lifting.stability.model.pendulum_loop import Pendulums
+from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
+from lumbar.lifting.stability.model.trajectories import Trajectory
+
+if TYPE_CHECKING:
+    from lumbar.settings.stability import StabilitySettings
 
 RELATIVE_TOLERANCE = 1e-10
 STIFF = 3000.0
@@ -190,3 +196,123 @@ def _require_definite(pendulums: Pendulums, cost: np.ndarray) -> None:
             f"{pendulums.labels[index]}: the solution of the Riccati equation is not positive definite "
             f"{remaining:.3g} s before the end; raise the control weight or stability.knots"
         )
+
+
+@dataclass(frozen=True)
+class NormalForm:
+    """V̇/ρ in normal coordinates, apart from the level ρ; every entry has shape (..., pendulums)."""
+
+    angle: np.ndarray
+    amplitude: np.ndarray
+    alpha: np.ndarray
+    beta: np.ndarray
+    gamma: np.ndarray
+    coupling: np.ndarray
+    """2·(σmgℓ/I)·√s22: κ is this divided by √ρ."""
+
+
+def normal_form(pendulums: Pendulums, angle: np.ndarray, cost: np.ndarray, decay: np.ndarray) -> NormalForm:
+    """Bring the closed loop into normal coordinates.
+
+    Parameters
+    ----------
+    angle : numpy.ndarray, shape (..., pendulums)
+        θ0 in rad.
+    cost, decay : numpy.ndarray, shape (..., pendulums, 3)
+        S of V = x̄ᵀSx̄ and M = −V̇ of the linear loop.
+    """
+    s22 = cost[..., 2]
+    m11, m12, m22 = np.moveaxis(decay, -1, 0)
+    a, p, q = normal_axes(cost)
+    return NormalForm(
+        angle=angle,
+        amplitude=a,
+        alpha=m11 * a**2 + 2 * m12 * a * p + m22 * p**2,
+        beta=(m12 * a + m22 * p) * q,
+        gamma=m22 * q**2,
+        coupling=2 * pendulums.gravity_torque / pendulums.inertia * np.sqrt(s22),
+    )
+
+
+def normal_axes(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a, p, q of the ellipse x̄ᵀSx̄ = 1: e = a·z1, ω = p·z1 + q·z2 with z on the unit circle."""
+    s12, s22 = cost[..., 1], cost[..., 2]
+    amplitude = np.sqrt(s22 / determinant(cost))
+    return amplitude, -amplitude * s12 / s22, 1 / np.sqrt(s22)
+
+
+@dataclass(frozen=True)
+class ClosedLoops:
+    """Pendulums under their finite-horizon regulator."""
+
+    pendulums: Pendulums
+    weights: Weights
+    cost: np.ndarray
+    """Shape (points, pendulums, 3): S(t) of V = x̄ᵀSx̄ at the knots and halfway between them."""
+    decay: np.ndarray
+    """Shape (points, pendulums, 3): M(t) of V̇ = −x̄ᵀMx̄ along the linear loop."""
+    gains: np.ndarray
+    """Shape (points, pendulums, 2): K1 (N·m/rad) and K2 (N·m·s/rad) of the feedback."""
+
+    @property
+    def knots(self) -> int:
+        """Number of knots: every other point of the grid."""
+        return (len(self.cost) + 1) // 2
+
+    @property
+    def step(self) -> np.ndarray:
+        """Seconds between knots, shape (pendulums,)."""
+        return self.pendulums.duration / (self.knots - 1)
+
+    def form(self, point) -> NormalForm:
+        """Return V̇/ρ in normal coordinates at points of the grid (an index or a slice)."""
+        return NormalForm(*(part[point] for part in self._parts))
+
+    @cached_property
+    def _parts(self) -> tuple[np.ndarray, ...]:
+        form = normal_form(self.pendulums, self.pendulums.angle, self.cost, self.decay)
+        return tuple(vars(form).values())
+
+    def chosen(self, index: np.ndarray) -> ClosedLoops:
+        """Return the loops of these pendulums, which may repeat."""
+        given, weights = self.pendulums, self.weights
+        pendulums = Pendulums(
+            tuple(given.labels[number] for number in index),
+            *(part[index] for part in (given.inertia, given.damping, given.gravity_torque, given.duration)),
+            given.angle[:, index],
+        )
+        own = Weights(
+            *(
+                part[index] if part.ndim > shared else part
+                for part, shared in ((weights.state, 1), (weights.control, 0), (weights.terminal, 1))
+            )
+        )
+        parts = (part[:, index] for part in (self.cost, self.decay, self.gains))
+        return ClosedLoops(pendulums, own, *parts)
+
+
+def regulate(pendulums: Pendulums, weights: Weights) -> ClosedLoops:
+    """Close the loop with the finite-horizon regulator (Eqs 4.2 and 4.4)."""
+    return with_cost(pendulums, weights, cost_to_go(pendulums, weights))
+
+
+def with_cost(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> ClosedLoops:
+    """Close the loop with the gain of a given solution S of the Riccati equation."""
+    gains = np.stack(gain(pendulums, weights.control, cost), axis=-1)
+    return ClosedLoops(pendulums, weights, cost, decay_matrix(pendulums, weights, cost), gains)
+
+
+def weights_of(settings: StabilitySettings) -> Weights:
+    """Return the regulator's weights of the configuration, checked."""
+    regulator = settings.regulator
+    return check_weights(regulator.state_weight, regulator.control_weight, regulator.terminal_weight)
+
+
+def close_loops(trajectories: list[Trajectory], sign: str, settings: StabilitySettings) -> ClosedLoops:
+    """Put the trajectories under the regulator of the configuration."""
+    pendulum = settings.pendulum
+    damping = [pendulum.damping_N_m_s] * len(trajectories)
+    pendulums = gather(
+        trajectories, [sign] * len(trajectories), damping, pendulum.gravity_m_s2, settings.knots
+    )
+    return regulate(pendulums, weights_of(settings))

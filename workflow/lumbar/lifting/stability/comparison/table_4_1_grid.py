@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.comparison.percent_differences import percent_differences
-from lumbar.lifting.stability.comparison.verdicts import MOVEMENT_SHARE
-from lumbar.lifting.stability.model.trajectory import PLANES
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
+from lumbar.lifting.stability.model.eq_4_2_regulator import regulate, weights_of
+from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.trajectories import (
+    GRID,
+    PLANES,
+    Convention,
+    Failure,
+    LiftStates,
+    Trajectory,
+    headline,
+)
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -17,6 +31,8 @@ if TYPE_CHECKING:
     from lumbar.settings.stability import StabilitySettings
 
 CHOICES = ("sign", "time", "mass", "pivot")
+MOVEMENT_SHARE = 0.5
+"""Share of a difference that must come from the movement, and not from duration, mass and length, for it to survive."""
 MOVEMENT = "movement"
 """Comparison of a lift with itself standing still."""
 COLUMNS = {
@@ -94,7 +110,7 @@ def _from_movement(percent: float | None, null: float | None) -> dict:
     }
 
 
-def compared(grid: pd.DataFrame) -> pd.DataFrame:
+def comparison_cells(grid: pd.DataFrame) -> pd.DataFrame:
     """Return the cells of the grid that compare lifts with one another and have a number."""
     return grid[~grid["comparison"].str.startswith(f"{MOVEMENT}_") & grid["percent"].notna()]
 
@@ -113,7 +129,7 @@ def survivors(grid: pd.DataFrame) -> tuple[list[tuple], list[tuple]]:
         Comparison, COM and plane.
     """
     same_sign, from_movement = [], []
-    for name, cells in compared(grid).groupby(["comparison", "com", "plane"], sort=False):
+    for name, cells in comparison_cells(grid).groupby(["comparison", "com", "plane"], sort=False):
         if (np.sign(cells["percent"]) == np.sign(cells["percent"].iloc[0])).all():
             same_sign.append(name)
             if (cells["movement_share"] >= MOVEMENT_SHARE).all():
@@ -123,7 +139,7 @@ def survivors(grid: pd.DataFrame) -> tuple[list[tuple], list[tuple]]:
 
 def survival_sentence(grid: pd.DataFrame) -> str:
     """Say in one or two sentences which differences survive the whole grid."""
-    cells = compared(grid)
+    cells = comparison_cells(grid)
     if cells.empty:
         return "Nothing is compared in this study, so nothing can survive the grid"
     total = cells.groupby(["comparison", "com", "plane"]).ngroups
@@ -140,7 +156,7 @@ def survival_sentence(grid: pd.DataFrame) -> str:
 
 def _named(found: list[tuple], grid: pd.DataFrame) -> str:
     """Name differences, those of a whole comparison together."""
-    size = compared(grid).drop_duplicates(["comparison", "com", "plane"]).groupby("comparison").size()
+    size = comparison_cells(grid).drop_duplicates(["comparison", "com", "plane"]).groupby("comparison").size()
     words = []
     for comparison in dict.fromkeys(name for name, *_ in found):
         own = [", ".join(place).replace("_", " ") for name, *place in found if name == comparison]
@@ -180,3 +196,128 @@ def grid_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> T
             "status": "Status",
         },
     )
+
+
+AREA_COLUMNS = {
+    "subject": "who lifted",
+    "box_mass_kg": "mass of the box in kg",
+    "com": "centre of mass taken for the pendulum's",
+    "plane": "plane onto which the trajectory is projected",
+    "sign": "sign of gravity in Eq. 4.1: hanging (as published) or inverted (as people stand)",
+    "time": "real: the movement lasts as long as it was recorded; unit: it is played in one second",
+    "mass": "whether the box counts to the pendulum's mass: with_box or without_box",
+    "pivot": "point about which the pendulum turns",
+    "mass_kg": "mass m of the pendulum in kg",
+    "length_m": "mean length ℓ of the pendulum in m",
+    "duration_s": "duration T of the movement as it is played, in s",
+    "mean_area": "average cross-section (1/T)∫πρ/√det S dt in rad²/s, exact method",
+    "null_area": "the same with θ0 = 0 throughout",
+    "reason": "why there is no area",
+}
+"""Columns of ``grid.csv``; areas are empty where there is a reason."""
+
+
+def grid_areas(lift: LiftStates, settings: StabilitySettings) -> pd.DataFrame:
+    """Compute the average cross-sections of one lift under every convention.
+
+    Parameters
+    ----------
+    settings : StabilitySettings
+        With the knots and weights of the section ``grid``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per convention, COM and plane; columns `AREA_COLUMNS`.
+    """
+    import pandas as pd
+
+    rows = []
+    own = lift.facts["pivot"]
+    chosen = dict.fromkeys((*GRID, headline(settings, own)))
+    for pivot in dict.fromkeys(convention.pivot for convention in chosen):
+        here = [convention for convention in chosen if convention.pivot == pivot]
+        about = settings if pivot == own else about_pivot(settings, pivot)
+        rows += _rows_about({convention: lift.trajectories(convention) for convention in here}, about)
+    return pd.DataFrame(rows, columns=list(AREA_COLUMNS))
+
+
+def _rows_about(
+    found: dict[Convention, tuple[list[Trajectory], list[Failure]]], settings: StabilitySettings
+) -> list[dict]:
+    """Rows of `AREA_COLUMNS` of the conventions about one pivot."""
+    # All conventions at once are five times as fast as one after the other; only where one has no basin are they taken apart.
+    items = [(item, convention.sign) for convention, (sound, _) in found.items() for item in sound]
+    try:
+        areas = iter(areas_with_null(*zip(*items, strict=True), settings)) if items else iter(())
+        results = {
+            convention: ([(sound, [next(areas) for _ in sound])], [])
+            for convention, (sound, _) in found.items()
+        }
+    except NumericalError:
+        results = {
+            convention: all_or_each(_of_one_sign, sound, convention.sign, settings, basin=str(convention))
+            for convention, (sound, _) in found.items()
+        }
+    rows = []
+    for convention, (computed, failed) in results.items():
+        chosen = vars(convention)
+        rows += [
+            {**_identity(item), **chosen, "mean_area": area[0], "null_area": area[1], "reason": ""}
+            for some, areas_of in computed
+            for item, area in zip(some, areas_of, strict=True)
+        ]
+        rows += [
+            {**_identity(item), **chosen, "mean_area": np.nan, "null_area": np.nan, "reason": item.reason}
+            for item in (*found[convention][1], *failed)
+        ]
+    return rows
+
+
+def about_pivot(settings: StabilitySettings, pivot: str) -> StabilitySettings:
+    """Return the settings with the control weight for a pivot that is not the study's own."""
+    weight = getattr(settings.grid, f"{pivot}_control_weight")
+    return replace(settings, regulator=replace(settings.regulator, control_weight=weight))
+
+
+def _identity(item) -> dict:
+    names = ("subject", "box_mass_kg", "com", "plane", "mass_kg", "length_m")
+    known = {name: getattr(item, name, np.nan) for name in names}
+    return {**known, "duration_s": getattr(item, "duration", np.nan)}
+
+
+def areas_with_null(
+    trajectories: Sequence[Trajectory], signs: Sequence[str], settings: StabilitySettings
+) -> np.ndarray:
+    """Return average cross-sections of trajectories and of their null controls in rad²/s, shape (trajectories, 2).
+
+    Parameters
+    ----------
+    signs : sequence of {"hanging", "inverted"}
+        One per trajectory.
+
+    Raises
+    ------
+    NumericalError
+        One of them has no basin.
+    """
+    pendulum, count = settings.pendulum, len(trajectories)
+    damping = [pendulum.damping_N_m_s] * count
+    knots = settings.grid.knots
+    moving = gather(list(trajectories), list(signs), damping, pendulum.gravity_m_s2, knots)
+    loops = regulate(_beside_their_null(moving), weights_of(settings))
+    return exact_funnels(loops, settings.goal_level).mean_area.reshape(2, count).T
+
+
+def _of_one_sign(trajectories: list[Trajectory], sign: str, settings: StabilitySettings) -> np.ndarray:
+    return areas_with_null(trajectories, [sign] * len(trajectories), settings)
+
+
+def _beside_their_null(moving: Pendulums) -> Pendulums:
+    """Return the pendulums and, after them, the same ones standing still at θ0 = 0."""
+    twice = {
+        name: np.concatenate([getattr(moving, name)] * 2)
+        for name in ("inertia", "damping", "gravity_torque", "duration")
+    }
+    angle = np.concatenate([moving.angle, np.zeros_like(moving.angle)], axis=1)
+    return replace(moving, labels=moving.labels * 2, angle=angle, **twice)

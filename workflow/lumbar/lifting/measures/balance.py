@@ -1,0 +1,343 @@
+"""Base of support: the convex hull of what stands on the ground, and how far a point is from its edge.
+
+A hull is kept as its corners and which of them are on the ground; all is computed from its support function
+h(n) = max over corners of n·corner, so that one foot, two feet, or a foot on its toes need no cases: the signed distance
+of a point p to the edge of a convex set is the smallest h(n) − n·p over all unit directions n, positive inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from lumbar.lifting.measures.strength import AnkleTorques
+from lumbar.lifting.movement.cleaning import derivative
+
+FOOT_LENGTH, FOOT_BREADTH = 0.152, 0.055
+"""Shares of stature (Drillis and Contini 1966; Winter 2009, Figure 4.1)."""
+FUNCTIONAL_SHARE = 0.6
+"""How far towards the edge people lean with a load in their hands (Holbein and Redfern 1997)."""
+FLOOR_PERCENTILE = 5.0
+"""A marker of the foot stands on the ground where it is about as low as in the lowest part of its recording."""
+
+
+@dataclass(frozen=True)
+class BaseOfSupport:
+    """Convex base of support at n instants."""
+
+    corners: np.ndarray
+    """Shape (n, k, 2): metres in the plane of the ground; any order, inner ones do no harm."""
+    grounded: np.ndarray
+    """Shape (n, k): which corners are on the ground."""
+
+    @property
+    def centre(self) -> np.ndarray:
+        """Mean of the grounded corners, shape (n, 2); NaN where nothing is on the ground."""
+        weight = self.grounded[..., None].astype(float)
+        with np.errstate(invalid="ignore"):
+            return (np.nan_to_num(self.corners) * weight).sum(axis=1) / weight.sum(axis=1)
+
+    def functional(self, share: float = FUNCTIONAL_SHARE) -> BaseOfSupport:
+        """The part that people use: every edge drawn to `share` of its distance from the centre.
+
+        Holbein and Redfern, Int. J. Ind. Ergon. 19 (1997) 387-395: 15 men who held loads and leaned forward, backward and to
+        the sides reached about 60 % of the distance to the edge.
+        """
+        centre = self.centre[:, None, :]
+        return replace(self, corners=centre + share * (self.corners - centre))
+
+    def reach(self, point: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """How far the base extends beyond a point in a direction, shape (n,) in metres; negative where it ends before it.
+
+        Parameters
+        ----------
+        point, direction : ndarray, shape (n, 2)
+            Directions of length one.
+        """
+        along = np.einsum("nkj,nj->nk", self.corners, direction)
+        furthest = np.where(self.grounded, along, -np.inf).max(axis=1)
+        return np.where(self.grounded.any(axis=1), furthest - np.einsum("nj,nj->n", point, direction), np.nan)
+
+    def margin(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Signed distance of a point to the edge, and the direction in which the edge is nearest.
+
+        Parameters
+        ----------
+        point : ndarray, shape (n, 2)
+
+        Returns
+        -------
+        margin : ndarray, shape (n,)
+            Metres, positive inside, negative outside; NaN where nothing is on the ground or the point is not known.
+        direction : ndarray, shape (n, 2)
+            Unit vector from the point over the nearest edge.
+        """
+        directions = self._candidates(point)
+        corners = np.einsum("nkj,nmj->nkm", self.corners, directions)
+        furthest = np.where(self.grounded[..., None], corners, -np.inf).max(axis=1)
+        distance = furthest - np.einsum("nmj,nj->nm", directions, point)
+        distance = np.where(np.isfinite(distance), distance, np.inf)
+        best = distance.argmin(axis=1)
+        row = np.arange(len(point))
+        margin, direction = distance[row, best], directions[row, best]
+        known = np.isfinite(margin)
+        return np.where(known, margin, np.nan), np.where(known[:, None], direction, np.nan)
+
+    def _candidates(self, point: np.ndarray) -> np.ndarray:
+        """Directions among which the nearest edge or corner is, shape (n, m, 2): normals of all pairs, and corner to point.
+
+        Those of pairs that are no edge only name distances that are larger than the smallest.
+        """
+        pairs = [
+            self.corners[:, j] - self.corners[:, i] for i, j in combinations(range(self.corners.shape[1]), 2)
+        ]
+        normals = [
+            np.stack([sign * pair[:, 1], -sign * pair[:, 0]], axis=1) for pair in pairs for sign in (1, -1)
+        ]
+        away = [point - self.corners[:, i] for i in range(self.corners.shape[1])]
+        vectors = np.stack([*normals, *away], axis=1)
+        length = np.linalg.norm(vectors, axis=2, keepdims=True)
+        return vectors / np.where(length > 1e-12, length, np.nan)
+
+
+def joined(*bases: BaseOfSupport) -> BaseOfSupport:
+    """The hull around several bases: both feet."""
+    return BaseOfSupport(
+        np.concatenate([base.corners for base in bases], axis=1),
+        np.concatenate([base.grounded for base in bases], axis=1),
+    )
+
+
+def footprint(
+    heel: np.ndarray,
+    toe: np.ndarray,
+    heel_grounded: np.ndarray,
+    toe_grounded: np.ndarray,
+    length: float,
+    breadth: float,
+) -> BaseOfSupport:
+    """Base of one foot: a rectangle from the heel along the line heel-toe, its heel and toe on the ground each by itself.
+
+    Parameters
+    ----------
+    heel, toe : ndarray, shape (n, 3)
+        Markers, metres. The rectangle ends at the toe, or `length` ahead of the heel where the marker lies further back
+        (on the metatarsals).
+    heel_grounded, toe_grounded : ndarray of bool, shape (n,)
+        As of `grounded`.
+    length, breadth : float
+        Of the foot, metres: `FOOT_LENGTH` and `FOOT_BREADTH` of the stature where not measured.
+    """
+    line = (toe - heel)[:, :2]
+    distance = np.linalg.norm(line, axis=1, keepdims=True)
+    forward = line / np.where(distance > 0, distance, np.nan)
+    aside = 0.5 * breadth * np.stack([forward[:, 1], -forward[:, 0]], axis=1)
+    back, front = heel[:, :2], heel[:, :2] + np.maximum(distance, length) * forward
+    corners = np.stack([back - aside, back + aside, front - aside, front + aside], axis=1)
+    on_ground = np.stack([heel_grounded, heel_grounded, toe_grounded, toe_grounded], axis=1)
+    return BaseOfSupport(corners, on_ground & np.isfinite(corners).all(axis=2))
+
+
+def grounded(marker: np.ndarray, rate: float, height_m: float, speed_m_s: float) -> np.ndarray:
+    """Whether a marker of the foot is on the ground, shape (n,): low and at rest.
+
+    Parameters
+    ----------
+    marker : ndarray, shape (n, 3)
+        Filtered, metres.
+    rate : float
+        Frames per second.
+    height_m : float
+        How far above its lowest level in the recording it still stands.
+    speed_m_s : float
+        Below which it rests.
+    """
+    height = marker[:, 2]
+    if not np.isfinite(height).any():
+        return np.zeros(len(marker), dtype=bool)
+    floor = np.nanpercentile(height, FLOOR_PERCENTILE)
+    speed = np.linalg.norm(derivative(marker, rate), axis=1)
+    return (height < floor + height_m) & (speed < speed_m_s)
+
+
+def pendulum_rate(length: np.ndarray | float, gravity: float) -> np.ndarray | float:
+    """ω0 = √(g/l) in 1/s of a pendulum of length l in metres."""
+    return np.sqrt(gravity / length)
+
+
+def extrapolated_centre(position: np.ndarray, velocity: np.ndarray, rate: np.ndarray | float) -> np.ndarray:
+    """Extrapolated centre of mass x + v/ω0 (Hof et al. 2005, Eq. 5), shape as of `position`.
+
+    Parameters
+    ----------
+    position, velocity : ndarray, shape (n, d)
+        Of the whole body's centre of mass with what it carries, metres and m/s: horizontal coordinates.
+    rate : ndarray, shape (n,), or float
+        ω0 in 1/s.
+    """
+    return position + velocity / np.reshape(rate, (-1, 1))
+
+
+def smallest_impulse(mass: np.ndarray | float, rate: np.ndarray | float, margin: np.ndarray) -> np.ndarray:
+    """Horizontal impulse in N·s that just moves the extrapolated centre over the edge: m·ω0·b (Hof et al. 2005).
+
+    A push changes v at once by J/m, and so the extrapolated centre by J/(m·ω0). Negative: it is over the edge already, and
+    that impulse would bring it back.
+
+    Parameters
+    ----------
+    mass : ndarray, shape (n,), or float
+        Body with what it carries, kilograms.
+    rate : ndarray, shape (n,), or float
+        ω0 in 1/s.
+    margin : ndarray, shape (n,)
+        Signed distance of the extrapolated centre to the edge of the base, metres.
+    """
+    return mass * rate * margin
+
+
+def capture_margin(
+    offset: np.ndarray,
+    velocity: np.ndarray,
+    height: np.ndarray,
+    ahead: np.ndarray,
+    behind: np.ndarray,
+    gravity: float,
+) -> np.ndarray:
+    """Distance of the instantaneous capture point to the nearer end of where the centre of pressure can be, metres.
+
+    Parameters
+    ----------
+    offset, velocity : ndarray, shape (n,)
+        Of the centre of mass from the pivot along one horizontal axis, m and m/s.
+    height : ndarray, shape (n,)
+        Of the centre of mass above the pivot, metres.
+    ahead, behind : ndarray, shape (n,)
+        How far the centre of pressure can go from the pivot along the axis and against it, metres.
+    gravity : float
+        m/s².
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Positive: 0-step capturable.
+    """
+    point = offset + velocity / pendulum_rate(height, gravity)
+    return np.minimum(ahead - point, behind + point)
+
+
+def braking_speed(angle: np.ndarray, length: np.ndarray, reach: np.ndarray, gravity: float) -> np.ndarray:
+    """Largest angular velocity in rad/s towards positive angles at which full braking still stops the pendulum.
+
+    The stable manifold of the saddle θ* = asin(r/l) of θ̈ = (g/l)·(sin θ − r/l): with the potential
+    V(θ) = cos θ + (r/l)·θ, θ̇ = sign(θ* − θ)·√(2(g/l)(V(θ*) − V(θ))). Beyond θ* it is negative: the pendulum must swing back.
+
+    Parameters
+    ----------
+    angle : ndarray, shape (n,)
+        Radians from straight up.
+    length : ndarray, shape (n,)
+        Metres.
+    reach : ndarray, shape (n,)
+        Largest braking torque over the weight, metres: how far the centre of pressure can go ahead of the pivot.
+    gravity : float
+        m/s².
+    """
+    share = np.clip(reach / length, -1.0, 1.0)
+    saddle = np.arcsin(share)
+    height = np.cos(saddle) + share * saddle - np.cos(angle) - share * angle
+    return np.sign(saddle - angle) * np.sqrt(2 * gravity / length * np.maximum(height, 0.0))
+
+
+def viability_margin(
+    angle: np.ndarray,
+    angular_velocity: np.ndarray,
+    length: np.ndarray,
+    mass: np.ndarray | float,
+    ahead: np.ndarray,
+    behind: np.ndarray,
+    gravity: float,
+) -> np.ndarray:
+    """Impulse across the pendulum in N·s that just takes it beyond what its torque can stop, towards the nearer side.
+
+    m·l·(θ̇_braking − θ̇); for small angles m·ω0 times the `capture_margin`. Parameters as of `capture_margin` and
+    `braking_speed`; `mass` in kilograms.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Positive: viable without a step.
+    """
+    forward = braking_speed(angle, length, ahead, gravity) - angular_velocity
+    backward = braking_speed(-angle, length, behind, gravity) + angular_velocity
+    return mass * length * np.minimum(forward, backward)
+
+
+def pressure_limits(
+    base: BaseOfSupport,
+    ankles: np.ndarray,
+    standing: np.ndarray,
+    right: np.ndarray,
+    weight: np.ndarray | float,
+    torques: AnkleTorques,
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """How far the centre of pressure can go from the middle of the ankles that stand, by foot size and ankle torque.
+
+    Fore and aft the torques of all standing ankles add up over the weight. Sideways the weight shifts from foot to foot, and
+    beyond the outer ankle only that ankle's torque counts (outward inversion, inward eversion where it stands alone).
+
+    Parameters
+    ----------
+    base : BaseOfSupport
+        Of n instants: the whole of what is on the ground.
+    ankles : ndarray, shape (n, 2, 2)
+        Left and right ankle, horizontal coordinates in metres.
+    standing : ndarray of bool, shape (n, 2)
+        Which of them stand.
+    right : ndarray, shape (n, 2)
+        Unit vector to the person's right; forward is to its left by a quarter turn.
+    weight : ndarray, shape (n,), or float
+        m·g of body and load, newtons.
+
+    Returns
+    -------
+    dict of str to tuple of ndarray
+        By plane (`lumbar.lifting.movement.pendulum_states.PLANES`): along the axis (right, forward) and against it, metres.
+    """
+    forward = np.stack([-right[:, 1], right[:, 0]], axis=1)
+    pivot = middle_of_standing(ankles, standing)
+    feet = standing.sum(axis=1)
+    across = np.einsum("nfj,nj->nf", ankles - pivot[:, None, :], right)
+    outer = np.where(standing, across, -np.inf).max(axis=1), np.where(standing, -across, -np.inf).max(axis=1)
+    outer = tuple(np.where(feet > 0, values, np.nan) for values in outer)
+    sides = (
+        standing[:, 1],
+        standing[:, 0],
+    )  # to the right of a standing right foot is outward, of a lone left foot inward
+    lateral = [
+        np.minimum(
+            base.reach(pivot, sign * right),
+            ankle + np.where(outward, torques.inversion, torques.eversion) / weight,
+        )
+        for sign, ankle, outward in zip((1, -1), outer, sides, strict=True)
+    ]
+    sagittal = [
+        np.minimum(base.reach(pivot, sign * forward), feet * torque / weight)
+        for sign, torque in ((1, torques.plantar_flexion), (-1, torques.dorsiflexion))
+    ]
+    return {"lateral_bending": (lateral[0], lateral[1]), "flexion_extension": (sagittal[0], sagittal[1])}
+
+
+def middle_of_standing(ankles: np.ndarray, standing: np.ndarray) -> np.ndarray:
+    """Middle of the ankles that stand, shape (n, d): the pivot; NaN where none does.
+
+    Parameters
+    ----------
+    ankles : ndarray, shape (n, 2, d)
+    standing : ndarray of bool, shape (n, 2)
+    """
+    weight = standing[..., None].astype(float)
+    with np.errstate(invalid="ignore"):
+        return (np.nan_to_num(ankles) * weight).sum(axis=1) / weight.sum(axis=1)

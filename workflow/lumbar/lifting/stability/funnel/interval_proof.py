@@ -1,0 +1,364 @@
+"""Proof that a funnel holds at every moment, not only at its knots: interval branch-and-bound, true sine.
+
+What is proved is stated in interpolants, cubic splines through the knots (not-a-knot): of the reference θ0, of
+the feedback gains K1, K2 and of the three numbers that describe the ellipse, with ρ in them,
+
+    e = A·cos φ,   ω = P·cos φ + Q·sin φ.
+
+With x̄ = N(t)·z the boundary is |z| = 1, and states stay inside where g = ½·d|z|²/dt < 0 on it for all φ and t:
+
+    g = q11·cos²φ + q12·cos φ·sin φ + q22·sin²φ − (G/Q)·sin φ·(sin(θ0 + A·cos φ) − sin θ0)
+    q11 = W = (P − Ȧ)/A,   q12 = Q/A − (k1·A + k2·P + Ṗ + P·W)/Q,   q22 = −k2 − Q̇/Q − P/A
+
+with k1 = K1/I, k2 = (b + K2)/I, G = σmgℓ/I. Torque limits and an uncertain mass (`saturation`) add to g, for both
+extreme masses,
+
+    (1/Q)·sin φ·(r·y − x),   x = θ̈0 + G·sin θ0 − k1·e − k2·ω,   y = clip(x + d, ±U/I) − d,   d = (b/I)·(θ̇0 + ω)
+
+Time is cut into pieces and the circle into arcs; on each box g is bounded by the mean-value form in interval
+arithmetic (`interval_bounds`). Arcs that are not proved are halved, pieces of time with an arc that resists are
+halved too; what resists to the end is not proved, and its share is reported.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels
+from lumbar.lifting.stability.funnel.interval import Interval
+from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, normal_axes
+
+
+def saturation_coefficients(curves: dict, gravity: Interval, drag: Interval) -> dict[str, Interval]:
+    """Coefficients of x and d and 1/Q; `curves` holds values and derivatives by name."""
+    angle, velocity, acceleration, _ = curves["angle"]
+    a, p, q, k1, k2 = (curves[name][0] for name in ("A", "P", "Q", "k1", "k2"))
+    return {
+        "x0": acceleration + gravity * angle.sin(),
+        "xc": -(k1 * a + k2 * p),
+        "xs": -(k2 * q),
+        "d0": drag * velocity,
+        "dc": drag * p,
+        "ds": drag * q,
+        "inverse_q": Interval(1.0) / q,
+    }
+
+
+def saturation_coefficient_rates(curves: dict, gravity: Interval, drag: Interval) -> dict[str, Interval]:
+    """Time derivatives of `saturation_coefficients`."""
+    angle, velocity, acceleration, jerk = curves["angle"]
+    (a, a1, *_), (p, p1, *_), (q, q1, *_) = curves["A"], curves["P"], curves["Q"]
+    (k1, k1_rate, *_), (k2, k2_rate, *_) = curves["k1"], curves["k2"]
+    return {
+        "x0": jerk + gravity * angle.cos() * velocity,
+        "xc": -(k1_rate * a + k1 * a1 + k2_rate * p + k2 * p1),
+        "xs": -(k2_rate * q + k2 * q1),
+        "d0": drag * acceleration,
+        "dc": drag * p1,
+        "ds": drag * q1,
+        "inverse_q": -(q1 / q.square()),
+    }
+
+
+def saturation_part(at: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
+    """(1/Q)·sin φ·(r·y − x)."""
+    x, d = _wanted(at, c, s)
+    return at["inverse_q"] * s * _missing(x, d, torque, ratio)
+
+
+def saturation_part_time(
+    over: dict, rates: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float
+) -> Interval:
+    """Generalised time derivative of `saturation_part`."""
+    x, d = _wanted(over, c, s)
+    x_rate, d_rate = _wanted(rates, c, s)
+    change = _missing_rate(x + d, x_rate, d_rate, torque, ratio)
+    return s * (rates["inverse_q"] * _missing(x, d, torque, ratio) + over["inverse_q"] * change)
+
+
+def saturation_part_arc(over: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
+    """Generalised derivative of `saturation_part` along the boundary."""
+    x, d = _wanted(over, c, s)
+    x_turn, d_turn = (over[f"{name}s"] * c - over[f"{name}c"] * s for name in ("x", "d"))
+    change = _missing_rate(x + d, x_turn, d_turn, torque, ratio)
+    return over["inverse_q"] * (c * _missing(x, d, torque, ratio) + s * change)
+
+
+def _wanted(at: dict, c: Interval, s: Interval) -> tuple[Interval, Interval]:
+    """Return x and d."""
+    return tuple(at[f"{name}0"] + at[f"{name}c"] * c + at[f"{name}s"] * s for name in ("x", "d"))
+
+
+def _missing(x: Interval, d: Interval, torque: np.ndarray, ratio: float) -> Interval:
+    """Return r·y − x."""
+    wanted = x + d
+    applied = Interval(np.clip(wanted.low, -torque, torque), np.clip(wanted.high, -torque, torque))
+    return ratio * (applied - d) - x
+
+
+def _missing_rate(wanted: Interval, x: Interval, d: Interval, torque: np.ndarray, ratio: float) -> Interval:
+    """Return the generalised derivative of r·y − x from those of x and d."""
+    never = (wanted.low > torque) | (wanted.high < -torque)
+    always = (wanted.high < torque) & (wanted.low > -torque)
+    passed = Interval(np.where(always, 1.0, 0.0), np.where(never, 0.0, 1.0))
+    return ratio * (passed * (x + d) - d) - x
+
+
+ARC_OVERLAP = 1e-13
+"""By which arcs overlap, so that the rounding of their centres leaves no gap; in rad."""
+
+
+@dataclass(frozen=True)
+class Interpolants:
+    """Cubic pieces of θ0, K1/I, (b + K2)/I, A, P and Q."""
+
+    pieces: dict[str, np.ndarray]
+    """Shape (4, intervals, pendulums): coefficients in t − tᵢ, highest power first."""
+    step: np.ndarray
+    """Shape (pendulums,): length of an interval in s."""
+    gravity: np.ndarray
+    """Shape (pendulums,): G in 1/s²."""
+    drag: np.ndarray
+    """Shape (pendulums,): b/I in 1/s."""
+    torque: np.ndarray
+    """Shape (pendulums,): U/I in 1/s²."""
+    bias: np.ndarray
+    """Shape (pendulums,): middle of the torques allowed, over I, in 1/s²."""
+    ratios: tuple[float, ...] = ()
+    """m/m_true of the extreme masses; empty for a loop without limits."""
+
+
+class IntervalBounds:
+    """Pieces of time times arcs of the boundary.
+
+    Holds the coefficients of g on the pieces: in the middle, over the piece, and their rates over the piece.
+    """
+
+    def __init__(self, curves: Interpolants, index: np.ndarray, middle: np.ndarray, width: float):
+        count = len(curves.step)
+        pendulum = index % count
+        step = curves.step[pendulum]
+        self.size = len(index)
+        # A little longer than the piece, so that neighbours overlap whatever the rounding.
+        self.half = 0.5 * width * step * (1 + 1e-12)
+        self.ratios = curves.ratios
+        self.torque = curves.torque[pendulum]
+        constants = Interval(curves.gravity[pendulum]), Interval(curves.drag[pendulum]), bool(self.ratios)
+        local = {name: values.reshape(4, -1)[:, index] for name, values in curves.pieces.items()}
+        centre = Interval(middle * step)
+        self.centre = _coefficients(_derivatives(local, centre, Interval(0 * self.half)), *constants)
+        whole = _derivatives(local, centre, Interval(-self.half, self.half))
+        self.whole = _coefficients(whole, *constants)
+        if self.ratios:
+            for part in (self.centre, self.whole):
+                part["x0"] = part["x0"] - curves.bias[pendulum]
+        self.rates = _coefficient_rates(whole, self.whole, *constants)
+
+    def bounds(self, piece: np.ndarray, arcs: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return a lower bound of g in the middle of each box and an upper bound on it, each of all masses."""
+        angle = Interval(arcs)
+        c, s = angle.cos(), angle.sin()
+        at = {name: values[piece] for name, values in self.centre.items()}
+        over = {name: values[piece] for name, values in self.whole.items()}
+        rates = {name: values[piece] for name, values in self.rates.items()}
+        half = self.half[piece]
+        reach = radius + ARC_OVERLAP
+        arc = Interval(arcs - reach, arcs + reach)
+        arc_c, arc_s = arc.cos(), arc.sin()
+        duration, extent = Interval(-half, half), Interval(-reach, reach)
+        centre = _g(at, c, s)
+        change = _g_time(over, rates, c, s) * duration + _g_arc(over, arc_c, arc_s) * extent
+        if not self.ratios:
+            return centre.low, (centre + change).high
+        torque = self.torque[piece]
+        bounds = []
+        for ratio in self.ratios:
+            here = centre + saturation_part(at, c, s, torque, ratio)
+            time_part = saturation_part_time(over, rates, c, s, torque, ratio) * duration
+            arc_part = saturation_part_arc(over, arc_c, arc_s, torque, ratio) * extent
+            bounds.append((here.low, (here + change + time_part + arc_part).high))
+        return tuple(np.max(bounds, axis=0))
+
+
+def _derivatives(local: dict, centre: Interval, offset: Interval) -> dict[str, tuple[Interval, ...]]:
+    """Value and derivatives of every curve over centre + offset, by Taylor's formula (exact)."""
+    result = {}
+    for name, (c3, c2, c1, c0) in local.items():
+        value = ((centre * c3 + c2) * centre + c1) * centre + c0
+        first = (centre * (3 * Interval(c3)) + 2 * Interval(c2)) * centre + c1
+        second = centre * (6 * Interval(c3)) + 2 * Interval(c2)
+        result[name] = (
+            value + offset * (first + offset * (second * 0.5 + offset * c3)),
+            first + offset * (second + offset * (3 * Interval(c3))),
+            second + offset * (6 * Interval(c3)),
+            6 * Interval(c3),
+        )
+    return result
+
+
+def _coefficients(curves: dict, gravity: Interval, drag: Interval, limited: bool) -> dict[str, Interval]:
+    (a, a1, *_), (p, p1, *_), (q, q1, *_) = curves["A"], curves["P"], curves["Q"]
+    k1, k2 = curves["k1"][0], curves["k2"][0]
+    w = (p - a1) / a
+    n = k1 * a + k2 * p + p1 + p * w
+    saturation = saturation_coefficients(curves, gravity, drag) if limited else {}
+    return {
+        **saturation,
+        "q11": w,
+        "q12": q / a - n / q,
+        "q22": -(k2 + q1 / q + p / a),
+        "n": n,
+        "weight": gravity / q,
+        "A": a,
+        "angle": curves["angle"][0],
+    }
+
+
+def _coefficient_rates(
+    curves: dict, over: dict[str, Interval], gravity: Interval, drag: Interval, limited: bool
+) -> dict[str, Interval]:
+    """Time derivatives of `_coefficients`."""
+    (a, a1, a2, _), (p, p1, p2, _), (q, q1, q2, _) = curves["A"], curves["P"], curves["Q"]
+    (k1, k1_rate, *_), (k2, k2_rate, *_) = curves["k1"], curves["k2"]
+    w, n = over["q11"], over["n"]
+    w_rate = (p1 - a2 - w * a1) / a
+    n_rate = k1_rate * a + k1 * a1 + k2_rate * p + k2 * p1 + p2 + p1 * w + p * w_rate
+    saturation = saturation_coefficient_rates(curves, gravity, drag) if limited else {}
+    return {
+        **saturation,
+        "q11": w_rate,
+        "q12": (q1 - q / a * a1) / a - (n_rate - n / q * q1) / q,
+        "q22": -(k2_rate + (q2 - (q1 / q) * q1) / q + (p1 - p / a * a1) / a),
+        "weight": -(gravity / q) * (q1 / q),
+        "A": a1,
+        "angle": curves["angle"][1],
+    }
+
+
+def _g(at: dict[str, Interval], c: Interval, s: Interval) -> Interval:
+    gravity = (at["angle"] + at["A"] * c).sin() - at["angle"].sin()
+    return _quadratic(at, c, s) - at["weight"] * s * gravity
+
+
+def _quadratic(at: dict[str, Interval], c: Interval, s: Interval) -> Interval:
+    return at["q11"] * c.square() + at["q12"] * (c * s) + at["q22"] * s.square()
+
+
+def _g_time(over: dict, rates: dict, c: Interval, s: Interval) -> Interval:
+    displaced = over["angle"] + over["A"] * c
+    gravity = displaced.sin() - over["angle"].sin()
+    cosine = displaced.cos()
+    change = rates["angle"] * (cosine - over["angle"].cos()) + rates["A"] * c * cosine
+    return _quadratic(rates, c, s) - s * (rates["weight"] * gravity + over["weight"] * change)
+
+
+def _g_arc(over: dict, c: Interval, s: Interval) -> Interval:
+    displaced = over["angle"] + over["A"] * c
+    gravity = displaced.sin() - over["angle"].sin()
+    turned = c * gravity - s.square() * over["A"] * displaced.cos()
+    quadratic = 2 * (over["q22"] - over["q11"]) * (c * s) + over["q12"] * (c.square() - s.square())
+    return quadratic - over["weight"] * turned
+
+
+ARCS = 24
+"""Arcs of the circle to begin with."""
+ARC_HALVINGS = 9
+TIME_HALVINGS = 3
+BOXES_AT_ONCE = 200_000
+
+
+def interpolants(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = UNSATURATED) -> Interpolants:
+    """Return the stated interpolants through the funnel's knots.
+
+    Raises
+    ------
+    NumericalError
+        The funnel has fewer than four knots, or they do not lie among those of `loops`.
+    """
+    from scipy.interpolate import CubicSpline
+
+    knots = len(funnels.level)
+    stride, rest = divmod(loops.knots - 1, knots - 1)
+    if knots < 4 or rest:
+        raise NumericalError(f"{knots} knots do not lie evenly among {loops.knots}, or are fewer than four")
+    pendulums, points = loops.pendulums, slice(None, None, 2 * stride)
+    root = np.sqrt(funnels.level)
+    a, p, q = (root * axis for axis in normal_axes(funnels.cost))
+    curves = {
+        "angle": pendulums.angle[points],
+        "k1": loops.gains[points][..., 0] / pendulums.inertia,
+        "k2": (pendulums.damping + loops.gains[points][..., 1]) / pendulums.inertia,
+        "A": a,
+        "P": p,
+        "Q": q,
+    }
+    step = pendulums.duration / (knots - 1)
+    # On the unit interval the splines of all pendulums are one call; then t is scaled to seconds.
+    scale = step[None, :] ** np.arange(3, -1, -1)[:, None]
+    pieces = {
+        name: CubicSpline(np.arange(knots), values).c / scale[:, None, :] for name, values in curves.items()
+    }
+    return Interpolants(
+        pieces,
+        step,
+        gravity=pendulums.gravity_torque / pendulums.inertia,
+        drag=pendulums.damping / pendulums.inertia,
+        torque=saturation.torque / pendulums.inertia,
+        bias=saturation.bias / pendulums.inertia,
+        ratios=saturation.ratios if saturation.active else (),
+    )
+
+
+def proved_share(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = UNSATURATED) -> np.ndarray:
+    """Return the share of the time axis on which the funnel is proved invariant, shape (pendulums,).
+
+    The funnel must have a margin (`funnel.funnel_variants`): the exact one touches g = 0 at all times and no
+    finite precision can prove that.
+    """
+    curves = interpolants(loops, funnels, saturation)
+    intervals, count = next(iter(curves.pieces.values())).shape[1:]
+    index = np.arange(intervals * count)
+    middle = np.full(len(index), 0.5)
+    proved = np.zeros(count)
+    for halving in range(TIME_HALVINGS + 1):
+        width = 0.5**halving
+        holds = _prove(curves, index, middle, width)
+        proved += width * np.bincount(index[holds] % count, minlength=count)
+        index, middle = index[~holds], middle[~holds]
+        middle = np.concatenate([middle - width / 4, middle + width / 4])
+        index = np.concatenate([index, index])
+    return proved / intervals
+
+
+def _prove(curves: Interpolants, index: np.ndarray, middle: np.ndarray, width: float) -> np.ndarray:
+    """Whether each piece of time is proved; `middle` and `width` in parts of its knot interval."""
+    holds = np.zeros(len(index), dtype=bool)
+    chunk = BOXES_AT_ONCE // ARCS
+    for start in range(0, len(index), chunk):
+        part = slice(start, start + chunk)
+        holds[part] = _prove_arcs(IntervalBounds(curves, index[part], middle[part], width))
+    return holds
+
+
+def _prove_arcs(pieces: IntervalBounds) -> np.ndarray:
+    holds = np.ones(pieces.size, dtype=bool)
+    radius = np.pi / ARCS
+    arcs = np.tile(2 * radius * np.arange(ARCS), pieces.size)
+    piece = np.repeat(np.arange(pieces.size), ARCS)
+    for _ in range(ARC_HALVINGS + 1):
+        centre, bound = pieces.bounds(piece, arcs, radius)
+        # A centre that is certainly outside, and the piece is lost whatever else is shown.
+        holds[piece[centre > 0]] = False
+        left = (bound >= 0) & holds[piece]
+        piece, arcs = piece[left], arcs[left]
+        if not len(piece):
+            return holds
+        radius /= 2
+        piece = np.concatenate([piece, piece])
+        arcs = np.concatenate([arcs - radius, arcs + radius])
+    holds[piece] = False
+    return holds

@@ -1,0 +1,268 @@
+"""Reference trajectories: the pendulum states of one COM in one plane, checked before they are used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import Problems
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.settings.stability import StabilitySettings
+
+COMS = ("thorax", "abdomen", "pelvis")
+PLANES = ("lateral_bending", "flexion_extension")
+MINIMUM_SAMPLES = 20
+SHORTEST_LENGTH_M = 0.1
+VELOCITY_TOLERANCE = 0.1
+"""How far the integral of the angular velocity may stray from the angle, as a share of the angle's range."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """States of the pendulum of one COM, seen in one plane, while a box is deposited."""
+
+    subject: str
+    experience: str
+    """`subject`, `experience`: who lifted, and how experienced the person is."""
+    box_mass_kg: float
+    """Mass of the box."""
+    com: str
+    plane: str
+    """`com`, `plane`: one of `COMS` and one of `PLANES`."""
+    pivot: str
+    """Point about which the pendulum turns."""
+    time: np.ndarray
+    """Shape (samples,): seconds, increasing."""
+    angle: np.ndarray
+    angular_velocity: np.ndarray
+    angular_acceleration: np.ndarray
+    """`angle`, `angular_velocity`, `angular_acceleration`: shape (samples,): θ0, θ̇0 and θ̈0 in rad, rad/s and rad/s²."""
+    mass_kg: float
+    length_m: float
+    """`mass_kg`, `length_m`: mass and (mean) length of the pendulum."""
+    mass_counted: str = "with_box"
+    """``with_box`` or ``without_box``: what `mass_kg` holds."""
+    clock: str = "real"
+    """``real``, or ``unit`` where the recorded movement is played in one second."""
+
+    @property
+    def label(self) -> str:
+        """Subject, box, COM and plane, for messages."""
+        return f"{self.subject} {self.box_mass_kg:g} kg, {self.com}, {self.plane}"
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last sample."""
+        return float(self.time[-1] - self.time[0])
+
+
+def in_unit_time(trajectory: Trajectory) -> Trajectory:
+    """Return the same path played in one second, as the thesis has it ("to non-dimensionalize time", section 4.2.3.1).
+
+    The pendulum keeps its mass, length, damping and gravity, and the regulator its weights: this is another movement and
+    no change of units. In other units of time every area would only be multiplied by the duration.
+    """
+    duration = trajectory.duration
+    return replace(
+        trajectory,
+        time=(trajectory.time - trajectory.time[0]) / duration,
+        angular_velocity=trajectory.angular_velocity * duration,
+        angular_acceleration=trajectory.angular_acceleration * duration**2,
+        clock="unit",
+    )
+
+
+def find_problems(trajectory: Trajectory) -> Problems:
+    """Collect what keeps a trajectory from having a basin of attraction."""
+    problems = Problems(trajectory.label)
+    if len(trajectory.time) < MINIMUM_SAMPLES:
+        problems.add("", f"{len(trajectory.time)} samples", f"at least {MINIMUM_SAMPLES} are needed")
+        return problems
+    for name in ("time", "angle", "angular_velocity", "angular_acceleration"):
+        values = getattr(trajectory, name)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            problems.add(f"sample {bad[0] + 1}", f"{name} is {values[bad[0]]}", "every value must be finite")
+    if not (np.isfinite(trajectory.mass_kg) and trajectory.mass_kg > 0):
+        problems.add("mass_kg", f"{trajectory.mass_kg:g}", "a positive mass is needed")
+    if not (np.isfinite(trajectory.length_m) and trajectory.length_m >= SHORTEST_LENGTH_M):
+        problems.add(
+            "length_m",
+            f"{trajectory.length_m:g}",
+            f"a pendulum shorter than {SHORTEST_LENGTH_M} m describes no trunk segment: choose another pivot",
+        )
+    if problems.entries:
+        return problems
+    backward = np.flatnonzero(np.diff(trajectory.time) <= 0)
+    if backward.size:
+        row = backward[0] + 2
+        found = f"time {trajectory.time[row - 1]:g} s after {trajectory.time[row - 2]:g} s"
+        problems.add(f"sample {row}", found, "time must increase")
+        return problems
+    beyond = np.flatnonzero(np.abs(trajectory.angle) >= np.pi)
+    if beyond.size:
+        row = beyond[0]
+        found = f"angle {trajectory.angle[row]:.3g} rad"
+        problems.add(f"sample {row + 1}", found, "a COM over or under its pivot lies within ±π")
+    elif (stray := _velocity_error(trajectory)) > VELOCITY_TOLERANCE:
+        problems.add(
+            "angular_velocity",
+            f"its integral strays from the angle by {100 * stray:.0f} % of the angle's range",
+            f"at most {100 * VELOCITY_TOLERANCE:.0f} %: it must be the derivative of the angle",
+        )
+    return problems
+
+
+def _velocity_error(trajectory: Trajectory) -> float:
+    from scipy.integrate import cumulative_trapezoid
+
+    integral = cumulative_trapezoid(trajectory.angular_velocity, trajectory.time, initial=0.0)
+    error = trajectory.angle - trajectory.angle[0] - integral
+    # A hundredth of a radian is below what markers resolve: a COM that stays put must not fail.
+    return float(np.ptp(error) / max(np.ptp(trajectory.angle), 0.1))
+
+
+NO_TRAJECTORY = "trajectory"
+"""What is missing where the trajectory itself is unsound: all basins of it."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """One basin that could not be computed; attributes as `COLUMNS`."""
+
+    subject: str
+    experience: str
+    box_mass_kg: float
+    com: str
+    plane: str
+    basin: str
+    reason: str
+
+    @classmethod
+    def of(cls, item: Trajectory, basin: str, reason: str) -> Failure:
+        """Return the failure of a basin of one trajectory."""
+        return cls(item.subject, item.experience, item.box_mass_kg, item.com, item.plane, basin, reason)
+
+
+SIGN = ("hanging", "inverted")
+TIME = ("real", "unit")
+MASS = ("with_box", "without_box")
+PIVOT = ("mid_ankle", "hip")
+
+
+@dataclass(frozen=True, order=True)
+class Convention:
+    """One way to make a pendulum of a recorded deposit."""
+
+    sign: str
+    """Sign of gravity in Eq. 4.1."""
+    time: str
+    """Whether the movement lasts as long as it was recorded or one second."""
+    mass: str
+    """Whether the box counts to the pendulum's mass."""
+    pivot: str
+    """Point about which the pendulum turns (or another of `lumbar.lifting.movement.pendulum_states.PIVOTS`)."""
+
+    def __str__(self) -> str:
+        time = {"real": "real time", "unit": "unit time"}[self.time]
+        return ", ".join([self.sign, time, *(part.replace("_", " ") for part in (self.mass, self.pivot))])
+
+
+THESIS = Convention("hanging", "unit", "without_box", "mid_ankle")
+"""The thesis's own wording: + in Eq. 4.1, trajectories interpolated "to non-dimensionalize time", "subject mass"; of the
+pivot it shows only Figure 4.1, a pendulum over the feet."""
+GRID = tuple(Convention(*choice) for choice in product(SIGN, TIME, MASS, PIVOT))
+"""Every way, in the order of Table 4.1's grid."""
+
+
+@dataclass(frozen=True)
+class LiftStates:
+    """Pendulum states of one lift about every pivot that was taken."""
+
+    states: pd.DataFrame
+    """``pendulum.csv``: about the study's pivot."""
+    facts: Mapping
+    """``pendulum.json``; ``other_pivots`` holds ``length_m`` and ``missing`` of the further pivots by name."""
+    others: pd.DataFrame | None = None
+    """``other_pivots.csv``: column ``pivot`` and those of `states`; None where there is no such file."""
+
+    def trajectories(self, convention: Convention) -> tuple[list[Trajectory], list[Failure]]:
+        """Return the sound trajectories of one convention, and what is wrong with the others."""
+        pivot, mass, time = convention.pivot, convention.mass, convention.time
+        if pivot == self.facts["pivot"]:
+            return trajectories_of_lift(self.states, self.facts, mass, time)
+        further = self.facts.get("other_pivots", {})
+        if self.others is None or pivot not in further:
+            reason = f"no pendulum states about the pivot {pivot}: 'lumbar lift' writes other_pivots.csv"
+            lost = {**self.facts, "missing": dict.fromkeys(COMS, reason)}
+            return trajectories_of_lift(self.states, lost, mass, time)
+        rows = self.others[self.others["pivot"] == pivot]
+        return trajectories_of_lift(rows, {**self.facts, "pivot": pivot, **further[pivot]}, mass, time)
+
+
+def trajectories_of_lift(
+    states: pd.DataFrame, facts: Mapping, mass: str, time: str = "real"
+) -> tuple[list[Trajectory], list[Failure]]:
+    """Return the sound ones of a lift's six trajectories, and what is wrong with the others.
+
+    Parameters
+    ----------
+    states : pandas.DataFrame
+        Columns ``com, plane, time_s, angle_rad, angular_velocity_rad_s, angular_acceleration_rad_s2``.
+    facts : mapping
+        ``subject, box_mass_kg, pivot``, ``mass_kg`` (per COM ``with_box`` and ``without_box``) and ``length_m`` (per COM
+        and plane); ``experience`` where it is known, and ``missing``, the reasons of COMs without a pendulum.
+    mass : {"with_box", "without_box"}
+        Whether the box counts to the pendulum's mass.
+    time : {"real", "unit"}
+        Whether the movement lasts as long as it was recorded or one second.
+
+    Returns
+    -------
+    trajectories : list of Trajectory
+        In the order of `COMS`, then `PLANES`.
+    failures : list of Failure
+        Of those that have no basin.
+    """
+    trajectories, failures, missing = [], [], facts.get("missing", {})
+    parts = dict(iter(states.groupby(["com", "plane"])))
+    person, box = (facts["subject"], facts.get("experience", "")), float(facts["box_mass_kg"])
+    for com in COMS:
+        for plane in PLANES:
+            if com in missing:
+                failures.append(Failure(*person, box, com, plane, NO_TRAJECTORY, missing[com]))
+                continue
+            rows = parts.get((com, plane), states[:0])
+            trajectory = Trajectory(
+                *person,
+                box,
+                com=com,
+                plane=plane,
+                pivot=facts["pivot"],
+                time=rows["time_s"].to_numpy(float),
+                angle=rows["angle_rad"].to_numpy(float),
+                angular_velocity=rows["angular_velocity_rad_s"].to_numpy(float),
+                angular_acceleration=rows["angular_acceleration_rad_s2"].to_numpy(float),
+                mass_kg=float(facts["mass_kg"][com][mass]),
+                length_m=float(facts["length_m"][com][plane]),
+                mass_counted=mass,
+            )
+            problems = find_problems(trajectory).entries
+            if problems:
+                failures.append(Failure.of(trajectory, NO_TRAJECTORY, ". ".join(problems)))
+            else:
+                trajectories.append(in_unit_time(trajectory) if time == "unit" else trajectory)
+    return trajectories, failures
+
+
+def headline(settings: StabilitySettings, pivot: str) -> Convention:
+    """Return the convention of the headline: the study's own choices."""
+    pendulum = settings.pendulum
+    return Convention(pendulum.sign, pendulum.time, pendulum.mass, pivot)

@@ -1,1 +1,0 @@
-"""Proof by interval arithmetic that a funnel holds between its knots."""
