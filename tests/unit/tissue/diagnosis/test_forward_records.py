@@ -17,7 +17,7 @@ from lumbar.study.settings_files import load_settings
 from lumbar.tissue.diagnosis.forward.carried import response_of
 from lumbar.tissue.diagnosis.linear.direction import FORWARD
 from lumbar.tissue.effects.catalogue import catalogues_with
-from lumbar.tissue.fmu.build.effect_entry import effect_model
+from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel
 

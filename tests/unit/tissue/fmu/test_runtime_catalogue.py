@@ -7,7 +7,7 @@ import pytest
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry
 
 from lumbar.tissue.effects import catalogue
-from lumbar.tissue.fmu.build.effect_entry import effect_model
+from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.models import bases as base_models
 from lumbar.tissue.models.fitted_model import FittedModel
 

@@ -13,7 +13,7 @@ from runtime_models import TARGET, exported, random_motion
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
-from lumbar.tissue.fmu.build.effect_entry import effect_model
+from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.check.fmu_check import check_fmus
 from lumbar.tissue.models.fitted_model import FittedModel

@@ -13,7 +13,6 @@ from test_runtime_defects import BINARY, DESCRIPTION, binary, contents, edited
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import RuntimeSettings
-from lumbar.tissue.fmu.agreed import REFERENCE, WITHOUT_EVENT_MODE
 from lumbar.tissue.fmu.build.compiler import compile_library
 from lumbar.tissue.fmu.build.package import write_fmu
 from lumbar.tissue.fmu.build.sources import c_files, content_token, source_files
@@ -21,6 +20,7 @@ from lumbar.tissue.fmu.check import file_check
 from lumbar.tissue.fmu.check.behaviour import compared, problems_of
 from lumbar.tissue.fmu.check.file_check import check_file, check_files
 from lumbar.tissue.fmu.check.instance import UnzippedFmu
+from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE
 
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"

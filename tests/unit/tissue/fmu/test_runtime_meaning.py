@@ -16,8 +16,8 @@ from runtime_models import RANGE, entry, exported, models_json
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.tissue.effects.catalogue import CATALOGUES
-from lumbar.tissue.fmu.agreed import told_meaning
 from lumbar.tissue.fmu.build.meaning import range_text, sign_text
+from lumbar.tissue.fmu.conventions import told_meaning
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import MotionRange
 from lumbar.tissue.models.models_file import models_document, read_models

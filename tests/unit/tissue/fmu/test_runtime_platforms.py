@@ -20,8 +20,7 @@ from runtime_models import SETTINGS, entry, models_json, selected
 from lumbar.base.errors import InputError
 from lumbar.tissue.fmu.build import compiler
 from lumbar.tissue.fmu.build.compiler import TARGETS, host_target, resolve_targets
-from lumbar.tissue.fmu.build.mach_o import universal_library
-from lumbar.tissue.fmu.build.package import export_fmus, fmu_contents
+from lumbar.tissue.fmu.build.package import export_fmus, fmu_contents, universal_library
 from lumbar.tissue.fmu.build.reference_response import reference_push
 from patience import PATIENCE_S
 from study_settings import changed

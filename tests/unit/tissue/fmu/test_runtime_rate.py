@@ -8,8 +8,7 @@ from runtime_models import SETTINGS, entry, models_json, selected
 from scipy.signal import cont2discrete, dlsim, lfilter, ss2tf
 
 from lumbar.base.errors import NumericalError
-from lumbar.tissue.fmu.build.linear_model import LinearModel
-from lumbar.tissue.fmu.build.resampled_model import at_rate
+from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
 from study_settings import changed
 
 pytestmark = pytest.mark.filterwarnings("ignore::scipy.signal.BadCoefficients")  # numerators begin with zeros

@@ -12,7 +12,7 @@ from lumbar.settings.device import DeviceSettings
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import ExportModel, averaged_samples, export_models
 from lumbar.tissue.fmu.build.linear_model import LinearModel
-from lumbar.tissue.fmu.build.units import work_units
+from lumbar.tissue.fmu.conventions import work_units
 from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.simulation import Step
 from lumbar.tissue.models.fitted_model import FittedModel

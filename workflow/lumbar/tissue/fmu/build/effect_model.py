@@ -1,18 +1,143 @@
-"""A base model with effects as what an FMU runs: its response sample by sample, and its C code."""
+"""A base model with effects as what an FMU runs: its C functions, its response sample by sample, what keeps it from export."""
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
-from lumbar.base.errors import NumericalError
-from lumbar.tissue.fmu.build.effect_code import c_function
+from lumbar.base.errors import NumericalError, Problems
+from lumbar.tissue.fmu.c import c_source
 from lumbar.tissue.models.bases import Base
+from lumbar.tissue.models.c_step import CStep
+from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Form, Place
+from lumbar.tissue.models.forward_structure import ForwardStructure
 from lumbar.tissue.models.sampled_motion import SampledMotion
 from lumbar.tissue.models.structure import Structure
+
+_MOTION = {
+    "first": "bool",
+    "time": "double",
+    "position": "double",
+    "step": "double",
+    "velocity": "double",
+    "acceleration": "double",
+    "path": "double",
+}
+"""Members of ``motion`` in ``effect_forms.h`` and their types."""
+_GIVEN = {*_MOTION, "force", "memory", "next", "now", "increments", "matrix", "ring"}
+_KEYWORD = re.compile(
+    "auto|bool|break|case|char|const|continue|default|do|double|else|enum|extern|false|float|for|goto|if|inline|int|"
+    "long|register|restrict|return|short|signed|sizeof|static|struct|switch|true|typedef|union|unsigned|void|volatile|"
+    r"while|(?:shared|begun)_\d+"
+)
+"""Words of C, and what generated code calls its own."""
+_INEXACT = re.compile(
+    r"\b((?:a?(?:sin|cos|tan)h?|atan2|cbrt|erfc?|exp2?|expm1|fma|hypot|lgamma|log(?:10|1p|2)?|pow|tgamma)f?)\s*\("
+)
+"""Calls of C library functions whose last bit differs between platforms; fma is slow where processors have none."""
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+
+
+@cache
+def _functions() -> dict[str, str]:
+    """Functions that a form may call, as declared, by name."""
+    text = "".join(map(c_source, ("portable_math.h", "effect_forms.h")))
+    declared = re.findall(
+        r"^(?:static inline |INLINED )?(?:double|void) (\w+)(\([^)]*\))", text, re.MULTILINE
+    )
+    return {name: name + arguments for name, arguments in declared}
+
+
+def step_problems(form: Form) -> list[tuple[str, str]]:
+    """Return what keeps a form from becoming a C function: what was found and what is needed."""
+    if form.c_step is None and form.channels:
+        return [
+            (
+                f"needs {', '.join(form.channels)}, which an FMU does not have",
+                "export the model with a form that needs position and force alone",
+            )
+        ]
+    if form.c_step is None:
+        return [
+            (
+                "has no C code",
+                'write it as an equation, or give its HandWritten a c_step=CStep("…") (lumbar.tissue.models.c_step says what '
+                "stands in it), or export the model without this effect",
+            )
+        ]
+    problems = []
+    names = [item.name for item in (*form.linear, *form.nonlinear)]
+    for name in names:
+        if (
+            not _IDENTIFIER.fullmatch(name)
+            or _KEYWORD.fullmatch(name)
+            or name in _GIVEN | _functions().keys()
+        ):
+            problems.append(
+                (
+                    f"parameter {name!r} cannot be a name in C code",
+                    "letters, digits and _, and no word of C or CStep",
+                )
+            )
+    if len(set(names)) < len(names):
+        problems.append((f"parameters {', '.join(names)}", "each needs a name of its own"))
+    inexact = sorted(set(_INEXACT.findall(_code(form.c_step))))
+    if inexact:
+        portable = ", ".join(text for name, text in _functions().items() if name.startswith("portable_"))
+        problems.append(
+            (f"its C code calls {', '.join(inexact)}", f"the same on every platform are {portable}")
+        )
+    return problems
+
+
+def _code(step: CStep) -> str:
+    """Statements and value without comments."""
+    return _COMMENT.sub(" ", f"{step.statements}\n{step.value}")
+
+
+def c_function(name: str, form: Form, numbers: dict[str, float], ring: int | None = None) -> str:
+    """Return the C function of a form.
+
+    Parameters
+    ----------
+    name : str
+        Of the function, a C identifier.
+    form : Form
+        With a C step that has no problems.
+    numbers : dict of str to float
+        What `CStep.numbers` returns.
+    ring : int, optional
+        Number of the ring that holds the earlier positions, of forms with a history.
+    """
+    used = set(_WORD.findall(_code(form.c_step)))
+    lines = [
+        f"const double {key} = {float(value).hex()}; /* {value:.6g} */"
+        for key, value in numbers.items()
+        if key in used
+    ]
+    lines += [f"const {kind} {key} = now->{key};" for key, kind in _MOTION.items() if key in used]
+    if ring is not None:
+        lines.append(f"enum {{ ring = {ring} }};")
+    lines += form.c_step.statements.splitlines()
+    lines.append(f"return {form.c_step.value};")
+    parameters = "const double memory[], double next[], const motion *now, double force"
+    body = "\n".join(
+        f"    {line}".rstrip() for line in ["(void)memory, (void)next, (void)now, (void)force;", *lines]
+    )
+    return f"/* {_comment(f'{form.key}: {form.latex}')} */\nstatic double {name}({parameters}) {{\n{body}\n}}"
+
+
+def _comment(text: str) -> str:
+    """Text that cannot end the comment it stands in, on one line."""
+    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").split())
+
 
 MAX_STATES = 512
 """Numbers that a model may keep from sample to sample."""
@@ -183,3 +308,71 @@ def form_numbers(form: Form, linear, nonlinear, sampling_time: float) -> dict[st
     """Return all numbers that the C code of a form knows, by name."""
     names = (item.name for item in (*form.linear, *form.nonlinear))
     return form.c_step.numbers(dict(zip(names, (*linear, *nonlinear), strict=True)), sampling_time)
+
+
+MAX_MEMORY = 256
+"""Numbers that one form may keep from sample to sample, e.g. those of a delay of 255 samples."""
+
+
+def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
+    """Return a continuous model as an FMU runs it.
+
+    Parameters
+    ----------
+    model : FittedModel
+        A base with effects.
+    sampling_time : float
+        Seconds; that of the FMU.
+
+    Raises
+    ------
+    InputError
+        A base with contact, a model from force to motion, or a form without C code or with code that cannot be used or keeps
+        too much: all problems at once.
+    """
+    problems = Problems(f"model {model.name!r}")
+    base, forms = model.structure.base, model.structure.forms
+    if base.contact:
+        problems.add(
+            f"base {base.name}",
+            "is one of a tool that leaves the tissue, which FMUs do not hold",
+            "refine on records in which the tool stays on the tissue, with a base without contact (improvement.base: LE, "
+            "Maxwell, KV or KB), and export that model",
+        )
+        problems.raise_if_any()
+    if isinstance(model.structure, ForwardStructure):
+        problems.add(
+            "structure",
+            "it goes from force to motion (improvement.forward), and a haptic device asks for a force",
+            "refine on records with the motion as input, and export that model",
+        )
+        problems.raise_if_any()
+    base_numbers, *numbers = (model.values_of(part) for part in (base, *forms))
+    for form, values in zip((base.form, *forms), (base_numbers, *numbers), strict=True):
+        unusable = step_problems(form)
+        for found, needed in unusable:
+            problems.add(form.key, found, needed)
+        if not unusable:
+            _check_numbers(form, values, sampling_time, problems)
+    problems.raise_if_any()
+    given = tuple((form, *values) for form, values in zip(forms, numbers, strict=True))
+    return EffectModel(base, base_numbers, given, sampling_time)
+
+
+def _check_numbers(form: Form, values: tuple, sampling_time: float, problems: Problems) -> None:
+    try:
+        numbers = form_numbers(form, *values, sampling_time)
+        memory = form.c_step.memory_size(numbers)
+        history = form.c_step.history_size(numbers)
+    except Exception as error:  # code of the user's own
+        problems.add(form.key, f"constants or memory of its c_step fail ({type(error).__name__}: {error})")
+        return
+    for name, value in numbers.items():
+        if not math.isfinite(value):
+            problems.add(form.key, f"{name} becomes {value}", "all numbers of its C code must be finite")
+    if not (memory >= 0 and history >= 0 and memory + history <= MAX_MEMORY):
+        problems.add(
+            form.key,
+            f"keeps {memory + history} numbers at {1 / sampling_time:g} Hz",
+            f"at most {MAX_MEMORY} fit into an FMU; lower runtime.rate_Hz",
+        )

@@ -9,13 +9,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import NumericalError, Problems
-from lumbar.tissue.fmu.agreed import slow_push
-from lumbar.tissue.fmu.build.effect_entry import effect_model
-from lumbar.tissue.fmu.build.effect_model import EffectModel
+from lumbar.tissue.fmu.build.effect_model import EffectModel, effect_model
 from lumbar.tissue.fmu.build.guards import UNGUARDED, Guards
-from lumbar.tissue.fmu.build.linear_model import LinearModel
-from lumbar.tissue.fmu.build.resampled_model import at_rate
-from lumbar.tissue.fmu.build.units import work_units
+from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
+from lumbar.tissue.fmu.conventions import slow_push, work_units
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import GIVEN, MotionRange, Port, identifier
 

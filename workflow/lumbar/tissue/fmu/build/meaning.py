@@ -1,4 +1,4 @@
-"""What an FMU's numbers mean: which way is a push, which force resists it, and for which motion the model is known to hold."""
+"""What an FMU says of itself in words: model and data, which way is a push, valid range, guards, feed-through."""
 
 from __future__ import annotations
 
@@ -63,3 +63,69 @@ def meaning(model: ExportModel) -> dict[str, str | int | float | bool]:
         "prescribed": model.prescribed,
         **known,
     }
+
+
+def description_text(model: ExportModel, data: str) -> str:
+    """One line on the model for the model description."""
+    stability = "" if model.stable else " UNSTABLE: the output runs into its limit."
+    return (
+        f"{model.input.quantity.capitalize()} to {model.output.quantity} model {model.name}, "
+        f"discrete at {model.sampling_time:g} s. Data: {data}.{stability}"
+    )
+
+
+def guards_text(model: ExportModel) -> list[str]:
+    """Say what is done to the force before the device receives it, a sentence or two for each guard."""
+    y, guards, texts = model.output, model.guards, []
+    way = "positive" if model.resistance > 0 else "negative"
+    if guards.contact:
+        texts.append(
+            f"Contact: the tissue cannot pull; {y.variable} is never on the other side than the {way} one, on which it "
+            f"resists a growing {model.input.quantity}. The tissue ends at {model.input.variable}_offset: below it the model "
+            "rests, so that it is not felt before it is touched again."
+        )
+    if guards.rate_limit > 0:
+        texts.append(
+            f"Rate: {y.variable} begins at 0 and changes by at most {y.variable}_rate_limit in a second, "
+            f"{guards.rate_limit * model.sampling_time:g} {y.unit} in a sample."
+        )
+    if guards.passive:
+        texts.append(
+            f"Passive: {y.variable} stays within the force at which FMU and a device with the damping device_damping cannot "
+            "give out more energy than they took in, whatever is done with the device. It gives way where the model alone "
+            f"would feed an oscillation; {way} {y.quantity} counts as resisting. The guarantee needs one communication "
+            "step per sample, and a device that displays what is read."
+        )
+    return texts
+
+
+def feedthrough_text(model: ExportModel, version: str) -> str:
+    """Say what a client sees of the feed-through, by FMI version."""
+    if not model.feedthrough:
+        return "The model has no feed-through (D = 0): the output of a sample does not depend on its input."
+    if model.waits_for_input:
+        return _whole_force_late(version)
+    if version == "2.0":
+        return (
+            "Feed-through: an FMI 2.0 client sets the input of a communication point after it has read the "
+            "output there, so that it reads C x[k] + D u[k-1], the feed-through one sample late. "
+            "The FMI 3.0 FMU with event mode gives C x[k] + D u[k]."
+        )
+    return (
+        "Feed-through: with event mode the input set at a sample instant acts in the output of the same "
+        "instant, C x[k] + D u[k]. Without event mode a client reads C x[k] + D u[k-1], one sample late."
+    )
+
+
+def _whole_force_late(version: str) -> str:
+    """Say the same for models whose output needs the input of its own sample: velocities come from it."""
+    if version == "2.0":
+        return (
+            "Feed-through: the force of a sample needs its position, which an FMI 2.0 client sets after it has "
+            "read the force there; it reads the force of the sample before. "
+            "The FMI 3.0 FMU with event mode gives the force of the same sample."
+        )
+    return (
+        "Feed-through: with event mode the position set at a sample instant acts in the force of the same instant. "
+        "Without event mode a client reads the force of the sample before."
+    )

@@ -14,10 +14,10 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from lumbar.tissue.fmu.agreed import REFERENCE, WITHOUT_EVENT_MODE, slow_push, told_meaning
 from lumbar.tissue.fmu.check import calls
 from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
 from lumbar.tissue.fmu.check.motion import Motion, modes, named
+from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, slow_push, told_meaning
 
 SECONDS = 120
 """A library that plays for longer hangs: it takes a fraction of one."""

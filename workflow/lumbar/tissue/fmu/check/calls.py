@@ -6,10 +6,9 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from itertools import pairwise
 
-from lumbar.tissue.fmu.agreed import told_meaning
-from lumbar.tissue.fmu.build.units import work_units
 from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
 from lumbar.tissue.fmu.check.motion import Motion, modes, named
+from lumbar.tissue.fmu.conventions import told_meaning, work_units
 
 _SAMPLES = 40
 _SLOPE = 2.0**-20

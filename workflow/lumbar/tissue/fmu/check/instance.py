@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.tissue.fmu.agreed import REFERENCE
+from lumbar.tissue.fmu.conventions import REFERENCE
 
 if TYPE_CHECKING:
     from fmpy.fmi2 import FMU2Slave

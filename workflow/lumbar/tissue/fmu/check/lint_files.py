@@ -8,8 +8,8 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from pathlib import PurePosixPath
 
-from lumbar.tissue.fmu.agreed import REFERENCE, WITHOUT_EVENT_MODE
 from lumbar.tissue.fmu.build.compiler import TARGETS
+from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE
 
 _UNIVERSAL = b"\xca\xfe\xba\xbe"
 _MACHINES = {

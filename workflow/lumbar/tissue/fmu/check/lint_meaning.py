@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from html import unescape
 from xml.etree.ElementTree import Element
 
-from lumbar.tissue.fmu.agreed import ANNOTATION, told_meaning
+from lumbar.tissue.fmu.conventions import ANNOTATION, told_meaning
 from lumbar.tissue.models.model_data import MotionRange
 
 _ROOT = ("description", "author", "version", "license", "generationTool")

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from html import unescape
 from xml.etree.ElementTree import Element
 
-from lumbar.tissue.fmu.build.units import base_unit
 from lumbar.tissue.fmu.check.lint_files import ports
+from lumbar.tissue.fmu.conventions import base_unit
 
 _CONSTANT = re.compile(r"\.(\w+) = ([^,\s}\\]+)")
 _ROW = re.compile(r"<tr>((?:<td>[^<]*</td>)+)</tr>")

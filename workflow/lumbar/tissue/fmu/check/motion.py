@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import random
 
-from lumbar.tissue.fmu.agreed import REFERENCE
 from lumbar.tissue.fmu.check.instance import UnzippedFmu
+from lumbar.tissue.fmu.conventions import REFERENCE
 
 
 class Motion:
