@@ -91,10 +91,10 @@ format: environment ## put the sources into the house's format
 	snakefmt Snakefile workflow/rules
 
 docs: environment ## renew the references of configuration keys, effects, equations and figures
-	python -m lumbar.study.reference docs/config
-	python -m lumbar.publishing.effects_reference docs
-	python -m lumbar.publishing.equation_index docs
-	python -m lumbar.publishing.gallery docs
+	python docs/generate/configuration_reference.py
+	python docs/generate/effects_reference.py
+	python docs/generate/equation_index.py
+	python docs/generate/gallery.py
 
 SITE := build/docs-venv
 # An environment of its own, from the newest versions that pyproject.toml allows: .venv stays the lock's.

@@ -56,7 +56,7 @@ def test_derived_files_are_up_to_date(project):
 
 
 def test_reference_and_schema_say_what_the_settings_say(project):
-    from lumbar.study.reference import SCHEMA, pages, schema
+    from generate.configuration_reference import SCHEMA, pages, schema
 
     folder = project / "docs" / "config"
     assert {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.md")} == pages(), (

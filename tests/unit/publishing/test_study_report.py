@@ -8,7 +8,7 @@ from html import unescape
 
 import pytest
 
-from lumbar.publishing.equation_index import equations
+from generate.equation_index import equations
 from lumbar.publishing.study_report.contents import chapters
 from lumbar.publishing.study_report.picture import smaller
 from lumbar.publishing.study_report.published_values import beside

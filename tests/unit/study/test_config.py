@@ -10,13 +10,13 @@ from dataclasses import replace
 import pytest
 import yaml
 
+from generate.configuration_reference import keys
 from lumbar.base.errors import InputError
 from lumbar.settings.plain import plain, typed
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import TrialSettings
 from lumbar.study.artefacts import Artefact, read_artefacts
 from lumbar.study.load_study import load_study, name_lifts
-from lumbar.study.reference import keys
 from lumbar.study.study_recordings import reading_plan, record_layout, record_set, recordings_of
 from lumbar.study.validation import laid_over
 from study_settings import study_config, study_settings, subject_settings

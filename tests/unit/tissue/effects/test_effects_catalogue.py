@@ -163,7 +163,7 @@ def test_an_effect_of_the_users_own(tmp_path):
 
 @pytest.mark.parametrize(("system", "name"), [("tissue", "effects"), ("pendulum", "pendulum_effects")])
 def test_the_pages_of_the_catalogues_say_what_the_definitions_say(project, system, name):
-    from lumbar.publishing.effects_reference import effects_page
+    from generate.effects_reference import effects_page
 
     page = project / "docs" / f"{name}.md"
     text = page.read_text(encoding="utf-8")

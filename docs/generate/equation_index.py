@@ -1,4 +1,4 @@
-"""Which function computes which equation of the thesis, from docstrings: ``python -m lumbar.publishing.equation_index docs``.
+"""Which function computes which equation of the thesis, from docstrings, renewed by ``make docs``.
 
 An object belongs to an equation when the first paragraph of its docstring names it, in the one spelling ``Eq. 4.7`` or
 ``Eqs 4.5–4.7``.
@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import ast
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from lumbar.base.files import write_text
 
-LIBRARY = Path(__file__).resolve().parents[1]
+DOCS = Path(__file__).resolve().parents[1]
+LIBRARY = DOCS.parent / "workflow" / "lumbar"
 PAGE = "equations.md"
 NOT_COMPUTED = {
     ("2.1", "2.5"): "Fourier series, as background: spectra are estimated by Welch's method",
@@ -120,10 +120,5 @@ def page() -> str:
     return "\n".join(lines) + "\n"
 
 
-def main(folder: Path) -> None:
-    """Write the page."""
-    write_text(folder / PAGE, page())
-
-
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    write_text(DOCS / PAGE, page())

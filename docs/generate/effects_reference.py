@@ -1,8 +1,7 @@
-"""The catalogues as pages, from the definitions: ``python -m lumbar.publishing.effects_reference docs``."""
+"""The catalogues as pages, from the definitions, renewed by ``make docs``."""
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -173,4 +172,4 @@ def write_reference(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_reference(Path(sys.argv[1]))
+    write_reference(Path(__file__).resolve().parents[1])

@@ -1,24 +1,24 @@
 """The reference of all configuration keys and the JSON schema for editors, written from the settings themselves.
 
-``python -m lumbar.study.reference docs/config`` renews the pages and the schema beside this module; a test fails when
-they no longer say what the settings say.
+``make docs`` renews the pages, and the schema in the library; a test fails when they no longer say what the settings say.
 """
 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
+import lumbar.study
 from lumbar.base.files import write_text
 from lumbar.settings.plain import name_of, plain
 from lumbar.settings.study_settings import StudySettings
 from lumbar.study.allowed import KeyType, keys_of, section_of
 
-SCHEMA = Path(__file__).with_name("study.schema.json")
+DOCS = Path(__file__).resolve().parents[1]
+SCHEMA = Path(lumbar.study.__file__).with_name("study.schema.json")
 STUDY_PAGE = "study"
 """Page of the keys that belong to no section."""
 _SHOWN_NAMES = 8
@@ -143,12 +143,7 @@ def _stripped(content: Any) -> Any:
     }
 
 
-def main(folder: Path) -> None:
-    """Write pages and schema."""
-    for name, text in pages().items():
-        write_text(folder / name, text)
-    write_text(SCHEMA, schema())
-
-
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    for file_name, text in pages().items():
+        write_text(DOCS / "config" / file_name, text)
+    write_text(SCHEMA, schema())

@@ -6,7 +6,7 @@ import importlib
 import re
 from functools import reduce
 
-from lumbar.publishing.equation_index import LIBRARY, NOT_COMPUTED, PAGE, between, entries, equations, page
+from generate.equation_index import LIBRARY, NOT_COMPUTED, PAGE, between, entries, equations, page
 
 
 def test_every_equation_of_the_thesis_is_computed_or_said_not_to_be(shared):

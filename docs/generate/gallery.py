@@ -1,13 +1,12 @@
 """The gallery of figures in the documentation: what each shows, which rule makes it, and how Python does.
 
-``python -m lumbar.publishing.gallery docs`` writes the page from the sheet of artefacts and the captions of the report. The
+``make docs`` writes the page from the sheet of artefacts and the captions of the report. The
 site shows the pictures of ``results/thesis`` where they have been made: ``docs/gallery_pictures.py`` puts them in place of the
 comments ``<!-- picture: … -->``.
 """
 
 from __future__ import annotations
 
-import sys
 from itertools import groupby
 from pathlib import Path
 
@@ -72,5 +71,5 @@ def _entry(figure: Artefact, project: Path) -> str:
 
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1])
-    write_text(folder / PAGE, page(folder.resolve().parent))
+    docs = Path(__file__).resolve().parents[1]
+    write_text(docs / PAGE, page(docs.parent))

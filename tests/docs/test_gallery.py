@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import lumbar
-from lumbar.publishing.gallery import IN_PYTHON, PAGE, figures, page
+from generate.gallery import IN_PYTHON, PAGE, figures, page
 
 
 def test_the_page_is_up_to_date(project):
