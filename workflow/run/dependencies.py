@@ -56,6 +56,18 @@ def _imported(path: Path) -> frozenset[Path]:
     return frozenset(file for file in files if file is not None)
 
 
+@cache
+def _data_files(folder: Path) -> frozenset[Path]:
+    """Data files in a folder of modules, and in folders below it that hold data alone."""
+    found: set[Path] = set()
+    for path in folder.iterdir():
+        if path.suffix in _DATA_ENDINGS:
+            found.add(path)
+        elif not path.suffix and path.is_dir() and not (path / "__init__.py").is_file():
+            found |= _data_files(path)
+    return frozenset(found)
+
+
 def library_sources(script: str) -> list[str]:
     """Return every library file that a script imports, directly or through others.
 
@@ -67,8 +79,8 @@ def library_sources(script: str) -> list[str]:
     Returns
     -------
     list of str
-        Sorted absolute paths. Data files (C sources, tables) that lie in a package beside an imported module
-        count too.
+        Sorted absolute paths. Data files (C sources, tables) that lie in a package beside an imported module,
+        or in a folder there, count too.
     """
     pending = [WORKFLOW / "scripts" / script]
     seen: set[Path] = set()
@@ -78,7 +90,7 @@ def library_sources(script: str) -> list[str]:
                 seen.add(file)
                 pending.append(file)
     for folder in {file.parent for file in seen if PACKAGE in file.parts}:
-        seen.update(file for file in folder.iterdir() if file.suffix in _DATA_ENDINGS)
+        seen |= _data_files(folder)
     return sorted(str(file) for file in seen)
 
 

@@ -29,6 +29,15 @@ def test_imports_are_followed_at_any_depth(dependencies, project):
     assert not any("diagnosis" in path.parts for path in sources)
 
 
+def test_an_effect_of_the_catalogue_is_a_source_of_what_diagnoses(dependencies, project):
+    effects = project / "workflow" / "lumbar" / "tissue" / "effects"
+    sources = set(map(Path, dependencies.library_sources("diagnose_records.py")))
+    assert set(effects.glob("*/*.yaml")) <= sources
+    assert not any(
+        effects in path.parents for path in map(Path, dependencies.library_sources("survey_tables.py"))
+    )
+
+
 def test_everything_that_a_script_loads_is_declared(dependencies, project, tmp_path):
     """Compare with what Python itself loads from the library."""
     import subprocess

@@ -18,7 +18,7 @@ from lumbar.settings.seed import SEED
 from lumbar.settings.signals import MachineSettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.effects.pendulum_load import GRAVITY
+from lumbar.tissue.effects.catalogue import GRAVITY
 
 if TYPE_CHECKING:
     from lumbar.interface.proposed_law import ProposedLaw

@@ -15,7 +15,7 @@ from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
 from lumbar.settings.signals import MachineSettings
-from lumbar.tissue.effects.pendulum_load import GRAVITY
+from lumbar.tissue.effects.catalogue import GRAVITY
 
 if TYPE_CHECKING:
     from lumbar.tables.table import Table

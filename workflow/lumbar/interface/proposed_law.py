@@ -45,7 +45,7 @@ class ProposedLaw:
             If no law is proposed, or the name cannot be an effect's.
         """
         from lumbar.tissue.diagnosis.law.effect_file import effect_text
-        from lumbar.tissue.effects.own_effect import check_name
+        from lumbar.tissue.effects.notation import check_name
 
         if not self.found:
             raise InputError(f"no effect to write: {self.sentences[0]}")

@@ -14,7 +14,7 @@ from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.seed import SEED
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.effects.pendulum_load import GRAVITY
+from lumbar.tissue.effects.catalogue import GRAVITY
 
 if TYPE_CHECKING:
     from lumbar.interface.comparison import Comparisons, Locations

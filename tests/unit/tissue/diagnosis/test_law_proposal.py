@@ -44,7 +44,7 @@ from lumbar.tissue.diagnosis.law.thinning import thinned
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 from lumbar.tissue.diagnosis.selection.sentences import headline
 from lumbar.tissue.effects.catalogue import TISSUE
-from lumbar.tissue.effects.own_effect import load_effects
+from lumbar.tissue.effects.notation import load_effects
 from lumbar.tissue.models.motion import Motion
 
 FEW = (

@@ -7,7 +7,7 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE, choose
-from lumbar.tissue.effects.own_effect import load_effects
+from lumbar.tissue.effects.notation import load_effects
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.motion import Motion

@@ -172,6 +172,13 @@ def test_the_examples_twins_are_one_effect(project):
         ("name: ribs\nmechanism: The", "name: &a ribs\nsource: *a\nmechanism: The", "line 3: source: an alias; anchors are"),
         ("name: ribs", "name: !!python/object/apply:os.getcwd []", "line 2: name: tag '.*os.getcwd'; tags are not read"),
         ("equation:", "place: input\nequation:", "line 4: place: 'input'; parallel .* or output"),
+        ("equation:", "by_hand: play\nequation:", "line 4: by_hand: unknown key; allowed are name"),
+        ("equation:", "solution: dahl\nequation:", "line 4: solution: unknown key"),
+        ("equation:", "essential: [ribs]\nequation:", "line 4: essential: ribs; linear parameters are cosine_of_ribs, sine"),
+        ("equation:", "essential: sine_of_ribs\nequation:", "line 4: essential: 'sine_of_ribs'; a list of names"),
+        ("equation:", "general: 1\nequation:", "line 4: general: 1; true or false"),
+        ("points: 8", "lines: 0", "parameters.p.lines: 0; a number above 0"),
+        ("points: 8", "decisive: often", "parameters.p.decisive: 'often'; true or false"),
         ("equation:", "state: {r: A*v}\nequation:", "state.r: A is linear; a state knows nonlinear parameters only"),
         ("equation:", "state: {r: a - r/p}\nequation:", "state.r: a is not known between samples"),
     ],
@@ -181,6 +188,18 @@ def test_what_a_file_lacks_is_named_with_its_line(old, new, words, tmp_path):
     path = written(tmp_path, RIBS.replace(old, new))
     with pytest.raises(InputError, match=re.compile(rf"{re.escape(str(path))}.*(?:{words})", re.DOTALL)):
         catalogue_with([path])
+
+
+def test_what_the_catalogues_files_say_a_users_may_say(tmp_path):
+    text = RIBS.replace(
+        "equation:", "linear: true\nunrepeated: true\ngeneral: true\nessential: [sine_of_ribs]\nequation:"
+    )
+    text = text.replace("points: 8", "lines: 0.7, follows_record: true, decisive: true")
+    effect = catalogue_with([written(tmp_path, text)])["ribs"]
+    form, distance = effect.forms[0], effect.forms[0].nonlinear[0]
+    assert (effect.linear, effect.unrepeated, effect.accumulates) == (True, True, False)
+    assert (form.general, form.essential) == (True, ("sine_of_ribs",))
+    assert (distance.lines, distance.follows_record, distance.decisive) == (0.7, True, True)
 
 
 def test_all_problems_are_told_at_once(tmp_path):
@@ -218,13 +237,13 @@ def test_the_same_name_twice_is_refused(tmp_path):
 
 
 def test_the_page_names_all_signals_functions_and_keys(project):
-    from lumbar.tissue.effects import own_effect
+    from lumbar.tissue.effects import notation
     from lumbar.tissue.models.expression import OPERANDS
     from lumbar.tissue.models.motion_signals import SIGNALS
     from lumbar.tissue.models.parameter import SCALES
 
     page = (project / "docs" / "own_effect.md").read_text(encoding="utf-8")
-    keys = {*own_effect._EFFECT_KEYS, *own_effect._FORM_KEYS, *own_effect._NONLINEAR_KEYS, "sign"} - {"name"}
+    keys = {*notation._EFFECT_KEYS, *notation._FORM_KEYS, *notation._NONLINEAR_KEYS, "sign"} - {"name"}
     for name in (*SIGNALS, *OPERANDS, *SCALES, *keys):
         assert re.search(rf"`{name}[`:(]", page), name
 

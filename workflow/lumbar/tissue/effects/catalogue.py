@@ -2,58 +2,75 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.effects import (
-    damping_and_inertia,
-    friction,
-    measurement_chain,
-    pendulum_joint,
-    pendulum_load,
-    stiffness,
-    time_dependent,
-)
-from lumbar.tissue.effects.pendulum_load import GRAVITY, under_gravity
+from lumbar.settings.stability import PendulumSettings
 from lumbar.tissue.models.bases import BASES, system_of
 from lumbar.tissue.models.form import Effect, Form
 
-TISSUE = {
-    effect.name: effect
-    for effect in (
-        *stiffness.EFFECTS[:3],
-        *friction.EFFECTS,
-        measurement_chain.CONTACT_LOSS,
-        *damping_and_inertia.EFFECTS,
-        stiffness.SECOND_RELAXATION,
-        measurement_chain.DELAY,
-        measurement_chain.SATURATION,
-        time_dependent.DRIFT,
-        stiffness.SOFTENING,
-        time_dependent.PERIODIC_DISTURBANCE,
-        measurement_chain.BACKLASH,
-    )
+GRAVITY = PendulumSettings().gravity_m_s2
+"""The default, m/s² (`catalogue_with` takes another); masses come out in kg where moments are in N m and angles in rad."""
+CHANNELS = {
+    "box_held": "box_held",
+    "length": "length_m",
+    "pivot_acceleration_x": "pivot_acceleration_x_m_s2",
+    "pivot_acceleration_z": "pivot_acceleration_z_m_s2",
 }
+"""Column of each channel that effects on a pendulum know beside the angle. box_held: share of the box that the hands carry,
+0 to 1; length: from the pivot to the centre of mass; pivot acceleration: x horizontal, positive where a growing angle moves
+the mass to, z upward."""
+
+
+class Catalogue(Mapping[str, Effect]):
+    """Effects of a folder beside this file by name; each is read when it is first asked for."""
+
+    def __init__(self, folder: str, names: str):
+        self._folder = Path(__file__).parent / folder
+        self._effects: dict[str, Effect | None] = dict.fromkeys(names.split())
+
+    def __getitem__(self, name: str) -> Effect:
+        found = self._effects[name]
+        if found is None:
+            from lumbar.tissue.effects.notation import shipped_effect
+
+            found = self._effects[name] = shipped_effect(self._folder / f"{name}.yaml")
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._effects)
+
+    def __len__(self) -> int:
+        return len(self._effects)
+
+
+TISSUE = Catalogue(
+    "tissue",
+    """hardening_stiffness strain_softening quadratic_stiffness coulomb_friction hysteresis contact_loss
+    depth_dependent_damping viscous_damping quadratic_damping inertia second_relaxation delay saturation drift softening
+    periodic_disturbance backlash""",
+)
 """The tissue catalogue, in the order in which reports list it."""
 
-PENDULUM = {
-    effect.name: effect
-    for effect in (
-        pendulum_load.HAND_LOAD,
-        *pendulum_joint.EFFECTS[:2],
-        *pendulum_load.EFFECTS[1:],
-        pendulum_joint.DRAG,
-    )
-}
-"""The catalogue of the pendulum of Eq. 4.1."""
+PENDULUM = Catalogue(
+    "pendulum", "hand_load passive_stiffness coulomb_friction variable_length moving_pivot drag"
+)
+"""The catalogue of the pendulum of Eq. 4.1.
 
-CATALOGUES = {"tissue": TISSUE, "pendulum": PENDULUM}
+The input is the angle from the vertical, the output the moment that the person exerts at the pivot. Effects on mass, length and
+pivot have forms that take what was measured beside the angle (`CHANNELS`) and forms that need the angle alone."""
+
+MOTION_SENSOR = Catalogue("motion_sensor", "absolute_value saturation")
+"""Effects of the motion's sensor, where the force is the input: ``F`` of their equations is what the sensor should give."""
+
+CATALOGUES: dict[str, Mapping[str, Effect]] = {"tissue": TISSUE, "pendulum": PENDULUM}
 """Catalogue of every system that a base is a model of."""
 
 
-def catalogue_of(base: str) -> dict[str, Effect]:
+def catalogue_of(base: str) -> Mapping[str, Effect]:
     """Catalogue of the system that a base is a model of.
 
     Raises
@@ -65,7 +82,7 @@ def catalogue_of(base: str) -> dict[str, Effect]:
 
 
 def without_channels(
-    catalogue: dict[str, Effect], available: Collection[str]
+    catalogue: Mapping[str, Effect], available: Collection[str]
 ) -> tuple[dict[str, Effect], list[tuple[Form, tuple[str, ...]]]]:
     """Part of a catalogue that records with these channels allow, and what they do not.
 
@@ -107,17 +124,26 @@ def catalogue_with(
     Raises
     ------
     InputError
-        As `catalogue_of`, `load_effects` and `under_gravity`.
+        As `catalogue_of` and `load_effects`, and if gravity on a pendulum is not above 0: without weight no record tells
+        a mass from its distance.
     """
     catalogue = dict(catalogue_of(base))
     if system_of(base) == "pendulum":
-        moved = {effect.name: under_gravity(effect, gravity_m_s2) for effect in pendulum_load.EFFECTS}
-        catalogue |= moved
+        catalogue = {name: _under_gravity(effect, gravity_m_s2) for name, effect in catalogue.items()}
     if files:
-        from lumbar.tissue.effects.own_effect import load_effects
+        from lumbar.tissue.effects.notation import load_effects
     for file in files:
         catalogue.update(load_effects(Path(file), catalogue))
     return catalogue
+
+
+def _under_gravity(effect: Effect, gravity_m_s2: float) -> Effect:
+    """The effect where masses weigh otherwise than on the ground here."""
+    if not 0 < gravity_m_s2 < math.inf:
+        raise InputError(f"gravity_m_s2 is {gravity_m_s2:g}: the effects on a pendulum need m/s² above 0")
+    return replace(
+        effect, forms=tuple(form.with_constants({"g": float(gravity_m_s2)}) for form in effect.forms)
+    )
 
 
 def catalogues_with(files: Collection[str | Path]) -> dict[str, dict[str, Effect]]:
@@ -126,7 +152,7 @@ def catalogues_with(files: Collection[str | Path]) -> dict[str, dict[str, Effect
     return {system: catalogue_with(files, base) for system, base in bases.items()}
 
 
-def choose(names: list[str], catalogue: dict[str, Effect]) -> list[Effect]:
+def choose(names: list[str], catalogue: Mapping[str, Effect]) -> list[Effect]:
     """Return effects by name.
 
     Raises

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
-from lumbar.tissue.effects.catalogue import catalogue_of, catalogue_with
-from lumbar.tissue.effects.motion_sensor import MOTION_SENSOR
-from lumbar.tissue.effects.pendulum_load import GRAVITY
+from lumbar.tissue.effects.catalogue import GRAVITY, MOTION_SENSOR, catalogue_of, catalogue_with
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, system_of
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_angle import for_base

@@ -34,7 +34,7 @@ from lumbar.tissue.diagnosis.selection.offsets import offsets
 from lumbar.tissue.diagnosis.selection.selection import Selection
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
-from lumbar.tissue.effects.motion_sensor import MOTION_SENSOR
+from lumbar.tissue.effects.catalogue import MOTION_SENSOR
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.force_balance import can_be_simulated
 from lumbar.tissue.models.form import Effect

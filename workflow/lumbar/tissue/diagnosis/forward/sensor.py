@@ -13,7 +13,6 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.higher_order import LinearDynamics, linear_dynamics, rational_of_order
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces
 from lumbar.tissue.diagnosis.selection.forward_selection import Candidate, evaluate
-from lumbar.tissue.effects.motion_sensor import ABSOLUTE_VALUE
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter
 from lumbar.tissue.models.motion import Motion
@@ -55,7 +54,7 @@ def sensor_candidates(
     found = []
     for name, own in forms.items():
         for form in own:
-            fits = _behind_absolute_value if name == ABSOLUTE_VALUE.name else _behind
+            fits = _behind_absolute_value if name == "absolute_value" else _behind
             pairs = fits(experiment, form)
             if pairs:
                 found.append(min(pairs, key=lambda pair: pair[1].score))

@@ -97,7 +97,7 @@ def finding(proposal: Proposal) -> Finding:
 
 
 def effect_text(proposal: Proposal, name: str = NAME, data: str = "") -> str:
-    """The YAML file of a proposed law: `lumbar.tissue.effects.own_effect.load_effects` reads it."""
+    """The YAML file of a proposed law: `lumbar.tissue.effects.notation.load_effects` reads it."""
     law, form, experiment = proposal.law, form_found(proposal), proposal.experiment
     offset = len(law.start.fit.linear), len(law.start.fit.nonlinear)
     linear = list(zip(form.linear, law.fit.linear[offset[0] :], strict=True))

@@ -10,7 +10,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.law.terms import Term
 from lumbar.tissue.diagnosis.law.units import FORCE, OF_SIGNALS, Dimension, dimension, dimensions_of
-from lumbar.tissue.effects.windows import modulation_starts
+from lumbar.tissue.effects.starts import modulation_starts
 from lumbar.tissue.models.expression import Operation, symbols
 from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.motion import Motion

@@ -6,7 +6,7 @@ from lumbar.tissue.diagnosis.selection.forward_selection import is_adequate
 from lumbar.tissue.diagnosis.selection.ladder_digits import told_apart
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.diagnosis.selection.verdict import Ranked, Verdict
-from lumbar.tissue.effects.pendulum_load import CHANNELS
+from lumbar.tissue.effects.catalogue import CHANNELS
 from lumbar.tissue.models.form import Effect
 
 

@@ -1,11 +1,14 @@
-"""Effects that a user adds: a YAML file with one effect as equations, or a Python file."""
+"""The notation of effects: one effect in a YAML file, as equations, the catalogue's own and a user's alike.
+
+``docs/own_effect.md`` says what a file holds. Files of the catalogue may name `lumbar.tissue.effects.hooks` besides, which
+are code; a user's cannot.
+"""
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -14,7 +17,6 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
-from lumbar.tissue.effects.signature import standard_motion
 from lumbar.tissue.models.form import Effect, Form, Place
 from lumbar.tissue.models.parameter import SCALES, Constant, LinearParameter, NonlinearParameter
 from lumbar.tissue.models.parsing import parse
@@ -22,10 +24,14 @@ from lumbar.tissue.models.parsing import parse
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _NAME_RULE = "letters a to z, digits and _, a letter first"
 _SIGNS = {"positive": 1, "negative": -1, "any": 0}
-_FORM_KEYS = ("equation", "state", "parameters", "constants", "place")
-_EFFECT_KEYS = ("name", "mechanism", "source", "experiment", "accumulates", "forms")
+_EFFECT_FLAGS = ("accumulates", "unrepeated", "linear")
+_EFFECT_KEYS = ("name", "mechanism", "source", "experiment", *_EFFECT_FLAGS, "forms")
+_FORM_KEYS = ("equation", "state", "parameters", "constants", "place", "general", "essential")
+_HOOK_KEYS = ("solution", "by_hand", "latex", "starts", "contradiction")
+"""Of the catalogue's files alone; ``latex`` stands in place of the equation of a form that is written by hand."""
 _LINEAR_KEYS = ("name", "unit", "latex", "sign")
-_NONLINEAR_KEYS = ("name", "unit", "latex", "start", "scale", "points", "reach")
+_NONLINEAR_FLAGS = ("follows_record", "decisive")
+_NONLINEAR_KEYS = ("name", "unit", "latex", "start", "scale", "points", "reach", "lines", *_NONLINEAR_FLAGS)
 _FREQUENCY = 0.5
 """Hz; of the standard motion on which an equation must stay finite."""
 
@@ -48,9 +54,23 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
         once.
     """
     if path.suffix in (".yaml", ".yml"):
-        effect = _from_yaml(path, taken)
+        effect = _checked_effect(path, taken)
         return {effect.name: effect}
     return _from_python(path)
+
+
+def shipped_effect(path: Path) -> Effect:
+    """Read an effect of the catalogue, which may name hooks.
+
+    What a user's file is searched for (keys that stand twice, equations that cannot be used) is left to the tests: libyaml reads
+    these files in a tenth of the time.
+    """
+    import yaml
+
+    from lumbar.tissue.effects.hooks import HOOKS
+
+    content = yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    return _Reading(Problems(f"effect {path.name}"), YamlFile(path.name, content), HOOKS).effect()
 
 
 def check_name(name: str, taken: Collection[str] = ()) -> None:
@@ -62,6 +82,8 @@ def check_name(name: str, taken: Collection[str] = ()) -> None:
 
 
 def _from_python(path: Path) -> dict[str, Effect]:
+    import importlib.util
+
     specification = importlib.util.spec_from_file_location(f"lumbar_user_effects_{path.stem}", path)
     if specification is None or not path.is_file():
         raise InputError(f"{path}: not a Python file with effects (improvement.effect_files)")
@@ -81,42 +103,16 @@ def _from_python(path: Path) -> dict[str, Effect]:
     return found
 
 
-def _from_yaml(path: Path, taken: Collection[str]) -> Effect:
-    """One effect from a YAML file."""
+def _checked_effect(path: Path, taken: Collection[str]) -> Effect:
+    """One effect from a user's YAML file, its equations tried on a standard motion."""
     problems = Problems(f"effect {path.name}")
     file = read_yaml(path, problems, anchors=False)
     problems.raise_if_any()
-    content, read = file.content, _Reading(problems, file)
-    single = "forms" not in content
-    read.keys(content, "", (*_EFFECT_KEYS, *(_FORM_KEYS if single else ())))
-    name = read.name(content, "")
-    if name in taken:
-        read.problem("name", f"{name!r} is taken by an effect of the catalogue", "choose another")
-    texts = {
-        key: read.text(content, key, key == "mechanism") for key in ("mechanism", "source", "experiment")
-    }
-    accumulates = content.get("accumulates", False)
-    if not isinstance(accumulates, bool):
-        read.problem("accumulates", repr(accumulates), "true or false")
-    if single:
-        forms = [
-            read.form({**{key: content[key] for key in _FORM_KEYS if key in content}, "name": "equation"}, "")
-        ]
-    else:
-        forms = read.forms(content["forms"])
-    problems.raise_if_any()
-    effect = Effect(
-        name=name,
-        mechanism=texts["mechanism"],
-        forms=tuple(form for form in forms if form is not None),
-        source=texts["source"] or str(path.name),
-        experiment=texts["experiment"],
-        accumulates=accumulates,
-    )
+    effect = _Reading(problems, file).effect(taken)
     for index, form in enumerate(effect.forms):
-        where = "equation" if single else f"forms.{index}.equation"
+        place = f"forms.{index}.equation" if "forms" in file.content else "equation"
         for found, allowed in _numerical_problems(form):
-            read.problem(where, found, allowed)
+            problems.add(file.place(way_of(place)), found, allowed)
     problems.raise_if_any()
     return effect
 
@@ -124,9 +120,37 @@ def _from_yaml(path: Path, taken: Collection[str]) -> Effect:
 class _Reading:
     """Reads the parts of an effect's file and notes what is wrong, with key and line."""
 
-    def __init__(self, problems: Problems, file: YamlFile):
+    def __init__(self, problems: Problems, file: YamlFile, hooks: Mapping[str, Mapping[str, Any]] = {}):
         self.problems = problems
         self.file = file
+        self.hooks = hooks
+        self.form_keys = (*_FORM_KEYS, *(_HOOK_KEYS if hooks else ()))
+
+    def effect(self, taken: Collection[str] = ()) -> Effect:
+        """The effect of the file, or all that is wrong with it."""
+        content = self.file.content
+        single = "forms" not in content
+        self.keys(content, "", (*_EFFECT_KEYS, *(self.form_keys if single else ())))
+        name = self.name(content, "")
+        if name in taken:
+            self.problem("name", f"{name!r} is taken by an effect of the catalogue", "choose another")
+        texts = {
+            key: self.text(content, key, key == "mechanism") for key in ("mechanism", "source", "experiment")
+        }
+        flags = {key: self.flag(content, key) for key in _EFFECT_FLAGS}
+        if single:
+            given = {key: content[key] for key in self.form_keys if key in content}
+            forms = [self.form({**given, "name": "equation"}, "")]
+        else:
+            forms = self.forms(content["forms"])
+        linear = {item.name for form in forms if form for item in form.linear}
+        for index, form in enumerate(forms):
+            if form and (unknown := [name for name in form.essential if name not in linear]):
+                place = "essential" if single else f"forms.{index}.essential"
+                self.problem(place, ", ".join(unknown), f"linear parameters are {', '.join(sorted(linear))}")
+        self.problems.raise_if_any()
+        texts["source"] = texts["source"] or Path(self.file.path).name
+        return Effect(name=name, forms=tuple(filter(None, forms)), **texts, **flags)
 
     def problem(self, place: str, found: str, allowed: str = "") -> None:
         """Note a problem at a key, with its line or that of the key it belongs to."""
@@ -156,6 +180,13 @@ class _Reading:
             self.problem(where, "is missing", "a text is needed")
         return " ".join(value.split())
 
+    def flag(self, content: dict, key: str, place: str = "") -> bool:
+        """Whether something holds; not where nothing is said."""
+        value = content.get(key, False)
+        if not isinstance(value, bool):
+            self.problem(f"{place}.{key}".strip("."), repr(value), "true or false")
+        return value is True
+
     def name(self, content: dict, place: str) -> str:
         """A name, as results and C code call it."""
         name = self.text(content, "name", True, place)
@@ -172,12 +203,10 @@ class _Reading:
         for index, item in enumerate(content):
             place = f"forms.{index}"
             item = self.mapping(item, place, "name, equation, parameters …")
-            self.keys(item, place, ("name", *_FORM_KEYS))
+            self.keys(item, place, ("name", *self.form_keys))
             forms.append(self.form(item, place))
             self.name(item, place)
-        names = [str(item.get("name")) for item in content if isinstance(item, dict)]
-        for name in sorted({name for name in names if names.count(name) > 1}):
-            self.problem("forms", f"{name} is there twice", "each form needs a name of its own")
+        self.once([str(item.get("name")) for item in content if isinstance(item, dict)], "forms", "form")
         return forms
 
     def form(self, content: dict, place: str) -> Form | None:
@@ -193,37 +222,75 @@ class _Reading:
             content.get("constants", {}), at("constants"), "symbol: {value: …, unit: …} …"
         )
         parameters = [self.parameter(symbol, item, at("parameters")) for symbol, item in given.items()]
-        names = [item.name for item in parameters if item]
-        for name in sorted({name for name in names if names.count(name) > 1}):
-            self.problem(at("parameters"), f"{name} is there twice", "each parameter needs a name of its own")
-        where = content.get("place", "parallel")
-        if where not in ("parallel", "output"):
-            self.problem(
-                at("place"),
-                repr(where),
-                "parallel (a force beside the tissue) or output (what is measured of F)",
-            )
+        self.once([item.name for item in parameters if item], at("parameters"), "parameter")
+        linear = tuple(item for item in parameters if isinstance(item, LinearParameter))
+        equation = self.text(content, "latex" if self.by_hand(content) else "equation", True, place)
+        rates = tuple((str(name), self.text(state, name, True, at("state"))) for name in state)
         arguments = {
-            "equation": self.text(content, "equation", True, place),
-            "state": tuple((str(name), self.text(state, name, True, at("state"))) for name in state),
+            "place": self.place(content, at("place")),
             "constants": tuple(
                 self.constant(symbol, item, at("constants")) for symbol, item in constants.items()
             ),
+            "general": self.flag(content, "general", place),
+            "essential": self.essential(content, at("essential")),
+            **self.hooked(content, place),
         }
         if len(self.problems.entries) > before:
-            for key, text in (("equation", arguments["equation"]), *arguments["state"]):
-                self.readable(at(key if key == "equation" else f"state.{key}"), text)
+            for key, text in (("equation", equation), *((f"state.{name}", rate) for name, rate in rates)):
+                self.readable(at(key), text)
             return None
         form = Form(
             name=str(content.get("name")),
-            place=Place(where),
-            linear=tuple(item for item in parameters if isinstance(item, LinearParameter)),
+            equation=equation,
+            state=rates,
+            linear=linear,
             nonlinear=tuple(item for item in parameters if isinstance(item, NonlinearParameter)),
             **arguments,
         )
-        for key, found in form.problems():
-            self.problem(at("parameters" if key == "symbol" else key), found)
+        if not self.hooks:
+            for key, found in form.problems():
+                self.problem(at("parameters" if key == "symbol" else key), found)
         return form
+
+    def by_hand(self, content: dict) -> bool:
+        """Whether a form is written by hand, which those of the catalogue alone can be."""
+        return bool(self.hooks) and "by_hand" in content
+
+    def place(self, content: dict, place: str) -> Place:
+        """Where a form acts; at the input only what is written by hand."""
+        where = content.get("place", "parallel")
+        if where not in ("parallel", "output", *(("input",) if self.by_hand(content) else ())):
+            allowed = "parallel (a force beside the tissue) or output (what is measured of F)"
+            self.problem(place, repr(where), allowed)
+            where = "parallel"
+        return Place(where)
+
+    def essential(self, content: dict, place: str) -> tuple[str, ...]:
+        """Names of linear parameters without which the mechanism is not there."""
+        value = content.get("essential", [])
+        if isinstance(value, list) and all(isinstance(name, str) for name in value):
+            return tuple(value)
+        self.problem(place, repr(value), "a list of names of linear parameters")
+        return ()
+
+    def hooked(self, content: dict, place: str) -> dict[str, Any]:
+        """What hooks add to a form of the catalogue."""
+        found: dict[str, Any] = {}
+        for key, known in self.hooks.items():
+            if (name := content.get(key)) in known:
+                found[key] = known[name]
+            elif name is not None:
+                self.problem(f"{place}.{key}".strip("."), repr(name), f"hooks are {', '.join(known)}")
+        if "solution" in found:
+            found["solution"], found["c_solution"] = found["solution"]
+        if "by_hand" in found:
+            found["hand_written"] = found.pop("by_hand")
+        return found
+
+    def once(self, names: list[str], place: str, kind: str) -> None:
+        """Note names that are there twice."""
+        for name in sorted({name for name in names if names.count(name) > 1}):
+            self.problem(place, f"{name} is there twice", f"each {kind} needs a name of its own")
 
     def readable(self, place: str, text: str) -> None:
         """Note an expression that cannot be read, whatever its symbols mean."""
@@ -282,9 +349,15 @@ class _Reading:
             self.problem(f"{place}.scale", repr(scale), f"allowed are {', '.join(SCALES)}")
         if isinstance(points, bool) or not isinstance(points, int) or not 1 <= points <= 20:
             self.problem(f"{place}.points", repr(points), "a whole number from 1 to 20")
+        lines = content.get("lines")
+        if lines is not None and not (_is_number(lines) and lines > 0):
+            self.problem(f"{place}.lines", repr(lines), "a number above 0 is needed")
+        flags = {key: self.flag(content, key, place) for key in _NONLINEAR_FLAGS}
         if len(self.problems.entries) > before:
             return None
-        return NonlinearParameter(**named, scale=scale, low=low, high=high, points=points, reach=reach)
+        return NonlinearParameter(
+            **named, scale=scale, low=low, high=high, points=points, reach=reach, lines=lines, **flags
+        )
 
     def pair(
         self, value: Any, place: str, allowed: str, holds: Callable[[float, float], bool]
@@ -314,6 +387,8 @@ def _is_number(value: Any) -> bool:
 
 def _numerical_problems(form: Form) -> list[tuple[str, str]]:
     """Numbers that are not finite on a standard motion, and parameters that do nothing there."""
+    from lumbar.tissue.effects.signature import standard_motion
+
     if form.channels:
         return []
     motion = standard_motion(_FREQUENCY)

@@ -1,6 +1,6 @@
-"""Parts of a motion that come and go: switched on for an interval, or swelling at a frequency of their own.
+"""Where the search for an effect's nonlinear parameters begins: frequencies and intervals that the residual shows.
 
-Their starting values are found at once over all intervals or frequencies; a grid as fine as they need would be slow.
+Found at once over all of them; a grid as fine as they need would be slow.
 """
 
 from __future__ import annotations
@@ -9,12 +9,35 @@ import numpy as np
 
 from lumbar.tissue.models.motion import Motion
 
-TAKE_OVER = 0.1
-"""Seconds in which hands take over a load."""
 _EDGES = 160
 """Most instants that are tried as ends of an interval."""
 _LINES = 3
 """How many of the strongest frequencies are tried."""
+_HIGHEST = 4.0
+"""Hz; people move no faster."""
+
+
+def strongest_lines(motion: Motion, residual: np.ndarray) -> list[np.ndarray]:
+    """Frequencies (Hz) at which the residual has its strongest lines, strongest first.
+
+    Zero-padded periodogram with a Hann window. Trends (below 1.5 cycles per record) are left out; lines of a model
+    error that repeats with a periodic input are left out by keeping away from the input's own strong lines.
+    """
+    padded = 8 * len(residual)
+    window = np.hanning(len(residual))
+    frequency = np.fft.rfftfreq(padded, motion.sampling_time)
+    power = np.abs(np.fft.rfft((residual - residual.mean()) * window, padded)) ** 2
+    excitation = np.abs(np.fft.rfft((motion.position - motion.position.mean()) * window, padded)) ** 2
+    resolution = 1.0 / (len(residual) * motion.sampling_time)
+    power[frequency < 1.5 * resolution] = 0.0
+    peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    if not len(peaks):
+        return [np.array([2 * resolution])]
+    # How far a line stands out where the input is weak counts, not its height alone.
+    weight = power[peaks] / (1e-3 * excitation.max() + excitation[peaks])
+    by_weight = peaks[np.argsort(-weight)[:_LINES]]
+    by_power = peaks[np.argsort(-power[peaks])[:1]]
+    return [np.array([frequency[peak]]) for peak in dict.fromkeys([*by_weight, *by_power])]
 
 
 def interval_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndarray]) -> list[np.ndarray]:
@@ -79,7 +102,3 @@ def modulation_starts(motion: Motion, residual: np.ndarray, carriers: list[np.nd
         peaks = peaks[(frequency[peaks] >= lowest) & (frequency[peaks] <= _HIGHEST)]
         found += list(frequency[peaks[np.argsort(-power[peaks])[:_LINES]]])
     return [np.array([value]) for value in dict.fromkeys(found)] or [np.array([2 * lowest])]
-
-
-_HIGHEST = 4.0
-"""Hz; people move no faster."""
