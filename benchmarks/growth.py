@@ -37,6 +37,7 @@ from lumbar.lifting.pushes.prediction import prediction_frame  # noqa: E402
 from lumbar.records.record import Channel, Record  # noqa: E402
 from lumbar.settings.improvement import ImprovementSettings  # noqa: E402
 from lumbar.settings.pushes import PushesSettings  # noqa: E402
+from lumbar.settings.study_settings import StudySettings  # noqa: E402
 from lumbar.settings.surgeon import SurgeonSettings  # noqa: E402
 from lumbar.twin.tissue_recordings import tissue_force  # noqa: E402
 from run.timings import timings  # noqa: E402
@@ -143,7 +144,7 @@ def identified(samples: int, records: int) -> Callable[[], object]:
 def diagnosed(samples: int, records: int) -> Callable[[], object]:
     """Say what Kelvin–Boltzmann's model misses, one effect at most."""
     tests = [tissue_test(samples, f"test {number}", number + 2) for number in range(records)]
-    settings = ImprovementSettings(most_effects=1)
+    settings = StudySettings(improvement=ImprovementSettings(most_effects=1))
     return lambda: lumbar.diagnose(
         [tissue_test(samples), *tests], base="KB", train="train", settings=settings
     )

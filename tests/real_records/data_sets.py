@@ -11,11 +11,14 @@ from scipy.io import loadmat
 import lumbar
 from lumbar.interface.reading import read_listed
 from lumbar.records.record import Channel, Record, RecordSet
+from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
+from lumbar.settings.study_settings import StudySettings
 from running import PROJECT
 
 Read = tuple[RecordSet, dict[str, Any]]
 """Records, and keywords of `lumbar.diagnose`."""
+FORCE_IN = StudySettings(improvement=ImprovementSettings(forward=True))
 
 
 def positioning_axis(folder: Path) -> Read:
@@ -35,9 +38,8 @@ def coupled_drives(folder: Path, number: int) -> Read:
     """Voltage to speed as the sensor gives it; one record, whose last part is the unseen one."""
     content = loadmat(folder / "coupled_drives" / "drive.mat", squeeze_me=True)
     voltage, speed = content[f"u{number}"].astype(float), content[f"z{number}"]
-    return RecordSet([_record("prbs", 0.02, (voltage, "voltage", "V"), (speed, "speed", "V"))]), {
-        "forward": True
-    }
+    record = _record("prbs", 0.02, (voltage, "voltage", "V"), (speed, "speed", "V"))
+    return RecordSet([record]), {"settings": FORCE_IN}
 
 
 def bouc_wen(folder: Path, forward: bool) -> Read:
@@ -49,7 +51,7 @@ def bouc_wen(folder: Path, forward: bool) -> Read:
     ):
         channels = ((displacement * 1000.0, "displacement", "mm"), (force, "force", "N"))
         records.append(_record(name, 1 / 750.0, *(channels[::-1] if forward else channels)))
-    return RecordSet(records), {"train": "train", "forward": forward}
+    return RecordSet(records), {"train": "train", "settings": FORCE_IN if forward else None}
 
 
 def _bouc_wen_training(folder: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -80,7 +82,7 @@ def _study(folder: Path, name: str) -> Read:
     tissue = settings.tissue
     files = [folder / entry.file for entry in tissue.records]
     records = read_listed(files, tissue.records, tissue.layout, tissue.rate_Hz)
-    return records, {"settings": settings.improvement, "seed": settings.seed}
+    return records, {"settings": settings}
 
 
 def _record(name: str, step: float, *channels: tuple[np.ndarray, str, str]) -> Record:

@@ -30,7 +30,7 @@ _VERBS = {
     "diagnose": "lumbar.interface.diagnosis",
     "refine": "lumbar.interface.refinement",
     "doctor": "lumbar.interface.doctor",
-    "propose": "lumbar.interface.proposing",
+    "propose": "lumbar.interface.diagnosis",
     "export_fmu": "lumbar.interface.device",
     "check_fmu": "lumbar.interface.fmu_checking",
     "load_models": "lumbar.interface.device",

@@ -5,6 +5,7 @@ from lumbar.interface.comparison import locate as locate
 from lumbar.interface.device import export_fmu as export_fmu
 from lumbar.interface.device import load_models as load_models
 from lumbar.interface.diagnosis import diagnose as diagnose
+from lumbar.interface.diagnosis import propose as propose
 from lumbar.interface.doctor import doctor as doctor
 from lumbar.interface.fmu_checking import check_fmu as check_fmu
 from lumbar.interface.identification import identify as identify
@@ -17,7 +18,6 @@ from lumbar.interface.participants import analyse_survey as analyse_survey
 from lumbar.interface.people import compare_groups as compare_groups
 from lumbar.interface.people import sample_size as sample_size
 from lumbar.interface.person import lift as lift
-from lumbar.interface.proposing import propose as propose
 from lumbar.interface.pushing import push_prediction as push_prediction
 from lumbar.interface.reading import read as read
 from lumbar.interface.refinement import refine as refine

@@ -20,7 +20,7 @@ from run.run_log import watch
 from lumbar.study.artefacts import read_artefacts
 from lumbar.study.load_study import load_study
 from lumbar.base.errors import LumbarError
-from lumbar.settings.plain import plain
+from lumbar.settings.plain import part, plain
 from lumbar.lifting.stability.model.failures import announcement
 
 DECLARED_EPOCH = os.environ.get("SOURCE_DATE_EPOCH")  # before jobs get theirs

@@ -1,8 +1,17 @@
 # Improvement: what the base model is missing on each record set, the model with it, and the error ladder.
 
-from lumbar.study.study_recordings import record_set, set_layout
+from lumbar.study.study_recordings import record_set, set_layout, settings_of_set
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
+DIAGNOSED = (
+    *(f"improvement.{key}" for key in ("base", "train", "forward", "session")),
+    *(f"improvement.{key}" for key in ("effect_files", "most_effects", "propose_law")),
+    # The thesis's models stand beside.
+    *(f"tissue.{key}" for key in ("settling_s", "search", "ridge", "bootstrap", "inverted_linear")),
+    "signals.machine",
+    "stability.pendulum.gravity_m_s2",
+    "seed",
+)
 RECORD_SETS = [entry.name for entry in settings.improvement.record_sets]
 
 
@@ -41,17 +50,10 @@ rule diagnose_records:
     params:
         code=library_code("diagnose_records.py"),
         records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),
-        base=lambda wildcards: record_set(settings, wildcards.record_set).base,
-        session=lambda wildcards: record_set(settings, wildcards.record_set).session,
-        train=lambda wildcards: plain(record_set(settings, wildcards.record_set).train),
         effects=lambda wildcards: plain(record_set(settings, wildcards.record_set).effects),
         layout=lambda wildcards: plain(set_layout(settings, wildcards.record_set)[0]),
         rate=lambda wildcards: set_layout(settings, wildcards.record_set)[1],
-        improvement=without(settings.improvement, "effects", "record_sets"),
-        machine=plain(settings.signals.machine),
-        tissue=without(settings.tissue, "records", "training", "layout", "rate_Hz"),
-        gravity=settings.stability.pendulum.gravity_m_s2,
-        seed=settings.seed,
+        settings=lambda wildcards: part(settings_of_set(settings, wildcards.record_set), *DIAGNOSED),
         data=DATA,
     message:
         "{wildcards.record_set}: what the model is missing"

@@ -53,10 +53,14 @@ rule identify_tissue:
         **measured(peak_mb=155, seconds=5),
     params:
         code=library_code("identify_tissue.py"),
-        tissue=plain(settings.tissue),
         training=lambda wildcards: wildcards.training,
-        improvement=without(settings.improvement, "train", "record_sets"),
-        seed=settings.seed,
+        settings=part(
+            settings,
+            "tissue",
+            *(f"improvement.{key}" for key in ("base", "effects", "effect_files", "most_effects")),
+            *(f"improvement.{key}" for key in ("forward", "session")),
+            "seed",
+        ),
         data=DATA,
     message:
         "Identification of the tissue models on {wildcards.training}"

@@ -9,24 +9,15 @@ def main(input, output, params):
 
     from lumbar.interface.diagnosis import diagnose
     from lumbar.interface.reading import read_listed
-    from lumbar.settings.improvement import ImprovementSettings
     from lumbar.settings.layout import ColumnLayout, RecordSettings
     from lumbar.settings.plain import typed
-    from lumbar.settings.signals import MachineSettings
-    from lumbar.settings.tissue import TissueSettings
+    from lumbar.settings.study_settings import StudySettings
 
     listed = [typed(RecordSettings, entry) for entry in params.records]
     records = read_listed(input.recordings, listed, typed(ColumnLayout, params.layout), params.rate)
     diagnosis = diagnose(
         records,
-        base=params.base,
-        train=params.train,
-        session=params.session,
-        settings=typed(ImprovementSettings, params.improvement),
-        machine=typed(MachineSettings, params.machine),
-        tissue=typed(TissueSettings, params.tissue),
-        gravity_m_s2=params.gravity,
-        seed=params.seed,
+        settings=typed(StudySettings, params.settings, complete=False),
         data=params.data,
     )
     diagnosis.save(Path(output.refined).parent, effects=params.effects)

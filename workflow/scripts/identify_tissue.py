@@ -8,18 +8,16 @@ def main(input, output, params):
     from lumbar.base.files import write_csv, write_json
     from lumbar.interface.identification import identify
     from lumbar.interface.reading import read_listed
-    from lumbar.settings.improvement import ImprovementSettings
     from lumbar.settings.plain import typed
-    from lumbar.settings.tissue import TissueSettings
+    from lumbar.settings.study_settings import StudySettings
     from lumbar.tissue.models.models_file import models_document
 
-    tissue = typed(TissueSettings, params.tissue)
+    settings = typed(StudySettings, params.settings, complete=False)
+    tissue = settings.tissue
     found = identify(
         read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz),
         params.training,
-        settings=tissue,
-        improvement=typed(ImprovementSettings, params.improvement),
-        seed=params.seed,
+        settings=settings,
         data=params.data,
     )
     write_csv(output.grid, found.search)

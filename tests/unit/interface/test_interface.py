@@ -6,7 +6,6 @@ import filecmp
 import re
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +17,8 @@ from lumbar.interface.data_label import data_label
 from lumbar.records.record import RecordSet
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.signals import SignalsSettings
-from lumbar.settings.tissue import TissueSettings
+from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import BootstrapSettings, TissueSettings
 
 
 @pytest.fixture(scope="module")
@@ -143,14 +143,18 @@ def test_an_object_saves_what_the_command_writes(diagnosis, folder, run, tmp_pat
     ("given", "words"),
     [
         (
-            {"improvement": ImprovementSettings(base="KX")},
+            {"settings": StudySettings(improvement=ImprovementSettings(base="KX"))},
             'base: found "KX"; allowed: auto, LE, Maxwell, KV, KB',
         ),
-        ({"settings": TissueSettings(rate_Hz=-100)}, "rate_Hz: found -100; allowed: number > 0"),
         (
-            {"settings": TissueSettings(bootstrap=replace(TissueSettings().bootstrap, confidence="0.9"))},
+            {"settings": StudySettings(tissue=TissueSettings(rate_Hz=-100))},
+            "rate_Hz: found -100; allowed: number > 0",
+        ),
+        (
+            {"settings": StudySettings(tissue=TissueSettings(bootstrap=BootstrapSettings(confidence="0.9")))},
             'bootstrap.confidence: found "0.9"; allowed: number',
         ),
+        ({"settings": TissueSettings()}, "class TissueSettings: give those of a whole study"),
     ],
 )
 def test_settings_made_in_python_are_checked_as_those_of_a_file(records, given, words):

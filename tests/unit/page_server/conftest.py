@@ -16,9 +16,10 @@ from lumbar.page_server.own_recordings import OwnDiagnosis
 from lumbar.page_server.server import new_server
 from lumbar.page_server.study_change import with_value
 from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.twin.examples import example_records
 
-QUICK = ImprovementSettings(most_effects=1, propose_law=False)
+QUICK = StudySettings(improvement=ImprovementSettings(most_effects=1, propose_law=False))
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ import lumbar
 from lumbar.publishing.explorer import shown
 from lumbar.publishing.explorer.shown import WITH_EFFECTS, candidates_of, drawing_step, model_key
 from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import BootstrapSettings, TissueSettings
 from lumbar.tissue.diagnosis.design.discrimination import separating_excitation
 from lumbar.tissue.identification.metrics import variance_accounted_for
@@ -26,7 +27,9 @@ EVIL = "</script><script>alert(1)</script>"
 @pytest.fixture(scope="module")
 def diagnosis():
     return lumbar.diagnose(
-        example_records(), settings=ImprovementSettings(most_effects=1), data=f"a lab {EVIL}"
+        example_records(),
+        settings=StudySettings(improvement=ImprovementSettings(most_effects=1)),
+        data=f"a lab {EVIL}",
     )
 
 
@@ -59,7 +62,7 @@ def test_every_model_of_the_search_is_drawn_as_its_fit_simulates_it(diagnosis, p
 
 
 def test_the_thesis_s_models_stand_beside_as_identify_finds_them(page):
-    settings = TissueSettings(bootstrap=BootstrapSettings(resamples=100))
+    settings = StudySettings(tissue=TissueSettings(bootstrap=BootstrapSettings(resamples=100)))
     records = example_records()
     found = lumbar.identify(records, "multisine", settings=settings)
     shown = {model.key: model for model in page.models}

@@ -11,8 +11,9 @@ from periodic_records import multisine, noise, record, relaxing_force
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.study_settings import StudySettings
 
-ONE_EFFECT = ImprovementSettings(most_effects=1)
+ONE_EFFECT = StudySettings(improvement=ImprovementSettings(most_effects=1))
 
 
 def diagnosed(position, force):

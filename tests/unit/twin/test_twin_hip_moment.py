@@ -10,6 +10,8 @@ import pytest
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.settings.stability import PendulumSettings, StabilitySettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.twin.hip_moment_recordings import write_trials
 from lumbar.twin.lifting_recordings import write_lift
 from study_settings import changed, study_settings
@@ -136,7 +138,8 @@ def test_a_study_elsewhere_weighs_the_box_by_its_own_gravity(twin, tmp_path):
         table = pd.read_csv(tmp_path / f"{name}.csv")
         trials[name] = {key: table[key].to_numpy() for key in table}
     records = records_of(trials)
-    refined = lumbar.refine(records, ["hand_load"], base="pendulum", train="paced", gravity_m_s2=mars)
+    there = StudySettings(stability=StabilitySettings(pendulum=PendulumSettings(gravity_m_s2=mars)))
+    refined = lumbar.refine(records, ["hand_load"], base="pendulum", train="paced", settings=there)
     box = refined.model["hand_load.box_mass"]
     assert box.low < 23.0 < box.high
     assert box.high - box.low < 23.0 / 2

@@ -30,9 +30,7 @@ def run(options) -> None:
     """Diagnose, write the verdict with its evidence, a page and the error ladder, print the verdict."""
     from lumbar.interface.diagnosis import diagnose
 
-    settings, records, chosen = read_folder(options)
-    gravity = settings.stability.pendulum.gravity_m_s2
-    machine, tissue = settings.signals.machine, settings.tissue
-    diagnosis = diagnose(records, machine=machine, tissue=tissue, gravity_m_s2=gravity, **chosen)
+    records, settings, data = read_folder(options)
+    diagnosis = diagnose(records, settings=settings, data=data)
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)

@@ -40,14 +40,13 @@ def run(options) -> None:
     """Put effects and mistakes into the records, diagnose them, print what was told, and write it where asked."""
     from lumbar.interface.doctor import doctor
 
-    settings, records, chosen = read_folder(options)
+    records, settings, data = read_folder(options)
     found = doctor(
         records,
         effects=options.effects,
         faults=not options.no_faults,
-        machine=settings.signals.machine,
-        gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
-        **chosen,
+        settings=settings,
+        data=data,
     )
     print(found)
     if options.output:

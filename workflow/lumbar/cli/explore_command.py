@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from lumbar.page_server.explored_set import ExploredSet
     from lumbar.page_server.own_recordings import OwnDiagnosis
     from lumbar.records.record import Record
+    from lumbar.settings.study_settings import StudySettings
     from lumbar.study.study import Study
 
 EXPLORED = Path("explored")
@@ -87,47 +89,38 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     from lumbar.cli.record_folder import read_folder
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.explored_set import ExploredSet
-    from lumbar.page_server.own_recordings import OwnDiagnosis
 
     options.folder = options.target
-    settings, records, chosen = read_folder(options)
-    gravity = settings.stability.pendulum.gravity_m_s2
-    machine, tissue = settings.signals.machine, settings.tissue
-    fixed = partial(diagnose, machine=machine, tissue=tissue, gravity_m_s2=gravity)
+    records, settings, data = read_folder(options)
     output = options.output or EXPLORED / options.folder.resolve().name  # two folders, two places
-    own = {key: chosen[key] for key in ("base", "forward", "settings", "seed")}
     explored = ExploredSet(
-        "records", partial(fixed, records, **chosen), output, title=str(options.folder), read=lambda: records
+        "records",
+        partial(diagnose, records, settings=settings, data=data),
+        output,
+        title=str(options.folder),
+        read=lambda: records,
     )
-    return [explored], OwnDiagnosis(
-        partial(fixed, session=False, **own), (options.output or EXPLORED) / "own"
-    )
+    return [explored], _own(settings, options.output or EXPLORED)
 
 
 def _of_nothing(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     """Only what is given on the page, by the default settings."""
+    from lumbar.cli.record_folder import fit_settings
+
+    return [], _own(fit_settings(options), options.output or EXPLORED)
+
+
+def _own(settings: StudySettings, output: Path, *kept) -> OwnDiagnosis:
+    """How a person's own files are diagnosed: each is taken for an experiment of its own."""
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.own_recordings import OwnDiagnosis
-    from lumbar.study.settings_files import load_settings
 
-    settings = load_settings(*options.config)
-    fixed = partial(
-        diagnose,
-        base=options.base,
-        forward=options.forward,
-        session=False,
-        settings=settings.improvement,
-        machine=settings.signals.machine,
-        tissue=settings.tissue,
-        gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
-        seed=settings.seed,
-    )
-    return [], OwnDiagnosis(fixed, (options.output or EXPLORED) / "own")
+    alone = replace(settings, improvement=replace(settings.improvement, session=False))
+    return OwnDiagnosis(partial(diagnose, settings=alone), output / "own", *kept)
 
 
 def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     from lumbar.page_server.kept_records import keep_records
-    from lumbar.page_server.own_recordings import OwnDiagnosis
     from lumbar.study.load_study import DEFAULT_FILES, load_study_file
 
     if not DEFAULT_FILES[0].is_file():
@@ -142,26 +135,20 @@ def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
         _of_set(study, entry.name, file, output / entry.name)
         for entry in study.settings.improvement.record_sets
     ]
-    return sets, OwnDiagnosis(
-        partial(_diagnose_as, study, session=False),
-        output / "own",
-        partial(keep_records, file, study),
-        file.name,
-    )
+    return sets, _own(study.settings, output, partial(keep_records, file, study), file.name)
 
 
 def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
     """A record set, diagnosed as the workflow does."""
+    from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.explored_set import ExploredSet
     from lumbar.page_server.kept_effects import keep_effects
-    from lumbar.study.study_recordings import record_set
+    from lumbar.study.study_recordings import settings_of_set
 
     read = cache(partial(_records_of, study, name))
 
     def diagnosed() -> Diagnosis:
-        entry = record_set(study.settings, name)
-        fitted = {"base": entry.base, "train": entry.train, "session": entry.session}
-        return _diagnose_as(study, read(), **fitted, data=study.data_label)
+        return diagnose(read(), settings=settings_of_set(study.settings, name), data=study.data_label)
 
     keep = partial(keep_effects, file, study.settings, name)
     return ExploredSet(name, diagnosed, output, keep, file.name, read=read)
@@ -178,19 +165,3 @@ def _records_of(study: Study, name: str) -> Sequence[Record]:
         made = "; 'snakemake' makes the synthetic twin's recordings" if study.synthetic else ""
         raise InputError(f"{', '.join(missing)}: not there{made}")
     return read_listed(paths, entry.records, *set_layout(study.settings, name))
-
-
-def _diagnose_as(study: Study, records, **chosen) -> Diagnosis:
-    """Diagnose records by the study's settings."""
-    from lumbar.interface.diagnosis import diagnose
-
-    settings = study.settings
-    return diagnose(
-        records,
-        settings=settings.improvement,
-        machine=settings.signals.machine,
-        tissue=settings.tissue,
-        gravity_m_s2=settings.stability.pendulum.gravity_m_s2,
-        seed=settings.seed,
-        **chosen,
-    )

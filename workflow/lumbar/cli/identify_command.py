@@ -37,9 +37,7 @@ def run(options) -> None:
     found = identify(
         records,
         train,
-        settings=settings.tissue,
-        improvement=settings.improvement,
-        seed=settings.seed,
+        settings=settings,
         data=options.data or options.folder.name,
     )
     found.save(options.output)

@@ -36,10 +36,10 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Diagnose, look for a law, print it, and write the effect's file and picture where there is something to write."""
-    from lumbar.interface.proposing import propose
+    from lumbar.interface.diagnosis import propose
 
-    _, records, chosen = read_folder(options)
-    law = propose(records, **chosen)
+    records, settings, data = read_folder(options)
+    law = propose(records, settings=settings, data=data)
     if options.output and law.found:
         law.save(options.output, options.output.stem)
     if options.picture and law.proposal.is_needed:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from lumbar.study.settings_files import load_settings
 
@@ -12,32 +13,35 @@ if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings
 
 
-def read_folder(options) -> tuple[StudySettings, RecordSet, dict[str, Any]]:
-    """Return settings, records, and what options and settings say of the fit, as keywords of `lumbar.diagnose`."""
+def fit_settings(options) -> StudySettings:
+    """Settings of the files of ``--config``, with what the other options say of the fit in their place."""
+    settings = load_settings(*options.config)
+    said = {name: getattr(options, name) for name in ("base", "train", "forward", "session")}
+    given = {name: value for name, value in said.items() if value is not None}
+    return replace(settings, improvement=replace(settings.improvement, **given))
+
+
+def read_folder(options) -> tuple[RecordSet, StudySettings, str]:
+    """Return the records of the folder with their periods, how they are fitted, and what they are called."""
     from lumbar.interface.reading import read
     from lumbar.study.study_recordings import record_layout
+    from lumbar.tissue.diagnosis.noise.periods import fold_periods
 
-    settings = load_settings(*options.config)
-    layout, rate = record_layout(settings, options.base or settings.improvement.base)
-    chosen = {
-        "base": options.base,
-        "train": options.train,
-        "forward": options.forward,
-        "periods": dict(map(_period, options.period)),
-        "session": options.session,
-        "settings": settings.improvement,
-        "seed": settings.seed,
-        "data": options.data or options.folder.name,
-    }
-    return settings, read(options.folder, layout=layout, rate=rate), chosen
+    settings = fit_settings(options)
+    layout, rate = record_layout(settings, settings.improvement.base)
+    periods = dict(map(_period, options.period))
+    records = read(options.folder, layout=layout, rate=rate).with_periods(periods)
+    for name, seconds in periods.items():
+        fold_periods(records[name], seconds)  # a period that is asked for and cannot be used is an error
+    return records, settings, options.data or options.folder.name
 
 
 def refined(options) -> Refinement:
     """Fit the base with the effects of ``--add`` to the records of the folder."""
     from lumbar.interface.refinement import refine
 
-    settings, records, chosen = read_folder(options)
-    return refine(records, options.add, gravity_m_s2=settings.stability.pendulum.gravity_m_s2, **chosen)
+    records, settings, data = read_folder(options)
+    return refine(records, options.add, settings=settings, data=data)
 
 
 def _period(text: str) -> tuple[str, float]:

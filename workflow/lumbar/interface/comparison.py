@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from lumbar.base.errors import InputError
-from lumbar.interface.data_label import label_of
+from lumbar.interface.data_label import label_of, settings_or_default
 from lumbar.records.record import Record
-from lumbar.settings.seed import SEED
+from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.models.fitted_model import FittedModel
 
 if TYPE_CHECKING:
@@ -28,9 +28,7 @@ def compare(
     model: FittedModel,
     *,
     train: str | Sequence[str] | None = None,
-    periods: Mapping[str, float] | None = None,
-    session: bool = False,
-    seed: int = SEED,
+    settings: StudySettings | None = None,
     data: str = "",
 ) -> Comparisons:
     """Simulate a model on every record: its errors with intervals, and the part that could be explained.
@@ -41,12 +39,9 @@ def compare(
         Of `identify`, `refine` or `diagnose`, or read from a file.
     train : str or sequence of str, optional
         Record that the noise floor is taken from; default the one the model was fitted to, or the longest.
-    periods : mapping of str to float, optional
-        Periods of excitations in seconds by record; default found from the input.
-    session : bool
-        Whether the records were cut from one session, in their order.
-    seed : int
-        Of the intervals.
+    settings : StudySettings, optional
+        ``improvement.session`` says whether the records were cut from one session, in their order; ``seed`` is that of the
+        intervals.
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
@@ -66,7 +61,7 @@ def compare(
     >>> f"{found['other'].comparison.vaf.value:.1f} % of the variance"
     '100.0 % of the variance'
     """
-    return Comparisons(*_on_records(records, model, train, periods, session, seed, data))
+    return Comparisons(*_on_records(records, model, train, settings, data))
 
 
 def locate(
@@ -74,9 +69,7 @@ def locate(
     model: FittedModel,
     *,
     train: str | Sequence[str] | None = None,
-    periods: Mapping[str, float] | None = None,
-    session: bool = False,
-    seed: int = SEED,
+    settings: StudySettings | None = None,
     data: str = "",
 ) -> Locations:
     """See where a model fails: time, frequency, motion, depth, reversals; parameters as of `compare`.
@@ -90,17 +83,17 @@ def locate(
     >>> print(found["other"].location.sentences[0].split(";")[0])
     other: 0.224 N of the error's 0.224 N are not noise
     """
-    return Locations(*_on_records(records, model, train, periods, session, seed, data))
+    return Locations(*_on_records(records, model, train, settings, data))
 
 
-def _on_records(
-    records, model, train, periods, session, seed, data
-) -> tuple[FittedModel, list[Simulated], str, tuple]:
+def _on_records(records, model, train, settings, data) -> tuple[FittedModel, list[Simulated], str, tuple]:
     from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
     from lumbar.tissue.diagnosis.fitting.preparation import prepare
     from lumbar.tissue.diagnosis.fitting.session import in_session
     from lumbar.tissue.diagnosis.residuals.locate import residual_reports
 
+    settings = settings_or_default(settings)
+    session = settings.improvement.session
     data = label_of(data, records)
     records, changed = limit_samples(list(records), session)
     if not isinstance(model, FittedModel):
@@ -108,9 +101,9 @@ def _on_records(
         raise InputError(f"model is {found}: give one model, e.g. identification['KB'] or diagnosis.model")
     if train is None and model.trained_on in [record.name for record in records]:
         train = model.trained_on
-    experiment = prepare(records, train, dict(periods or {}))
+    experiment = prepare(records, train)
     simulate = in_session(records, model.simulate) if session else model.simulate
-    reports = residual_reports(records, simulate, experiment.floor, experiment.floor_from, seed)
+    reports = residual_reports(records, simulate, experiment.floor, experiment.floor_from, settings.seed)
     return model, reports, data, changed
 
 

@@ -1,4 +1,4 @@
-"""The words that say where data come from, where the caller says none."""
+"""What the verbs on records are given: the settings of a study, and words that say where the data come from."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
+from lumbar.settings.study_settings import StudySettings
 
 NOT_SAID = "source not said"
 
@@ -45,3 +46,19 @@ def label_of(given: str, records: Iterable[Record]) -> str:
     if not all(isinstance(item, Record) for item in found):
         raise InputError(f"records is {records!r:.80}: give records, e.g. lumbar.read('recordings')")
     return data_label(given, (record.source for record in found))
+
+
+def settings_or_default(given: StudySettings | None) -> StudySettings:
+    """Return the settings of a study that were given, or the defaults.
+
+    Raises
+    ------
+    InputError
+        If they are those of a part of a study.
+    """
+    if not isinstance(given, StudySettings | None):
+        raise InputError(
+            f"settings is an object of class {type(given).__name__}: give those of a whole study, as lumbar.load_settings "
+            "returns them, or StudySettings(improvement=ImprovementSettings(most_effects=1))"
+        )
+    return given or StudySettings()

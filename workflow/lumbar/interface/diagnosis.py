@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.interface.data_label import label_of
-from lumbar.interface.refinement import Refinement, chosen_settings, refined
+from lumbar.interface.data_label import label_of, settings_or_default
+from lumbar.interface.refinement import Refinement, refined
 from lumbar.records.record import Record
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.seed import SEED
-from lumbar.settings.signals import MachineSettings
-from lumbar.settings.tissue import TissueSettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.effects.catalogue import GRAVITY
 
 if TYPE_CHECKING:
     from lumbar.interface.proposed_law import ProposedLaw
@@ -39,14 +35,7 @@ def diagnose(
     *,
     base: str | None = None,
     train: str | Sequence[str] | None = None,
-    periods: Mapping[str, float] | None = None,
-    session: bool | None = None,
-    settings: ImprovementSettings | None = None,
-    machine: MachineSettings | None = None,
-    tissue: TissueSettings | None = None,
-    gravity_m_s2: float = GRAVITY,
-    forward: bool | None = None,
-    seed: int = SEED,
+    settings: StudySettings | None = None,
     data: str = "",
 ) -> Diagnosis:
     """Say which physical effect a base model is missing, or that nothing is.
@@ -54,28 +43,16 @@ def diagnose(
     Parameters
     ----------
     records : sequence of Record
-        One per excitation, with channels ``input`` and ``output``.
+        One per excitation, with channels ``input`` and ``output``; the period of an excitation is the record's own
+        (``Record.period``), else found from the input.
     base : str, optional
         Base model: LE, Maxwell, KV, KB or pendulum; default the settings'.
     train : str or sequence of str, optional
-        Record to fit on, or several that are fitted together; default the longest.
-    periods : mapping of str to float, optional
-        Periods of excitations in seconds by record; default found from the input.
-    session : bool, optional
-        Whether the records were cut from one session, in their order, so that each begins in the state in which the one
-        before it left the tissue; default the settings'.
-    settings : ImprovementSettings, optional
-        Effects of your own (``effect_files``), how many effects to add, whether to propose a law for what they leave.
-    machine : MachineSettings, optional
-        Limits of the machine that would play a separating excitation.
-    tissue : TissueSettings, optional
-        How the thesis's models are identified that the page shows beside those of the diagnosis.
-    gravity_m_s2 : float
-        That acts on a pendulum.
-    forward : bool, optional
-        Whether the records have the force as input and the motion as output; default the settings'.
-    seed : int
-        Of the intervals.
+        Record to fit on, or several that are fitted together; default the settings', or the longest.
+    settings : StudySettings, optional
+        As `lumbar.load_settings` returns them; used are ``improvement`` (effects of your own, how many to add, whether the
+        records were cut from one session or have the force as input), ``signals.machine`` (limits of what would play a
+        separating excitation), ``tissue`` (the thesis's models beside), ``stability.pendulum.gravity_m_s2`` and ``seed``.
     data : str
         Words for the source of the data, for pages and figures; default the folder or file they were read from.
 
@@ -88,8 +65,10 @@ def diagnose(
     --------
     >>> import lumbar
     >>> from lumbar.settings.improvement import ImprovementSettings
+    >>> from lumbar.settings.study_settings import StudySettings
     >>> from lumbar.twin.examples import example_records
-    >>> diagnosis = lumbar.diagnose(example_records(), settings=ImprovementSettings(most_effects=1))
+    >>> one_effect = StudySettings(improvement=ImprovementSettings(most_effects=1))
+    >>> diagnosis = lumbar.diagnose(example_records(), settings=one_effect)
     >>> diagnosis.selected
     ('coulomb_friction',)
     >>> print(str(diagnosis).splitlines()[0])
@@ -99,16 +78,41 @@ def diagnose(
     from lumbar.tissue.diagnosis.law.beside_verdict import law_beside, with_law
     from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 
-    settings = settings or ImprovementSettings()
-    chosen = chosen_settings(settings, base, train, periods, gravity_m_s2, forward, session)
+    settings = settings_or_default(settings)
+    chosen = DiagnosisSettings.from_study(settings, base, train)
     data = label_of(data, records)
     used, changed = limit_samples(list(records), chosen.session)
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
-    proposing = settings.propose_law and chosen.system == "tissue" and not chosen.forward
+    proposing = settings.improvement.propose_law and chosen.system == "tissue" and not chosen.forward
     proposal = law_beside(verdict) if proposing else None
-    tissue = tissue or TissueSettings()
-    return Diagnosis(used, chosen, with_law(verdict, proposal), machine, seed, data, proposal, tissue)
+    return Diagnosis(used, chosen, with_law(verdict, proposal), settings, data, proposal)
+
+
+def propose(
+    records: Sequence[Record],
+    *,
+    base: str | None = None,
+    train: str | Sequence[str] | None = None,
+    settings: StudySettings | None = None,
+    data: str = "",
+) -> ProposedLaw:
+    """Diagnose, and look for a short formula for what the catalogue leaves; parameters as of `lumbar.diagnose`.
+
+    Raises
+    ------
+    InputError
+        For records with the force as input.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> law = lumbar.propose(lumbar.read("recordings/tissue"))  # doctest: +SKIP
+    >>> law.save("proposed_law.yaml")                           # doctest: +SKIP
+    """
+    if settings_or_default(settings).improvement.forward:
+        raise InputError(FORWARD)
+    return diagnose(records, base=base, train=train, settings=settings, data=data).propose()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,15 +121,14 @@ class Diagnosis:
 
     records: list[Record]
     settings: DiagnosisSettings
+    """How the records were fitted."""
     verdict: Verdict
     """Selected effects, selection path, ranking, ties."""
-    machine: MachineSettings | None
-    seed: int
+    study: StudySettings
+    """All settings: of the machine, the thesis's models and the intervals too."""
     data: str
     proposal: Proposal | None = None
     """The search of a law for what the catalogue leaves, where one was made."""
-    tissue: TissueSettings = field(default_factory=TissueSettings)
-    """Of the thesis's models."""
 
     @property
     def selected(self) -> tuple[str, ...]:
@@ -154,7 +157,9 @@ class Diagnosis:
         """Ties, the experiment that settles them, what these records would have shown, what remains."""
         from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
 
-        return gather_evidence(self.verdict, self.records, self.settings, self.seed, self.machine)
+        return gather_evidence(
+            self.verdict, self.records, self.settings, self.study.seed, self.study.signals.machine
+        )
 
     @cached_property
     def base_on_records(self) -> list[Simulated]:
@@ -168,7 +173,7 @@ class Diagnosis:
             verdict.base.fit,
             floor,
             trained,
-            self.seed,
+            self.study.seed,
             verdict.experiment.surface,
             verdict.experiment.session,
         )
@@ -191,7 +196,7 @@ class Diagnosis:
 
     def refit(self, effects: Iterable[str]) -> Refinement:
         """Fit the base with these effects and no others; arguments and errors as of `lumbar.refine`."""
-        return refined(self.records, list(effects), self.settings, self.seed, self.data)
+        return refined(self.records, list(effects), self.settings, self.study.seed, self.data)
 
     def with_effects(self, effects: Iterable[str]) -> Refinement:
         """Return the base with these effects as the page of the diagnosis shows it.
@@ -207,7 +212,8 @@ class Diagnosis:
             return self.refit(effects)
         steps = [model_key(effects[:number]) for number in range(len(effects) + 1)]
         path = [known[step] for step in steps if step in known]
-        return Refinement(self.records, self.settings, self.verdict.experiment, path, self.seed, self.data)
+        seed = self.study.seed
+        return Refinement(self.records, self.settings, self.verdict.experiment, path, seed, self.data)
 
     def propose(self) -> ProposedLaw:
         """Look for a short formula for what the catalogue leaves.
@@ -241,7 +247,7 @@ class Diagnosis:
         """The thesis's models, ridge ARX and output error, of the same records; none beside force as the input."""
         from lumbar.interface.thesis_models import ThesisModels, thesis_models
 
-        return ThesisModels() if self.settings.forward else thesis_models(self.verdict, self.tissue)
+        return ThesisModels() if self.settings.forward else thesis_models(self.verdict, self.study.tissue)
 
     def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
         """Return the page that one can look around in: every model that was fitted beside every record.

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
+from lumbar.interface.data_label import settings_or_default
 from lumbar.interface.diagnosis import Diagnosis, diagnose
 from lumbar.records.record import Record
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.seed import SEED
-from lumbar.settings.signals import MachineSettings
-from lumbar.tissue.effects.catalogue import GRAVITY
+from lumbar.settings.study_settings import StudySettings
 
 if TYPE_CHECKING:
     from lumbar.tables.table import Table
@@ -31,13 +29,7 @@ def doctor(
     faults: bool = True,
     base: str | None = None,
     train: str | Sequence[str] | None = None,
-    periods: Mapping[str, float] | None = None,
-    session: bool | None = None,
-    settings: ImprovementSettings | None = None,
-    machine: MachineSettings | None = None,
-    gravity_m_s2: float = GRAVITY,
-    forward: bool | None = None,
-    seed: int = SEED,
+    settings: StudySettings | None = None,
     data: str = "",
 ) -> Examined:
     """Answer "could I have seen it?": predict how large every effect must be to be named, and confirm it by a blind diagnosis.
@@ -54,12 +46,8 @@ def doctor(
         Effects to put in; default all of the catalogue.
     faults : bool
         Try mistakes of a recording too.
-    base, train, periods, session, settings, machine, gravity_m_s2, forward
-        As of `diagnose`.
-    seed : int
-        Of the noise and of what is random in a mistake.
-    data : str
-        Words for the source of the data; default the folder or file they were read from.
+    base, train, settings, data
+        As of `diagnose`; the seed is also that of the noise and of what is random in a mistake.
 
     Raises
     ------
@@ -80,36 +68,19 @@ def doctor(
 
     records = list(records)
     # What is asked is whether an effect of the catalogue would be named: no law is looked for in hundreds of records.
-    settings = replace(settings or ImprovementSettings(), propose_law=False)
-    if settings.forward if forward is None else forward:
+    settings = settings_or_default(settings)
+    settings = replace(settings, improvement=replace(settings.improvement, propose_law=False))
+    if settings.improvement.forward:
         raise InputError(
             "records with the force as input (improvement.forward): no effects are put into them"
         )
 
     def verdict_on(seen: Sequence[Record], most_effects: int) -> Verdict:
-        chosen = replace(settings, most_effects=most_effects)
-        return diagnose(
-            seen,
-            base=base,
-            train=train,
-            periods=periods,
-            session=session,
-            settings=chosen,
-            gravity_m_s2=gravity_m_s2,
-        ).verdict
+        improvement = replace(settings.improvement, most_effects=most_effects)
+        chosen = replace(settings, improvement=improvement)
+        return diagnose(seen, base=base, train=train, settings=chosen).verdict
 
-    own = diagnose(
-        records,
-        base=base,
-        train=train,
-        periods=periods,
-        session=session,
-        settings=settings,
-        machine=machine,
-        gravity_m_s2=gravity_m_s2,
-        seed=seed,
-        data=data,
-    )
+    own = diagnose(records, base=base, train=train, settings=settings, data=data)
     examination = examine(
         records,
         own.verdict,
@@ -117,8 +88,8 @@ def doctor(
         verdict_on,
         effects=effects,
         faults=faults,
-        limits=machine_limits(machine, own.verdict.experiment),
-        seed=seed,
+        limits=machine_limits(settings.signals.machine, own.verdict.experiment),
+        seed=settings.seed,
     )
     return Examined(own, examination)
 

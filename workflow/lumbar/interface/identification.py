@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.interface.data_label import label_of
+from lumbar.interface.data_label import label_of, settings_or_default
 from lumbar.records.record import Record
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.seed import SEED
+from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import ARX
@@ -30,9 +29,7 @@ def identify(
     records: Sequence[Record],
     train: str | Sequence[str] | None = None,
     *,
-    settings: TissueSettings | None = None,
-    improvement: ImprovementSettings | None = None,
-    seed: int = SEED,
+    settings: StudySettings | None = None,
     data: str = "",
 ) -> Identification:
     """Identify MW, Maxwell, KB, HO, LE and IL, by ridge ARX as in the thesis and by output error beside it.
@@ -43,10 +40,9 @@ def identify(
         One per excitation, at one rate.
     train : str or sequence of str, optional
         Record to identify on, or several, each in turn; all others test. Default the settings', or the longest.
-    improvement : ImprovementSettings, optional
-        Its ``effects`` are added to its ``base``: the model with them stands beside the others.
-    seed : int
-        Of the bootstrap.
+    settings : StudySettings, optional
+        ``tissue`` and ``seed``; the ``effects`` of ``improvement`` are added to its ``base``, and the model with them stands
+        beside the others.
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
@@ -74,24 +70,25 @@ def identify(
     from lumbar.tissue.identification.identify_tissue import identify as identify_one
     from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 
-    settings, improvement = settings or TissueSettings(), improvement or ImprovementSettings()
+    settings = settings_or_default(settings)
+    tissue, improvement = settings.tissue, settings.improvement
     data, records = label_of(data, records), list(records)
     named = {record.name: record for record in records}
-    chosen = _training(train or settings.training, records, named)
+    chosen = _training(train or tissue.training, records, named)
     models, grid = [], []
     for name in chosen:
         tests = [record for record in records if record.name != name]
-        found, rows = identify_one(named[name], tests, settings, seed)
-        given = settings.inverted_linear
-        found.append(given_model(named[name], tests, settings.settling_s, given.force_max, given.travel))
+        found, rows = identify_one(named[name], tests, tissue, settings.seed)
+        given = tissue.inverted_linear
+        found.append(given_model(named[name], tests, tissue.settling_s, given.force_max, given.travel))
         if improvement.effects:
             # In Table 3.1 the refined model stands beside the thesis's, whatever base the data would ask for.
             base = "KB" if improvement.base == CHOSEN_BY_DATA else improvement.base
-            chosen_settings = DiagnosisSettings.from_improvement(improvement, base, train=name)
-            found.append(refined_fit([named[name], *tests], list(improvement.effects), chosen_settings))
+            how = DiagnosisSettings.from_study(settings, base, train=name)
+            found.append(refined_fit([named[name], *tests], list(improvement.effects), how))
         models += found
         grid += rows
-    return Identification(models, pd.DataFrame(grid).assign(data=data), settings, data)
+    return Identification(models, pd.DataFrame(grid).assign(data=data), tissue, data)
 
 
 def _training(train, records: list[Record], named: Mapping[str, Record]) -> list[str]:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.interface.data_label import label_of
+from lumbar.interface.data_label import label_of, settings_or_default
 from lumbar.records.record import Record
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.seed import SEED
+from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.effects.catalogue import GRAVITY
 
 if TYPE_CHECKING:
     from lumbar.interface.comparison import Comparisons, Locations
@@ -31,12 +29,7 @@ def refine(
     *,
     base: str | None = None,
     train: str | Sequence[str] | None = None,
-    periods: Mapping[str, float] | None = None,
-    session: bool | None = None,
-    settings: ImprovementSettings | None = None,
-    gravity_m_s2: float = GRAVITY,
-    forward: bool | None = None,
-    seed: int = SEED,
+    settings: StudySettings | None = None,
     data: str = "",
 ) -> Refinement:
     """Fit a base model with effects that are named, each added in turn; parameters as of `lumbar.diagnose`.
@@ -64,16 +57,9 @@ def refine(
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
-    chosen = chosen_settings(settings, base, train, periods, gravity_m_s2, forward, session)
-    data = label_of(data, records)
-    return refined(list(records), list(effects), chosen, seed, data)
-
-
-def chosen_settings(settings, base, train, periods, gravity_m_s2, forward, session) -> DiagnosisSettings:
-    """Settings of a diagnosis from what a verb was given."""
-    return DiagnosisSettings.from_improvement(
-        settings or ImprovementSettings(), base, train, dict(periods or {}), gravity_m_s2, forward, session
-    )
+    settings = settings_or_default(settings)
+    chosen = DiagnosisSettings.from_study(settings, base, train)
+    return refined(list(records), list(effects), chosen, settings.seed, label_of(data, records))
 
 
 def refined(records, effects, settings, seed, data) -> Refinement:

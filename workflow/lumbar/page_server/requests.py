@@ -104,7 +104,7 @@ class TabRequests:
 
         diagnosis = self.explored.diagnosis
         verdict = replace(diagnosis.verdict, tied_with=[self.explored.refitted(effects).path[-1]])
-        limits = machine_limits(diagnosis.machine, verdict.experiment)
+        limits = machine_limits(diagnosis.study.signals.machine, verdict.experiment)
         found = None if diagnosis.settings.forward else separating_excitation(verdict, limits)
         if found is None:
             raise InputError(

@@ -26,15 +26,67 @@ def plain(settings: Any) -> Any:
     return [plain(value) for value in settings] if isinstance(settings, list | tuple) else settings
 
 
-def typed(kind: type[Kind], content: Any) -> Kind:
-    """Return plain data that were validated before as the settings they are; what is left out has its default.
+def part(settings: Any, *keys: str) -> dict[str, Any]:
+    """Return some keys of settings as `plain` does all: what a job needs of them.
+
+    Parameters
+    ----------
+    keys : str
+        Names in the configuration, with those of the sections that they are in below `settings`.
+
+    Raises
+    ------
+    KeyError
+        For a key that is not there.
+
+    Examples
+    --------
+    >>> from lumbar.settings.stability import StabilitySettings
+    >>> part(StabilitySettings(), "goal_level", "pendulum.mass", "pendulum.time")
+    {'goal_level': 1.0, 'pendulum': {'mass': 'with_box', 'time': 'real'}}
+    """
+    values = {name_of(item): getattr(settings, item.name) for item in fields(settings)}
+    inner: dict[str, list[str]] = {}
+    for key in keys:
+        first, _, rest = key.partition(".")
+        inner.setdefault(first, []).append(rest)
+    return {
+        name: plain(values[name]) if "" in rest or values[name] is None else part(values[name], *rest)
+        for name, rest in inner.items()
+    }
+
+
+class NotPassed:
+    """Stands for a key that a job was not given: reading it is an error, so that no default slips into a result."""
+
+    def __init__(self, key: str):
+        self.key = key
+
+    def _refuse(self, *_):
+        raise TypeError(f"the rule does not pass {self.key}: name it among the keys that its job needs")
+
+    def __getattr__(self, name: str):
+        if name.startswith("__"):  # asked for by copying and pickling
+            raise AttributeError(name)
+        self._refuse()
+
+    __bool__ = __len__ = __iter__ = __getitem__ = __contains__ = __call__ = _refuse
+    __float__ = __int__ = __index__ = __str__ = __eq__ = __lt__ = __le__ = __gt__ = __ge__ = _refuse
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
+    __hash__ = object.__hash__
+
+
+def typed(kind: type[Kind], content: Any, complete: bool = True) -> Kind:
+    """Return plain data that were validated before as the settings they are.
 
     Parameters
     ----------
     kind : type
         Class of `lumbar.settings`.
     content : dict
-        As of `plain`; keys may be left out.
+        As of `plain` or `part`; keys may be left out.
+    complete : bool
+        Whether what is left out has its default; else it is `NotPassed`, as in a job.
 
     Examples
     --------
@@ -42,7 +94,7 @@ def typed(kind: type[Kind], content: Any) -> Kind:
     >>> typed(StabilitySettings, {"pendulum": {"mass": "without_box"}}).pendulum.mass
     'without_box'
     """
-    return _typed(kind, content)
+    return _typed(kind, content, complete)
 
 
 def types_of(kind: type) -> dict[str, Any]:
@@ -55,21 +107,25 @@ def _types_of(kind: type) -> dict[str, Any]:
     return get_type_hints(kind, include_extras=True)
 
 
-def _typed(kind: Any, content: Any) -> Any:
+def _typed(kind: Any, content: Any, complete: bool) -> Any:
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is Annotated:
-        return _typed(arguments[0], content)
+        return _typed(arguments[0], content, complete)
     if origin in (Union, UnionType):
-        return _typed(_member(arguments, content), content)
+        return _typed(_member(arguments, content), content, complete)
     if isinstance(kind, type) and is_dataclass(kind):
         types = types_of(kind)
-        given = [item for item in fields(kind) if name_of(item) in content]
-        return kind(**{item.name: _typed(types[item.name], content[name_of(item)]) for item in given})
+        given = {item.name: name_of(item) for item in fields(kind) if name_of(item) in content}
+        values = {name: _typed(types[name], content[key], complete) for name, key in given.items()}
+        if not complete:
+            rest = [item for item in fields(kind) if item.name not in given]
+            values |= {item.name: NotPassed(f"{kind.__name__}.{name_of(item)}") for item in rest}
+        return kind(**values)
     if origin is tuple:
         entries = repeat(arguments[0]) if arguments[-1] is Ellipsis else arguments
-        return tuple(_typed(entry, value) for entry, value in zip(entries, content, strict=False))
+        return tuple(_typed(entry, value, complete) for entry, value in zip(entries, content, strict=False))
     if origin is dict:
-        return {name: _typed(arguments[1], value) for name, value in content.items()}
+        return {name: _typed(arguments[1], value, complete) for name, value in content.items()}
     return float(content) if kind is float else content
 
 

@@ -72,6 +72,14 @@ def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
     return replace(entry, base=base, records=records, effects=effects)
 
 
+def settings_of_set(settings: StudySettings, name: str) -> StudySettings:
+    """Settings of a study with a record set's own base, training records and session in the place of the study's."""
+    chapter, entry = settings.improvement, record_set(settings, name)
+    session = chapter.session if entry.session is None else entry.session
+    own = replace(chapter, base=entry.base, train=entry.train or chapter.train, session=session)
+    return replace(settings, improvement=own)
+
+
 def is_tissue_chapter(settings: StudySettings, entry: RecordSetSettings) -> bool:
     """Whether a record set is read and fitted as the tissue chapter's model with ``improvement.effects``."""
     chapter = settings.improvement

@@ -180,7 +180,6 @@ def test_refinement_adds_what_is_named():
     [
         (DiagnosisSettings(base="HO"), "unknown base model"),
         (DiagnosisSettings(train="c"), "no record 'c'; there are a, b"),
-        (DiagnosisSettings(periods={"c": 1.0}), "no record 'c'"),
     ],
 )
 def test_wrong_settings(settings, message):

@@ -196,7 +196,6 @@ def test_the_command_prints_and_writes_what_the_verb_does(run, folder, tmp_path)
         base="KB",
         effects=["hardening_stiffness"],
         faults=False,
-        machine=lumbar.load_settings().signals.machine,
     )
     assert str(found) == out.rstrip("\n")
     found.save(tmp_path / "two")

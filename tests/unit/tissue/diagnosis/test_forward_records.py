@@ -13,6 +13,8 @@ from scipy.signal import lsim
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.cli.command import main
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.study.settings_files import load_settings
 from lumbar.tissue.diagnosis.forward.carried import response_of
 from lumbar.tissue.diagnosis.linear.direction import FORWARD
@@ -21,23 +23,25 @@ from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel
 
+FORCE_IN = StudySettings(improvement=ImprovementSettings(forward=True))
+
 
 @pytest.fixture(scope="module")
 def friction():
     """Return records with Coulomb friction and their diagnosis."""
     records = forward_records("coulomb_friction")
-    return records, lumbar.diagnose(records, train="train", forward=True)
+    return records, lumbar.diagnose(records, train="train", settings=FORCE_IN)
 
 
 @pytest.mark.parametrize("hidden", ["hardening_stiffness", "hysteresis"])
 def test_what_is_hidden_is_named(hidden):
-    found = lumbar.diagnose(forward_records(hidden), train="train", forward=True).verdict
+    found = lumbar.diagnose(forward_records(hidden), train="train", settings=FORCE_IN).verdict
     assert (found.verdict, found.selected, found.complete) == ("named", (hidden,), True)
     assert found.experiment.output_unit == "mm"
 
 
 def test_nothing_is_named_where_nothing_is_hidden():
-    found = lumbar.diagnose(forward_records("nothing"), train="train", forward=True)
+    found = lumbar.diagnose(forward_records("nothing"), train="train", settings=FORCE_IN)
     assert (found.verdict.verdict, found.selected) == ("adequate", ())
     assert found.verdict.base.fit.structure.base.name == "KV-mass"
     values = {item.name: (item.low, item.high, item.unit) for item in found.model.parameters}
@@ -81,17 +85,17 @@ def test_compare_and_locate_are_in_the_unit_of_the_motion(friction):
     compared = lumbar.compare(records, found.model)
     assert compared["other"].comparison.vaf.value > 99.9
     assert "mm RMS" in str(compared)
-    bare = lumbar.refine(records, [], train="train", forward=True)
+    bare = lumbar.refine(records, [], train="train", settings=FORCE_IN)
     assert "mm of the error's" in str(bare.locate())
 
 
 def test_effects_that_are_asked_for_are_added(friction):
     records, _ = friction
-    refined = lumbar.refine(records, ["coulomb_friction"], base="KV-mass", train="train", forward=True)
+    refined = lumbar.refine(records, ["coulomb_friction"], base="KV-mass", train="train", settings=FORCE_IN)
     assert [item.fit.structure.effects for item in refined.path] == [(), ("coulomb_friction",)]
     assert refined.path[1].test_rms < 0.1 * refined.path[0].test_rms
     with pytest.raises(InputError, match="backlash: it cannot be added to KV-mass from force to motion"):
-        lumbar.refine(records, ["backlash"], base="KV-mass", train="train", forward=True)
+        lumbar.refine(records, ["backlash"], base="KV-mass", train="train", settings=FORCE_IN)
 
 
 def test_a_sensor_that_gives_the_absolute_value(tmp_path):
@@ -105,7 +109,7 @@ def test_a_sensor_that_gives_the_absolute_value(tmp_path):
         speed = lsim(([1.0], [0.02, 0.25, 1.0]), fine, STEP / 10 * np.arange(len(fine)))[1][::10]
         channels = measured(name, time, command, np.abs(speed) - ZERO, seed)
         records.append(channels)
-    diagnosis = lumbar.diagnose(records, train="train", forward=True)
+    diagnosis = lumbar.diagnose(records, train="train", settings=FORCE_IN)
     found = diagnosis.verdict
     assert (found.verdict, found.selected) == ("named", ("absolute_value",))
     assert "Diagnosed again" not in str(diagnosis)
@@ -154,11 +158,11 @@ def test_the_finding_prints_the_line_that_makes_the_study_run(friction, tmp_path
 def test_what_forward_records_do_not_do_yet_is_said():
     records = forward_records("nothing")
     with pytest.raises(InputError, match="no law is looked for"):
-        lumbar.propose(records, base="LE", train="train", forward=True)
+        lumbar.propose(records, base="LE", train="train", settings=FORCE_IN)
     with pytest.raises(InputError, match="no effects are put into them"):
-        lumbar.doctor(records, forward=True)
+        lumbar.doctor(records, settings=FORCE_IN)
     with pytest.raises(InputError, match="base KV-contact: records with the force as input know"):
-        lumbar.diagnose(records, base="KV-contact", forward=True)
+        lumbar.diagnose(records, base="KV-contact", settings=FORCE_IN)
 
 
 def test_the_response_of_a_base_is_that_of_its_transfer_function():

@@ -26,8 +26,10 @@ from law_experiments import (
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.interface.diagnosis import Diagnosis
+from lumbar.interface.proposed_law import ProposedLaw
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
@@ -127,7 +129,9 @@ def test_the_file_is_an_effect_that_refines_the_model_as_well(needle, tmp_path):
     assert effect.forms[0].equation == form_found(needle).equation
     assert "not known physics" in effect.mechanism
     refined = lumbar.refine(
-        records(depth_friction), ["needle"], settings=ImprovementSettings(effect_files=(str(path),))
+        records(depth_friction),
+        ["needle"],
+        settings=StudySettings(improvement=ImprovementSettings(effect_files=(str(path),))),
     )
     assert refined.path[-1].test_rms == pytest.approx(needle.law.candidate.test_rms, rel=0.02)
 
@@ -214,10 +218,8 @@ def test_the_command_says_that_nothing_is_missing(run, tmp_path):
 
 
 def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkeypatch, needle):
-    import lumbar.interface.proposing as proposing
-
-    found = proposing.ProposedLaw(needle, TISSUE, "needle tests")
-    monkeypatch.setattr(proposing, "propose", lambda *_, **__: found)
+    found = ProposedLaw(needle, TISSUE, "needle tests")
+    monkeypatch.setattr("lumbar.interface.diagnosis.propose", lambda *_, **__: found)
     folder = saved(records(depth_friction), tmp_path)
     status, out, _ = run("propose", folder, "--output", tmp_path / "law.yaml", "--picture", tmp_path / "law")
     assert status == 0
@@ -290,8 +292,7 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
         records(depth_friction),
         DiagnosisSettings("KB"),
         with_law(diagnosed, needle),
-        None,
-        1,
+        StudySettings(),
         "a test",
         needle,
     )
@@ -309,7 +310,11 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
 def test_the_settings_say_whether_a_law_is_looked_for(monkeypatch, wanted):
     asked = []
     monkeypatch.setattr("lumbar.tissue.diagnosis.law.beside_verdict.law_beside", asked.append)
-    lumbar.diagnose(records(nothing), base="KB", settings=ImprovementSettings(propose_law=wanted))
+    lumbar.diagnose(
+        records(nothing),
+        base="KB",
+        settings=StudySettings(improvement=ImprovementSettings(propose_law=wanted)),
+    )
     assert len(asked) == wanted
 
 

@@ -13,10 +13,12 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.fitting.session import with_past
 
 STEP, NOISE = 0.01, 0.005
+TOGETHER = StudySettings(improvement=ImprovementSettings(session=True))
 DURATIONS, SLOWEST = (24, 12, 12), (0.25, 0.261, 0.283)
 """Seconds of the records, and the lowest frequencies (Hz) of their motions."""
 
@@ -68,7 +70,9 @@ def slider(position: np.ndarray, distance: float) -> np.ndarray:
 def diagnosed(kind: str, together: bool):
     """Diagnosis of the three records."""
     return lumbar.diagnose(
-        session(kind), base="KB", session=together, settings=ImprovementSettings(propose_law=False)
+        session(kind),
+        base="KB",
+        settings=StudySettings(improvement=ImprovementSettings(session=together, propose_law=False)),
     )
 
 
@@ -103,15 +107,14 @@ def test_a_session_with_nothing_hidden_is_adequate():
 
 @pytest.mark.parametrize(("effect", "train"), [("hysteresis", "three"), ("softening", ["one", "three"])])
 def test_a_session_may_be_trained_on_its_last_record_and_on_several(effect, train):
-    refined = lumbar.refine(session(effect), [effect], base="KB", train=train, session=True)
+    refined = lumbar.refine(session(effect), [effect], base="KB", train=train, settings=TOGETHER)
     assert refined.path[-1].test_rms < 1.1 * NOISE
 
 
 def test_compare_and_refine_carry_the_state_on_too():
     records = session("softening")
-    settings = ImprovementSettings(session=True)
-    refined = lumbar.refine(records, ["softening"], base="KB", settings=settings)
-    for compared in (refined.compare(), lumbar.compare(records, refined.model, session=True)):
+    refined = lumbar.refine(records, ["softening"], base="KB", settings=TOGETHER)
+    for compared in (refined.compare(), lumbar.compare(records, refined.model, settings=TOGETHER)):
         assert all(item.comparison.rms.value < 1.05 * NOISE for item in compared)
     apart = lumbar.compare(records, refined.model)
     assert apart["three"].comparison.rms.value > 10 * NOISE

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from lumbar.records.record import Record
@@ -15,7 +15,7 @@ from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_angle import for_base
 
 if TYPE_CHECKING:
-    from lumbar.settings.improvement import ImprovementSettings
+    from lumbar.settings.study_settings import StudySettings
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,6 @@ class DiagnosisSettings:
     """Base model, a key of `lumbar.tissue.models.bases.BASES`, or ``"auto"``: that of a tissue which the data ask for."""
     train: str | Sequence[str] | None = None
     """Training record, or several that are fitted together; None takes the longest."""
-    periods: dict[str, float] = field(default_factory=dict)
-    """Periods of records in seconds; others are found."""
     catalogue: dict[str, Effect] | None = None
     """Candidates; default those of the system that the base is a model of."""
     most_effects: int = 3
@@ -49,32 +47,26 @@ class DiagnosisSettings:
         return {**found, **MOTION_SENSOR} if self.forward else found
 
     @classmethod
-    def from_improvement(
-        cls,
-        improvement: ImprovementSettings,
-        base: str | None = None,
-        train: str | Sequence[str] | None = None,
-        periods: dict[str, float] | None = None,
-        gravity_m_s2: float = GRAVITY,
-        forward: bool | None = None,
-        session: bool | None = None,
+    def from_study(
+        cls, settings: StudySettings, base: str | None = None, train: str | Sequence[str] | None = None
     ) -> DiagnosisSettings:
-        """Settings from a study's chapter improvement; what is given beside it comes first."""
+        """How a study diagnoses; base and training records that are given come before its own."""
+        improvement = settings.improvement
         base = base or improvement.base
-        wanted = improvement.forward if forward is None else forward
+        weighs = system_of(base) == "pendulum"  # gravity acts on no tissue test
+        gravity = settings.stability.pendulum.gravity_m_s2 if weighs else GRAVITY
         return cls(
             base=base,
             train=train or improvement.train,
-            periods=periods or {},
-            catalogue=catalogue_with(improvement.effect_files, base, gravity_m_s2),
+            catalogue=catalogue_with(improvement.effect_files, base, gravity),
             most_effects=improvement.most_effects,
-            forward=wanted and system_of(base) == "tissue",
-            session=improvement.session if session is None else session,
+            forward=improvement.forward and system_of(base) == "tissue",
+            session=improvement.session,
         )
 
     def prepared(self, records: list[Record]) -> Experiment:
         """Prepare records as they are."""
-        return prepare(records, self.train, self.periods, self.session)
+        return prepare(records, self.train, self.session)
 
 
 def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:

@@ -100,7 +100,6 @@ class Experiment:
 def prepare(
     records: list[Record],
     train: str | Sequence[str] | None = None,
-    periods: dict[str, float] | None = None,
     session: bool = False,
 ) -> Experiment:
     """Choose the training records, estimate their noise and prepare all records.
@@ -111,8 +110,6 @@ def prepare(
         With channels ``input`` and ``output``.
     train : str or sequence of str, optional
         Name of the training record, or of several that are fitted together; default the longest.
-    periods : dict of str to float, optional
-        Period of a record's excitation in seconds; default found from the input.
     session : bool
         Whether the records were cut from one session, in their order (`lumbar.tissue.diagnosis.fitting.session`).
 
@@ -127,7 +124,7 @@ def prepare(
     same_units(records)
     names = [record.name for record in records]
     wanted = [train] if isinstance(train, str) else list(train or [])
-    for name in [*(periods or {}), *wanted]:
+    for name in wanted:
         if name not in names:
             raise InputError(f"no record {name!r}; there are {', '.join(names)}")
     _check_durations(records)
@@ -135,7 +132,7 @@ def prepare(
     others = [item for item in records if all(item is not one for one in chosen)]
     _check_sampled_alike(chosen)
     check_excitation(max(chosen, key=lambda item: float(np.ptp(item["input"]))), others)
-    first, floor = _noise_floor_of(chosen, periods or {})
+    first, floor = _noise_floor_of(chosen)
     check_response(first, floor)
     whitening = np.ones(1) if floor is None else floor.whitening
     past = with_past(records) if session else {}
@@ -219,13 +216,12 @@ def check_response(training: Record, floor: NoiseFloor | None) -> None:
     )
 
 
-def _noise_floor_of(chosen: list[Record], periods: dict[str, float]) -> tuple[Record, NoiseFloor | None]:
+def _noise_floor_of(chosen: list[Record]) -> tuple[Record, NoiseFloor | None]:
     """First record that repeats, with its noise floor; the first of all and None where none does."""
     for record in chosen:
-        # A study's own period of a record with fewer than three of them says nothing about noise; one that is asked
-        # for here and cannot be used is an error.
+        # A period of which a record holds fewer than three says nothing about noise.
         known = record.period if record.period and record.duration >= 3 * record.period else None
-        floor = noise_floor(replace(record, period=known), periods.get(record.name))
+        floor = noise_floor(replace(record, period=known))
         if floor is not None:
             return record, floor
     return chosen[0], None

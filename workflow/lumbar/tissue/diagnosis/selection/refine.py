@@ -25,7 +25,7 @@ def refine(
     effects : list of str
         Names in the catalogue.
     settings : DiagnosisSettings
-        Base, training record, periods and catalogue.
+        Base, training record and catalogue.
 
     Returns
     -------
